@@ -1,0 +1,386 @@
+"""The case file: what is simulated, checked before anything runs.
+
+A case is a TOML file. Its tables are the classes below; a key that none of them knows is an error,
+and so is a value out of its range. Lengths are metres, angles degrees. The room's frame has its
+origin in the south-west corner of the floor, x to the east, y to the north, z up.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+
+from drcmitsuba.errors import InputError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MAX_BYTES = 1 << 20
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Length = Annotated[float, Field(gt=0, le=10_000)]
+Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+Side = Literal["south", "east", "north", "west"]
+Reflectance = Union[Fraction, tuple[Fraction, Fraction, Fraction]]
+"""A grey reflectance, or one for red, green and blue."""
+
+
+class Table(BaseModel):
+    """A table of the case file: frozen, no unknown keys, no NaN, no infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Site(Table):
+    """Place, used only where there is no weather file (CIE and sunshine skies)."""
+
+    name: str = "site"
+    latitude: Annotated[float, Field(ge=-90, le=90)]
+    longitude: Annotated[float, Field(ge=-180, le=180)]
+    timezone: Annotated[float, Field(ge=-12, le=14)]
+    elevation: Annotated[float, Field(ge=-500, le=9000)] = 0.0
+
+
+class WeatherFile(Table):
+    """Weather file (EPW, TMY3, WEA); without one the TMY3 year of Greensboro is used."""
+
+    file: Path | None = None
+
+
+class PeriodTable(Table):
+    """Hours that are evaluated; `calendar` sets the days, every other key overrides it."""
+
+    calendar: Literal["EvalDRC", "LM-83"] = "EvalDRC"
+    months: Annotated[tuple[Annotated[int, Field(ge=1, le=12)], ...], Field(min_length=1)] = tuple(
+        range(1, 13)
+    )
+    hours: tuple[Annotated[int, Field(ge=0, le=24)], Annotated[int, Field(ge=0, le=24)]] = (8, 18)
+    days_per_week: Annotated[int, Field(ge=1, le=7)] | None = None
+    daylight_saving: tuple[str, str] | None = None
+    timestamps: Path | None = None
+
+
+class PerezSky(Table):
+    """Perez's all-weather sky from the weather file."""
+
+    model: Literal["perez"] = "perez"
+    patch_values: Literal["mean", "centre"] = "mean"
+
+
+class CieTable(Table):
+    """A static CIE sky: one of gensky's, or a type of ISO 15469 at a given illuminance."""
+
+    model: Literal["cie"]
+    type: (
+        Literal[
+            "clear", "clear_with_sun", "intermediate", "intermediate_with_sun", "overcast"
+        ]
+        | Annotated[int, Field(ge=1, le=16)]
+    )
+    diffuse_horizontal_illuminance: Annotated[float, Field(gt=0)] | None = None
+
+
+class SunshineTable(Table):
+    """CIE skies drawn at random from the monthly probability of sunshine."""
+
+    model: Literal["sunshine"]
+    probability: Annotated[tuple[Fraction, ...], Field(min_length=12, max_length=12)]
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+Sky = Annotated[Union[PerezSky, CieTable, SunshineTable], Field(discriminator="model")]
+
+
+class Outside(Table):
+    """Ground below the horizon and the size of the sun."""
+
+    ground_reflectance: Fraction = 0.2
+    sun_diameter: Annotated[float, Field(ge=0.01, le=10)] = 0.5
+
+
+class GlazingMaterial(Table):
+    """Clear pane: τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], mirrored share after Schlick."""
+
+    type: Literal["glazing"]
+    transmittance: Fraction
+    exponent: Annotated[float, Field(gt=0, le=100)] = 4.5
+    reflectance: Fraction = 0.0
+    """Towards the room, at normal incidence."""
+
+    @model_validator(mode="after")
+    def _energy(self) -> GlazingMaterial:
+        if self.transmittance + self.reflectance > 1:
+            raise ValueError("transmittance + reflectance is above 1")
+        return self
+
+
+class DiffuserMaterial(Table):
+    """Diffusing pane, such as a sun shade: Lambertian transmittance and reflectance."""
+
+    type: Literal["diffuser"]
+    transmittance: Fraction
+    reflectance: Fraction = 0.0
+    """Towards the room."""
+
+    @model_validator(mode="after")
+    def _energy(self) -> DiffuserMaterial:
+        if self.transmittance + self.reflectance > 1:
+            raise ValueError("transmittance + reflectance is above 1")
+        return self
+
+
+Material = Annotated[Union[GlazingMaterial, DiffuserMaterial], Field(discriminator="type")]
+
+
+class Strip(Table):
+    """Horizontal strip of a façade between two heights; what no strip covers is wall."""
+
+    bottom: Annotated[float, Field(ge=0)]
+    top: Length
+    material: str
+
+    @model_validator(mode="after")
+    def _order(self) -> Strip:
+        if self.top <= self.bottom:
+            raise ValueError(f"top {self.top} is not above bottom {self.bottom}")
+        return self
+
+
+class Facade(Table):
+    """One side of the room, cut into equal segments and strips."""
+
+    segments: Annotated[int, Field(ge=1, le=200)] = 1
+    frame: Annotated[float, Field(ge=0)] = 0.0
+    """Width of opaque frame around every pane [m]; neighbours share it half and half."""
+    frame_reflectance: Reflectance = 0.5
+    strips: Annotated[tuple[Strip, ...], Field(max_length=200)] = ()
+
+
+class Room(Table):
+    """Box of a room. `rotation` turns it clockwise, seen from above, about the origin."""
+
+    size: tuple[Length, Length, Length]
+    rotation: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    floor: Reflectance = 0.2
+    ceiling: Reflectance = 0.8
+    walls: Reflectance = 0.5
+
+
+class Furniture(Table):
+    """Box, or horizontal plate where the height is 0, repeated on a grid."""
+
+    name: str = "furniture"
+    corner: Point
+    size: tuple[Length, Length, Annotated[float, Field(ge=0, le=10_000)]]
+    reflectance: Reflectance = 0.5
+    count: tuple[Annotated[int, Field(ge=1, le=1000)], Annotated[int, Field(ge=1, le=1000)]] = (
+        1,
+        1,
+    )
+    step: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+
+
+class Sensors(Table):
+    """Grid of points that look up: the first at corner + spacing/2, x running fastest."""
+
+    corner: Point
+    count: tuple[Annotated[int, Field(ge=1, le=2000)], Annotated[int, Field(ge=1, le=2000)]]
+    spacing: Length = 0.3
+
+
+class Shading(Table):
+    """Sun shade before the clear panes; closed when ≥ `area` of the points get ≥ `threshold`."""
+
+    material: str
+    threshold: Annotated[float, Field(gt=0)] = 1000.0
+    area: Fraction = 0.02
+
+
+class Metrics(Table):
+    """Thresholds of sDA and ASE."""
+
+    sda_threshold: Annotated[float, Field(gt=0)] = 300.0
+    sda_fraction: Fraction = 0.5
+    ase_threshold: Annotated[float, Field(gt=0)] = 1000.0
+    ase_hours: Annotated[float, Field(gt=0)] = 250.0
+
+
+class Accuracy(Table):
+    """Sampling: rays and points of each of the independent replicates."""
+
+    seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
+    replicates: Annotated[int, Field(ge=2, le=64)] = 8
+    paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
+    """Gather: paths from a sensor."""
+    cell_size: Annotated[float, Field(gt=0, le=100)] = 0.3
+    cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 64
+    """Deposit: rays from a cell to the sky."""
+    sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 512
+    """Deposit: rays from a sensor to the sky."""
+    pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
+    """Deposit: points on the scattering panes that a sensor or a cell looks at."""
+
+
+class Case(Table):
+    """Everything that one evaluation needs. See the tables' own classes for their keys."""
+
+    name: str = "case"
+    site: Site | None = None
+    weather: WeatherFile = WeatherFile()
+    period: PeriodTable = PeriodTable()
+    sky: Sky = PerezSky()
+    outside: Outside = Outside()
+    room: Room | None = None
+    facade: dict[Side, Facade] = {}
+    materials: dict[str, Material] = {}
+    furniture: Annotated[tuple[Furniture, ...], Field(max_length=10_000)] = ()
+    sensors: Sensors
+    shading: Shading | None = None
+    metrics: Metrics = Metrics()
+    accuracy: Accuracy = Accuracy()
+
+    _source: str = PrivateAttr("case")
+    _folder: Path = PrivateAttr(Path())
+
+    @property
+    def source(self) -> str:
+        """The file that the case came from, for messages."""
+        return self._source
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Case:
+        if self.facade and self.room is None:
+            raise ValueError("facade needs a [room]")
+        for side, facade in self.facade.items():
+            self._check_facade(side, facade)
+        if self.shading is not None:
+            shade = self.materials.get(self.shading.material)
+            if not isinstance(shade, DiffuserMaterial):
+                raise ValueError(
+                    f"shading.material {self.shading.material!r} is no diffuser in [materials]"
+                )
+        return self
+
+    def _check_facade(self, side: str, facade: Facade) -> None:
+        assert self.room is not None
+        width, depth, height = self.room.size
+        segment = (width if side in ("south", "north") else depth) / facade.segments
+        known = ["wall", "open", *self.materials]
+        top = 0.0
+        for strip in sorted(facade.strips, key=lambda s: s.bottom):
+            where = f"facade.{side}: strip {strip.bottom}–{strip.top} m"
+            if strip.material not in known:
+                raise ValueError(f"{where}: material {strip.material!r} is none of {known}")
+            if strip.top > height:
+                raise ValueError(f"{where} reaches above the room's {height} m")
+            if strip.bottom < top:
+                raise ValueError(f"{where} overlaps the strip below it")
+            if facade.frame >= min(segment, strip.top - strip.bottom):
+                raise ValueError(f"{where}: a frame of {facade.frame} m leaves no pane")
+            top = strip.top
+
+    def path(self, file: Path) -> Path:
+        """Resolve a file that the case names: relative ones lie beside the case file."""
+        return file if file.is_absolute() else self._folder / file
+
+    def with_weather(self, file: Path | None) -> Case:
+        """Replace the weather file; None keeps the case's own."""
+        if file is None:
+            return self
+        changed = self.model_copy(update={"weather": WeatherFile(file=Path(file).absolute())})
+        changed._source, changed._folder = self._source, self._folder
+        return changed
+
+
+def shipped_cases() -> list[str]:
+    """Names of the cases that come with the package, such as `classroom/existing`."""
+    root = Path(str(resources.files("drcmitsuba") / "scenes"))
+    if not root.is_dir():  # an editable install: the cases lie beside the package
+        root = root.parent.parent / "scenes"
+    return sorted(p.relative_to(root).with_suffix("").as_posix() for p in root.rglob("*.toml"))
+
+
+def _locate(path: str | Path) -> Path:
+    """Path of a case file or of a shipped case."""
+    file = Path(path)
+    if file.is_file():
+        return file
+    if str(path) in shipped_cases():
+        root = Path(str(resources.files("drcmitsuba") / "scenes"))
+        root = root if root.is_dir() else root.parent.parent / "scenes"
+        return root / f"{path}.toml"
+    near = difflib.get_close_matches(str(path), shipped_cases(), n=1)
+    hint = f"did you mean the shipped case {near[0]}?" if near else "give a TOML file"
+    raise InputError(path, "case file", "no such file", hint)
+
+
+def load_case(path: str | Path) -> Case:
+    """Read and check a case file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file, or the name of a shipped case (`classroom/existing`).
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    InputError
+        The file is missing, is no TOML, has an unknown key or a value out of range.
+    """
+    file = _locate(path)
+    if file.stat().st_size > MAX_BYTES:
+        raise InputError(file, "size", f"{file.stat().st_size} bytes", f"keep below {MAX_BYTES}")
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise InputError(file, f"byte {error.start}", "not UTF-8", "save as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(file, "TOML", str(error), "correct the syntax") from None
+    except RecursionError:
+        raise InputError(file, "TOML", "nested too deeply", "remove the nesting") from None
+    try:
+        case = Case.model_validate(data)
+    except ValidationError as error:
+        raise _as_input_error(file, error) from None
+    case._source, case._folder = str(file), file.parent
+    return case
+
+
+def _as_input_error(file: Path, error: ValidationError) -> InputError:
+    """Turn pydantic's first complaint into one line that names field, value and remedy."""
+    first: Any = error.errors(include_url=False)[0]
+    field = ".".join(str(part) for part in first["loc"]) or "case"
+    value = first.get("input")
+    got = "nothing" if first["type"] == "missing" else _short(value)
+    remedy = str(first["msg"]).removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        key = str(first["loc"][-1])
+        near = difflib.get_close_matches(key, _known_keys(), n=1)
+        hint = f"did you mean {near[0]!r}?" if near else "remove it"
+        return InputError(file, field, "unknown key", hint)
+    if first["type"] == "value_error":
+        return InputError(file, field, remedy, "correct the case file")
+    return InputError(file, field, f"got {got}", remedy[:1].lower() + remedy[1:])
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _known_keys() -> list[str]:
+    tables = [Case, *Table.__subclasses__()]
+    return sorted({key for table in tables for key in table.model_fields})

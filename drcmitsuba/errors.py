@@ -1,0 +1,28 @@
+"""The one error that a user's input raises: a line that says where, what came, and what to do."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Bad input, told in one line.
+
+    Parameters
+    ----------
+    source : str
+        File, or the part of the input, that is wrong.
+    field : str
+        Key, column, row or argument within it.
+    got : str
+        What came.
+    remedy : str
+        What to do about it.
+    """
+
+    def __init__(self, source: object, field: str, got: str, remedy: str) -> None:
+        self.source, self.field, self.got, self.remedy = str(source), field, got, remedy
+        line = f"{self.source}: {field}: {got}; {remedy}"
+        super().__init__(" ".join(line.split()))
+
+
+class BackendError(RuntimeError):
+    """No fit compiler backend (LLVM or CUDA) for Dr.Jit on this machine."""

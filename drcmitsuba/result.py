@@ -1,0 +1,392 @@
+"""One evaluation from case to numbers: the only place where weather and transport meet."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import accumulate, backend, metrics, scene, schema, sky, weather
+from drcmitsuba.case import Case, CieTable, PerezSky, PeriodTable, SunshineTable
+from drcmitsuba.coefficients import Progress, Suns, compute
+from drcmitsuba.errors import InputError
+from drcmitsuba.period import EVALDRC, LM83, Period, read_timestamps
+from drcmitsuba.plan import plan
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
+
+Stage = Callable[[str], AbstractContextManager[Progress]]
+"""Opens a named stage of the work; what it yields is told the share that is done."""
+
+
+@contextmanager
+def silent(name: str) -> Iterator[Progress]:
+    """Show nothing of a stage."""
+    yield lambda share: None
+
+
+@dataclass(frozen=True)
+class Daylight:
+    """Sky and suns of the case's time stamps.
+
+    Parameters
+    ----------
+    sky : xr.Dataset
+        From `sky.radiance`, with the coordinate `clock`.
+    sun : xr.Dataset
+        From `sky.sun_position`.
+    step_hours : float
+        Length of the intervals [h].
+    source : str
+        Where the weather is from.
+    notes : tuple of str
+        What the reader of the weather changed.
+    """
+
+    sky: xr.Dataset
+    sun: xr.Dataset
+    step_hours: float
+    source: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an evaluation found; shows itself in Jupyter.
+
+    Parameters
+    ----------
+    case : Case
+    metrics : dict
+        As in `metrics.json`.
+    illuminance, coefficients, sky : xr.Dataset
+        E, C and L as on disk.
+    plan : dict
+    """
+
+    case: Case
+    metrics: dict[str, Any]
+    illuminance: xr.Dataset
+    coefficients: xr.Dataset
+    sky: xr.Dataset
+    plan: dict[str, Any]
+
+    def save(self, folder: str | Path, stage: Stage = silent) -> None:
+        """Write all results and plots to a folder, each file whole or not at all."""
+        from drcmitsuba import plots, report  # matplotlib is only loaded where plots are drawn
+
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        start = time.perf_counter()
+        with stage("writing") as done:
+            schema.save_netcdf(self.illuminance, folder / "illuminance.nc")
+            done(0.2)
+            schema.save_zarr(self.coefficients, folder / "coefficients.zarr")
+            done(0.5)
+            schema.save_zarr(self.sky, folder / "sky.zarr")
+            schema.save_json(self.plan, folder / "plan.json")
+            done(0.6)
+            figures = report.pictures(self.case, self.illuminance, self.metrics)
+            for name, figure in figures.items():
+                plots.save(figure, folder / name)
+            self.metrics["seconds"]["writing"] = round(time.perf_counter() - start, 3)
+            self.metrics["peak_memory_bytes"] = peak_memory()
+            schema.save_json(self.metrics, folder / "metrics.json")
+
+    def _repr_png_(self) -> bytes:
+        from io import BytesIO
+
+        from drcmitsuba import plots
+
+        buffer = BytesIO()
+        plots.monthly(self.metrics, title=self.case.name).savefig(buffer, format="png", dpi=100)
+        return buffer.getvalue()
+
+
+def peak_memory() -> int:
+    """Largest memory that the process has held [bytes]."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def period(table: PeriodTable) -> Period:
+    """Period of a case; keys beside `calendar` override it."""
+    days = {"EvalDRC": EVALDRC, "LM-83": LM83}[table.calendar].days_per_week
+    return Period(
+        months=table.months,
+        hours=table.hours,
+        days_per_week=table.days_per_week or days,
+        daylight_saving=table.daylight_saving,
+    )
+
+
+def sky_model(case: Case) -> sky.SkyModel:
+    """Sky model of a case."""
+    table = case.sky
+    if isinstance(table, PerezSky):
+        values = sky.PatchMeans() if table.patch_values == "mean" else sky.PatchCentres()
+        return sky.Perez(patch_values=values)
+    if isinstance(table, CieTable):
+        return sky.CieSky(table.type, table.diffuse_horizontal_illuminance)
+    assert isinstance(table, SunshineTable)
+    return sky.Sunshine(table.probability, seed=table.seed)
+
+
+def _weather(case: Case) -> weather.Weather:
+    """Weather of a case: its file, a year without weather at its site, or the default."""
+    if case.weather.file is not None:
+        return weather.read(case.path(case.weather.file))
+    if case.site is None or isinstance(case.sky, PerezSky):
+        return weather.default()
+    site = weather.Site(**case.site.model_dump())
+    hours = np.arange("2015-01-01", "2016-01-01", dtype="datetime64[h]").astype("datetime64[ns]")
+    empty = xr.Dataset(coords={"time": hours}, attrs={"sun_time": "middle"})
+    return weather.Weather(f"{site.name}, no weather file", site, 1.0, empty, ())
+
+
+def daylight(case: Case) -> Daylight:
+    """Weather, sun positions and luminances of the case's time stamps: L[time, bin].
+
+    Raises
+    ------
+    InputError
+        The weather file, the period or the time stamps are unfit, or no time stamp is left.
+    """
+    w = _weather(case)
+    starts = w.data["time"].values
+    sun_time = w.data.attrs.get("sun_time", "middle")
+    if case.period.timestamps is None:
+        times, clock = period(case.period).select(starts, w.step)
+        rows = np.searchsorted(starts, times)
+    else:
+        file = case.path(case.period.timestamps)
+        times = clock = read_timestamps(file)
+        sun_time = "instant"
+        rows = np.searchsorted(starts, times, side="right") - 1
+        step = np.timedelta64(round(w.step * 3600), "s")
+        outside = (rows < 0) | (times >= starts[rows] + step)
+        if outside.any():
+            raise InputError(
+                file, "time", f"{times[outside][0]} is not in the weather",
+                "give time stamps within the weather file",
+            )  # fmt: skip
+    data = w.data.isel(time=rows).assign_coords(time=times)
+    sun = sky.sun_position(times, w.step, w.site, sun_time)
+    light = sky.radiance(
+        data, sun, model=sky_model(case),
+        ground_reflectance=case.outside.ground_reflectance,
+        sun_diameter=case.outside.sun_diameter,
+    ).assign_coords(clock=("time", clock))  # fmt: skip
+    return Daylight(light, sun, w.step, w.source, w.notes)
+
+
+def luminances(light: Daylight) -> xr.Dataset:
+    """L[time, bin] with every sun as a bin of its own, as it lies on disk."""
+    dense = light.sky["sky"].values.astype(np.float32)
+    up = np.flatnonzero(light.sky["sun_bin"].values != "")
+    suns = np.zeros((len(dense), len(up)), np.float32)
+    suns[up, np.arange(len(up))] = light.sky["sun"].values[up]
+    labels = [*light.sky["bin"].values, *light.sky["sun_bin"].values[up]]
+    data = xr.Dataset(
+        {"L": (("time", "bin"), np.concatenate([dense, suns], axis=1))},
+        coords={"time": light.sky["time"].values, "bin": np.array(labels, dtype=object)},
+        attrs={**light.sky.attrs, "step_hours": light.step_hours, "weather": light.source},
+    )
+    data = data.assign_coords(
+        clock=("time", light.sky["clock"].values), sun_bin=("time", light.sky["sun_bin"].values.astype(object))
+    )
+    return schema.describe(data)
+
+
+def from_luminances(data: xr.Dataset) -> xr.Dataset:
+    """Invert `luminances`: sky (time, bin), sun (time) and sun_bin (time)."""
+    labels = data["bin"].values.astype(str)
+    is_sun = np.char.startswith(labels, "sun_")
+    position = {label: i for i, label in enumerate(labels)}
+    bins = data["sun_bin"].values.astype(str)
+    L = data["L"].values
+    sun = np.array([L[i, position[b]] if b else 0.0 for i, b in enumerate(bins)])
+    out = xr.Dataset(
+        {"sky": (("time", "bin"), L[:, ~is_sun]), "sun": ("time", sun)},
+        coords={"time": data["time"].values, "bin": labels[~is_sun]},
+        attrs=data.attrs,
+    )
+    return out.assign_coords(clock=("time", data["clock"].values), sun_bin=("time", bins))
+
+
+def transport(
+    case: Case, state: scene.State, suns: Suns, progress: Progress = lambda share: None
+) -> xr.Dataset:
+    """Coefficients of a case in one state of its shade, `channel` added where it is coloured."""
+    points, normals = scene.sensor_points(case)
+    channels = list(LUMINANCE_WEIGHTS) if scene.is_coloured(case) else [""]
+    found = []
+    for i, _ in enumerate(channels):
+        found.append(
+            compute(
+                scene.load(case, state, i), points, normals, suns, case.accuracy,
+                progress=lambda share, i=i: progress((i + share) / len(channels)),
+            )
+        )  # fmt: skip
+    if len(channels) == 1:
+        return found[0]
+    return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))
+
+
+def states(is_open: xr.Dataset, shaded: xr.Dataset | None, case: Case) -> xr.Dataset:
+    """Join the states along `state`; suns that were not computed in the shaded state are NaN."""
+    found = {"open": is_open} if shaded is None else {"open": is_open, "shaded": shaded}
+    names = xr.DataArray(np.array(list(found), dtype=object), dims="state", name="state")
+    whole = [data.reindex(bin=is_open["bin"]) for data in found.values()]
+    joined = xr.concat(whole, names, coords="minimal", compat="override", join="exact")
+    joined.attrs = {"case": case.name, "has_shade": int(case.shading is not None)}
+    if case.shading is not None:
+        joined.attrs |= {
+            "shade_threshold": case.shading.threshold,
+            "shade_area": case.shading.area,
+        }
+    return schema.describe(joined)
+
+
+def closing(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
+    """When the shade closes: bool by time, from the coefficients of the open state.
+
+    The thresholds are attributes of the coefficients; without a shade it never closes.
+    """
+    direct = schema.luminance(by_channel(accumulate.direct_sun, coefficients, light)["direct_sun"])
+    if not coefficients.attrs.get("has_shade", 0):
+        return xr.zeros_like(direct.isel(sensor=0, drop=True), dtype=bool)
+    attrs = coefficients.attrs
+    return metrics.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
+
+
+def by_channel(
+    function: Callable[..., xr.Dataset], *arrays: xr.Dataset | xr.DataArray | None
+) -> xr.Dataset:
+    """Apply an accumulation to each colour channel of the coefficients, or once to grey ones."""
+    first = arrays[0]
+    assert first is not None
+    if "channel" not in first.dims:
+        return function(*arrays)
+    found = [
+        function(
+            *(
+                a.isel(channel=i, drop=True) if a is not None and "channel" in a.dims else a
+                for a in arrays
+            )
+        )
+        for i in range(first.sizes["channel"])
+    ]
+    return xr.concat(found, first["channel"], coords="minimal", compat="override")
+
+
+def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
+    """E from C (dims state, …) and the sky, with the shade that the coefficients name."""
+    is_open = coefficients.sel(state="open", drop=True)
+    closed = closing(is_open, light)
+    shaded = None
+    if "shaded" in coefficients["state"].values:
+        shaded = coefficients.sel(state="shaded", drop=True)
+        suns = light["sun_bin"].values[closed.values & (light["sun"].values > 0)]
+        probe = shaded["direct"].isel(sensor=0).sel(bin=suns)
+        if probe.isnull().any():
+            raise InputError(
+                "coefficients", "state", f"{int(probe.isnull().sum())} time stamps that close have "
+                "no shaded coefficients", "compute coefficients with this weather",
+            )  # fmt: skip
+    out = by_channel(accumulate.illuminance, is_open, shaded, light, closed)
+    keep = ("has_shade", "shade_threshold", "shade_area")
+    out.attrs = {k: v for k, v in coefficients.attrs.items() if k in keep}
+    return out
+
+
+def coefficients(
+    case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None
+) -> xr.Dataset:
+    """C of both states; the shaded one only for the suns of hours in which the shade closes."""
+    seconds = {} if seconds is None else seconds
+    suns = Suns.of(light.sun, case.outside.sun_diameter)
+    with timed(stage, "open façade", seconds) as done:
+        is_open = transport(case, "open", suns, done)
+    shaded = None
+    if case.shading is not None:
+        closed = closing(states(is_open, None, case).sel(state="open", drop=True), light.sky)
+        if closed.any():
+            needed = suns.only(light.sky["sun_bin"].values[closed.values])
+            with timed(stage, "shaded façade", seconds) as done:
+                shaded = transport(case, "shaded", needed, done)
+    return states(is_open, shaded, case)
+
+
+@contextmanager
+def timed(stage: Stage, name: str, seconds: dict[str, float]) -> Iterator[Progress]:
+    """Show a stage and note its seconds."""
+    start = time.perf_counter()
+    with stage(name) as done:
+        yield done
+        done(1.0)
+    seconds[name] = round(time.perf_counter() - start, 3)
+
+
+def evaluate(case: Case, stage: Stage = silent) -> Result:
+    """Evaluate a case: L, C, E and the metrics of its period.
+
+    Parameters
+    ----------
+    case : Case
+        From `load_case`.
+    stage : callable, optional
+        Shows the stages of the work, as the command line does.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    InputError
+        The weather, the period, a material or a sensor is unfit.
+    BackendError
+        No fit LLVM or GPU.
+    """
+    from drcmitsuba import report  # draws, so it brings matplotlib: not needed to import the rest
+
+    variant = backend.select()
+    seconds: dict[str, float] = {}
+    with timed(stage, "sky", seconds):
+        scene.sensor_points(case)  # what is wrong with the sensors is told before the work begins
+        light = daylight(case)
+    found = coefficients(case, light, stage, seconds)
+    with timed(stage, "accumulation and metrics", seconds):
+        E = illuminance(found, light.sky)
+        E.attrs["step_hours"] = light.step_hours
+        shading = case.shading
+        numbers = report.summarise(
+            E, case.metrics, step_hours=light.step_hours,
+            shade_threshold=shading.threshold if shading else 1000.0,
+            shade_area=shading.area if shading else 1.0,
+        )  # fmt: skip
+    closed = int(E["shade_closed"].sum())
+    suns = int((light.sky["sun_bin"].values != "").sum())
+    numbers["settings"] = {
+        "case": case.source,
+        "variant": variant,
+        "weather": light.source,
+        "notes": list(light.notes),
+        **case.model_dump(mode="json", exclude_none=True),
+    }
+    numbers["seconds"] = seconds
+    numbers["peak_memory_bytes"] = peak_memory()
+    effects = plan(case, suns=suns, closed=closed, hours=E.sizes["time"])
+    L = luminances(light)
+    if "channel" in found.dims:
+        L = L.expand_dims(channel=found["channel"])
+    return Result(case, numbers, E, found, L, effects)

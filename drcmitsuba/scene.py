@@ -1,0 +1,356 @@
+"""Room, façade and furniture of a case as surfaces, and these as Mitsuba scenes.
+
+`surfaces` is plain geometry (NumPy quadrilaterals) that tests and exporters can read; `build` makes
+the Mitsuba scenes that transport traces. Panes face the room: their normals point inward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case import Case, DiffuserMaterial, Facade, Furniture, GlazingMaterial, Room, Side
+from drcmitsuba.errors import InputError
+from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf
+
+State = Literal["open", "shaded"]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front."""
+
+    name: str
+    material: SurfaceMaterial
+    quads: np.ndarray
+
+
+@dataclass(frozen=True)
+class ScatteringPanes:
+    """Quadrilaterals (pane, 4, 3) of one diffusing material; the front faces the room."""
+
+    quads: np.ndarray
+    transmittance: float
+    reflectance: float
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """A room whose every opening is wall or scattering pane: no straight light gets in.
+
+    Parameters
+    ----------
+    size : np.ndarray, shape (3,)
+        Extent of the room [m].
+    turn : np.ndarray, shape (3, 3)
+        Matrix from the room's frame to the world's.
+    """
+
+    size: np.ndarray
+    turn: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What transport traces.
+
+    Parameters
+    ----------
+    full : mi.Scene
+        All surfaces.
+    opaque : mi.Scene
+        Without the panes that let light straight through: any hit is a shadow.
+    clear : mi.Scene or None
+        Only those panes; None where there are none.
+    scattering : tuple of ScatteringPanes
+        Panes that scatter, for the deposit by points on them.
+    low, high : np.ndarray, shape (3,)
+        Bounds of all surfaces [m].
+    sealed : Sealed or None
+        The room, where no straight light can get into it.
+    """
+
+    full: mi.Scene
+    opaque: mi.Scene
+    clear: mi.Scene | None
+    scattering: tuple[ScatteringPanes, ...]
+    low: np.ndarray
+    high: np.ndarray
+    sealed: Sealed | None = None
+
+    def is_sealed_around(self, points: mi.Float) -> bool:
+        """Whether every point (three numbers each) lies in a room that nothing shines into."""
+        if self.sealed is None:
+            return False
+        p = points.numpy().reshape(-1, 3) @ self.sealed.turn
+        return bool(((p > -1e-5) & (p < self.sealed.size + 1e-5)).all())
+
+
+def _quad(corner: Any, u: Any, v: Any) -> np.ndarray:
+    """Quadrilateral with its front in the direction u × v."""
+    c, u, v = (np.asarray(x, float) for x in (corner, u, v))
+    return np.array([c, c + u, c + u + v, c + v])
+
+
+def _box(corner: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
+    """Faces of a box, fronts outward; a box without height is one plate."""
+    x, y, z = np.diag(size)
+    top = _quad(corner + z, x, y)
+    if size[2] == 0:
+        return [top]
+    return [
+        top,
+        _quad(corner, y, x),
+        _quad(corner, x, z),
+        _quad(corner + x, y, z),
+        _quad(corner + x + y, -x, z),
+        _quad(corner + y, -y, z),
+    ]
+
+
+def boxes(furniture: Furniture) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Corner and size of every repetition of a piece of furniture."""
+    size = np.array(furniture.size)
+    return [
+        (np.array(furniture.corner) + [i * furniture.step[0], j * furniture.step[1], 0], size)
+        for i in range(furniture.count[0])
+        for j in range(furniture.count[1])
+    ]
+
+
+def _side(room: Room, side: Side) -> tuple[np.ndarray, np.ndarray]:
+    """Foot and direction of a wall, such that direction × up points out of the room."""
+    width, depth, _ = room.size
+    return {
+        "south": (np.zeros(3), np.array([width, 0.0, 0.0])),
+        "east": (np.array([width, 0.0, 0.0]), np.array([0.0, depth, 0.0])),
+        "north": (np.array([width, depth, 0.0]), np.array([-width, 0.0, 0.0])),
+        "west": (np.array([0.0, depth, 0.0]), np.array([0.0, -depth, 0.0])),
+    }[side]
+
+
+def _wall(
+    room: Room, side: Side, facade: Facade
+) -> tuple[list[np.ndarray], list[np.ndarray], dict[str, list[np.ndarray]]]:
+    """Cut a side of the room into wall, frame and panes by material, fronts inward."""
+    foot, along = _side(room, side)
+    length = float(np.linalg.norm(along))
+    along = along / length
+    up = np.array([0.0, 0.0, 1.0])
+
+    def rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarray:
+        start = foot + along * left + up * bottom
+        return _quad(start, up * (top - bottom), along * (right - left))
+
+    wall: list[np.ndarray] = []
+    frame: list[np.ndarray] = []
+    panes: dict[str, list[np.ndarray]] = {}
+    segment, half = length / facade.segments, facade.frame / 2
+    top = 0.0
+    for strip in sorted(facade.strips, key=lambda s: s.bottom):
+        if strip.bottom > top:
+            wall.append(rectangle(0, length, top, strip.bottom))
+        top = strip.top
+        if strip.material == "wall":
+            wall.append(rectangle(0, length, strip.bottom, strip.top))
+            continue
+        for i in range(facade.segments):
+            left, right = i * segment, (i + 1) * segment
+            inner = (left + half, right - half, strip.bottom + half, strip.top - half)
+            panes.setdefault(strip.material, []).append(rectangle(*inner))
+            if half > 0:
+                frame += [
+                    rectangle(left, right, strip.bottom, inner[2]),
+                    rectangle(left, right, inner[3], strip.top),
+                    rectangle(left, inner[0], inner[2], inner[3]),
+                    rectangle(inner[1], right, inner[2], inner[3]),
+                ]
+    if top < room.size[2]:
+        wall.append(rectangle(0, length, top, room.size[2]))
+    return wall, frame, panes
+
+
+def rotation(case: Case) -> np.ndarray:
+    """Matrix that turns the room's frame into the world's."""
+    angle = np.radians(case.room.rotation) if case.room else 0.0
+    s, c = np.sin(angle), np.cos(angle)
+    return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+
+
+def surfaces(case: Case, state: State = "open") -> list[Surface]:
+    """List the surfaces of a case in the world frame.
+
+    Parameters
+    ----------
+    case : Case
+    state : {'open', 'shaded'}
+        Shaded: the shade's material stands in place of every clear pane and open hole.
+
+    Returns
+    -------
+    list of Surface
+    """
+    parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
+    room = case.room
+    if room is not None:
+        x, y, z = np.diag(room.size)
+        parts.append(("floor", Lambertian(room.floor), [_quad(np.zeros(3), x, y)]))
+        parts.append(("ceiling", Lambertian(room.ceiling), [_quad(z, y, x)]))
+        sides: tuple[Side, ...] = ("south", "east", "north", "west")
+        for side in sides:
+            facade = case.facade.get(side, Facade())
+            wall, frame, panes = _wall(room, side, facade)
+            parts.append((f"wall {side}", Lambertian(room.walls), wall))
+            parts.append((f"frame {side}", Lambertian(facade.frame_reflectance), frame))
+            for name, quads in panes.items():
+                material = _pane_material(case, name, state)
+                if material is not None:
+                    parts.append((f"{name} {side}", material, quads))
+    for piece in case.furniture:
+        quads = [face for corner, size in boxes(piece) for face in _box(corner, size)]
+        parts.append((piece.name, Lambertian(piece.reflectance), quads))
+    turn = rotation(case)
+    return [Surface(name, m, np.array(quads) @ turn.T) for name, m, quads in parts if quads]
+
+
+def _pane_material(case: Case, name: str, state: State) -> SurfaceMaterial | None:
+    """Material of a façade strip in a state; None for an open hole."""
+    material = case.materials.get(name)
+    covered = name == "open" or isinstance(material, GlazingMaterial)
+    if state == "shaded" and case.shading is not None and covered:
+        return case.materials[case.shading.material]
+    return material
+
+
+def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.Mesh:
+    """One mesh of quadrilaterals (quad, 4, 3); quad i is triangles 2i and 2i + 1."""
+    props = mi.Properties()
+    if bsdf is not None:
+        props["bsdf"] = bsdf
+    n = len(quads)
+    corner = np.arange(n, dtype=np.uint32)[:, None] * 4
+    faces = np.concatenate([corner + [0, 1, 2], corner + [0, 2, 3]], axis=1)
+    mesh = mi.Mesh(name, vertex_count=4 * n, face_count=2 * n, props=props)
+    params = mi.traverse(mesh)
+    params["vertex_positions"] = mi.Float(quads.astype(np.float32).ravel())
+    params["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
+    params.update()
+    return mesh
+
+
+def build(surfaces: list[Surface], channel: int = 0, sealed: Sealed | None = None) -> Scene:
+    """Make the Mitsuba scenes of a list of surfaces.
+
+    Parameters
+    ----------
+    surfaces : list of Surface
+    channel : int
+        Colour channel that is simulated.
+    sealed : Sealed, optional
+        The room, where no straight light can get into it.
+
+    Returns
+    -------
+    Scene
+    """
+    by_material: dict[SurfaceMaterial, list[Surface]] = {}
+    for surface in surfaces:
+        by_material.setdefault(surface.material, []).append(surface)
+    # One mesh a material: tracing slows with the number of shapes.
+    meshes = {
+        m: quad_mesh(
+            group[0].name, np.concatenate([s.quads for s in group]), mi.load_dict(bsdf(m, channel))
+        )
+        for m, group in by_material.items()
+    }
+
+    def scene(keep: Any) -> mi.Scene:
+        shapes = {f"shape{i}": s for i, (m, s) in enumerate(meshes.items()) if keep(m)}
+        return mi.load_dict({"type": "scene", **shapes}, optimize=False)
+
+    clear = [m for m in meshes if isinstance(m, GlazingMaterial)]
+    scattering = tuple(
+        ScatteringPanes(
+            np.concatenate([s.quads for s in by_material[m]]), m.transmittance, m.reflectance
+        )
+        for m in meshes
+        if isinstance(m, DiffuserMaterial)
+    )
+    points = np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))])
+    return Scene(
+        full=scene(lambda m: True),
+        opaque=scene(lambda m: m not in clear),
+        clear=scene(lambda m: m in clear) if clear else None,
+        scattering=scattering,
+        low=points.min(axis=0),
+        high=points.max(axis=0),
+        sealed=sealed,
+    )
+
+
+def load(case: Case, state: State = "open", channel: int = 0) -> Scene:
+    """Build the scene of a case in a state of its shade, for one colour channel."""
+    return build(surfaces(case, state), channel, _sealed(case, state))
+
+
+def _sealed(case: Case, state: State) -> Sealed | None:
+    if case.room is None:
+        return None
+    strips = [s.material for f in case.facade.values() for s in f.strips if s.material != "wall"]
+    materials = [_pane_material(case, name, state) for name in strips]
+    if all(isinstance(m, DiffuserMaterial) for m in materials):
+        return Sealed(np.array(case.room.size), rotation(case))
+    return None
+
+
+def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """Positions [m] and normals of the sensors in the world frame, shape (sensor, 3) each.
+
+    Raises
+    ------
+    InputError
+        A sensor lies outside the room, inside furniture, or within 1 mm of a surface.
+    """
+    grid = case.sensors
+    x = grid.corner[0] + (np.arange(grid.count[0]) + 0.5) * grid.spacing
+    y = grid.corner[1] + (np.arange(grid.count[1]) + 0.5) * grid.spacing
+    points = np.stack([np.tile(x, len(y)), np.repeat(y, len(x))], axis=-1)
+    points = np.column_stack([points, np.full(len(points), grid.corner[2])])
+    _check_sensors(case, points)
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    return points @ rotation(case).T, normals
+
+
+def _check_sensors(case: Case, points: np.ndarray) -> None:
+    """Refuse sensors that see nothing because they stand in or on something."""
+    margin = 1e-3
+
+    def refuse(bad: np.ndarray, where: str) -> None:
+        if bad.any():
+            i = int(np.argmax(bad))
+            place = ", ".join(f"{v:.4g}" for v in points[i])
+            more = f" ({int(bad.sum())} in all)" if bad.sum() > 1 else ""
+            raise InputError(
+                case.source, "sensors", f"sensor {i} at ({place}) lies {where}{more}",
+                f"move it at least {margin * 1000:g} mm off every surface",
+            )  # fmt: skip
+
+    if case.room is not None:
+        inside = (points > margin) & (points < np.array(case.room.size) - margin)
+        refuse(~inside.all(axis=1), "in, on or beyond a wall of the room")
+    for piece in case.furniture:
+        for corner, size in boxes(piece):
+            near = (points > corner - margin) & (points < corner + size + margin)
+            refuse(near.all(axis=1), f"in or on {piece.name!r}")
+
+
+def is_coloured(case: Case) -> bool:
+    """Whether any reflectance differs between colour channels."""
+    values = [f.reflectance for f in case.furniture]
+    if case.room is not None:
+        values += [case.room.floor, case.room.ceiling, case.room.walls]
+    values += [f.frame_reflectance for f in case.facade.values()]
+    return any(isinstance(v, tuple) and len(set(v)) > 1 for v in values)

@@ -1,0 +1,145 @@
+"""From a continuous sky to one luminance per patch, and its scale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+Luminance = Callable[["slice | np.ndarray", np.ndarray, np.ndarray], np.ndarray]
+"""Luminance of some times at (cos ζ, cos γ), which broadcast with a (time, 1) parameter:
+ζ from the zenith, γ from the sun [rad]. Its first argument selects the times."""
+
+BLOCK = 16_000
+"""Values in flight at once: 125 KiB stay in the cache, and below the size from which the C library
+fetches memory anew for every array, which made this five times slower."""
+
+
+class SkyLight(NamedTuple):
+    """What a sky model gives at each time."""
+
+    sky: np.ndarray
+    """Luminance of the sky patches, without the ground [cd/m²], shape (time, patch)."""
+    diffuse_horizontal: np.ndarray
+    """Diffuse horizontal illuminance [lx], shape (time,)."""
+    direct_normal: np.ndarray
+    """Direct normal illuminance [lx], shape (time,); 0 while the sun's centre is not up."""
+
+
+class PatchValues(Protocol):
+    """One value of a sky per patch, and what the patches weigh in a horizontal illuminance."""
+
+    def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
+        """Value of each patch; `sun` (time, 3) unit vectors; returns (time, patch), no ground."""
+
+    def horizontal(self, patches: Patches) -> np.ndarray:
+        """Illuminance that a unit luminance of each sky patch gives [sr], shape (patch,)."""
+
+
+@dataclass(frozen=True)
+class PatchCentres:
+    """Luminance and cosine at the centre of each patch, as `gendaymtx` takes them.
+
+    A sky scaled with these integrates to 0.9945 = cos 6° of its target over Tregenza's patches,
+    so this serves to compare with Radiance, not to design with.
+    """
+
+    def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
+        """Value of each patch, shape (time, patch)."""
+        nodes = patches.directions[1:, None]
+        return _integrate(luminance, sun, nodes, np.ones((len(nodes), 1)))
+
+    def horizontal(self, patches: Patches) -> np.ndarray:
+        """Ω cos θ at the centre [sr], shape (patch,)."""
+        return (patches.solid_angles * patches.directions[:, 2])[1:]
+
+
+@dataclass(frozen=True)
+class PatchMeans:
+    """Mean luminance of each patch, ∫ l dΩ / Ω, by Gauss nodes in sin(altitude) and azimuth.
+
+    Parameters
+    ----------
+    far : tuple of int
+        Nodes in altitude and in azimuth of each patch. Altitude takes more, for what
+        exp(b / cos ζ) does in the row above the horizon.
+    near : tuple of int
+        The same for patches whose centre is within 1.5 row heights of the sun, where exp(dγ) of the
+        circumsolar glow has its cusp.
+    """
+
+    far: tuple[int, int] = (8, 5)
+    near: tuple[int, int] = (10, 10)
+
+    def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
+        """Value of each patch, shape (time, patch)."""
+        values = _integrate(luminance, sun, *gauss_nodes(patches, *self.far))
+        nodes, weights = gauss_nodes(patches, *self.near)
+        close = sun @ patches.directions[1:].T > np.cos(1.5 * patches.row_height)
+        time, patch = np.nonzero(close)
+        for block in _blocks(len(time), weights.shape[1]):
+            t, p = time[block], patch[block]
+            cos_gamma = np.matmul(nodes[p], sun[t, :, None])[..., 0]
+            value = luminance(t, nodes[p, :, 2], cos_gamma)
+            values[t, p] = np.einsum("pn,pn->p", value, weights[p])
+        return values
+
+    def horizontal(self, patches: Patches) -> np.ndarray:
+        """∫ cos θ dΩ [sr], shape (patch,)."""
+        return patches.projected_solid_angles[1:]
+
+
+PATCH_MEANS = PatchMeans()
+"""The default of every sky model."""
+
+
+def gauss_nodes(patches: Patches, altitude: int, azimuth: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (patch, node, 3) and weights (patch, node) of the mean over each sky patch.
+
+    The zenith cap takes equal steps around it: it has no ends for Gauss nodes to crowd at.
+    """
+    low, high, west, east = patches.bounds[1:].T[..., None]
+    x, weight_z = np.polynomial.legendre.leggauss(altitude)
+    z = np.sin(low) + (np.sin(high) - np.sin(low)) * (x + 1) / 2
+    x, weight_turn = np.polynomial.legendre.leggauss(azimuth)
+    turn = west + (east - west) * (x + 1) / 2
+    weight_turn = np.tile(weight_turn, (len(turn), 1))
+    turn[-1], weight_turn[-1] = 2 * np.pi * np.arange(azimuth) / azimuth, 2 / azimuth
+
+    z, turn = np.broadcast_arrays(z[:, :, None], turn[:, None, :])
+    r = np.sqrt(1 - z * z)
+    nodes = np.stack([r * np.sin(turn), r * np.cos(turn), z], axis=-1)
+    weights = weight_z[:, None] * weight_turn[:, None, :] / 4
+    return nodes.reshape(len(nodes), -1, 3), weights.reshape(len(nodes), -1)
+
+
+def scale_to(values: np.ndarray, illuminance: np.ndarray, horizontal: np.ndarray) -> np.ndarray:
+    """Scale patch values so that Σ L · horizontal is the illuminance of each time [lx].
+
+    A sky without any light of its own becomes uniform, as in `gendaymtx`.
+    """
+    total = values @ horizontal
+    values = np.where(total[:, None] > 0, values, 1.0)
+    total = np.where(total > 0, total, horizontal.sum())
+    return values * (illuminance / total)[:, None]
+
+
+def _integrate(
+    luminance: Luminance, sun: np.ndarray, nodes: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Σ weight × luminance over the nodes (patch, node, 3) of each patch, shape (time, patch)."""
+    nodes = nodes.reshape(-1, 3)
+    values = np.empty((len(sun), len(weights)))
+    for block in _blocks(len(sun), len(nodes)):
+        value = luminance(block, nodes[:, 2], sun[block] @ nodes.T)
+        values[block] = np.einsum("tpn,pn->tp", value.reshape(-1, *weights.shape), weights)
+    return values
+
+
+def _blocks(count: int, width: int) -> list[slice]:
+    """Slices of `count` rows of `width` values that stay below BLOCK values each."""
+    rows = max(1, BLOCK // width)
+    return [slice(i, i + rows) for i in range(0, count, rows)]

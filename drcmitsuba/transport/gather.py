@@ -1,0 +1,133 @@
+"""Gather: paths from the sensors backward through the room, to every diffuse vertex they meet.
+
+With D[cell, bin] the irradiance that a bin of unit radiance puts on a cell before any diffuse
+reflection, the interreflected coefficient of a sensor is
+
+    C[sensor, bin] = Σ_cell G[sensor, cell] · D[cell, bin],
+
+and G is estimated by paths whose directions follow the cosine law and the BSDFs: every diffuse
+vertex adds its throughput (1/paths × the product of the albedos up to and with it) to its cell.
+A source is never collected here; what leaves the room and meets nothing adds nothing.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.scene import Scene
+from drcmitsuba.transport.cells import Grid, Vertices
+
+ROULETTE_DEPTH = 2
+
+
+def first_directions(sampler: mi.Sampler, lane: mi.UInt32, paths: int) -> mi.Vector3f:
+    """Cosine-distributed directions, stratified over the `paths` consecutive lanes of a sensor."""
+    columns = int(np.sqrt(paths))
+    while paths % columns:
+        columns -= 1
+    k = lane % paths
+    u = (mi.Float(k % columns) + sampler.next_1d()) * (1 / columns)
+    v = (mi.Float(k // columns) + sampler.next_1d()) * (columns / paths)
+    return mi.warp.square_to_cosine_hemisphere(mi.Point2f(u, v))
+
+
+def gather(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, *,
+    replicates: int, paths: int, grid: Grid, seed: int,
+) -> Vertices:  # fmt: skip
+    """Trace the paths of all sensors and replicates and keep their diffuse vertices.
+
+    Parameters
+    ----------
+    scene : Scene
+    points, normals : np.ndarray, shape (sensor, 3)
+    replicates : int
+        Independent repetitions; row r·sensors + s belongs to replicate r and sensor s.
+    paths : int
+        Paths of a sensor in one replicate.
+    grid : Grid
+        Numbers the cells.
+    seed : int
+
+    Returns
+    -------
+    Vertices
+    """
+    lanes = replicates * len(points) * paths
+    capacity = 4 * lanes
+    while True:
+        vertices, met = _trace(scene, points, normals, lanes, paths, grid, seed, capacity)
+        if met <= capacity:
+            return vertices
+        capacity = met  # very white rooms: the same paths once more with room for all vertices
+
+
+@dr.syntax
+def _trace(
+    scene: Scene, points: np.ndarray, normals: np.ndarray,
+    lanes: int, paths: int, grid: Grid, seed: int, capacity: int,
+) -> tuple[Vertices, int]:  # fmt: skip
+    """Trace all lanes in one symbolic loop; returns the vertices and how many were met."""
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, lanes)
+    lane = dr.arange(mi.UInt32, lanes)
+    sensor = (lane // paths) % len(points)
+    p = dr.gather(mi.Point3f, mi.Float(points.astype(np.float32).ravel()), sensor)
+    n = dr.gather(mi.Normal3f, mi.Float(normals.astype(np.float32).ravel()), sensor)
+    wo = mi.Frame3f(n).to_world(first_directions(sampler, lane, paths))
+
+    counter = dr.zeros(mi.UInt32, 1)
+    row_of, key_of, tag_of = (dr.zeros(mi.UInt32, capacity) for _ in range(3))
+    weight_of = dr.zeros(mi.Float, capacity)
+    p_of, n_of = dr.zeros(mi.Float, 3 * capacity), dr.zeros(mi.Float, 3 * capacity)
+
+    ctx = mi.BSDFContext()
+    ray = mi.Ray3f(p, wo)
+    beta = mi.Float(1)
+    depth = mi.UInt32(0)
+    active = mi.Bool(True)
+    flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
+    while dr.hint(active, exclude=[grid, scene]):
+        si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
+        active &= si.is_valid()
+        si.wi = si.to_local(-ray.d)
+        bsdf = si.bsdf()
+        bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
+        beta *= weight[0]
+        active &= beta > 0
+        lobes = bsdf.flags()
+        is_cell = (
+            active
+            & mi.has_flag(lobes, mi.BSDFFlags.DiffuseReflection)
+            & ~mi.has_flag(lobes, mi.BSDFFlags.Transmission)
+        )
+        facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
+        slot = dr.scatter_inc(counter, mi.UInt32(0), is_cell)
+        kept = is_cell & (slot < capacity)
+        dr.scatter(row_of, lane // paths, slot, kept)
+        dr.scatter(weight_of, beta * (1 / paths), slot, kept)
+        dr.scatter(key_of, grid.key(si.p, facing), slot, kept)
+        dr.scatter(tag_of, depth * mi.UInt32(lanes) + lane, slot, kept)
+        origin = si.spawn_ray(facing).o
+        for c in range(3):
+            dr.scatter(p_of, origin[c], slot * 3 + c, kept)
+            dr.scatter(n_of, facing[c], slot * 3 + c, kept)
+        ray = si.spawn_ray(si.to_world(bs.wo))
+        depth += 1
+        survival = dr.clip(beta, 0.05, 0.95)
+        roulette = depth >= ROULETTE_DEPTH
+        survives = ~roulette | (sampler.next_1d(active) < survival)
+        beta = dr.select(roulette, beta / survival, beta)
+        active &= survives
+    dr.eval(counter, row_of, weight_of, key_of, tag_of, p_of, n_of)
+    met = int(counter[0])
+    size = min(met, capacity)
+    vertices = Vertices(
+        *(dr.gather(type(a), a, dr.arange(mi.UInt32, size)) for a in (row_of, weight_of)),
+        *(dr.gather(mi.UInt32, a, dr.arange(mi.UInt32, size)) for a in (key_of, tag_of)),
+        *(dr.gather(mi.Float, a, dr.arange(mi.UInt32, 3 * size)) for a in (p_of, n_of)),
+    )
+    dr.eval(vertices.row, vertices.weight, vertices.key, vertices.tag, vertices.p, vertices.n)
+    return vertices, met

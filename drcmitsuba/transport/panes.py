@@ -1,0 +1,188 @@
+"""Deposit through panes that scatter: light that meets exactly one of them, or several in turn.
+
+A Lambertian pane turns the irradiance of its two faces into radiance, T·E of the far face and R·E
+of the near one, over π. The pane is cut into patches, so that
+
+    D_b[receiver, bin] = Σ_face K[receiver, face] · E[face, bin],
+
+where K holds geometry, visibility and the pane's optics and E is found by shadow rays from the
+faces. Light from pane to pane is the geometric series E = D_a + K' E.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.scene import Scene, quad_mesh
+from drcmitsuba.transport.gather import first_directions
+from drcmitsuba_plugins.sampling import transmittance
+
+OFFSET = 1e-4
+"""Distance of a face's points from the pane [m]."""
+
+
+@dataclass(frozen=True)
+class PanePatches:
+    """Patches of all scattering panes of a scene.
+
+    Faces are numbered 2·patch for the front (towards the room) and 2·patch + 1 for the back.
+
+    Parameters
+    ----------
+    corner, u, v : np.ndarray, shape (patch, 3)
+        Corner and edges [m].
+    transmittance, reflectance : np.ndarray, shape (patch,)
+    """
+
+    corner: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    transmittance: np.ndarray
+    reflectance: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, size: float) -> PanePatches:
+        """Cut the scattering panes into patches of about `size` [m]."""
+        parts = []
+        for panes in scene.scattering:
+            for quad in panes.quads:
+                corner, u, v = quad[0], quad[1] - quad[0], quad[3] - quad[0]
+                nu, nv = (max(1, round(float(np.linalg.norm(e)) / size)) for e in (u, v))
+                i, j = (a.ravel()[:, None] for a in np.mgrid[:nu, :nv])
+                n = nu * nv
+                edges = np.tile(u / nu, (n, 1)), np.tile(v / nv, (n, 1))
+                optics = np.full(n, panes.transmittance), np.full(n, panes.reflectance)
+                parts.append((corner + i * u / nu + j * v / nv, *edges, *optics))
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def __len__(self) -> int:
+        """Count the patches."""
+        return len(self.corner)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Unit normal towards the room, shape (patch, 3)."""
+        n = np.cross(self.u, self.v)
+        return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+    @cached_property
+    def scene(self) -> mi.Scene:
+        """The patches alone, two triangles each: the primitive that a ray hits names the patch."""
+        quads = np.stack(
+            [self.corner, self.corner + self.u, self.corner + self.u + self.v, self.corner + self.v],
+            axis=1,
+        )
+        return mi.load_dict({"type": "scene", "patches": quad_mesh("patches", quads)})
+
+    @cached_property
+    def area(self) -> np.ndarray:
+        """Area of every patch [m²]."""
+        return np.linalg.norm(np.cross(self.u, self.v), axis=1)
+
+    def face_points(self, rng: np.random.Generator) -> tuple[mi.Float, mi.Float]:
+        """One random point and the outward normal of every face, three numbers each."""
+        a, b = rng.random((2, len(self), 1))
+        p = self.corner + a * self.u + b * self.v
+        sides = np.array([1.0, -1.0])[None, :, None]
+        n = sides * self.normal[:, None]
+        p = p[:, None] + OFFSET * n
+        return mi.Float(p.astype(np.float32).ravel()), mi.Float(n.astype(np.float32).ravel())
+
+
+def pane_transfer(
+    scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
+    rays: int, seed: int,
+) -> mi.TensorXf:  # fmt: skip
+    """Irradiance at points per irradiance on the faces of scattering panes.
+
+    Points on the panes and cosine-distributed directions are combined by the balance heuristic:
+    the first find small and far panes, the second keep the estimate bounded close to a pane.
+
+    Parameters
+    ----------
+    scene : Scene
+    patches : PanePatches
+    points, normals : mi.Float
+        Receivers, three numbers each.
+    rays : int
+        Samples of each of the two kinds from a receiver.
+    seed : int
+
+    Returns
+    -------
+    mi.TensorXf, shape (receiver, face)
+        K, dimensionless.
+    """
+    count, faces = dr.width(points) // 3, 2 * len(patches)
+    out = dr.zeros(mi.Float, count * faces)
+    flat = {
+        k: mi.Float(np.ascontiguousarray(getattr(patches, k), np.float32).ravel())
+        for k in ("corner", "u", "v", "normal", "transmittance", "reflectance")
+    }
+    total_area = float(patches.area.sum())
+    share = mi.DiscreteDistribution(mi.Float(patches.area.astype(np.float32)))
+    lane = dr.arange(mi.UInt32, count * rays)
+    row = lane // rays
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, count * rays)
+    p = dr.gather(mi.Point3f, points, row)
+    n = dr.gather(mi.Normal3f, normals, row)
+
+    def add(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> None:
+        """Add the light of a pane in direction d, whichever way the direction was found."""
+        pane_normal = dr.gather(mi.Normal3f, flat["normal"], patch, seen)
+        cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
+        seen = seen & (cosine > 0) & (cos_pane != 0)
+        shadow = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
+        seen &= ~scene.opaque.ray_test(shadow, coherent=False, active=seen)
+        by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
+        by_cosine = cosine * dr.inv_pi
+        tau = mi.Float(1)
+        if scene.clear is not None:
+            tau = transmittance(scene.clear, mi.Ray3f(p, d, distance, 0, []), seen)
+        weight = by_cosine * tau / (rays * (by_area + by_cosine))
+        near = 2 * patch + dr.select(cos_pane > 0, mi.UInt32(0), 1)
+        far = near ^ 1
+        for face, albedo in ((far, "transmittance"), (near, "reflectance")):
+            value = weight * dr.gather(mi.Float, flat[albedo], patch, seen)
+            dr.scatter_add(out, value, row * faces + face, seen & (value > 0))
+
+    # Points on the panes.
+    stratum = (mi.Float(lane % rays) + sampler.next_1d()) / rays
+    patch, u = share.sample_reuse(stratum)
+    y = dr.gather(mi.Point3f, flat["corner"], patch)
+    y += u * dr.gather(mi.Vector3f, flat["u"], patch)
+    y += sampler.next_1d() * dr.gather(mi.Vector3f, flat["v"], patch)
+    distance = dr.norm(y - p)
+    d = (y - p) / dr.maximum(distance, 1e-9)
+    add(patch, d, distance, mi.Bool(True))
+
+    # Directions by the cosine law.
+    d = mi.Frame3f(n).to_world(first_directions(sampler, lane, rays))
+    hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
+    add(hit.prim_index // 2, d, hit.t, hit.is_valid())
+    dr.eval(out)
+    return mi.TensorXf(out, (count, faces))
+
+
+def settle(between: mi.TensorXf, received: mi.TensorXf) -> mi.TensorXf:
+    """Irradiance of the faces with the light between panes, E = D_a + K' E.
+
+    Parameters
+    ----------
+    between : mi.TensorXf, shape (face, face)
+        K' from the faces to the faces.
+    received : mi.TensorXf, shape (face, bin)
+        D_a, straight from sky and suns.
+    """
+    result, term = received, received
+    while float(dr.max(term.array)[0]) > 1e-7 * max(1e-30, float(dr.max(result.array)[0])):
+        term = between @ term
+        result = result + term
+        dr.eval(result, term)
+    return result

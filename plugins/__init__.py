@@ -1,0 +1,42 @@
+"""Mitsuba plugins of drcmitsuba, registered for every JIT variant.
+
+Importing this package (as `import drcmitsuba` does) makes the plugins known to the variant that is
+set and to each one that is set later. Mitsuba keeps one registry per variant, and the classes are
+made anew for each: go by plugin name through `mi.load_dict`, never by class.
+
+======================  ==========  ===============================================================
+name                    kind        what it is
+======================  ==========  ===============================================================
+`tregenza_sky`          emitter     sky patches and ground, one radiance each
+`sun_disks`             emitter     any number of suns of finite diameter
+`glazing`               BSDF        thin clear pane with angular transmittance and reflectance
+`diffuser`              BSDF        thin Lambertian pane: sun shade, fabric, opal glass
+`coefficient`           integrator  unbiased path tracing of daylight coefficients
+======================  ==========  ===============================================================
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import mitsuba as mi
+
+_MODULES = ("tregenza_sky", "sun_disks", "glazing", "diffuser", "coefficient")
+
+
+def _register(*_variants: object) -> None:
+    """Import the plugin modules for the current variant; their last lines register them."""
+    variant = mi.variant()
+    if variant is None or variant.startswith("scalar"):
+        return  # a plugin in Python needs a vectorised variant
+    for name in _MODULES:
+        full = f"{__name__}.{name}"
+        if full in sys.modules:
+            importlib.reload(sys.modules[full])
+        else:
+            importlib.import_module(full)
+
+
+mi.detail.add_variant_callback(_register)
+_register()

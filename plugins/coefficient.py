@@ -1,0 +1,224 @@
+"""`coefficient`: unbiased path tracing of daylight coefficients, one per light source and bin."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba_plugins.sampling import sample_disk, transmittance
+
+
+class Coefficient(mi.CppADIntegrator):
+    r"""Path tracer that keeps the light of every bin of the scene's sky and suns apart.
+
+    The bins are those of the scene's `tregenza_sky` followed by those of its `sun_disks`, each
+    with unit radiance; the radiances of these emitters play no part. Any other environment (such as
+    `envmap` with a continuous sky) is one bin with the radiance that it has.
+
+    ===================  ======  ==================================================================
+    parameter            type    meaning
+    ===================  ======  ==================================================================
+    `max_depth`          int     largest number of scattering events, −1 (default) for no limit
+    `rr_depth`           int     scattering events before Russian roulette begins, default 4
+    `suns_per_vertex`    int     suns that are sampled at a vertex, default 4
+    ===================  ======  ==================================================================
+
+    As an integrator it renders a tensor (height, width, bin) [1] of ∂L/∂L_bin with a box filter.
+    `sensors` gives ∂E/∂L_bin [sr] at points,
+
+    .. math:: C_b = \int_{\Omega} \frac{\partial L_i(\omega)}{\partial L_b} \cos\theta \, d\omega .
+
+    Sky: emitter sampling (uniform over the sphere) and BSDF sampling, combined by the balance
+    heuristic. Suns: emitter sampling; after a perfectly specular event the disks themselves are
+    tested. Shadow rays pass panes with a `Null` component by their transmittance. Every estimate
+    is unbiased; sums are kept in Float64.
+
+    Limits: first channel of the spectrum only; no participating media; light that reaches a pane
+    only by mirrors is noisy for suns.
+    """
+
+    def __init__(self, props: mi.Properties):
+        super().__init__(props)
+        self.max_depth = int(props.get("max_depth", -1))
+        self.rr_depth = int(props.get("rr_depth", 4))
+        self.suns_per_vertex = int(props.get("suns_per_vertex", 4))
+
+    @staticmethod
+    def _sources(scene):
+        """The scene's environment and suns; either may be None."""
+        suns = [e for e in scene.emitters() if type(e).__name__ == "SunDisks"]
+        sky = scene.environment()
+        if sky is None and not suns:
+            raise ValueError("coefficient: the scene has neither an environment nor sun_disks")
+        return sky, suns[0] if suns else None
+
+    @staticmethod
+    def _sky_bins(sky) -> int:
+        """Bins of the environment: those of a `tregenza_sky`, one of any other, none of none."""
+        return 0 if sky is None else getattr(sky, "bin_count", 1)
+
+    @staticmethod
+    def _sky_bin(sky, d, active):
+        """Bin and radiance of the environment in world directions `d`."""
+        if hasattr(sky, "bin_of"):
+            return sky.bin_of(d), mi.Float(1)
+        si = dr.zeros(mi.SurfaceInteraction3f)
+        si.wi = -d
+        return mi.UInt32(0), sky.eval(si, active)[0]
+
+    @classmethod
+    def bin_count(cls, scene) -> int:
+        """Number of bins of a scene: those of the sky, then the suns."""
+        sky, suns = cls._sources(scene)
+        return cls._sky_bins(sky) + (0 if suns is None else suns.bin_count)
+
+    def sensors(self, scene, points, normals, spp: int, seed: int = 0):
+        """Coefficients of illuminance at points.
+
+        Parameters
+        ----------
+        scene : mi.Scene
+        points, normals : array_like, shape (sensor, 3)
+            Positions [m] and unit normals.
+        spp : int
+            Paths from every point.
+        seed : int
+
+        Returns
+        -------
+        mi.TensorXd, shape (2, sensor, bin)
+            C [sr]: light that met no diffuse surface (panes are none), and light that met one.
+        """
+        rows = len(points)
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed, rows * spp)
+        row = dr.arange(mi.UInt32, rows * spp) // spp
+        p = dr.gather(mi.Point3f, mi.Float(np.asarray(points, np.float32).ravel()), row)
+        n = dr.gather(mi.Normal3f, mi.Float(np.asarray(normals, np.float32).ravel()), row)
+        # The sensor is a white Lambertian vertex: E = π L of what it would reflect.
+        si = dr.zeros(mi.SurfaceInteraction3f, rows * spp)
+        si.p, si.n, si.sh_frame = p, n, mi.Frame3f(n)
+        wo = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+        white = mi.load_dict({"type": "diffuse", "reflectance": {"type": "uniform", "value": 1.0}})
+        si.wi = mi.Vector3f(0, 0, 1)
+        bins = self.bin_count(scene)
+        out = dr.zeros(mi.Float64, 2 * rows * bins)
+        beta = mi.Float(np.pi / spp)
+        everywhere = dr.full(mi.Bool, True, rows * spp)
+        self._emitter_sampling(scene, sampler, si, white, beta, out, row * bins, everywhere)
+        ray = mi.Ray3f(p, si.to_world(wo))
+        pdf = mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        self._trace(scene, sampler, ray, beta, pdf, mi.Bool(False), row * bins, rows * bins, out)
+        return mi.TensorXd(out, (2, rows, bins))
+
+    def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
+        if isinstance(sensor, int):
+            sensor = scene.sensors()[sensor]
+        width, height = sensor.film().crop_size()
+        spp = spp or sensor.sampler().sample_count()
+        bins, pixels = self.bin_count(scene), int(width) * int(height)
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(int(seed), pixels * spp)
+        row = dr.arange(mi.UInt32, pixels * spp) // spp
+        corner = mi.Point2f(mi.Float(row % int(width)), mi.Float(row // int(width)))
+        position = (corner + sampler.next_2d()) / mi.Point2f(float(width), float(height))
+        ray, weight = sensor.sample_ray(
+            0.0, sampler.next_1d(), position, sampler.next_2d(), mi.Bool(True)
+        )
+        out = dr.zeros(mi.Float64, 2 * pixels * bins)
+        self._trace(
+            scene, sampler, mi.Ray3f(ray), weight[0] / spp, mi.Float(1), mi.Bool(True),
+            row * bins, pixels * bins, out,
+        )  # fmt: skip
+        parts = dr.reshape(mi.TensorXd(out, (2, pixels * bins)), (2, -1))
+        image = mi.TensorXf(dr.sum(parts, axis=0))
+        return dr.reshape(image, (int(height), int(width), bins))
+
+    def _emitter_sampling(self, scene, sampler, si, bsdf, beta, out, base, active):
+        """Add the light that reaches a vertex straight from sampled directions of sky and suns."""
+        sky, suns = self._sources(scene)
+        ctx = mi.BSDFContext()
+        if sky is not None:
+            d = mi.warp.square_to_uniform_sphere(sampler.next_2d(active))
+            value, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
+            lit = active & (value[0] > 0)
+            tau = transmittance(scene, si.spawn_ray(d), lit)
+            # value / pdf_sky · pdf_sky / (pdf_sky + pdf_bsdf)
+            at, radiance = self._sky_bin(sky, d, lit)
+            light = beta * value[0] * tau * radiance / (dr.inv_four_pi + pdf)
+            dr.scatter_add(out, mi.Float64(light), base + at, lit)
+        if suns is not None:
+            first = self._sky_bins(sky)
+            share = suns.bin_count * suns.solid_angle / self.suns_per_vertex
+            for _ in range(self.suns_per_vertex):
+                u = sampler.next_1d(active) * suns.bin_count
+                sun = dr.minimum(mi.UInt32(u), suns.bin_count - 1)
+                centre = suns.direction_of(sun, active)
+                d = sample_disk(centre, suns.diameter, sampler.next_2d(active))
+                value = bsdf.eval(ctx, si, si.to_local(d), active)[0]
+                lit = active & (value > 0)
+                tau = transmittance(scene, si.spawn_ray(d), lit)
+                light = beta * value * tau * share
+                dr.scatter_add(out, mi.Float64(light), base + first + sun, lit)
+
+    @dr.syntax
+    def _trace(self, scene, sampler, ray, beta, pdf, delta, base, part, out):
+        """Follow paths and add what they collect to `out`.
+
+        `pdf` is the density of the ray's direction at the last vertex that scatters, `delta` says
+        that no emitter sampling could have found it; `base` is the first entry of the lane's row,
+        `part` the offset of the part that has met a diffuse surface.
+        """
+        sky, suns = self._sources(scene)
+        ctx = mi.BSDFContext()
+        first = self._sky_bins(sky)
+        beta, pdf, delta, base = mi.Float(beta), mi.Float(pdf), mi.Bool(delta), mi.UInt32(base)
+        start = mi.Float(beta)
+        depth = mi.UInt32(0)
+        active = mi.Bool(True)
+        while active:
+            si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
+            escaped = active & ~si.is_valid()
+            if dr.hint(sky is not None, mode="scalar"):
+                mis = dr.select(delta, 1, pdf / (pdf + dr.inv_four_pi))
+                at, radiance = self._sky_bin(sky, ray.d, escaped)
+                dr.scatter_add(out, mi.Float64(beta * mis * radiance), base + at, escaped)
+            if dr.hint(suns is not None, mode="scalar"):
+                sun = suns.bin_of(ray.d, escaped & delta)
+                on_sun = escaped & delta & (sun < suns.bin_count)
+                dr.scatter_add(out, mi.Float64(beta), base + first + sun, on_sun)
+            active &= si.is_valid()
+            bsdf = si.bsdf(ray)
+            flags = bsdf.flags()
+            scatters = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
+            is_pane = mi.has_flag(flags, mi.BSDFFlags.Transmission)
+            meets_diffuse = scatters & ~is_pane
+            base = dr.select(meets_diffuse & (base < part), base + part, base)
+            self._emitter_sampling(scene, sampler, si, bsdf, beta, out, base, scatters)
+            bs, weight = bsdf.sample(
+                ctx, si, sampler.next_1d(active), sampler.next_2d(active), active
+            )
+            beta *= weight[0]
+            ray = si.spawn_ray(si.to_world(bs.wo))
+            null = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
+            mirrored = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            # A pane crossed straight leaves the last vertex's sampling as it was; a mirrored path
+            # is out of reach of emitter sampling.
+            pdf = dr.select(null | mirrored, pdf, bs.pdf)
+            delta = dr.select(null, delta, mirrored)
+            depth += 1
+            survival = dr.clip(beta / start, 0.05, 0.95)
+            roulette = depth >= self.rr_depth
+            survives = ~roulette | (sampler.next_1d(active) < survival)
+            beta = dr.select(roulette, beta / survival, beta)
+            active &= survives & (beta > 0)
+            if dr.hint(self.max_depth >= 0, mode="scalar"):
+                active &= depth < self.max_depth
+        return ray
+
+    def to_string(self):
+        return f"Coefficient[max_depth={self.max_depth}]"
+
+
+mi.register_integrator("coefficient", Coefficient)

@@ -1,0 +1,83 @@
+"""Directions on a sun's disk, and light through panes: what plugins and transport share."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+
+def disk_solid_angle(diameter: float) -> float:
+    """Solid angle of a disk, Ω = 4π sin²(δ/4) [sr].
+
+    Parameters
+    ----------
+    diameter : float
+        Angle δ across the disk [deg].
+    """
+    return 4 * np.pi * np.sin(np.radians(diameter) / 4) ** 2
+
+
+def sample_disk(centre, diameter: float, uv):
+    """Direction drawn uniformly in solid angle from a disk on the sky.
+
+    With h the half angle, a disk of radius sin(h/2)·2 mapped by the equal-area (Lambert azimuthal)
+    projection keeps full float32 resolution, which drawing cos θ from [cos h, 1] does not.
+
+    Parameters
+    ----------
+    centre : mi.Vector3f
+        Unit vector to the disk's centre.
+    diameter : float
+        Angle across the disk [deg].
+    uv : mi.Point2f
+        Uniform numbers in [0, 1)².
+    """
+    p = mi.warp.square_to_uniform_disk_concentric(uv) * (2 * np.sin(np.radians(diameter) / 4))
+    r2 = dr.squared_norm(p)  # chord², = 2 (1 - cos θ)
+    xy = p * dr.sqrt(1 - 0.25 * r2)
+    return mi.Frame3f(centre).to_world(mi.Vector3f(xy.x, xy.y, 1 - 0.5 * r2))
+
+
+def on_disk(d, centre, diameter: float):
+    """Whether a direction lies on a disk, by the chord between unit vectors (exact in float32)."""
+    return dr.squared_norm(d - centre) <= 4 * np.sin(np.radians(diameter) / 4) ** 2
+
+
+@dr.syntax
+def transmittance(scene, ray, active):
+    """Product of the straight-through transmittances of all panes on a ray.
+
+    Zero where the ray meets anything without a straight-through (`Null`) component.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        Scene with the panes.
+    ray : mi.Ray3f
+        Rays, followed up to their `maxt`.
+    active : mi.Bool
+        Lanes that count.
+
+    Returns
+    -------
+    mi.Float
+        First channel of the transmittance.
+    """
+    result = dr.select(active, mi.Float(1), mi.Float(0))
+    ray = mi.Ray3f(ray)
+    active = mi.Bool(active)
+    while active:
+        si = scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False, active=active)
+        active &= si.is_valid()
+        si.sh_frame = mi.Frame3f(si.n)
+        si.wi = si.to_local(-ray.d)
+        bsdf = si.bsdf()
+        clear = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null)
+        through = dr.select(clear, bsdf.eval_null_transmission(si, active)[0], 0)
+        result = dr.select(active, result * through, result)
+        active &= result > 0
+        onward = si.spawn_ray(ray.d)
+        onward.maxt = ray.maxt - si.t
+        ray = dr.select(active, onward, ray)
+    return result

@@ -1,0 +1,125 @@
+"""`sun_disks`: any number of suns of finite diameter in one emitter."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba_plugins.sampling import disk_solid_angle, on_disk, sample_disk
+
+
+class SunDisks(mi.Emitter):
+    """Suns: disks of constant radiance at infinity.
+
+    =================  ===============  =========================================================
+    parameter          type             meaning
+    =================  ===============  =========================================================
+    `directions`       tensor (n, 3)    unit vectors to the suns, world frame
+    `radiance`         tensor           radiance, shape (n,) or (n, channel); default 1.
+                                        Differentiable.
+    `diameter`         float            angle across the disk [deg], default 0.5
+    =================  ===============  =========================================================
+
+    Integrators find the suns by emitter sampling only (like a point light): Mitsuba knows one
+    environment per scene, which the sky is. A perfect mirror or a view straight into the sun
+    therefore does not show them except in `coefficient`, which tests the disks itself.
+    """
+
+    def __init__(self, props: mi.Properties):
+        super().__init__(props)
+        directions = mi.TensorXf(props["directions"])
+        if directions.ndim != 2 or directions.shape[1] != 3 or directions.shape[0] == 0:
+            raise ValueError(f"sun_disks: directions: shape {directions.shape}; give (n, 3), n > 0")
+        self.bin_count = directions.shape[0]
+        self.directions = directions.array
+        ones = mi.TensorXf(np.ones(self.bin_count, np.float32))
+        self.radiance = mi.TensorXf(props.get("radiance", ones))
+        if self.radiance.shape[0] != self.bin_count:
+            raise ValueError(
+                f"sun_disks: radiance: {self.radiance.shape[0]} values for {self.bin_count} suns"
+            )
+        self.diameter = float(props.get("diameter", 0.5))
+        self.solid_angle = disk_solid_angle(self.diameter)
+        self._set_distribution()
+        # Infinite without Delta would make it the scene's one environment.
+        self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
+
+    def _set_distribution(self):
+        self.channels = 1 if self.radiance.ndim == 1 else self.radiance.shape[1]
+        power = dr.mean(self._radiance_of(dr.arange(mi.UInt32, self.bin_count)))
+        self.distribution = mi.DiscreteDistribution(dr.detach(power) + 1e-20)
+
+    def _radiance_of(self, index, active=True):
+        k = [min(c, self.channels - 1) for c in range(len(mi.Spectrum()))]
+        return mi.Spectrum(
+            [dr.gather(mi.Float, self.radiance.array, index * self.channels + c, active) for c in k]
+        )
+
+    def direction_of(self, index, active=True):
+        """Unit vector to the centre of sun `index`."""
+        return dr.gather(mi.Vector3f, self.directions, index, active)
+
+    @dr.syntax
+    def bin_of(self, d, active=True):
+        """First sun whose disk holds direction `d`; `bin_count` where there is none."""
+        found = mi.UInt32(self.bin_count)
+        i = mi.UInt32(0)
+        searching = mi.Bool(active)
+        while searching & (i < self.bin_count):
+            hit = on_disk(d, self.direction_of(i, searching), self.diameter)
+            found = dr.select(hit, i, found)
+            searching &= ~hit
+            i += 1
+        return found
+
+    def traverse(self, cb):
+        cb.put("radiance", self.radiance, mi.ParamFlags.Differentiable)
+
+    def parameters_changed(self, keys=()):
+        self._set_distribution()
+
+    def set_scene(self, scene):
+        pass
+
+    def bbox(self):
+        return mi.ScalarBoundingBox3f()
+
+    def is_environment(self):
+        return False
+
+    def eval(self, si, active=True):
+        index = self.bin_of(-si.wi, active)
+        hit = active & (index < self.bin_count)
+        return dr.select(hit, self._radiance_of(index, hit), 0)
+
+    def sample_direction(self, ref, sample, active=True):
+        index, u, pmf = self.distribution.sample_reuse_pmf(sample.x, active)
+        d = sample_disk(self.direction_of(index, active), self.diameter, mi.Point2f(u, sample.y))
+        ds = dr.zeros(mi.DirectionSample3f)
+        ds.p = ref.p + d * 1e6
+        ds.n = -d
+        ds.d = d
+        ds.dist = 1e6
+        ds.time = ref.time
+        ds.delta = True  # never found by BSDF sampling
+        ds.pdf = pmf / self.solid_angle
+        ds.emitter = mi.EmitterPtr(self)
+        return ds, self._radiance_of(index, active) / ds.pdf
+
+    def pdf_direction(self, ref, ds, active=True):
+        return mi.Float(0)
+
+    def eval_direction(self, ref, ds, active=True):
+        index = self.bin_of(ds.d, active)
+        hit = active & (index < self.bin_count)
+        return dr.select(hit, self._radiance_of(index, hit), 0)
+
+    def sample_ray(self, time, sample1, sample2, sample3, active=True):
+        raise RuntimeError("sun_disks emits no rays: light is traced from sensors and cells")
+
+    def to_string(self):
+        return f"SunDisks[{self.bin_count} suns of {self.diameter} deg]"
+
+
+mi.register_emitter("sun_disks", SunDisks)

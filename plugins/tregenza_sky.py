@@ -1,0 +1,115 @@
+"""`tregenza_sky`: the hemisphere in patches of constant radiance, and the ground below it."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba_plugins.patches import Patches, patch_index
+
+
+class TregenzaSky(mi.Emitter):
+    """Environment emitter of sky patches and ground.
+
+    =================  ===============  =========================================================
+    parameter          type             meaning
+    =================  ===============  =========================================================
+    `radiance`         tensor           radiance of every bin, shape (bin,) or (bin, channel),
+                                        ground first; default 1 everywhere. Differentiable.
+    `subdivision`      int              Reinhart's factor MF; 1 (default) is Tregenza's sky
+    `to_world`         transform        turns the sky's frame (x east, y north, z up)
+    =================  ===============  =========================================================
+
+    Sampling picks a bin in proportion to radiance times solid angle and a direction uniformly
+    within it. Limits: radiance is piecewise constant; spectral variants take the first channel.
+    """
+
+    def __init__(self, props: mi.Properties):
+        super().__init__(props)
+        self.subdivision = int(props.get("subdivision", 1))
+        patches = Patches(self.subdivision)
+        n = len(patches)
+        self.radiance = mi.TensorXf(props.get("radiance", mi.TensorXf(np.ones(n, np.float32))))
+        if self.radiance.shape[0] != n:
+            raise ValueError(
+                f"tregenza_sky: radiance: {self.radiance.shape[0]} values; "
+                f"subdivision {self.subdivision} has {n} bins"
+            )
+        self.frame = mi.Transform4f(props.get("to_world", mi.ScalarTransform4f()))
+        self.bounds = mi.Float(patches.bounds.astype(np.float32).ravel())
+        self.solid_angles = mi.Float(patches.solid_angles.astype(np.float32))
+        self.bin_count = n
+        self.labels = patches.labels
+        self._set_distribution()
+        self.m_flags = mi.EmitterFlags.Infinite
+
+    def _set_distribution(self):
+        self.channels = 1 if self.radiance.ndim == 1 else self.radiance.shape[1]
+        bins = dr.arange(mi.UInt32, self.bin_count)
+        power = dr.mean(self._radiance_of(bins)) * self.solid_angles
+        self.distribution = mi.DiscreteDistribution(dr.detach(power) + 1e-20)
+
+    def _radiance_of(self, index, active=True):
+        k = [min(c, self.channels - 1) for c in range(len(mi.Spectrum()))]
+        return mi.Spectrum(
+            [dr.gather(mi.Float, self.radiance.array, index * self.channels + c, active) for c in k]
+        )
+
+    def bin_of(self, d):
+        """Bin that world directions `d` fall in."""
+        return patch_index(dr.normalize(self.frame.inverse() @ d), self.subdivision)
+
+    def traverse(self, cb):
+        cb.put("radiance", self.radiance, mi.ParamFlags.Differentiable)
+
+    def parameters_changed(self, keys=()):
+        self._set_distribution()
+
+    def set_scene(self, scene):
+        pass
+
+    def bbox(self):
+        return mi.ScalarBoundingBox3f()
+
+    def is_environment(self):
+        return True
+
+    def eval(self, si, active=True):
+        return self._radiance_of(self.bin_of(-si.wi), active)
+
+    def sample_direction(self, ref, sample, active=True):
+        index, u, pmf = self.distribution.sample_reuse_pmf(sample.x, active)
+        low, high, west, east = (
+            dr.gather(mi.Float, self.bounds, index * 4 + i, active) for i in range(4)
+        )
+        z = dr.lerp(dr.sin(low), dr.sin(high), u)
+        s, c = dr.sincos(dr.lerp(west, east, sample.y))
+        r = dr.safe_sqrt(1 - z * z)
+        d = self.frame @ mi.Vector3f(r * s, r * c, z)
+        ds = dr.zeros(mi.DirectionSample3f)
+        ds.p = ref.p + d * 1e6  # beyond the scene
+        ds.n = -d
+        ds.d = d
+        ds.dist = 1e6
+        ds.time = ref.time
+        ds.pdf = pmf / dr.gather(mi.Float, self.solid_angles, index, active)
+        ds.emitter = mi.EmitterPtr(self)
+        return ds, self._radiance_of(index, active) / ds.pdf
+
+    def pdf_direction(self, ref, ds, active=True):
+        index = self.bin_of(ds.d)
+        solid_angle = dr.gather(mi.Float, self.solid_angles, index, active)
+        return self.distribution.eval_pmf_normalized(index, active) / solid_angle
+
+    def eval_direction(self, ref, ds, active=True):
+        return self._radiance_of(self.bin_of(ds.d), active)
+
+    def sample_ray(self, time, sample1, sample2, sample3, active=True):
+        raise RuntimeError("tregenza_sky emits no rays: light is traced from sensors and cells")
+
+    def to_string(self):
+        return f"TregenzaSky[subdivision={self.subdivision}, bins={self.bin_count}]"
+
+
+mi.register_emitter("tregenza_sky", TregenzaSky)
