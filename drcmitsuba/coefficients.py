@@ -90,9 +90,6 @@ class _Deposit:
         self, p: mi.Float, n: mi.Float, sky_rays: int, key: tuple[int, ...]
     ) -> mi.TensorXf:
         """Light that comes straight, shape (receiver, bin)."""
-        count, bins = dr.width(p) // 3, len(Patches(self.subdivision)) + len(self.suns.labels)
-        if self.scene.is_sealed_around(p):
-            return dr.zeros(mi.TensorXf, (count, bins))
         sky = sky_deposit(
             self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
             seed=_seed(self.accuracy, *key, 0),
@@ -128,25 +125,35 @@ class _Deposit:
 
 
 def _interreflected(
-    vertices: Vertices, cell: mi.UInt32, replicate: int, sensors: int, deposit: mi.TensorXf
-) -> mi.TensorXf:
-    """G·D of one replicate, shape (sensor, bin). Cells that no light reaches are left out of G."""
-    lit_cells = dr.compress(dr.max(dr.abs(deposit), axis=1).array > 0)
-    lit = dr.width(lit_cells)
-    if lit == 0:
-        return dr.zeros(mi.TensorXf, (sensors, deposit.shape[1]))
-    column = dr.full(mi.UInt32, lit, deposit.shape[0])
-    dr.scatter(column, dr.arange(mi.UInt32, lit), lit_cells)
-    row = vertices.row - replicate * sensors
-    mine = (vertices.row >= replicate * sensors) & (row < sensors)
-    at = dr.gather(mi.UInt32, column, cell, mine)
-    g = dr.zeros(mi.Float, sensors * lit)
-    dr.scatter_add(g, vertices.weight, row * lit + at, mine & (at < lit))
-    bins = deposit.shape[1]
-    entries = dr.arange(mi.UInt32, lit * bins)
-    rows = dr.gather(mi.UInt32, lit_cells, entries // bins)
-    compact = dr.gather(mi.Float, deposit.array, rows * bins + entries % bins)
-    return mi.TensorXf(g, (sensors, lit)) @ mi.TensorXf(compact, (lit, bins))
+    vertices: Vertices, cell: mi.UInt32, replicate: int, sensors: int,
+    deposit: mi.TensorXf, first: int, last: int,
+) -> mi.TensorXf:  # fmt: skip
+    """G·D of one replicate for the bins first … last − 1, shape (sensor, last − first).
+
+    Cells that none of these bins reach, and bins that reach no cell, are left out of the product.
+    """
+    cells, bins = deposit.shape
+    part = deposit[:, first:last]
+    lit, shining = (dr.compress(dr.max(part, axis=a).array > 0) for a in (1, 0))
+    n_lit, n_shining = dr.width(lit), dr.width(shining)
+    out = dr.zeros(mi.Float, sensors * (last - first))
+    if n_lit and n_shining:
+        column = dr.full(mi.UInt32, n_lit, cells)
+        dr.scatter(column, dr.arange(mi.UInt32, n_lit), lit)
+        row = vertices.row - replicate * sensors
+        mine = (vertices.row >= replicate * sensors) & (row < sensors)
+        at = dr.gather(mi.UInt32, column, cell, mine)
+        g = dr.zeros(mi.Float, sensors * n_lit)
+        dr.scatter_add(g, vertices.weight, row * n_lit + at, mine & (at < n_lit))
+        entry = dr.arange(mi.UInt32, n_lit * n_shining)
+        from_row = dr.gather(mi.UInt32, lit, entry // n_shining)
+        from_bin = dr.gather(mi.UInt32, shining, entry % n_shining) + first
+        d = dr.gather(mi.Float, deposit.array, from_row * bins + from_bin)
+        product = mi.TensorXf(g, (sensors, n_lit)) @ mi.TensorXf(d, (n_lit, n_shining))
+        entry = dr.arange(mi.UInt32, sensors * n_shining)
+        to_bin = dr.gather(mi.UInt32, shining, entry % n_shining)
+        dr.scatter(out, product.array, entry // n_shining * (last - first) + to_bin)
+    return mi.TensorXf(out, (sensors, last - first))
 
 
 def compute(
@@ -226,7 +233,12 @@ def compute(
             if d is None:
                 interreflected = dr.zeros(mi.TensorXf, direct.shape)
             else:
-                interreflected = _interreflected(vertices, cell, r, count, d)
+                sky_bins = len(labels) - len(suns.labels)
+                ranges = ((0, sky_bins), (sky_bins, len(labels)))
+                interreflected = dr.concat(
+                    [_interreflected(vertices, cell, r, count, d, *ab) for ab in ranges if ab[0] < ab[1]],
+                    axis=1,
+                )
             for name, value in zip(found, (straight, direct, interreflected), strict=True):
                 found[name].append(value.numpy())
             replicates[r, here] = found["direct"][-1] + found["interreflected"][-1]

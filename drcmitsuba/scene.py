@@ -38,19 +38,28 @@ class ScatteringPanes:
 
 
 @dataclass(frozen=True)
-class Sealed:
-    """A room whose every opening is wall or scattering pane: no straight light gets in.
+class Enclosure:
+    """A room that straight light can only enter through known openings.
 
     Parameters
     ----------
     size : np.ndarray, shape (3,)
-        Extent of the room [m].
+        Extent of the room in its own frame [m].
     turn : np.ndarray, shape (3, 3)
         Matrix from the room's frame to the world's.
+    openings : np.ndarray, shape (opening, 4, 3)
+        Rectangles in the walls, fronts inward, world frame [m]: what lies outside them is closed.
+        None at all where every opening is covered by panes that scatter.
     """
 
     size: np.ndarray
     turn: np.ndarray
+    openings: np.ndarray
+
+    def contains(self, points: mi.Float) -> bool:
+        """Whether every point (three numbers each, world frame) lies in the room."""
+        p = points.numpy().reshape(-1, 3) @ self.turn
+        return bool(((p > -1e-5) & (p < self.size + 1e-5)).all())
 
 
 @dataclass(frozen=True)
@@ -69,8 +78,8 @@ class Scene:
         Panes that scatter, for the deposit by points on them.
     low, high : np.ndarray, shape (3,)
         Bounds of all surfaces [m].
-    sealed : Sealed or None
-        The room, where no straight light can get into it.
+    enclosure : Enclosure or None
+        The room, where there is one.
     """
 
     full: mi.Scene
@@ -79,14 +88,7 @@ class Scene:
     scattering: tuple[ScatteringPanes, ...]
     low: np.ndarray
     high: np.ndarray
-    sealed: Sealed | None = None
-
-    def is_sealed_around(self, points: mi.Float) -> bool:
-        """Whether every point (three numbers each) lies in a room that nothing shines into."""
-        if self.sealed is None:
-            return False
-        p = points.numpy().reshape(-1, 3) @ self.sealed.turn
-        return bool(((p > -1e-5) & (p < self.sealed.size + 1e-5)).all())
+    enclosure: Enclosure | None = None
 
 
 def _quad(corner: Any, u: Any, v: Any) -> np.ndarray:
@@ -241,7 +243,9 @@ def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.M
     return mesh
 
 
-def build(surfaces: list[Surface], channel: int = 0, sealed: Sealed | None = None) -> Scene:
+def build(
+    surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None
+) -> Scene:
     """Make the Mitsuba scenes of a list of surfaces.
 
     Parameters
@@ -249,8 +253,8 @@ def build(surfaces: list[Surface], channel: int = 0, sealed: Sealed | None = Non
     surfaces : list of Surface
     channel : int
         Colour channel that is simulated.
-    sealed : Sealed, optional
-        The room, where no straight light can get into it.
+    enclosure : Enclosure, optional
+        The room, where there is one; spares shadow rays that cannot leave it.
 
     Returns
     -------
@@ -287,23 +291,33 @@ def build(surfaces: list[Surface], channel: int = 0, sealed: Sealed | None = Non
         scattering=scattering,
         low=points.min(axis=0),
         high=points.max(axis=0),
-        sealed=sealed,
+        enclosure=enclosure,
     )
 
 
 def load(case: Case, state: State = "open", channel: int = 0) -> Scene:
     """Build the scene of a case in a state of its shade, for one colour channel."""
-    return build(surfaces(case, state), channel, _sealed(case, state))
+    return build(surfaces(case, state), channel, _enclosure(case, state))
 
 
-def _sealed(case: Case, state: State) -> Sealed | None:
+def _enclosure(case: Case, state: State) -> Enclosure | None:
+    """The room with a rectangle around all openings of each façade that are clear or open."""
     if case.room is None:
         return None
-    strips = [s.material for f in case.facade.values() for s in f.strips if s.material != "wall"]
-    materials = [_pane_material(case, name, state) for name in strips]
-    if all(isinstance(m, DiffuserMaterial) for m in materials):
-        return Sealed(np.array(case.room.size), rotation(case))
-    return None
+    openings = []
+    for side, facade in case.facade.items():
+        clear = [
+            strip
+            for strip in facade.strips
+            if strip.material != "wall"
+            and not isinstance(_pane_material(case, strip.material, state), DiffuserMaterial)
+        ]
+        if clear:
+            foot, along = _side(case.room, side)
+            bottom, top = min(s.bottom for s in clear), max(s.top for s in clear)
+            openings.append(_quad(foot + [0, 0, bottom], [0, 0, top - bottom], along))
+    turn = rotation(case)
+    return Enclosure(np.array(case.room.size), turn, np.reshape(openings, (-1, 4, 3)) @ turn.T)
 
 
 def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-
-from drcmitsuba_plugins.sampling import sample_disk, transmittance
+from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.sampling import on_disk, sample_disk, transmittance
 
 
 class Coefficient(mi.CppADIntegrator):
@@ -43,6 +43,7 @@ class Coefficient(mi.CppADIntegrator):
         self.max_depth = int(props.get("max_depth", -1))
         self.rr_depth = int(props.get("rr_depth", 4))
         self.suns_per_vertex = int(props.get("suns_per_vertex", 4))
+        checked("coefficient", "suns_per_vertex", self.suns_per_vertex, 1)
 
     @staticmethod
     def _sources(scene):
@@ -162,6 +163,17 @@ class Coefficient(mi.CppADIntegrator):
                 light = beta * value * tau * share
                 dr.scatter_add(out, mi.Float64(light), base + first + sun, lit)
 
+    @staticmethod
+    @dr.syntax
+    def _add_suns_seen(suns, d, beta, out, base, active):
+        """Add to every sun whose disk holds direction `d`; the suns of a year overlap."""
+        sun = mi.UInt32(0)
+        searching = mi.Bool(active)
+        while dr.hint(searching & (sun < suns.bin_count), exclude=[out]):
+            hit = on_disk(d, suns.direction_of(sun, searching), suns.diameter)
+            dr.scatter_add(out, mi.Float64(beta), base + sun, searching & hit)
+            sun += 1
+
     @dr.syntax
     def _trace(self, scene, sampler, ray, beta, pdf, delta, base, part, out):
         """Follow paths and add what they collect to `out`.
@@ -185,9 +197,7 @@ class Coefficient(mi.CppADIntegrator):
                 at, radiance = self._sky_bin(sky, ray.d, escaped)
                 dr.scatter_add(out, mi.Float64(beta * mis * radiance), base + at, escaped)
             if dr.hint(suns is not None, mode="scalar"):
-                sun = suns.bin_of(ray.d, escaped & delta)
-                on_sun = escaped & delta & (sun < suns.bin_count)
-                dr.scatter_add(out, mi.Float64(beta), base + first + sun, on_sun)
+                self._add_suns_seen(suns, ray.d, beta, out, base + first, escaped & delta)
             active &= si.is_valid()
             bsdf = si.bsdf(ray)
             flags = bsdf.flags()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+from drcmitsuba_plugins.checks import checked
 
 
 class Diffuser(mi.BSDF):
@@ -23,10 +24,14 @@ class Diffuser(mi.BSDF):
 
     def __init__(self, props: mi.Properties):
         super().__init__(props)
-        self.transmittance = mi.Float(props["transmittance"])
         front = props.get("reflectance_front", 0.0)
-        self.reflectance_front = mi.Float(front)
-        self.reflectance_back = mi.Float(props.get("reflectance_back", front))
+        values = {
+            "transmittance": props["transmittance"],
+            "reflectance_front": front,
+            "reflectance_back": props.get("reflectance_back", front),
+        }
+        for name, value in values.items():
+            setattr(self, name, mi.Float(checked("diffuser", name, value, 0, 1)))
         both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
         self.m_components = [
             mi.BSDFFlags.DiffuseReflection | both,

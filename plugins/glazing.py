@@ -5,6 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.checks import checked
 
 
 class Glazing(mi.BSDF):
@@ -33,13 +34,13 @@ class Glazing(mi.BSDF):
         c = np.linspace(0, 1, self.SIZE)
         transmittance = props["transmittance"]
         if isinstance(transmittance, (int, float)):
-            exponent = float(props.get("exponent", 4.5))
+            exponent = float(checked("glazing", "exponent", props.get("exponent", 4.5), 0, 100))
             transmittance = transmittance * (1 - (1 - c) ** exponent)
         front = props.get("reflectance_front", 0.0)
         back = props.get("reflectance_back", front)
-        self.transmittance = self._table(transmittance)
-        self.reflectance_front = self._table(self._schlick(front, c))
-        self.reflectance_back = self._table(self._schlick(back, c))
+        self.transmittance = self._table("transmittance", transmittance)
+        self.reflectance_front = self._table("reflectance_front", self._schlick(front, c))
+        self.reflectance_back = self._table("reflectance_back", self._schlick(back, c))
         both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
         self.m_components = [mi.BSDFFlags.DeltaReflection | both, mi.BSDFFlags.Null | both]
         self.m_flags = self.m_components[0] | self.m_components[1]
@@ -51,10 +52,11 @@ class Glazing(mi.BSDF):
         return value + (1 - value) * (1 - c) ** 5 if value > 0 else 0 * c
 
     @staticmethod
-    def _table(values):
+    def _table(name, values):
+        checked("glazing", name, values, 0, 1)
         table = mi.TensorXf(values if dr.is_tensor_v(values) else np.asarray(values, np.float32))
         if table.ndim != 1 or table.shape[0] < 2:
-            raise ValueError(f"glazing: table of shape {table.shape}; give (n,) with n > 1")
+            raise ValueError(f"glazing: {name}: shape {table.shape}; give (n,) with n > 1")
         return table
 
     @staticmethod
@@ -84,10 +86,8 @@ class Glazing(mi.BSDF):
     def sample(self, ctx, si, sample1, sample2, active=True):
         tau = self._look_up(self.transmittance, dr.abs(si.wi.z), active)
         rho = self._reflectance(si.wi.z, active)
-        through, mirrored = ctx.is_enabled(mi.BSDFFlags.Null), ctx.is_enabled(
-            mi.BSDFFlags.DeltaReflection
-        )
-        tau, rho = tau * through, rho * mirrored
+        tau = tau * ctx.is_enabled(mi.BSDFFlags.Null, 1)
+        rho = rho * ctx.is_enabled(mi.BSDFFlags.DeltaReflection, 0)
         total = tau + rho
         probability = dr.detach(dr.select(total > 0, tau / total, 0))
         straight = sample1 < probability

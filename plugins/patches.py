@@ -96,7 +96,11 @@ class Patches:
         altitude, azimuth = (low + high) / 2, (west + east) / 2
         altitude[0], altitude[-1] = -np.pi / 2, np.pi / 2
         return np.stack(
-            [np.cos(altitude) * np.sin(azimuth), np.cos(altitude) * np.cos(azimuth), np.sin(altitude)],
+            [
+                np.cos(altitude) * np.sin(azimuth),
+                np.cos(altitude) * np.cos(azimuth),
+                np.sin(altitude),
+            ],
             axis=-1,
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-
+from drcmitsuba_plugins.checks import checked
 from drcmitsuba_plugins.sampling import disk_solid_angle, on_disk, sample_disk
 
 
@@ -23,7 +23,8 @@ class SunDisks(mi.Emitter):
 
     Integrators find the suns by emitter sampling only (like a point light): Mitsuba knows one
     environment per scene, which the sky is. A perfect mirror or a view straight into the sun
-    therefore does not show them except in `coefficient`, which tests the disks itself.
+    therefore does not show them except in `coefficient`, which tests the disks itself. Where disks
+    overlap, `eval` is the radiance of the first alone; sampled light is that of all.
     """
 
     def __init__(self, props: mi.Properties):
@@ -33,13 +34,18 @@ class SunDisks(mi.Emitter):
             raise ValueError(f"sun_disks: directions: shape {directions.shape}; give (n, 3), n > 0")
         self.bin_count = directions.shape[0]
         self.directions = directions.array
+        lengths = np.linalg.norm(directions.numpy(), axis=1)
+        checked("sun_disks", "directions, their length", lengths, 1 - 1e-3, 1 + 1e-3)
         ones = mi.TensorXf(np.ones(self.bin_count, np.float32))
         self.radiance = mi.TensorXf(props.get("radiance", ones))
         if self.radiance.shape[0] != self.bin_count:
             raise ValueError(
                 f"sun_disks: radiance: {self.radiance.shape[0]} values for {self.bin_count} suns"
             )
-        self.diameter = float(props.get("diameter", 0.5))
+        checked("sun_disks", "radiance", self.radiance, 0)
+        self.diameter = float(
+            checked("sun_disks", "diameter", props.get("diameter", 0.5), 1e-3, 90)
+        )
         self.solid_angle = disk_solid_angle(self.diameter)
         self._set_distribution()
         # Infinite without Delta would make it the scene's one environment.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-
+from drcmitsuba_plugins.checks import checked
 from drcmitsuba_plugins.patches import Patches, patch_index
 
 
@@ -27,7 +27,9 @@ class TregenzaSky(mi.Emitter):
 
     def __init__(self, props: mi.Properties):
         super().__init__(props)
-        self.subdivision = int(props.get("subdivision", 1))
+        self.subdivision = int(
+            checked("tregenza_sky", "subdivision", props.get("subdivision", 1), 1, 6)
+        )
         patches = Patches(self.subdivision)
         n = len(patches)
         self.radiance = mi.TensorXf(props.get("radiance", mi.TensorXf(np.ones(n, np.float32))))
@@ -36,6 +38,7 @@ class TregenzaSky(mi.Emitter):
                 f"tregenza_sky: radiance: {self.radiance.shape[0]} values; "
                 f"subdivision {self.subdivision} has {n} bins"
             )
+        checked("tregenza_sky", "radiance", self.radiance, 0)
         self.frame = mi.Transform4f(props.get("to_world", mi.ScalarTransform4f()))
         self.bounds = mi.Float(patches.bounds.astype(np.float32).ravel())
         self.solid_angles = mi.Float(patches.solid_angles.astype(np.float32))

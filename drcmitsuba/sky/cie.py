@@ -71,7 +71,7 @@ class CieSky:
     Raises
     ------
     InputError
-        For an unknown kind, or an ISO type without an illuminance.
+        For an unknown kind, an ISO type without an illuminance, or a turbidity outside 1 to 20.
 
     Notes
     -----
@@ -97,6 +97,8 @@ class CieSky:
         if given is not None and not 0 <= given < np.inf:
             remedy = "give a number of lx from 0"
             raise InputError("CIE sky", "diffuse_horizontal_illuminance", str(given), remedy)
+        if not 1 <= self.turbidity <= 20:
+            raise InputError("CIE sky", "turbidity", str(self.turbidity), "give 1 to 20")
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
         """Sky and direct light of each time; `data` is not looked at.
@@ -190,13 +192,12 @@ def zenith_luminance(kind: str, cos_sun: np.ndarray, turbidity: float = 2.45) ->
     Overcast 8.6 sin h + 0.123 kcd/m²; clear (1.376 T − 1.81) tan h + 0.38 kcd/m² with turbidity T;
     intermediate their mean; h the sun's altitude, `cos_sun` = sin h.
     """
-    overcast = 8.6 * cos_sun + 0.123
-    tan_altitude = cos_sun / np.sqrt(1 - cos_sun**2)
-    clear = (1.376 * turbidity - 1.81) * tan_altitude + 0.38
-    kilo = {"overcast": overcast, "clear": clear, "intermediate": (clear + overcast) / 2}
-    return (
-        np.maximum(kilo[kind.removesuffix("_with_sun")], 0) * 1000 * WHITE_EFFICACY / SKY_EFFICACY
-    )
+    luminance = 8.6 * cos_sun + 0.123
+    if kind != "overcast":
+        tan_altitude = cos_sun / np.sqrt(1 - cos_sun**2)
+        clear = (1.376 * turbidity - 1.81) * tan_altitude + 0.38
+        luminance = clear if kind.startswith("clear") else (clear + luminance) / 2
+    return np.maximum(luminance, 0) * 1000 * WHITE_EFFICACY / SKY_EFFICACY
 
 
 def direct_normal_illuminance(kind: int | str, cos_sun: np.ndarray) -> np.ndarray:

@@ -53,11 +53,11 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
 
     Notes
     -----
-    The zenith is geometric (centre of the disc, no refraction). Refraction lifts the sun by 0.5°
-    at the horizon and by 0.1° at 10°; Radiance, the Perez model's fit and view factors of the
-    building all take the geometric sun, so the same sun serves efficacy, sky and shadows.
-    A sun that shows for less than 1/12 of the interval may be missed. Vectors keep the position of
-    the sun's centre; where its altitude is negative they point below the horizon.
+    The zenith is geometric: centre of the disc, no refraction. Radiance's is, too, so results
+    compare; refraction, which lifts the sun by 0.5° at the horizon and 0.1° at 10°, depends on air
+    that a typical year does not know. One sun serves efficacy, sky and shadows.
+    A sun that shows for less than 1/12 of the interval may be missed. Where the sun's centre is
+    below the horizon, so is its direction.
 
     References
     ----------

@@ -1,0 +1,231 @@
+"""The command line: `drcmitsuba VERB …`. See `drcmitsuba --help`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from drcmitsuba import coefficients as coefficients_module
+from drcmitsuba.errors import BackendError, InputError
+
+app = typer.Typer(
+    name="drcmitsuba",
+    help="Annual daylight simulation of daylight redirecting components.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+CasePath = Annotated[str, typer.Argument(help="Case file (TOML), or a shipped case by name.")]
+Weather = Annotated[
+    Path | None, typer.Option("--weather", help="Weather file in place of the case's own.")
+]
+Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
+
+
+@contextmanager
+def _stages() -> Iterator[coefficients_module.Progress]:
+    """Progress bars on stderr, one for each stage; yields what opens a stage."""
+    columns = (TextColumn("{task.description:<24}"), BarColumn(), TaskProgressColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, TimeRemainingColumn(elapsed_when_finished=True), console=console) as bar:
+
+        @contextmanager
+        def stage(name: str) -> Iterator[coefficients_module.Progress]:
+            task = bar.add_task(name, total=1.0)
+            yield lambda share: bar.update(task, completed=share)
+            bar.update(task, completed=1.0)
+
+        yield stage  # type: ignore[misc]
+
+
+def _percent(value: dict[str, float] | None) -> str:
+    if value is None:
+        return "–"
+    return f"{value['value']:.1f} ({value['low']:.1f} … {value['high']:.1f})"
+
+
+def _print_metrics(numbers: dict, title: str) -> None:
+    console = Console()
+    annual = Table(title=title, title_justify="left")
+    annual.add_column("year")
+    annual.add_column("% (95 % interval)", justify="right")
+    for name, label in (("sDA", "sDA"), ("ASE", "ASE"), ("shade_closed", "shade closed")):
+        annual.add_row(label, _percent(numbers[name]))
+    console.print(annual)
+    months = Table("month", "msDA %", "MSE %", "shade closed %")
+    rows = zip(numbers["msDA"], numbers["MSE"], numbers["shade_closed_monthly"], strict=True)
+    for month, row in enumerate(rows, start=1):
+        months.add_row(str(month), *(_percent(value) for value in row))
+    console.print(months)
+
+
+@app.command()
+def evaluate(
+    case: CasePath, output: Output = Path("results"), weather: Weather = None
+) -> None:
+    """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
+    from drcmitsuba import evaluate as run
+    from drcmitsuba import load_case
+
+    loaded = load_case(case).with_weather(weather)
+    with _stages() as stage:
+        result = run(loaded, stage)
+        result.save(output, stage)
+    _print_metrics(result.metrics, loaded.name)
+    for note in result.metrics["settings"]["notes"]:
+        print(f"note: {note}")
+    print(f"results are in {output}")
+
+
+@app.command()
+def sky(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
+    """Compute the luminances L of sky and suns: sky.zarr."""
+    from drcmitsuba import load_case, result, schema
+
+    loaded = load_case(case).with_weather(weather)
+    with _stages() as stage, stage("sky"):
+        L = result.luminances(result.daylight(loaded))
+        schema.save_zarr(L, output / "sky.zarr")
+    print(f"{L.sizes['time']} time stamps × {L.sizes['bin']} bins are in {output / 'sky.zarr'}")
+
+
+@app.command()
+def coefficients(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
+    """Compute the coefficients C of both states of the shade: coefficients.zarr."""
+    from drcmitsuba import backend, load_case, result, schema
+
+    loaded = load_case(case).with_weather(weather)
+    backend.select()
+    with _stages() as stage:
+        with stage("sky"):
+            light = result.daylight(loaded)
+        C = result.coefficients(loaded, light, stage)
+        with stage("writing"):
+            schema.save_zarr(C, output / "coefficients.zarr")
+    path = output / "coefficients.zarr"
+    print(f"{C.sizes['sensor']} sensors × {C.sizes['bin']} bins are in {path}")
+
+
+@app.command()
+def illuminance(
+    c: Annotated[Path, typer.Argument(help="coefficients.zarr")],
+    l: Annotated[Path, typer.Argument(help="sky.zarr")],  # noqa: E741
+    output: Output = Path("results"),
+) -> None:
+    """Multiply C and L to the illuminance E: illuminance.nc."""
+    from drcmitsuba import result, schema
+
+    C = schema.open_dataset(c, "replicates", "straight", "straight_se")
+    L = schema.open_dataset(l, "L", "sun_bin", "clock")
+    with _stages() as stage, stage("accumulation"):
+        light = result.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
+        E = result.illuminance(C.load(), light)
+        E.attrs["step_hours"] = L.attrs["step_hours"]
+        schema.save_netcdf(E, output / "illuminance.nc")
+    print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
+
+
+@app.command()
+def metrics(
+    e: Annotated[Path, typer.Argument(help="illuminance.nc")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for metrics.json.")
+    ] = None,
+    sda_threshold: Annotated[float, typer.Option(help="sDA [lx].")] = 300.0,
+    sda_fraction: Annotated[float, typer.Option(help="sDA, fraction of the hours.")] = 0.5,
+    ase_threshold: Annotated[float, typer.Option(help="ASE [lx].")] = 1000.0,
+    ase_hours: Annotated[float, typer.Option(help="ASE [h].")] = 250.0,
+) -> None:
+    """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file."""
+    from drcmitsuba import report, schema
+    from drcmitsuba.case import Metrics
+
+    E = schema.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se").load()
+    numbers = report.summarise(
+        E,
+        Metrics(
+            sda_threshold=sda_threshold, sda_fraction=sda_fraction,
+            ase_threshold=ase_threshold, ase_hours=ase_hours,
+        ),
+        shade_threshold=E.attrs.get("shade_threshold", 1000.0),
+        shade_area=E.attrs.get("shade_area", 0.02),
+        step_hours=float(E.attrs.get("step_hours", 1.0)),
+    )  # fmt: skip
+    _print_metrics(numbers, str(e))
+    if output is not None:
+        schema.save_json(numbers, output / "metrics.json")
+
+
+@app.command()
+def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")]) -> None:
+    """Draw the plots of an evaluation again."""
+    from drcmitsuba import plots, report, schema
+    from drcmitsuba.case import Case
+
+    E = schema.open_dataset(folder / "illuminance.nc", "total", "direct_sun").load()
+    file = folder / "metrics.json"
+    try:
+        numbers = json.loads(file.read_text(encoding="utf-8"))
+        known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
+        case = Case.model_validate(known)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(file, "metrics", str(error)[:120], "run evaluate again") from None
+    for name, figure in report.pictures(case, E, numbers).items():
+        print(plots.save(figure, folder / name))
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of the case file."""
+    from drcmitsuba.case import Case
+
+    print(json.dumps(Case.model_json_schema(), indent=2))
+
+
+@app.command()
+def doctor() -> None:
+    """Report the backend, LLVM, GPU and versions, and whether the program can run here."""
+    from drcmitsuba import backend
+
+    table = Table(show_header=False)
+    for name, value in backend.report().items():
+        table.add_row(name, value)
+    Console().print(table)
+    print(f"ready: {backend.select()}")
+
+
+def main() -> None:
+    """Run the command line and turn errors into one line and an exit code."""
+    try:
+        app(standalone_mode=False)
+    except (typer.Abort, KeyboardInterrupt):
+        _exit("stopped", 130)
+    except InputError as error:
+        _exit(str(error), 2)
+    except BackendError as error:
+        _exit(str(error), 1)
+    except Exception as error:
+        if hasattr(error, "format_message"):  # a usage error of click
+            _exit(f"command line: {error.format_message()}; see drcmitsuba --help", 2)
+        if isinstance(error, OSError):
+            _exit(f"{error.filename}: {error.strerror}; check the path and its rights", 2)
+        raise
+
+
+def _exit(line: str, code: int) -> None:
+    print(f"drcmitsuba: {line}", file=sys.stderr)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""Radiance as the second opinion: a case's surfaces as its scene, and daylight coefficients by it.
+
+The programs and function files are those of the `pyradiance` package; nothing else is installed.
+Coefficients come back with our bins: ground, sky_001 … sky_145, or one per sun, shape
+(repeat, sensor, bin) [sr].
+
+Independent repeats are the sensors sent again in the same run, which goes on with the same random
+numbers. Separate runs would not do: `-u-` always starts at the same seed and `-u+` at the second on
+the clock; nor would `-n 2`, whose two processes draw the same numbers. So processes that run at once
+are for speed only, and errors are measured with one.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.case import Case, Facade, Strip
+from drcmitsuba.materials import Lambertian, channel_of
+from drcmitsuba.scene import Surface
+
+SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"
+"""Ground and sky as one source, told apart by direction."""
+
+RECEIVERS = """#@rfluxmtx h=u u=Y
+void glow groundglow 0 0 4 1 1 1 0
+groundglow source ground 0 0 4 0 0 -1 180
+#@rfluxmtx h=r1 u=Y
+void glow skyglow 0 0 4 1 1 1 0
+skyglow source sky 0 0 4 0 0 1 180
+"""
+
+
+def home() -> Path | None:
+    """Folder of the pyradiance package; None where it is not installed."""
+    found = importlib.util.find_spec("pyradiance")
+    return Path(found.submodule_search_locations[0]) if found else None
+
+
+def run(
+    command: Sequence[str], folder: Path, stdin: bytes = b"", timeout: float | None = None
+) -> bytes:
+    """Output of a Radiance program, run in a folder."""
+    root = home()
+    assert root is not None, "pyradiance is not installed"
+    path = os.pathsep.join([str(root / "bin"), os.environ.get("PATH", "")])
+    environment = {**os.environ, "PATH": path, "RAYPATH": os.pathsep.join([".", str(root / "lib")])}
+    done = subprocess.run(
+        command, cwd=folder, input=stdin, env=environment, capture_output=True, timeout=timeout
+    )
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)}: {done.stderr.decode()}")
+    return done.stdout
+
+
+def version() -> str:
+    """What `rcontrib` says of itself."""
+    return run(["rcontrib", "-version"], Path()).decode().strip()
+
+
+def opened(case: Case) -> Case:
+    """The case with holes in place of every strip of its façades, and no shade."""
+    facade = {
+        side: Facade(
+            segments=f.segments, frame=f.frame, frame_reflectance=f.frame_reflectance,
+            strips=tuple(
+                Strip(bottom=s.bottom, top=s.top, material="open") for s in f.strips
+            ),
+        )
+        for side, f in case.facade.items()
+    }  # fmt: skip
+    return case.model_copy(update={"facade": facade, "shading": None})
+
+
+def scene_text(surfaces: Sequence[Surface]) -> str:
+    """Grey diffuse surfaces as `plastic` without gloss; other materials are refused."""
+    lines = []
+    for i, surface in enumerate(surfaces):
+        if not isinstance(surface.material, Lambertian):
+            raise TypeError(f"{surface.name}: {surface.material} has no Radiance twin here")
+        r = channel_of(surface.material.reflectance, 0)
+        lines.append(f"void plastic m{i} 0 0 5 {r:.9g} {r:.9g} {r:.9g} 0 0")
+        for k, quad in enumerate(surface.quads):
+            corners = " ".join(f"{v:.9g}" for v in quad.ravel())
+            lines.append(f"m{i} polygon p{i}.{k} 0 0 12 {corners}")
+    return "\n".join(lines) + "\n"
+
+
+def sun_text(directions: np.ndarray, diameter: float) -> str:
+    """Suns of unit radiance, each with a modifier of its own."""
+    return "".join(
+        f"void light sun{i} 0 0 3 1 1 1\n"
+        f"sun{i} source s{i} 0 0 4 {x:.9g} {y:.9g} {z:.9g} {diameter:.9g}\n"
+        for i, (x, y, z) in enumerate(directions)
+    )
+
+
+@dataclass(frozen=True)
+class Room:
+    """A scene for Radiance and the sensors in it.
+
+    Parameters
+    ----------
+    text : str
+        Materials and geometry, without sources.
+    points, normals : np.ndarray, shape (sensor, 3)
+    folder : Path
+        Where the octrees go.
+    """
+
+    text: str
+    points: np.ndarray
+    normals: np.ndarray
+    folder: Path
+
+    def _octree(self, name: str, sources: str) -> str:
+        (self.folder / f"{name}.rad").write_text(self.text + sources)
+        (self.folder / f"{name}.oct").write_bytes(run(["oconv", f"{name}.rad"], self.folder))
+        return f"{name}.oct"
+
+    def _rays(self, repeats: int) -> bytes:
+        rows = np.concatenate([self.points, self.normals], axis=1)
+        text = "".join(" ".join(f"{v:.9g}" for v in row) + "\n" for row in rows)
+        return (text * repeats).encode()
+
+    def _matrix(self, output: bytes, repeats: int) -> np.ndarray:
+        """First of the three equal channels of what came back."""
+        values = np.frombuffer(output, np.float32).reshape(repeats, len(self.points), -1, 3)
+        return values[..., 0].astype(float)
+
+    def sky(self, options: Sequence[str], repeats: int = 1) -> np.ndarray:
+        """Coefficients of ground and 145 patches by `rcontrib`, (repeat, sensor, bin)."""
+        octree = self._octree("sky", SKY)
+        command = [
+            "rcontrib", "-h", "-faf", "-I+", *options, "-e", "MF:1", "-f", "reinhart.cal",
+            "-b", "rbin", "-bn", "Nrbins", "-m", "skyglow", octree,
+        ]  # fmt: skip
+        return self._matrix(run(command, self.folder, self._rays(repeats)), repeats)
+
+    def sky_by_rfluxmtx(self, options: Sequence[str], repeats: int = 1) -> np.ndarray:
+        """The same by `rfluxmtx`, whose bins come from another function file."""
+        octree = self._octree("room", "")
+        (self.folder / "receivers.rad").write_text(RECEIVERS)
+        command = [
+            "rfluxmtx", "-h", "-faf", "-I+", *options, "-", "receivers.rad", "-i", octree,
+        ]  # fmt: skip
+        return self._matrix(run(command, self.folder, self._rays(repeats)), repeats)
+
+    def suns(
+        self, directions: np.ndarray, diameter: float, options: Sequence[str], repeats: int = 1
+    ) -> np.ndarray:
+        """Coefficients of suns by `rcontrib`, (repeat, sensor, sun)."""
+        octree = self._octree("suns", sun_text(directions, diameter))
+        (self.folder / "suns.txt").write_text("".join(f"sun{i}\n" for i in range(len(directions))))
+        command = ["rcontrib", "-h", "-faf", "-I+", *options, "-M", "suns.txt", octree]
+        return self._matrix(run(command, self.folder, self._rays(repeats)), repeats)
