@@ -13,6 +13,7 @@ Importing the package makes its Mitsuba plugins known to every JIT variant; it s
 """
 
 import drcmitsuba_plugins as _plugins  # noqa: F401  registers the plugins
+
 from drcmitsuba import accumulate, coefficients, metrics, period, schema, sky, weather
 from drcmitsuba.case import Case, load_case, shipped_cases
 from drcmitsuba.errors import BackendError, InputError

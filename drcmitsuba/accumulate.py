@@ -156,8 +156,6 @@ def illuminance(
         behind = by_source(shaded, sky.isel(time=shut))
         for suffix in ("", "_se"):
             out["total" + suffix].values[shut] = behind["total" + suffix].values
-    out = out.assign_coords(
-        shade_closed=("time", closed.values),
-        **{axis: ("sensor", is_open[axis].values) for axis in "xyz"},
-    )
+    out = out.assign_coords({axis: ("sensor", is_open[axis].values) for axis in "xyz"})
+    out = out.assign_coords(shade_closed=("time", closed.values))
     return describe(out)

@@ -12,7 +12,7 @@ import json
 import sys
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
@@ -30,7 +30,7 @@ Length = Annotated[float, Field(gt=0, le=10_000)]
 Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 Side = Literal["south", "east", "north", "west"]
-Reflectance = Union[Fraction, tuple[Fraction, Fraction, Fraction]]
+Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
 """A grey reflectance, or one for red, green and blue."""
 
 
@@ -81,9 +81,7 @@ class CieTable(Table):
 
     model: Literal["cie"]
     type: (
-        Literal[
-            "clear", "clear_with_sun", "intermediate", "intermediate_with_sun", "overcast"
-        ]
+        Literal["clear", "clear_with_sun", "intermediate", "intermediate_with_sun", "overcast"]
         | Annotated[int, Field(ge=1, le=16)]
     )
     diffuse_horizontal_illuminance: Annotated[float, Field(gt=0)] | None = None
@@ -97,7 +95,7 @@ class SunshineTable(Table):
     seed: Annotated[int, Field(ge=0)] = 0
 
 
-Sky = Annotated[Union[PerezSky, CieTable, SunshineTable], Field(discriminator="model")]
+Sky = Annotated[PerezSky | CieTable | SunshineTable, Field(discriminator="model")]
 
 
 class Outside(Table):
@@ -138,7 +136,7 @@ class DiffuserMaterial(Table):
         return self
 
 
-Material = Annotated[Union[GlazingMaterial, DiffuserMaterial], Field(discriminator="type")]
+Material = Annotated[GlazingMaterial | DiffuserMaterial, Field(discriminator="type")]
 
 
 class Strip(Table):
@@ -382,5 +380,5 @@ def _short(value: object) -> str:
 
 
 def _known_keys() -> list[str]:
-    tables = [Case, *Table.__subclasses__()]
+    tables: list[type[Table]] = [Case, *Table.__subclasses__()]
     return sorted({key for table in tables for key in table.model_fields})

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from drcmitsuba import coefficients as coefficients_module
 from drcmitsuba.errors import BackendError, InputError
+from drcmitsuba.result import Stage
 
 app = typer.Typer(
     name="drcmitsuba",
@@ -33,11 +34,13 @@ Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the res
 
 
 @contextmanager
-def _stages() -> Iterator[coefficients_module.Progress]:
+def _stages() -> Iterator[Stage]:
     """Progress bars on stderr, one for each stage; yields what opens a stage."""
     columns = (TextColumn("{task.description:<24}"), BarColumn(), TaskProgressColumn())
     console = Console(stderr=True)
-    with Progress(*columns, TimeRemainingColumn(elapsed_when_finished=True), console=console) as bar:
+    with Progress(
+        *columns, TimeRemainingColumn(elapsed_when_finished=True), console=console
+    ) as bar:
 
         @contextmanager
         def stage(name: str) -> Iterator[coefficients_module.Progress]:
@@ -45,7 +48,7 @@ def _stages() -> Iterator[coefficients_module.Progress]:
             yield lambda share: bar.update(task, completed=share)
             bar.update(task, completed=1.0)
 
-        yield stage  # type: ignore[misc]
+        yield stage
 
 
 def _percent(value: dict[str, float] | None) -> str:
@@ -70,9 +73,7 @@ def _print_metrics(numbers: dict, title: str) -> None:
 
 
 @app.command()
-def evaluate(
-    case: CasePath, output: Output = Path("results"), weather: Weather = None
-) -> None:
+def evaluate(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
     from drcmitsuba import evaluate as run
     from drcmitsuba import load_case

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import xarray as xr
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case import Accuracy
 from drcmitsuba.scene import Scene
@@ -23,7 +25,6 @@ from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
-from drcmitsuba_plugins.patches import Patches
 
 BLOCK = 1024
 """Sensors that are gathered at once."""
@@ -236,7 +237,11 @@ def compute(
                 sky_bins = len(labels) - len(suns.labels)
                 ranges = ((0, sky_bins), (sky_bins, len(labels)))
                 interreflected = dr.concat(
-                    [_interreflected(vertices, cell, r, count, d, *ab) for ab in ranges if ab[0] < ab[1]],
+                    [
+                        _interreflected(vertices, cell, r, count, d, *ab)
+                        for ab in ranges
+                        if ab[0] < ab[1]
+                    ],
                     axis=1,
                 )
             for name, value in zip(found, (straight, direct, interreflected), strict=True):
@@ -249,6 +254,6 @@ def compute(
         name: (("sensor", "bin"), value) for name, value in parts.items()
     }
     data["replicates"] = (("replicate", "sensor", "bin"), replicates)
-    coords = {"bin": np.array(labels, dtype=object)}
+    coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
     coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
     return describe(xr.Dataset(data, coords))

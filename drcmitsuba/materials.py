@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Union
+from typing import Any
 
 from drcmitsuba.case import DiffuserMaterial, GlazingMaterial, Reflectance
 
@@ -15,7 +15,7 @@ class Lambertian:
     reflectance: Reflectance
 
 
-SurfaceMaterial = Union[Lambertian, GlazingMaterial, DiffuserMaterial]
+SurfaceMaterial = Lambertian | GlazingMaterial | DiffuserMaterial
 
 
 def channel_of(reflectance: Reflectance, channel: int) -> float:

@@ -74,7 +74,9 @@ def summarise(
     shut = [metrics.shade_closed(d, shade_threshold, shade_area) & has_shade for d in direct]
     hours = {"hours": t.ase_hours, "step_hours": step_hours}
     return {
-        "sDA": _interval([metrics.sda(e, t.sda_threshold, t.sda_fraction) for e in total]).as_dict(),
+        "sDA": _interval(
+            [metrics.sda(e, t.sda_threshold, t.sda_fraction) for e in total]
+        ).as_dict(),
         "ASE": _interval([metrics.ase(e, t.ase_threshold, **hours) for e in direct]).as_dict(),
         "shade_closed": _interval([100 * float(c.mean()) for c in shut]).as_dict(),
         "msDA": _monthly([metrics.msda(e, t.sda_threshold, t.sda_fraction) for e in total]),
@@ -83,7 +85,7 @@ def summarise(
     }
 
 
-def _outlines(case: Case) -> dict[str, list[np.ndarray]]:
+def _outlines(case: Case) -> dict[str, Any]:
     """Room, furniture and glazing in plan; empty without a room, or where the room is turned."""
     if case.room is None or case.room.rotation:
         return {}

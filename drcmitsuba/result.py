@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import resource
 import sys
 import time
@@ -201,7 +200,8 @@ def luminances(light: Daylight) -> xr.Dataset:
         attrs={**light.sky.attrs, "step_hours": light.step_hours, "weather": light.source},
     )
     data = data.assign_coords(
-        clock=("time", light.sky["clock"].values), sun_bin=("time", light.sky["sun_bin"].values.astype(object))
+        clock=("time", light.sky["clock"].values),
+        sun_bin=("time", light.sky["sun_bin"].values.astype(object)),
     )
     return schema.describe(data)
 
@@ -228,14 +228,14 @@ def transport(
     """Coefficients of a case in one state of its shade, `channel` added where it is coloured."""
     points, normals = scene.sensor_points(case)
     channels = list(LUMINANCE_WEIGHTS) if scene.is_coloured(case) else [""]
-    found = []
-    for i, _ in enumerate(channels):
-        found.append(
-            compute(
-                scene.load(case, state, i), points, normals, suns, case.accuracy,
-                progress=lambda share, i=i: progress((i + share) / len(channels)),
-            )
+
+    def of_channel(i: int) -> xr.Dataset:
+        return compute(
+            scene.load(case, state, i), points, normals, suns, case.accuracy,
+            progress=lambda share: progress((i + share) / len(channels)),
         )  # fmt: skip
+
+    found = [of_channel(i) for i in range(len(channels))]
     if len(channels) == 1:
         return found[0]
     return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))

@@ -243,9 +243,7 @@ def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.M
     return mesh
 
 
-def build(
-    surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None
-) -> Scene:
+def build(surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None) -> Scene:
     """Make the Mitsuba scenes of a list of surfaces.
 
     Parameters
@@ -342,7 +340,7 @@ def _check_sensors(case: Case, points: np.ndarray) -> None:
     """Refuse sensors that see nothing because they stand in or on something."""
     margin = 1e-3
 
-    def refuse(bad: np.ndarray, where: str) -> None:
+    def refuse(bad: Any, where: str) -> None:
         if bad.any():
             i = int(np.argmax(bad))
             place = ", ".join(f"{v:.4g}" for v in points[i])
@@ -353,8 +351,9 @@ def _check_sensors(case: Case, points: np.ndarray) -> None:
             )  # fmt: skip
 
     if case.room is not None:
-        inside = (points > margin) & (points < np.array(case.room.size) - margin)
-        refuse(~inside.all(axis=1), "in, on or beyond a wall of the room")
+        size = np.array(case.room.size)
+        outside = (points <= margin) | (points >= size - margin)
+        refuse(outside.any(axis=1), "in, on or beyond a wall of the room")
     for piece in case.furniture:
         for corner, size in boxes(piece):
             near = (points > corner - margin) & (points < corner + size + margin)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import uuid
 from pathlib import Path
@@ -57,7 +56,7 @@ def _replace(temporary: Path, path: Path) -> None:
     """Put a finished file or folder in its place."""
     if path.is_dir():
         shutil.rmtree(path)
-    os.replace(temporary, path)
+    temporary.replace(path)
 
 
 def _temporary(path: Path) -> Path:

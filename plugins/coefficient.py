@@ -40,10 +40,11 @@ class Coefficient(mi.CppADIntegrator):
 
     def __init__(self, props: mi.Properties):
         super().__init__(props)
-        self.max_depth = int(props.get("max_depth", -1))
-        self.rr_depth = int(props.get("rr_depth", 4))
-        self.suns_per_vertex = int(props.get("suns_per_vertex", 4))
-        checked("coefficient", "suns_per_vertex", self.suns_per_vertex, 1)
+        for name, default, least in (
+            ("max_depth", -1, -1), ("rr_depth", 4, 0), ("suns_per_vertex", 4, 1),
+        ):  # fmt: skip
+            value = checked("coefficient", name, props.get(name, default), least)
+            setattr(self, name, int(value))
 
     @staticmethod
     def _sources(scene):

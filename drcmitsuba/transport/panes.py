@@ -17,10 +17,10 @@ from functools import cached_property
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.sampling import transmittance
 
 from drcmitsuba.scene import Scene, quad_mesh
 from drcmitsuba.transport.gather import first_directions
-from drcmitsuba_plugins.sampling import transmittance
 
 OFFSET = 1e-4
 """Distance of a face's points from the pane [m]."""
@@ -74,7 +74,12 @@ class PanePatches:
     def scene(self) -> mi.Scene:
         """The patches alone, two triangles each: the primitive that a ray hits names the patch."""
         quads = np.stack(
-            [self.corner, self.corner + self.u, self.corner + self.u + self.v, self.corner + self.v],
+            [
+                self.corner,
+                self.corner + self.u,
+                self.corner + self.u + self.v,
+                self.corner + self.v,
+            ],
             axis=1,
         )
         return mi.load_dict({"type": "scene", "patches": quad_mesh("patches", quads)})

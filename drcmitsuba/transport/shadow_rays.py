@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.patches import Patches, patch_index
+from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk, transmittance
 
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.gather import first_directions
-from drcmitsuba_plugins.patches import Patches, patch_index
-from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk, transmittance
 
 LANES = 1 << 23
 """Lanes of one launch: large enough to fill a GPU, small enough for memory."""

@@ -1,0 +1,117 @@
+"""Fixtures that the tests share: variants, the shared data, and what "the same" means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+import drcmitsuba  # noqa: F401  registers the plugins
+from drcmitsuba import backend
+
+VARIANTS = ["llvm_ad_mono", "llvm_ad_rgb"] if backend.llvm_version() else []
+if backend.cuda_available():
+    VARIANTS += ["cuda_ad_mono", "cuda_ad_rgb"]
+
+
+@pytest.fixture(params=VARIANTS)
+def variant(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Each JIT variant that runs here, set; the first one is set again afterwards."""
+    yield backend.select(request.param)
+    backend.select(VARIANTS[0])
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Folder of reference data beside the repository; a checkout alone has none."""
+    path = Path(__file__).resolve().parents[2] / "shared"
+    if not path.is_dir():
+        pytest.skip("the shared reference data are not beside the repository")
+    return path
+
+
+ROUNDING = 2e-6
+"""Float32 coefficients carry a systematic error of this size."""
+
+
+def _moments(a: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """Mean of replicates (axis 0), the variance of that mean, and its degrees of freedom."""
+    return a.mean(axis=0), a.var(axis=0, ddof=1) / len(a), len(a) - 1
+
+
+def _p_values(a: np.ndarray, b: np.ndarray, exact: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Two-sided p of Welch's test of equal means, and the standard error of the difference."""
+    mean_a, var_a, dof_a = _moments(a)
+    mean_b, var_b, dof_b = (b[0], 0 * var_a, 1) if exact else _moments(b)
+    var = var_a + var_b
+    rounding = ROUNDING * np.maximum(abs(mean_b), 1e-3 * abs(mean_b).max(initial=0))
+    error = np.sqrt(var + rounding**2)
+    dof = np.divide(
+        var**2, var_a**2 / dof_a + var_b**2 / dof_b, out=np.ones_like(var), where=var > 0
+    )
+    difference = abs(mean_a - mean_b)
+    z = np.divide(difference, error, out=np.full_like(error, np.inf), where=error > 0)
+    p = np.where(var > 0, 2 * student.sf(z, np.maximum(dof, 1)), 1.0 * (z < 5))
+    return np.where(difference == 0, 1.0, p), error
+
+
+def _same(
+    a: np.ndarray,
+    *,
+    exact: np.ndarray | float | None = None,
+    other: np.ndarray | None = None,
+    within: float,
+    level: float = 1e-4,
+) -> None:
+    """Assert that independent replicates (axis 0 of `a`) have the expected mean.
+
+    Every entry is tested (Šidák) and their sum, each at `level`: of a hundred such tests one in a
+    hundred runs would raise a false alarm, and seeds are fixed. `within` is the largest relative
+    standard error of the sum with which the test still means something; a coarser one fails.
+    """
+    a = np.asarray(a, float).reshape(len(a), -1)
+    if other is None:
+        b = np.broadcast_to(np.asarray(exact, float), a.shape[1:] if np.ndim(exact) == 0 else None)\
+            if np.ndim(exact) == 0 else np.asarray(exact, float)
+        b = b.reshape(1, -1)
+    else:
+        b = np.asarray(other, float).reshape(len(other), -1)
+    assert a.shape[1] == b.shape[1]
+    p, _ = _p_values(a, b, other is None)
+    total_a, total_b = a.sum(axis=1, keepdims=True), b.sum(axis=1, keepdims=True)
+    p_sum, error = _p_values(total_a, total_b, other is None)
+    expected = abs(total_b.mean())
+    report = (
+        f"sum off by {(total_a.mean() / total_b.mean() - 1):+.3%} ± {error[0] / expected:.3%}"
+        f" (p {p_sum[0]:.2g}); worst of {p.size} entries p {p.min():.2g}"
+    )
+    print(report)
+    assert error[0] <= within * expected, f"too coarse to tell: {report}"
+    assert p_sum[0] > level, report
+    worst = int(p.argmin())
+    assert p[worst] > 1 - (1 - level) ** (1 / p.size), (
+        f"entry {worst}: {a[:, worst].mean():.6g}, expected {b[:, worst].mean():.6g}; {report}"
+    )
+
+
+@pytest.fixture(scope="session")
+def same():
+    """Call `same(replicates, exact=…)` or `same(replicates, other=…)`: see `_same`."""
+    return _same
+
+
+def _plain_coefficients(scene, points, normals, *, replicates=16, spp=4096, seed=0, **parameters):
+    integrator = mi.load_dict({"type": "coefficient", **parameters})
+    rows = (np.tile(np.asarray(a, float).reshape(-1, 3), (replicates, 1)) for a in (points, normals))
+    parts = integrator.sensors(scene, *rows, spp, seed).numpy()
+    return parts.reshape(2, replicates, -1, parts.shape[2])
+
+
+@pytest.fixture(scope="session")
+def plain_coefficients():
+    """Replicates by the plugin `coefficient`, shape (2: direct, interreflected; n, sensor, bin)."""
+    return _plain_coefficients
