@@ -88,7 +88,7 @@ class _Deposit:
     faces: mi.TensorXf | None = None
 
     def straight(
-        self, p: mi.Float, n: mi.Float, sky_rays: int, key: tuple[int, ...]
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1
     ) -> mi.TensorXf:
         """Light that comes straight, shape (receiver, bin)."""
         sky = sky_deposit(
@@ -98,7 +98,7 @@ class _Deposit:
         if not self.suns.labels:
             return sky
         sun = sun_deposit(
-            self.scene, p, n, suns=self.suns.directions, diameter=self.suns.diameter, samples=1,
+            self.scene, p, n, suns=self.suns.directions, diameter=self.suns.diameter, samples=sun_samples,
             seed=_seed(self.accuracy, *key, 1),
         )  # fmt: skip
         return dr.concat((sky, sun), axis=1)
@@ -117,7 +117,7 @@ class _Deposit:
             return self
         rng = np.random.default_rng(_seed(self.accuracy, *key, 3))
         p, n = self.patches.face_points(rng)
-        received = self.straight(p, n, 4 * self.accuracy.cell_sky_rays, key)
+        received = self.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
         return replace(self, faces=settle(self.transfer(p, n, key), received))
 
     def scattered(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> mi.TensorXf | None:
@@ -221,13 +221,15 @@ def compute(
             key = (r, 1, block)
             if cells.count > known:
                 q, m = draw_points(vertices, cell, known, cells.count - known, r)
-                new = deposit.straight(q, m, accuracy.cell_sky_rays, (*key, 0))
+                new = deposit.straight(q, m, (*key, 0), accuracy.cell_sky_rays)
                 scattered = deposit.scattered(q, m, (*key, 0))
                 new = new if scattered is None else new + scattered
                 old = of_cells[r]
                 of_cells[r] = new if old is None else dr.concat((old, new), axis=0)
                 dr.eval(of_cells[r])
-            straight = deposit.straight(p, n, accuracy.sensor_sky_rays, (*key, 1))
+            straight = deposit.straight(
+                p, n, (*key, 1), accuracy.sensor_sky_rays, accuracy.sensor_sun_samples
+            )
             scattered = deposit.scattered(p, n, (*key, 1))
             direct = straight if scattered is None else straight + scattered
             d = of_cells[r]

@@ -11,7 +11,6 @@ References
    exposure (ASE)", 2012.
 .. [2] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", Journal of Facade Design
    and Engineering 3, 2015, equations 1 to 6.
-.. [3] B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics 9(3), 1981.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from fractions import Fraction
-from typing import overload
 
 import numpy as np
 import xarray as xr
@@ -201,72 +199,6 @@ class Interval:
     def as_dict(self) -> dict[str, float]:
         """Give `{"value", "low", "high"}` as in `metrics.json`."""
         return asdict(self)
-
-
-@overload
-def jackknife(values: np.ndarray, value: float, bounds: tuple[float, float] = ...) -> Interval: ...
-@overload
-def jackknife(
-    values: np.ndarray, value: np.ndarray | xr.DataArray, bounds: tuple[float, float] = ...
-) -> list[Interval | None]: ...
-def jackknife(
-    values: np.ndarray,
-    value: float | np.ndarray | xr.DataArray,
-    bounds: tuple[float, float] = (-math.inf, math.inf),
-) -> Interval | list[Interval | None]:
-    """Confidence interval of 95 % by the delete-one jackknife.
-
-    value ± t_{R−1, 97.5 %}·√((R−1)/R·Σ_r (θ_r − θ̄)²) [3]_.
-
-    Parameters
-    ----------
-    values : array (R,) or (R, n)
-        Estimates θ_r, each from all but one of R independent parts of the samples.
-    value : float or array (n,)
-        Estimate from all samples; NaN where there is none (a month without hours).
-    bounds : (float, float)
-        Lowest and highest value that can be, (0, 100) for a metric in per cent: the interval is
-        clipped to them.
-
-    Returns
-    -------
-    Interval, or list of n Interval
-        None for an array's NaN.
-
-    Raises
-    ------
-    InputError
-        R < 2, shapes that do not match, an estimate that is not finite.
-
-    Notes
-    -----
-    The jackknife holds for smooth functions of the samples. A metric over many sensors is nearly
-    one; over a handful it moves in steps, and where no part moves it the interval has no width.
-    """
-    from scipy.special import stdtrit  # pvlib brings SciPy; loaded only where it is used
-
-    estimates, centre = np.asarray(values, dtype=float), np.asarray(value, dtype=float)
-    if estimates.ndim not in (1, 2) or estimates.shape[1:] != centre.shape or len(estimates) < 2:
-        raise InputError(
-            "jackknife",
-            "values",
-            f"shape {estimates.shape} for a value of shape {centre.shape}",
-            "give at least two estimates, each of the shape of the value",
-        )
-    known = np.isfinite(centre)
-    if not np.isfinite(estimates[:, known]).all() or not (centre.ndim or known):
-        raise InputError("jackknife", "values", "not finite", "leave out what has no estimate")
-
-    R = len(estimates)
-    error = np.sqrt((R - 1) / R * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0))
-    half = stdtrit(R - 1, 0.975) * error
-    low, high = np.clip(centre - half, *bounds), np.clip(centre + half, *bounds)
-    if not centre.ndim:
-        return Interval(float(centre), float(low), float(high))
-    return [
-        Interval(float(c), float(a), float(b)) if k else None
-        for c, a, b, k in zip(centre, low, high, known, strict=True)
-    ]
 
 
 def _values(array: xr.DataArray, name: str) -> np.ndarray:

@@ -8,6 +8,10 @@ reflection, the interreflected coefficient of a sensor is
 and G is estimated by paths whose directions follow the cosine law and the BSDFs: every diffuse
 vertex adds its throughput (1/paths × the product of the albedos up to and with it) to its cell.
 A source is never collected here; what leaves the room and meets nothing adds nothing.
+
+References
+----------
+.. [1] M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
 """
 
 from __future__ import annotations
@@ -19,18 +23,30 @@ import numpy as np
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid, Vertices
 
-ROULETTE_DEPTH = 2
+ROULETTE_DEPTH = 4
 
 
-def first_directions(sampler: mi.Sampler, lane: mi.UInt32, paths: int) -> mi.Vector3f:
-    """Cosine-distributed directions, stratified over the `paths` consecutive lanes of a sensor."""
-    columns = int(np.sqrt(paths))
-    while paths % columns:
-        columns -= 1
-    k = lane % paths
-    u = (mi.Float(k % columns) + sampler.next_1d()) * (1 / columns)
-    v = (mi.Float(k // columns) + sampler.next_1d()) * (columns / paths)
-    return mi.warp.square_to_cosine_hemisphere(mi.Point2f(u, v))
+# 2³² / φʲ with φ⁵ = φ + 1: steps of a sequence that fills four dimensions evenly [1]_.
+_STEPS = (3679390609, 3152041523, 2700274805, 2313257605)
+
+
+def even_numbers(index: mi.UInt32, row: mi.UInt32, seed: int, pair: int) -> mi.Point2f:
+    """Point `index` of an even sequence in [0, 1)², one of two pairs of dimensions.
+
+    Every `row` and seed has a random shift of its own (Cranley and Patterson), which makes
+    estimates unbiased and rows independent.
+    """
+    shifts = mi.sample_tea_32(row, dr.opaque(mi.UInt32, (seed + 0x9E3779B9 * pair) & 0xFFFFFFFF))
+    numbers = (
+        index * mi.UInt32(step) + shift
+        for step, shift in zip(_STEPS[2 * pair : 2 * pair + 2], shifts, strict=True)
+    )
+    return mi.Point2f(*(mi.Float(number >> 8) * 2.0**-24 for number in numbers))
+
+
+def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f:
+    """Cosine-distributed directions about +z, spread evenly over the indices of a row."""
+    return mi.warp.square_to_cosine_hemisphere(even_numbers(index, row, seed, 0))
 
 
 def gather(
@@ -56,7 +72,7 @@ def gather(
     Vertices
     """
     lanes = replicates * len(points) * paths
-    capacity = 4 * lanes
+    capacity = 5 * lanes
     while True:
         vertices, met = _trace(scene, points, normals, lanes, paths, grid, seed, capacity)
         if met <= capacity:
@@ -76,7 +92,8 @@ def _trace(
     sensor = (lane // paths) % len(points)
     p = dr.gather(mi.Point3f, mi.Float(points.astype(np.float32).ravel()), sensor)
     n = dr.gather(mi.Normal3f, mi.Float(normals.astype(np.float32).ravel()), sensor)
-    wo = mi.Frame3f(n).to_world(first_directions(sampler, lane, paths))
+    row, index = lane // paths, lane % paths
+    wo = mi.Frame3f(n).to_world(first_directions(index, row, seed))
 
     counter = dr.zeros(mi.UInt32, 1)
     row_of, key_of, tag_of = (dr.zeros(mi.UInt32, capacity) for _ in range(3))
@@ -94,7 +111,8 @@ def _trace(
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
         bsdf = si.bsdf()
-        bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), sampler.next_2d(active), active)
+        uv = dr.select(depth == 0, even_numbers(index, row, seed, 1), sampler.next_2d(active))
+        bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), uv, active)
         beta *= weight[0]
         active &= beta > 0
         lobes = bsdf.flags()
@@ -106,7 +124,7 @@ def _trace(
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         slot = dr.scatter_inc(counter, mi.UInt32(0), is_cell)
         kept = is_cell & (slot < capacity)
-        dr.scatter(row_of, lane // paths, slot, kept)
+        dr.scatter(row_of, row, slot, kept)
         dr.scatter(weight_of, beta * (1 / paths), slot, kept)
         dr.scatter(key_of, grid.key(si.p, facing), slot, kept)
         dr.scatter(tag_of, depth * mi.UInt32(lanes) + lane, slot, kept)

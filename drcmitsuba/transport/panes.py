@@ -168,7 +168,7 @@ def pane_transfer(
     add(patch, d, distance, mi.Bool(True))
 
     # Directions by the cosine law.
-    d = mi.Frame3f(n).to_world(first_directions(sampler, lane, rays))
+    d = mi.Frame3f(n).to_world(first_directions(lane % rays, row, seed))
     hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
     add(hit.prim_index // 2, d, hit.t, hit.is_valid())
     dr.eval(out)

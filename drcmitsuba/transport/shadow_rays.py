@@ -19,6 +19,8 @@ from drcmitsuba.transport.gather import first_directions
 
 LANES = 1 << 23
 """Lanes of one launch: large enough to fill a GPU, small enough for memory."""
+CLUSTER = 32
+"""Neighbouring suns that are taken or left together."""
 
 
 @dataclass(frozen=True)
@@ -42,27 +44,78 @@ class Openings:
         n = np.cross(self.quads[:, 1] - self.quads[:, 0], self.quads[:, 3] - self.quads[:, 0])
         return n / np.linalg.norm(n, axis=1, keepdims=True)
 
-    def passed(self, p: mi.Point3f, d: mi.Vector3f, spread: float = 0.0) -> mi.Bool:
-        """Whether rays within `spread` [rad] of d may leave the room; errs on the side of yes."""
+    def passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+        """Whether rays may leave the room; errs on the side of tracing."""
         result = mi.Bool(False)
         for quad, normal in zip(self.quads, self.normals, strict=True):
             corner, n = mi.Point3f(*map(float, quad[0])), mi.Vector3f(*map(float, normal))
-            cosine = -dr.dot(d, n)
-            distance = dr.dot(p - corner, n) / cosine
-            y = p + distance * d - corner
-            inside = cosine > -spread
-            # A ray that is off by the spread meets the wall off by distance · spread / cosine.
-            margin = 1e-3 + 1.5 * spread * distance / cosine
+            cosine = dr.dot(d, n)
+            y = p - dr.dot(p - corner, n) / cosine * d - corner
+            inside = cosine < 0
             for edge in (quad[1] - quad[0], quad[3] - quad[0]):
                 length = float(np.linalg.norm(edge))
                 along = dr.dot(y, mi.Vector3f(*map(float, edge / length)))
-                inside &= (along > -margin) & (along < length + margin)
-            result |= inside | ((dr.abs(cosine) < 8 * spread) & (spread > 0))
+                inside &= (along > -1e-3) & (along < length + 1e-3)
+            result |= inside
         return result
 
-    def faced(self, suns: np.ndarray, diameter: float) -> np.ndarray:
-        """Suns (bool) of which any part stands before an opening."""
-        return (suns @ self.normals.T < np.sin(np.radians(diameter))).any(axis=1)
+    def reached(self, points: np.ndarray, axes: np.ndarray, spread: np.ndarray) -> np.ndarray:
+        """Whether cones of directions may leave the room, shape (point, cone); errs towards yes.
+
+        A ray at δ from an axis of incidence θ meets the wall, at distance h, within
+        h sin δ / (cos θ cos(θ + δ)) of the axis' own point.
+        """
+        result = np.zeros((len(points), len(axes)), bool)
+        for quad, normal in zip(self.quads, self.normals, strict=True):
+            cosine = -(axes @ normal)
+            outermost = np.cos(np.arccos(np.clip(cosine, -1, 1)) + spread)
+            grazes = (outermost < 0.01) & (cosine > -np.sin(spread))
+            safe = np.where(outermost < 0.01, 1.0, cosine)
+            h = ((points - quad[0]) @ normal)[:, None]
+            margin = h * np.sin(spread) / (safe * np.maximum(outermost, 0.01)) + 1e-3
+            inside = np.broadcast_to(outermost >= 0.01, result.shape)
+            for edge in (quad[1] - quad[0], quad[3] - quad[0]):
+                length = np.linalg.norm(edge)
+                along = ((points - quad[0]) @ edge / length)[:, None] + h / safe * (
+                    axes @ edge / length
+                )
+                inside = inside & (along > -margin) & (along < length + margin)
+            result |= inside | grazes
+        return result
+
+
+def _clusters(directions: np.ndarray) -> np.ndarray:
+    """Cut directions into clusters of neighbours, shape (cluster, CLUSTER), −1 where none is."""
+
+    def cut(index: np.ndarray) -> list[np.ndarray]:
+        if len(index) <= CLUSTER:
+            return [np.pad(index, (0, CLUSTER - len(index)), constant_values=-1)]
+        axis = int(np.argmax(np.ptp(directions[index], axis=0)))
+        half = -(-len(index) // (2 * CLUSTER)) * CLUSTER
+        order = index[np.argsort(directions[index, axis], kind="stable")]
+        return cut(order[:half]) + cut(order[half:])
+
+    return np.stack(cut(np.arange(len(directions))))
+
+
+def _candidates(
+    openings: Openings | None, p: np.ndarray, n: np.ndarray, suns: np.ndarray, radius: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pairs of receiver and cluster of suns that may see each other, and the clusters.
+
+    Most pairs of a receiver and a sun face away from each other or have a wall between them.
+    """
+    clusters = _clusters(suns)
+    members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
+    axes = members.mean(axis=1)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    cosines = np.einsum("gsi,gi->gs", members, axes)
+    spread = np.arccos(np.clip(cosines, -1, 1)).max(axis=1) + radius
+    possible = n @ axes.T > -np.sin(spread)
+    if openings is not None:
+        possible &= openings.reached(p, axes, spread)
+    rows, groups = np.nonzero(possible)
+    return rows, groups, clusters
 
 
 def _straight(
@@ -109,12 +162,10 @@ def sky_deposit(
     for start in range(0, count, block):
         n_points = min(block, count - start)
         lane = dr.arange(mi.UInt32, n_points * rays)
-        sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed + start, n_points * rays)
         row = lane // rays + dr.opaque(mi.UInt32, start)
         p = dr.gather(mi.Point3f, points, row)
         frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
-        d = frame.to_world(first_directions(sampler, lane, rays))
+        d = frame.to_world(first_directions(lane % rays, row, seed))
         tau = _straight(scene, openings, p, d, mi.Bool(True))
         index = row * bins + patch_index(d, subdivision)
         dr.scatter_add(out, tau * (np.pi / rays), index, tau > 0)
@@ -149,44 +200,33 @@ def sun_deposit(
     count, n_suns = dr.width(points) // 3, len(suns)
     out = dr.zeros(mi.Float, count * n_suns)
     openings = Openings.of(scene, points)
-    seen = np.arange(n_suns)
-    if openings is not None:
-        seen = np.flatnonzero(openings.faced(suns, diameter))
-    if len(seen) == 0:
+    if n_suns == 0 or (openings is not None and len(openings.quads) == 0):
         return mi.TensorXf(out, (count, n_suns))
-    spread = np.radians(diameter) / 2
-    directions = mi.Float(np.ascontiguousarray(suns[seen], np.float32).ravel())
-    sun_of = mi.UInt32(seen.astype(np.uint32))
-
-    def pair(index: mi.UInt32) -> tuple[mi.UInt32, mi.Point3f, mi.Normal3f, mi.Vector3f]:
-        row = index // len(seen)
-        p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
-        return row, p, n, dr.gather(mi.Vector3f, directions, index % len(seen))
-
+    at, facing = (a.numpy().reshape(-1, 3) for a in (points, normals))
+    rows, groups, clusters = _candidates(openings, at, facing, suns, np.radians(diameter) / 2)
+    directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
+    row_of, group_of = mi.UInt32(rows.astype(np.uint32)), mi.UInt32(groups.astype(np.uint32))
+    sun_of = mi.Int32(clusters.astype(np.int32).ravel())
     scale = disk_solid_angle(diameter) / samples
-    block = max(1, LANES // len(seen))
-    for start in range(0, count, block):
-        # Most pairs of receiver and sun face away or look at a wall: only the rest is traced.
-        first, pairs = start * len(seen), min(block, count - start) * len(seen)
-        index = dr.arange(mi.UInt32, pairs) + dr.opaque(mi.UInt32, first)
-        _, p, n, centre = pair(index)
-        possible = dr.dot(n, centre) > -spread
-        if openings is not None:
-            possible &= openings.passed(p, centre, spread)
-        index = dr.compress(possible) + dr.opaque(mi.UInt32, first)
-        lanes = dr.width(index)
-        if lanes == 0:
-            continue
-        row, p, n, centre = pair(index)
-        sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed + start, lanes)
+    block = LANES // CLUSTER
+    for start in range(0, len(rows), block):
+        lane = dr.arange(mi.UInt32, min(block, len(rows) - start) * CLUSTER)
+        candidate = lane // CLUSTER + dr.opaque(mi.UInt32, start)
+        row = dr.gather(mi.UInt32, row_of, candidate)
+        group = dr.gather(mi.UInt32, group_of, candidate)
+        member = dr.gather(mi.Int32, sun_of, group * CLUSTER + lane % CLUSTER)
+        sun, exists = mi.UInt32(member), member >= 0
+        p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
+        centre = dr.gather(mi.Vector3f, directions, sun, exists)
+        pair = row * n_suns + sun
         total = mi.Float(0)
-        for _ in range(samples):
-            d = sample_disk(centre, diameter, sampler.next_2d())
+        for i in range(samples):
+            numbers = mi.sample_tea_32(pair, dr.opaque(mi.UInt32, (seed + i) & 0xFFFFFFFF))
+            uv = mi.Point2f(*(mi.Float(v >> 8) * 2.0**-24 for v in numbers))
+            d = sample_disk(centre, diameter, uv)
             cosine = dr.dot(n, d)
-            tau = _straight(scene, openings, p, d, cosine > 0)
+            tau = _straight(scene, openings, p, d, exists & (cosine > 0))
             total += dr.select(tau > 0, tau * cosine, 0)
-        sun = dr.gather(mi.UInt32, sun_of, index % len(seen))
-        dr.scatter(out, total * scale, row * n_suns + sun)
+        dr.scatter(out, total * scale, pair, exists)
         dr.eval(out)
     return mi.TensorXf(out, (count, n_suns))
