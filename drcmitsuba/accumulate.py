@@ -13,6 +13,9 @@ import xarray as xr
 from drcmitsuba.errors import InputError
 from drcmitsuba.schema import describe, mean_and_error
 
+BLOCK = 256
+"""Sensors that are taken at once: the replicates of a block stay small."""
+
 
 def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
     """Positions of bins by label.
@@ -36,6 +39,17 @@ def _sun_positions(coefficients: xr.Dataset, sky: xr.Dataset) -> tuple[np.ndarra
     shining = np.flatnonzero(sky["sun"].values > 0)
     remedy = "compute coefficients for the time stamps of this sky"
     return shining, _positions(coefficients, sky["sun_bin"].values[shining], remedy)
+
+
+def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
+    """Refuse NaN: coefficients of the shaded state are known for the hours that close only."""
+    gaps = np.flatnonzero(np.isnan(values).any(axis=-1))
+    if len(gaps):
+        first = np.datetime_as_string(sky["time"].values[gaps[0]], unit="m")
+        raise InputError(
+            "coefficients", "bin", f"no numbers for {len(gaps)} time stamps, {first} the first",
+            "compute coefficients with this weather and state",
+        )  # fmt: skip
 
 
 def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
@@ -64,20 +78,21 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     for name in ("straight", "straight_se"):
         values = np.zeros((sky.sizes["time"], coefficients.sizes["sensor"]), np.float32)
         values[shining] = coefficients[name].values.T[at] * luminance
+        _refuse_gaps(values, sky)
         out[name.replace("straight", "direct_sun")] = _array(sky, values)
     return describe(xr.Dataset(out))
 
 
 def _of_replicate(
     c: np.ndarray, sky: xr.Dataset, patches: np.ndarray, at: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Illuminance by sky and by sun, (time, sensor) each, of one replicate's C (sensor, bin)."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Illuminance by sky, by sun and in all, (time, sensor) each, of one replicate's C."""
     by_sky = sky["sky"].values.astype(np.float32) @ c[:, patches].T
     by_sun = np.zeros_like(by_sky)
     shining = np.flatnonzero(sky["sun"].values > 0)
-    luminance = sky["sun"].values[shining].astype(np.float32)[:, None]
-    by_sun[shining] = c.T[at] * luminance
-    return by_sky, by_sun
+    by_sun[shining] = c.T[at] * sky["sun"].values[shining].astype(np.float32)[:, None]
+    _refuse_gaps(by_sun, sky)
+    return by_sky, by_sun, by_sky + by_sun
 
 
 def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
@@ -98,21 +113,21 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     Raises
     ------
     InputError
-        A bin of the sky has no coefficients.
+        A bin of the sky has no coefficients, or NaN.
     """
     remedy = "compute sky and coefficients with the same subdivision"
     patches = _positions(coefficients, sky["bin"].values, remedy)
     _, at = _sun_positions(coefficients, sky)
-    found = [_of_replicate(c, sky, patches, at) for c in coefficients["replicates"].values]
-    out = {}
-    for name, values in (
-        ("sky", np.stack([a for a, _ in found])),
-        ("sun", np.stack([b for _, b in found])),
-        ("total", np.stack([a + b for a, b in found])),
-    ):
-        mean, error = mean_and_error(values)
-        out[name], out[f"{name}_se"] = _array(sky, mean), _array(sky, error)
-    return xr.Dataset(out)
+    replicates = coefficients["replicates"].values
+    shape = (sky.sizes["time"], replicates.shape[1])
+    names = ("sky", "sun", "total")
+    out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
+    for start in range(0, shape[1], BLOCK):
+        here = slice(start, start + BLOCK)
+        found = [_of_replicate(c[here], sky, patches, at) for c in replicates]
+        for name, values in zip(names, zip(*found, strict=True), strict=True):
+            out[name][:, here], out[f"{name}_se"][:, here] = mean_and_error(np.stack(values))
+    return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
 
 
 def illuminance(

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import sys
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
@@ -25,9 +26,12 @@ else:
 
 MAX_BYTES = 1 << 20
 
-Fraction = Annotated[float, Field(ge=0, le=1)]
-Length = Annotated[float, Field(gt=0, le=10_000)]
-Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
+THINNEST = 1e-3
+"""Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
+
+Fraction = Annotated[float, Field(ge=0, le=1, strict=True)]
+Length = Annotated[float, Field(gt=0, le=10_000, strict=True)]
+Coordinate = Annotated[float, Field(ge=-100_000, le=100_000, strict=True)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 Side = Literal["south", "east", "north", "west"]
 Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
@@ -38,6 +42,9 @@ class Table(BaseModel):
     """A table of the case file: frozen, no unknown keys, no NaN, no infinity."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+T = TypeVar("T", bound=Table)
 
 
 class Site(Table):
@@ -105,6 +112,13 @@ class Outside(Table):
     sun_diameter: Annotated[float, Field(ge=0.01, le=10)] = 0.5
 
 
+def _check_energy(transmittance: float, reflectance: float) -> None:
+    total = transmittance + reflectance
+    if total > 1:
+        got = f"{transmittance:g} + {reflectance:g} is above 1"
+        raise InputError("material", "transmittance + reflectance", got, "lower one of them")
+
+
 class GlazingMaterial(Table):
     """Clear pane: τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], mirrored share after Schlick."""
 
@@ -116,8 +130,7 @@ class GlazingMaterial(Table):
 
     @model_validator(mode="after")
     def _energy(self) -> GlazingMaterial:
-        if self.transmittance + self.reflectance > 1:
-            raise ValueError("transmittance + reflectance is above 1")
+        _check_energy(self.transmittance, self.reflectance)
         return self
 
 
@@ -131,8 +144,7 @@ class DiffuserMaterial(Table):
 
     @model_validator(mode="after")
     def _energy(self) -> DiffuserMaterial:
-        if self.transmittance + self.reflectance > 1:
-            raise ValueError("transmittance + reflectance is above 1")
+        _check_energy(self.transmittance, self.reflectance)
         return self
 
 
@@ -149,7 +161,8 @@ class Strip(Table):
     @model_validator(mode="after")
     def _order(self) -> Strip:
         if self.top <= self.bottom:
-            raise ValueError(f"top {self.top} is not above bottom {self.bottom}")
+            got = f"{self.top:g} m is not above the bottom, {self.bottom:g} m"
+            raise InputError("strip", "top", got, "give the higher edge as top")
         return self
 
 
@@ -219,11 +232,13 @@ class Accuracy(Table):
     replicates: Annotated[int, Field(ge=2, le=64)] = 8
     paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Gather: paths from a sensor."""
-    cell_size: Annotated[float, Field(gt=0, le=100)] = 0.3
-    cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 64
+    cell_size: Annotated[float, Field(gt=0, le=100)] = 0.45
+    cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Deposit: rays from a cell to the sky."""
-    sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 512
+    sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
     """Deposit: rays from a sensor to the sky."""
+    sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 4
+    """Deposit: directions from a sensor to every sun; a cell takes one."""
     pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
     """Deposit: points on the scattering panes that a sensor or a cell looks at."""
 
@@ -257,33 +272,45 @@ class Case(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Case:
         if self.facade and self.room is None:
-            raise ValueError("facade needs a [room]")
+            raise InputError("case", "facade", "there is no room", "add a [room]")
+        for name in ("wall", "open"):
+            if name in self.materials:
+                got = "strips use this name for no material"
+                raise InputError("case", f"materials.{name}", got, "choose another name")
         for side, facade in self.facade.items():
             self._check_facade(side, facade)
         if self.shading is not None:
-            shade = self.materials.get(self.shading.material)
-            if not isinstance(shade, DiffuserMaterial):
-                raise ValueError(
-                    f"shading.material {self.shading.material!r} is no diffuser in [materials]"
-                )
+            name = self.shading.material
+            if not isinstance(self.materials.get(name), DiffuserMaterial):
+                known = [k for k, m in self.materials.items() if isinstance(m, DiffuserMaterial)]
+                got = f"{_short(name)} is no diffuser in [materials]"
+                raise InputError("case", "shading.material", got, _choose(name, known))
         return self
 
     def _check_facade(self, side: str, facade: Facade) -> None:
+        """Refuse strips that do not fit into their wall, or of an unknown material."""
         assert self.room is not None
         width, depth, height = self.room.size
         segment = (width if side in ("south", "north") else depth) / facade.segments
         known = ["wall", "open", *self.materials]
+
+        def refuse(strip: Strip, got: str, remedy: str) -> None:
+            where = f"facade.{side}.strips, {strip.bottom:g} to {strip.top:g} m"
+            raise InputError("case", where, got, remedy)
+
         top = 0.0
         for strip in sorted(facade.strips, key=lambda s: s.bottom):
-            where = f"facade.{side}: strip {strip.bottom}–{strip.top} m"
             if strip.material not in known:
-                raise ValueError(f"{where}: material {strip.material!r} is none of {known}")
+                got = f"unknown material {_short(strip.material)}"
+                refuse(strip, got, _choose(strip.material, known))
             if strip.top > height:
-                raise ValueError(f"{where} reaches above the room's {height} m")
+                refuse(strip, f"the room is {height:g} m high", "lower the top")
             if strip.bottom < top:
-                raise ValueError(f"{where} overlaps the strip below it")
-            if facade.frame >= min(segment, strip.top - strip.bottom):
-                raise ValueError(f"{where}: a frame of {facade.frame} m leaves no pane")
+                refuse(strip, "overlaps the strip below it", f"start at {top:g} m or above")
+            pane = min(segment, strip.top - strip.bottom) - facade.frame
+            if pane < THINNEST and strip.material != "wall":
+                got = f"a frame of {facade.frame:g} m leaves no pane"
+                refuse(strip, got, "give a narrower frame, fewer segments or a higher strip")
             top = strip.top
 
     def path(self, file: Path) -> Path:
@@ -342,36 +369,73 @@ def load_case(path: str | Path) -> Case:
     if file.stat().st_size > MAX_BYTES:
         raise InputError(file, "size", f"{file.stat().st_size} bytes", f"keep below {MAX_BYTES}")
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        data = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(file, "file", str(error.strerror), "check its rights") from None
     except UnicodeDecodeError as error:
         raise InputError(file, f"byte {error.start}", "not UTF-8", "save as UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # not only TOMLDecodeError: an integer of 5000 digits
         raise InputError(file, "TOML", str(error), "correct the syntax") from None
     except RecursionError:
         raise InputError(file, "TOML", "nested too deeply", "remove the nesting") from None
-    try:
-        case = Case.model_validate(data)
-    except ValidationError as error:
-        raise _as_input_error(file, error) from None
+    case = checked(Case, data, file)
     case._source, case._folder = str(file), file.parent
     return case
 
 
-def _as_input_error(file: Path, error: ValidationError) -> InputError:
-    """Turn pydantic's first complaint into one line that names field, value and remedy."""
-    first: Any = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in first["loc"]) or "case"
-    value = first.get("input")
-    got = "nothing" if first["type"] == "missing" else _short(value)
-    remedy = str(first["msg"]).removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        key = str(first["loc"][-1])
-        near = difflib.get_close_matches(key, _known_keys(), n=1)
-        hint = f"did you mean {near[0]!r}?" if near else "remove it"
-        return InputError(file, field, "unknown key", hint)
-    if first["type"] == "value_error":
-        return InputError(file, field, remedy, "correct the case file")
-    return InputError(file, field, f"got {got}", remedy[:1].lower() + remedy[1:])
+def checked(table: type[T], data: dict[str, Any], source: str | Path) -> T:
+    """Make a table from plain values, told to come from `source` where they are wrong."""
+    try:
+        return table.model_validate(data)
+    except ValidationError as error:
+        raise _as_input_error(source, data, error) from None
+
+
+def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationError) -> InputError:
+    """Turn pydantic's most telling complaint into one line: field, value and remedy.
+
+    Where a value may be one of several kinds, pydantic complains once for each kind: the complaint
+    that goes deepest into the file is the one about the kind that was meant. A key that is missing
+    comes last: it may be there, misspelt.
+    """
+    complaints: list[Any] = error.errors(include_url=False)
+    complaints.sort(key=lambda complaint: complaint["type"] == "missing")
+    paths = [_path(data, complaint) for complaint in complaints]
+    same = [i for i, path in enumerate(paths) if path[: len(paths[0])] == paths[0]]
+    deepest = max(same, key=lambda i: len(paths[i]))
+    chosen, path = complaints[deepest], paths[deepest]
+    keys = [str(k) if str(k).isprintable() and len(str(k)) <= 60 else _short(k) for k in path]
+    cause = chosen.get("ctx", {}).get("error")
+    if isinstance(cause, InputError):
+        return InputError(source, ".".join([*keys, cause.field]), cause.got, cause.remedy)
+    field = ".".join(keys) or "case"
+    if chosen["type"] == "extra_forbidden":
+        for key in path[:-1]:
+            data = data[key]
+        hint = _choose(str(path[-1]), _known_keys(set(data)), otherwise="remove it")
+        return InputError(source, field, "unknown key", hint)
+    got = "nothing" if chosen["type"] == "missing" else _short(chosen.get("input"))
+    wanted = dict.fromkeys(_in_toml(complaints[i]["msg"]) for i in same if paths[i] == path)
+    first, *others = wanted
+    remedy = " or ".join([first, *(w.removeprefix("Input should be ") for w in others)])
+    return InputError(source, field, f"got {got}", remedy[:1].lower() + remedy[1:])
+
+
+def _path(data: Any, complaint: Any) -> list[Any]:
+    """Keys that lead to a complaint in the file, without the names of pydantic's own steps."""
+    path = []
+    for key in complaint["loc"]:
+        keys = range(len(data)) if isinstance(data, list) else data
+        if isinstance(data, dict | list) and key in keys:
+            data = data[key]
+            path.append(key)
+    return [*path, complaint["loc"][-1]] if complaint["type"] == "missing" else path
+
+
+def _in_toml(message: str) -> str:
+    """Say what TOML calls pydantic's types."""
+    message = re.sub("dictionary or .*", "table", message)
+    return message.replace("Tuple", "List").replace("tuple", "list")
 
 
 def _short(value: object) -> str:
@@ -379,6 +443,17 @@ def _short(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _known_keys() -> list[str]:
+def _choose(name: str, known: list[str], otherwise: str = "") -> str:
+    """Hint at the known name that was meant, or at the first known ones."""
+    near = difflib.get_close_matches(name, known, n=1)
+    if near:
+        return f"did you mean {_short(near[0])}?"
+    return otherwise or f"choose from: {', '.join(map(_short, known[:8])) or 'none so far'}"
+
+
+def _known_keys(siblings: set[str]) -> list[str]:
+    """Keys of the tables that know most of these keys."""
     tables: list[type[Table]] = [Case, *Table.__subclasses__()]
-    return sorted({key for table in tables for key in table.model_fields})
+    fits = [len(siblings & table.model_fields.keys()) for table in tables]
+    best = [t for t, fit in zip(tables, fits, strict=True) if fit == max(fits)]
+    return sorted({key for table in best for key in table.model_fields})

@@ -98,8 +98,8 @@ class _Deposit:
         if not self.suns.labels:
             return sky
         sun = sun_deposit(
-            self.scene, p, n, suns=self.suns.directions, diameter=self.suns.diameter, samples=sun_samples,
-            seed=_seed(self.accuracy, *key, 1),
+            self.scene, p, n, suns=self.suns.directions, diameter=self.suns.diameter,
+            samples=sun_samples, seed=_seed(self.accuracy, *key, 1),
         )  # fmt: skip
         return dr.concat((sky, sun), axis=1)
 
