@@ -8,4 +8,6 @@ shadow_rays
     D: light that comes straight, through openings and clear panes.
 panes
     D: light that panes scatter.
+deposit
+    D: both together.
 """

@@ -1,0 +1,121 @@
+"""Deposit: what sky, ground and suns put on receivers before any diffuse reflection.
+
+`Deposit` joins the ways that light can take: straight, by shadow rays, and by way of panes that
+scatter. Sky and suns are kept as two arrays, since they reach different receivers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case import Accuracy
+from drcmitsuba.scene import Scene
+from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
+from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
+
+
+class Irradiance(NamedTuple):
+    """D [sr] of receivers: by ground and sky patches (receiver, bin), by suns (receiver, sun)."""
+
+    sky: mi.TensorXf
+    sun: mi.TensorXf
+
+    def plus(self, other: Irradiance | None) -> Irradiance:
+        """Sum with another one; None adds nothing."""
+        return self if other is None else Irradiance(self.sky + other.sky, self.sun + other.sun)
+
+    def followed_by(self, other: Irradiance | None) -> Irradiance:
+        """Append the receivers of another one."""
+        if other is None:
+            return self
+        both = Irradiance(*(dr.concat(pair, axis=0) for pair in zip(self, other, strict=True)))
+        dr.eval(both.sky, both.sun)
+        return both
+
+    def numpy(self) -> np.ndarray:
+        """All bins in one array (receiver, bin)."""
+        return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
+
+
+def launch_seed(accuracy: Accuracy, *key: int) -> int:
+    """Seed of one launch; launches with different keys are independent."""
+    return int(np.random.SeedSequence(accuracy.seed, spawn_key=key).generate_state(1)[0])
+
+
+@dataclass(frozen=True)
+class Deposit:
+    """Deposit on any receivers, in one replicate.
+
+    Parameters
+    ----------
+    scene : Scene
+    suns : np.ndarray, shape (sun, 3)
+        Unit vectors.
+    diameter : float
+        Angle across a sun [deg].
+    subdivision : int
+        Reinhart's factor MF of the sky.
+    accuracy : Accuracy
+    patches : PanePatches or None
+        The panes that scatter.
+    faces : Irradiance or None
+        Of the faces of these panes; see `lit`.
+    """
+
+    scene: Scene
+    suns: np.ndarray
+    diameter: float
+    subdivision: int
+    accuracy: Accuracy
+    patches: PanePatches | None
+    faces: Irradiance | None = None
+
+    @property
+    def bins(self) -> tuple[int, int]:
+        """Number of sky bins, the ground among them, and of suns."""
+        return len(Patches(self.subdivision)), len(self.suns)
+
+    def straight(
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1
+    ) -> Irradiance:
+        """Light that comes straight."""
+        sky = sky_deposit(
+            self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
+            seed=launch_seed(self.accuracy, *key, 0),
+        )  # fmt: skip
+        sun = sun_deposit(
+            self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
+            seed=launch_seed(self.accuracy, *key, 1),
+        )  # fmt: skip
+        return Irradiance(sky, sun)
+
+    def _transfer(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> mi.TensorXf:
+        """K from the faces of the panes to receivers, shape (receiver, face)."""
+        assert self.patches is not None
+        return pane_transfer(
+            self.scene, self.patches, p, n,
+            rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 2),
+        )  # fmt: skip
+
+    def lit(self, key: tuple[int, ...]) -> Deposit:
+        """Find the irradiance of the panes' faces, light from pane to pane included."""
+        if self.patches is None:
+            return self
+        rng = np.random.default_rng(launch_seed(self.accuracy, *key, 3))
+        p, n = self.patches.face_points(rng)
+        received = self.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
+        between = self._transfer(p, n, key)
+        return replace(self, faces=Irradiance(*(settle(between, part) for part in received)))
+
+    def scattered(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance | None:
+        """Light by way of scattering panes; None where there are none."""
+        if self.faces is None:
+            return None
+        transfer = self._transfer(p, n, key)
+        return Irradiance(*(transfer @ part for part in self.faces))
