@@ -1,0 +1,60 @@
+"""What a weather file gives: a site and its irradiance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import xarray as xr
+
+NOMINAL_YEAR = 2015
+"""Typical years are patched together from many; 2015 (1 January: Thursday) stands for all."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where the weather was observed.
+
+    Parameters
+    ----------
+    name : str
+    latitude : float
+        Degrees north.
+    longitude : float
+        Degrees east.
+    timezone : float
+        Hours east of UTC, standard time; fractions of an hour are possible.
+    elevation : float
+        Metres above sea level.
+    """
+
+    name: str
+    latitude: float
+    longitude: float
+    timezone: float
+    elevation: float
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Irradiance at a site.
+
+    Parameters
+    ----------
+    source : str
+        File that it was read from.
+    site : Site
+    step : float
+        Length of an interval [h].
+    data : xarray.Dataset
+        dim `time` (datetime64, local standard time, start of the interval, year 2015); `dni`,
+        `dhi`, `ghi` [W/m²] and `dew_point` [°C], float64, NaN where the file has no such column.
+        `attrs["sun_time"]` is "middle" or, where a stamp is the sun's instant, "instant".
+    notes : tuple of str
+        What was left out of the file or looks odd, for the user to read.
+    """
+
+    source: str
+    site: Site
+    step: float
+    data: xr.Dataset
+    notes: tuple[str, ...]
