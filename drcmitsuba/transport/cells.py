@@ -140,6 +140,8 @@ class Cells:
         met = dr.zeros(mi.UInt32, len(self.grid))
         dr.scatter(met, mi.UInt32(1), vertices.key)
         new = dr.compress((met == 1) & (self.index == _UNKNOWN))
+        if dr.width(new) == 0:
+            return self
         index = mi.UInt32(self.index)
         dr.scatter(index, self.count + dr.arange(mi.UInt32, dr.width(new)), new)
         dr.eval(index)
