@@ -12,6 +12,9 @@ coefficients, accumulate
 Importing the package makes its Mitsuba plugins known to every JIT variant; it sets none.
 """
 
+from drcmitsuba import backend  # first: it imports Dr.Jit without its complaints on stderr
+
+# isort: split
 import drcmitsuba_plugins as _plugins  # noqa: F401  registers the plugins
 
 from drcmitsuba import accumulate, coefficients, metrics, period, schema, sky, weather
@@ -27,6 +30,7 @@ __all__ = [
     "InputError",
     "Result",
     "accumulate",
+    "backend",
     "coefficients",
     "evaluate",
     "load_case",

@@ -91,8 +91,9 @@ def _of_replicate(
     by_sun = np.zeros_like(by_sky)
     shining = np.flatnonzero(sky["sun"].values > 0)
     by_sun[shining] = c.T[at] * sky["sun"].values[shining].astype(np.float32)[:, None]
-    _refuse_gaps(by_sun, sky)
-    return by_sky, by_sun, by_sky + by_sun
+    total = by_sky + by_sun
+    _refuse_gaps(total, sky)
+    return by_sky, by_sun, total
 
 
 def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:

@@ -9,12 +9,38 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import metadata
 
-import drjit as dr
-import mitsuba as mi
-
 from drcmitsuba.errors import BackendError
+
+
+@contextmanager
+def _native_code_unheard() -> Iterator[None]:
+    """Keep off stderr what compiled code writes there.
+
+    Dr.Jit looks for LLVM while it is imported and complains of an unfit one, before its log level
+    can be set. `check_llvm` tells it in one line, and only those who need LLVM.
+    """
+    try:
+        stderr = os.dup(2)
+    except OSError:  # closed: there is nothing to keep quiet
+        yield
+        return
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 2)
+    try:
+        yield
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(null)
+
+
+with _native_code_unheard():
+    import drjit as dr
+    import mitsuba as mi
 
 OLDEST_LLVM = 17
 REMEDY = (
@@ -46,7 +72,7 @@ def check_llvm() -> None:
     """
     version = llvm_version()
     if version is None:
-        raise BackendError(f"LLVM not found; {REMEDY}")
+        raise BackendError(f"no LLVM found, or one older than 15; {REMEDY}")
     if version[0] < OLDEST_LLVM:
         number = ".".join(str(v) for v in version)
         raise BackendError(f"LLVM {number} is unfit, {OLDEST_LLVM} or newer is needed; {REMEDY}")

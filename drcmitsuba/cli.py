@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,25 +22,48 @@ from drcmitsuba.result import Stage
 app = typer.Typer(
     name="drcmitsuba",
     help="Annual daylight simulation of daylight redirecting components.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+STOPPED = 130
+"""Exit code after Ctrl-C."""
 
 CasePath = Annotated[str, typer.Argument(help="Case file (TOML), or a shipped case by name.")]
 Weather = Annotated[
     Path | None, typer.Option("--weather", help="Weather file in place of the case's own.")
 ]
-Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
+
+
+def _writable(folder: Path | None) -> Path | None:
+    """Refuse a folder that cannot be written, before any work is done for it."""
+    if folder is not None:
+        there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+        if not there.is_dir():
+            raise InputError(folder, "-o", f"{there} is a file", "name a folder")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise InputError(folder, "-o", f"{there} may not be written", "name another folder")
+    return folder
+
+
+Output = Annotated[
+    Path, typer.Option("-o", "--output", callback=_writable, help="Folder for the results.")
+]
 
 
 @contextmanager
 def _stages() -> Iterator[Stage]:
-    """Progress bars on stderr, one for each stage; yields what opens a stage."""
+    """Progress bars on a terminal, one for each stage; yields what opens a stage.
+
+    They vanish where the work fails or is stopped: what remains is the line that says why.
+    """
     columns = (TextColumn("{task.description:<24}"), BarColumn(), TaskProgressColumn())
     console = Console(stderr=True)
     with Progress(
-        *columns, TimeRemainingColumn(elapsed_when_finished=True), console=console
+        *columns,
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=console,
+        disable=not console.is_interactive,
     ) as bar:
 
         @contextmanager
@@ -48,7 +72,11 @@ def _stages() -> Iterator[Stage]:
             yield lambda share: bar.update(task, completed=share)
             bar.update(task, completed=1.0)
 
-        yield stage
+        try:
+            yield stage
+        except BaseException:
+            bar.live.transient = True
+            raise
 
 
 def _percent(value: dict[str, float] | None) -> str:
@@ -126,12 +154,12 @@ def illuminance(
     """Multiply C and L to the illuminance E: illuminance.nc."""
     from drcmitsuba import result, schema
 
-    C = schema.open_dataset(c, "replicates", "straight", "straight_se")
-    L = schema.open_dataset(l, "L", "sun_bin", "clock")
+    C = schema.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
+    L = schema.open_dataset(l, "L", "bin", "sun_bin", "clock")
     with _stages() as stage, stage("accumulation"):
         light = result.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
         E = result.illuminance(C.load(), light)
-        E.attrs["step_hours"] = L.attrs["step_hours"]
+        E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         schema.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
 
@@ -140,7 +168,8 @@ def illuminance(
 def metrics(
     e: Annotated[Path, typer.Argument(help="illuminance.nc")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for metrics.json.")
+        Path | None,
+        typer.Option("-o", "--output", callback=_writable, help="Folder for metrics.json."),
     ] = None,
     sda_threshold: Annotated[float, typer.Option(help="sDA [lx].")] = 300.0,
     sda_fraction: Annotated[float, typer.Option(help="sDA, fraction of the hours.")] = 0.5,
@@ -149,15 +178,18 @@ def metrics(
 ) -> None:
     """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file."""
     from drcmitsuba import report, schema
-    from drcmitsuba.case import Metrics
+    from drcmitsuba.case import Metrics, checked
 
+    thresholds = {
+        "sda_threshold": sda_threshold,
+        "sda_fraction": sda_fraction,
+        "ase_threshold": ase_threshold,
+        "ase_hours": ase_hours,
+    }
     E = schema.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se").load()
     numbers = report.summarise(
         E,
-        Metrics(
-            sda_threshold=sda_threshold, sda_fraction=sda_fraction,
-            ase_threshold=ase_threshold, ase_hours=ase_hours,
-        ),
+        checked(Metrics, thresholds, "command line"),
         shade_threshold=E.attrs.get("shade_threshold", 1000.0),
         shade_area=E.attrs.get("shade_area", 0.02),
         step_hours=float(E.attrs.get("step_hours", 1.0)),
@@ -208,19 +240,32 @@ def doctor() -> None:
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     try:
-        app(standalone_mode=False)
+        code = app(standalone_mode=False)
+        if code == STOPPED:  # Typer has caught KeyboardInterrupt
+            raise KeyboardInterrupt
     except (typer.Abort, KeyboardInterrupt):
-        _exit("stopped", 130)
+        _exit("stopped", STOPPED)
     except InputError as error:
         _exit(str(error), 2)
     except BackendError as error:
         _exit(str(error), 1)
     except Exception as error:
+        if _was_stopped(error):
+            _exit("stopped", STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
-            _exit(f"command line: {error.format_message()}; see drcmitsuba --help", 2)
+            message = error.format_message().rstrip(".")
+            _exit(f"command line: {message}; see drcmitsuba --help", 2)
         if isinstance(error, OSError):
-            _exit(f"{error.filename}: {error.strerror}; check the path and its rights", 2)
+            where, what = error.filename or "files", error.strerror or error
+            _exit(f"{where}: {what}; check the path, its rights and the space that is left", 2)
         raise
+
+
+def _was_stopped(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: within a loop Dr.Jit makes a RuntimeError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _exit(line: str, code: int) -> None:

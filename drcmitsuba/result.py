@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +116,16 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
+@contextmanager
+def _of(case: Case, table: str) -> Iterator[None]:
+    """Name the case file and its table in what is wrong with them."""
+    try:
+        yield
+    except InputError as error:
+        field = f"{table}.{error.field}"
+        raise InputError(case.source, field, error.got, error.remedy) from None
+
+
 def period(table: PeriodTable) -> Period:
     """Period of a case; keys beside `calendar` override it."""
     days = {"EvalDRC": EVALDRC, "LM-83": LM83}[table.calendar].days_per_week
@@ -144,7 +154,12 @@ def _weather(case: Case) -> weather.Weather:
     if case.weather.file is not None:
         return weather.read(case.path(case.weather.file))
     if case.site is None or isinstance(case.sky, PerezSky):
-        return weather.default()
+        default = weather.default()
+        at = f"latitude {default.site.latitude:g}, longitude {default.site.longitude:g}"
+        note = f"no weather file: the typical year of {default.site.name} ({at}) is used"
+        if case.site is not None:
+            note += ", not [site]: a Perez sky takes place and weather from the weather file"
+        return replace(default, notes=(note, *default.notes))
     site = weather.Site(**case.site.model_dump())
     hours = np.arange("2015-01-01", "2016-01-01", dtype="datetime64[h]").astype("datetime64[ns]")
     empty = xr.Dataset(coords={"time": hours}, attrs={"sun_time": "middle"})
@@ -163,7 +178,8 @@ def daylight(case: Case) -> Daylight:
     starts = w.data["time"].values
     sun_time = w.data.attrs.get("sun_time", "middle")
     if case.period.timestamps is None:
-        times, clock = period(case.period).select(starts, w.step)
+        with _of(case, "period"):
+            times, clock = period(case.period).select(starts, w.step)
         rows = np.searchsorted(starts, times)
     else:
         file = case.path(case.period.timestamps)
@@ -177,10 +193,16 @@ def daylight(case: Case) -> Daylight:
                 file, "time", f"{times[outside][0]} is not in the weather",
                 "give time stamps within the weather file",
             )  # fmt: skip
+        if len(np.unique(times.astype("datetime64[m]"))) < len(times):
+            raise InputError(
+                file, "time", "two time stamps in one minute", "give one a minute at most"
+            )
+    with _of(case, "sky"):
+        model = sky_model(case)
     data = w.data.isel(time=rows).assign_coords(time=times)
     sun = sky.sun_position(times, w.step, w.site, sun_time)
     light = sky.radiance(
-        data, sun, model=sky_model(case),
+        data, sun, model=model,
         ground_reflectance=case.outside.ground_reflectance,
         sun_diameter=case.outside.sun_diameter,
     ).assign_coords(clock=("time", clock))  # fmt: skip
@@ -295,13 +317,6 @@ def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     shaded = None
     if "shaded" in coefficients["state"].values:
         shaded = coefficients.sel(state="shaded", drop=True)
-        suns = light["sun_bin"].values[closed.values & (light["sun"].values > 0)]
-        probe = shaded["direct"].isel(sensor=0).sel(bin=suns)
-        if probe.isnull().any():
-            raise InputError(
-                "coefficients", "state", f"{int(probe.isnull().sum())} time stamps that close have "
-                "no shaded coefficients", "compute coefficients with this weather",
-            )  # fmt: skip
     out = by_channel(accumulate.illuminance, is_open, shaded, light, closed)
     keep = ("has_shade", "shade_threshold", "shade_area")
     out.attrs = {k: v for k, v in coefficients.attrs.items() if k in keep}
@@ -379,7 +394,7 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
     numbers["settings"] = {
         "case": case.source,
         "variant": variant,
-        "weather": light.source,
+        "weather_source": light.source,
         "notes": list(light.notes),
         **case.model_dump(mode="json", exclude_none=True),
     }

@@ -78,10 +78,14 @@ def save_netcdf(data: xr.Dataset, path: Path) -> None:
 
 
 def save_zarr(data: xr.Dataset, path: Path) -> None:
-    """Write a dataset as a zarr folder; never leaves half a folder at `path`."""
+    """Write a dataset as a zarr folder; never leaves half a folder at `path`.
+
+    Format 2, whose consolidated metadata and strings are standard: `xarray.open_zarr` warns of
+    format 3 without them, `to_zarr` of format 3 with them.
+    """
     temporary = _temporary(path)
     try:
-        data.to_zarr(temporary, mode="w", consolidated=False)
+        data.to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
         _replace(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -89,10 +93,13 @@ def save_zarr(data: xr.Dataset, path: Path) -> None:
 
 def save_json(data: object, path: Path) -> None:
     """Write JSON; never leaves half a file at `path`. NaN has no place in it and raises."""
-    temporary = _temporary(path)
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=str)
-    temporary.write_text(text + "\n", encoding="utf-8")
-    _replace(temporary, path)
+    temporary = _temporary(path)
+    try:
+        temporary.write_text(text + "\n", encoding="utf-8")
+        _replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def open_dataset(path: Path, *variables: str) -> xr.Dataset:
@@ -116,7 +123,9 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
     missing = [v for v in variables if v not in data]
     if missing:
         raise InputError(path, "results", f"has no {missing[0]!r}", "give a file of this program")
-    return data
+    # Labels come back as NumPy's variable-width strings, which few of its functions take.
+    texts = {k: v.astype(object) for k, v in data.coords.items() if v.dtype.kind in "TU"}
+    return data.assign_coords(texts)
 
 
 def mean_and_error(replicates: np.ndarray, axis: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -190,7 +190,7 @@ class Coefficient(mi.CppADIntegrator):
         start = mi.Float(beta)
         depth = mi.UInt32(0)
         active = mi.Bool(True)
-        while active:
+        while dr.hint(active, exclude=[out]):
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
             escaped = active & ~si.is_valid()
             if dr.hint(sky is not None, mode="scalar"):
@@ -226,7 +226,6 @@ class Coefficient(mi.CppADIntegrator):
             active &= survives & (beta > 0)
             if dr.hint(self.max_depth >= 0, mode="scalar"):
                 active &= depth < self.max_depth
-        return ray
 
     def to_string(self):
         return f"Coefficient[max_depth={self.max_depth}]"

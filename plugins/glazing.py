@@ -49,7 +49,7 @@ class Glazing(mi.BSDF):
     def _schlick(value, c):
         if not isinstance(value, (int, float)):
             return value
-        return value + (1 - value) * (1 - c) ** 5 if value > 0 else 0 * c
+        return value + (1 - value) * (1 - c) ** 5 if value > 0 else value + 0 * c
 
     @staticmethod
     def _table(name, values):

@@ -39,7 +39,11 @@ class TregenzaSky(mi.Emitter):
                 f"subdivision {self.subdivision} has {n} bins"
             )
         checked("tregenza_sky", "radiance", self.radiance, 0)
-        self.frame = mi.Transform4f(props.get("to_world", mi.ScalarTransform4f()))
+        # Properties keep transforms in double precision, which Transform4f refuses.
+        to_world = props.get("to_world", mi.ScalarTransform4f())
+        axes = np.linalg.norm(np.array(to_world.matrix)[:3, :3], axis=0)
+        checked("tregenza_sky", "to_world, length of its axes", axes, 1 - 1e-3, 1 + 1e-3)
+        self.frame = mi.Transform4f(mi.ScalarTransform4f(to_world.matrix))
         self.bounds = mi.Float(patches.bounds.astype(np.float32).ravel())
         self.solid_angles = mi.Float(patches.solid_angles.astype(np.float32))
         self.bin_count = n

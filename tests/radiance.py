@@ -4,10 +4,9 @@ The programs and function files are those of the `pyradiance` package; nothing e
 Coefficients come back with our bins: ground, sky_001 … sky_145, or one per sun, shape
 (repeat, sensor, bin) [sr].
 
-Independent repeats are the sensors sent again in the same run, which goes on with the same random
-numbers. Separate runs would not do: `-u-` always starts at the same seed and `-u+` at the second on
-the clock; nor would `-n 2`, whose two processes draw the same numbers. So processes that run at once
-are for speed only, and errors are measured with one.
+Independent repeats are the sensors sent again in one run of one process, whose random numbers go
+on. `-n 2` would not do, its processes draw the same numbers; nor would two runs within one second,
+which is where the seed comes from.
 """
 
 from __future__ import annotations
@@ -21,9 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.case import Case, Facade, Strip
+from drcmitsuba.case import Case, Facade, GlazingMaterial, Strip
 from drcmitsuba.materials import Lambertian, channel_of
 from drcmitsuba.scene import Surface
+from drcmitsuba.weather import Site
 
 SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"
 """Ground and sky as one source, told apart by direction."""
@@ -64,6 +64,50 @@ def version() -> str:
     return run(["rcontrib", "-version"], Path()).decode().strip()
 
 
+def glass(cos_theta: np.ndarray, transmissivity: float) -> tuple[np.ndarray, np.ndarray]:
+    """Transmittance and reflectance of Radiance's `glass` (n = 1.52), both polarisations.
+
+    With r Fresnel's reflectance of one face and d the light left after one pass inside,
+    τ = (1 − r)² d / (1 − r² d²) and ρ = r (1 + (1 − 2r) d²) / (1 − r² d²).
+    """
+    n = 1.52
+    c = np.maximum(cos_theta, 1e-6)
+    inside = np.sqrt(1 - (1 - c**2) / n**2)
+    d = transmissivity ** (1 / inside)
+    faces = [((c - n * inside) / (c + n * inside)) ** 2, ((inside - n * c) / (inside + n * c)) ** 2]
+    tau = sum((1 - r) ** 2 * d / (1 - (r * d) ** 2) for r in faces) / 2
+    rho = sum(r * (1 + (1 - 2 * r) * d**2) / (1 - (r * d) ** 2) for r in faces) / 2
+    return tau, rho
+
+
+def perez(
+    times: np.ndarray, dni: np.ndarray, dhi: np.ndarray, site: Site, folder: Path
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sky by `gendaymtx`: radiance (time, bin), and its sun (time, 3), for hours with sunshine.
+
+    `times` are starts of hours; Radiance has the sun at their middle.
+    """
+    head = {
+        "place": site.name.replace(" ", "_"), "latitude": site.latitude,
+        "longitude": -site.longitude, "time_zone": -15 * site.timezone,
+        "site_elevation": site.elevation, "weather_data_file_units": 1,
+    }  # fmt: skip
+    lines = [f"{key} {value}" for key, value in head.items()]
+    for time, direct, diffuse in zip(times, dni, dhi, strict=True):
+        date, clock = str(time.astype("datetime64[m]")).split("T")
+        _, month, day = date.split("-")
+        lines.append(f"{int(month)} {int(day)} {int(clock[:2]) + 0.5} {direct:.9g} {diffuse:.9g}")
+    (folder / "hours.wea").write_text("\n".join(lines) + "\n")
+    command = ["gendaymtx", "-h", "-m", "1", "-s", "-c", "1", "1", "1", "-of"]
+    command += ["-D", "suns.rad", "-M", "suns.txt", "hours.wea"]
+    values = np.frombuffer(run(command, folder), np.float32).reshape(-1, len(times), 3)
+    text = (folder / "suns.rad").read_text().split()
+    starts = [i for i, word in enumerate(text) if word == "source"]
+    suns = np.array([[float(v) for v in text[i + 5 : i + 8]] for i in starts])
+    assert len(suns) == len(times), "gendaymtx prints a sun only where there is direct light"
+    return values[..., 0].T.astype(float), suns
+
+
 def opened(case: Case) -> Case:
     """The case with holes in place of every strip of its façades, and no shade."""
     facade = {
@@ -78,24 +122,34 @@ def opened(case: Case) -> Case:
     return case.model_copy(update={"facade": facade, "shading": None})
 
 
-def scene_text(surfaces: Sequence[Surface]) -> str:
-    """Grey diffuse surfaces as `plastic` without gloss; other materials are refused."""
+def scene_text(surfaces: Sequence[Surface], transmissivity: float | None = None) -> str:
+    """Grey diffuse surfaces as `plastic` without gloss, clear panes as `glass` if it is given."""
     lines = []
     for i, surface in enumerate(surfaces):
-        if not isinstance(surface.material, Lambertian):
+        if isinstance(surface.material, Lambertian):
+            r = channel_of(surface.material.reflectance, 0)
+            lines.append(f"void plastic m{i} 0 0 5 {r:.9g} {r:.9g} {r:.9g} 0 0")
+        elif isinstance(surface.material, GlazingMaterial) and transmissivity is not None:
+            lines.append(f"void glass m{i} 0 0 3" + 3 * f" {transmissivity:.9g}")
+        else:
             raise TypeError(f"{surface.name}: {surface.material} has no Radiance twin here")
-        r = channel_of(surface.material.reflectance, 0)
-        lines.append(f"void plastic m{i} 0 0 5 {r:.9g} {r:.9g} {r:.9g} 0 0")
         for k, quad in enumerate(surface.quads):
             corners = " ".join(f"{v:.9g}" for v in quad.ravel())
             lines.append(f"m{i} polygon p{i}.{k} 0 0 12 {corners}")
     return "\n".join(lines) + "\n"
 
 
+SUN_RADIANCE = 1e6
+"""`rcontrib` drops what falls below 1e-6, which a sun of unit radiance seen by way of a dark floor
+does. It so loses a fifth of the interreflected light of a sun at 15°. Contributions (`-V+`) of a
+bright sun stay above that; coefficients (`-V-`) do not, however bright the sun is."""
+
+
 def sun_text(directions: np.ndarray, diameter: float) -> str:
-    """Suns of unit radiance, each with a modifier of its own."""
+    """Suns of radiance SUN_RADIANCE, each with a modifier of its own."""
+    rgb = " ".join(3 * [f"{SUN_RADIANCE:g}"])
     return "".join(
-        f"void light sun{i} 0 0 3 1 1 1\n"
+        f"void light sun{i} 0 0 3 {rgb}\n"
         f"sun{i} source s{i} 0 0 4 {x:.9g} {y:.9g} {z:.9g} {diameter:.9g}\n"
         for i, (x, y, z) in enumerate(directions)
     )
@@ -158,5 +212,5 @@ class Room:
         """Coefficients of suns by `rcontrib`, (repeat, sensor, sun)."""
         octree = self._octree("suns", sun_text(directions, diameter))
         (self.folder / "suns.txt").write_text("".join(f"sun{i}\n" for i in range(len(directions))))
-        command = ["rcontrib", "-h", "-faf", "-I+", *options, "-M", "suns.txt", octree]
-        return self._matrix(run(command, self.folder, self._rays(repeats)), repeats)
+        command = ["rcontrib", "-h", "-faf", "-I+", "-V+", *options, "-M", "suns.txt", octree]
+        return self._matrix(run(command, self.folder, self._rays(repeats)), repeats) / SUN_RADIANCE

@@ -87,15 +87,16 @@ class Openings:
 def _clusters(directions: np.ndarray) -> np.ndarray:
     """Cut directions into clusters of neighbours, shape (cluster, CLUSTER), −1 where none is."""
 
-    def cut(index: np.ndarray) -> list[np.ndarray]:
+    def sort(index: np.ndarray) -> list[np.ndarray]:
         if len(index) <= CLUSTER:
-            return [np.pad(index, (0, CLUSTER - len(index)), constant_values=-1)]
+            return [index]
         axis = int(np.argmax(np.ptp(directions[index], axis=0)))
         half = -(-len(index) // (2 * CLUSTER)) * CLUSTER
         order = index[np.argsort(directions[index, axis], kind="stable")]
-        return cut(order[:half]) + cut(order[half:])
+        return sort(order[:half]) + sort(order[half:])
 
-    return np.stack(cut(np.arange(len(directions))))
+    order = np.concatenate(sort(np.arange(len(directions))))  # all clusters but the last are full
+    return np.pad(order, (0, -len(order) % CLUSTER), constant_values=-1).reshape(-1, CLUSTER)
 
 
 def _candidates(

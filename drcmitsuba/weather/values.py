@@ -44,7 +44,7 @@ def nominal_year(
 
 
 def hourly(path: Path, site: Site, frame: pd.DataFrame, lag: pd.Timedelta, table: Rows) -> Weather:
-    """Make the weather of a file with an hour a row; `lag` from the start of an hour to its label."""
+    """Make the weather of a file with an hour a row; `lag` is from an hour's start to its label."""
     time = nominal_year(path, frame.index, lag, table)
     return weather_of(
         path, site, 1.0, time, frame[list(HIGHEST)], frame["temp_dew"], "middle", table
