@@ -412,7 +412,8 @@ def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationE
     if chosen["type"] == "extra_forbidden":
         for key in path[:-1]:
             data = data[key]
-        hint = _choose(str(path[-1]), _known_keys(set(data)), otherwise="remove it")
+        siblings = set(data) - {path[-1]}
+        hint = _choose(str(path[-1]), _known_keys(siblings), otherwise="remove it")
         return InputError(source, field, "unknown key", hint)
     got = "nothing" if chosen["type"] == "missing" else _short(chosen.get("input"))
     wanted = dict.fromkeys(_in_toml(complaints[i]["msg"]) for i in same if paths[i] == path)
@@ -445,7 +446,7 @@ def _short(value: object) -> str:
 
 def _choose(name: str, known: list[str], otherwise: str = "") -> str:
     """Hint at the known name that was meant, or at the first known ones."""
-    near = difflib.get_close_matches(name, known, n=1)
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
     if near:
         return f"did you mean {_short(near[0])}?"
     return otherwise or f"choose from: {', '.join(map(_short, known[:8])) or 'none so far'}"

@@ -1,0 +1,1 @@
+"""Time and error of ours and of Radiance: `python -m tests.bench --help`."""

@@ -1,0 +1,279 @@
+"""Time and error of ours and of Radiance, in one run on one machine.
+
+    python -m tests.bench [--parts a,b,c,d] [--reference DIR] [--weather FILE] [--quick]
+
+from the repository's root, with the test extras installed; prints Markdown.
+
+(a) Sky coefficients of the classroom: seconds at equal error.
+(b) Exact suns of a year: seconds at equal error; Radiance's for 100 suns, times suns over 100.
+(c) A whole evaluation as a user starts it, import and compilation included; memory and disk.
+(d) Seconds against the number of sensors.
+
+Equal error: ours is at most Radiance's, over all entries, and in further rows also over those
+without direct light; against converged coefficients, which take minutes to make and are kept in the
+folder that `--reference` names. In (a), (b) and (d) kernels are warm and the import is not counted;
+`oconv`, milliseconds, is in Radiance's seconds. `rcontrib` has two processes. Nothing is asserted.
+`--quick` is a rehearsal of minutes: a coarse reference and small searches.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import itertools
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba import backend
+from drcmitsuba.coefficients import Suns
+from tests import radiance
+from tests.bench.classroom import BINS, CASE, NO_SUNS, Classroom, Errors, Reference, reference
+
+PROCESSES = ["-n", "2"]
+SKY = {
+    "-ad 4096 -ab 7 -lw 1e-9": "as in the project's notes",
+    "-ad 4096 -ab 7 -lw 1e-4": "fastest found at this error",
+}
+SUNS = {
+    "-dt 0 -dc 1 -ab 5 -ad 512 -lw 1e-9": "as in the project's notes",
+    "-dt 0 -dc 1 -ab 5 -ad 512 -lw 1e-3": "fastest found at this error",
+}
+SKY_SEARCH = {
+    "replicates": (2,), "paths": (32, 48, 64, 96, 128, 192, 256, 384, 512, 1024),
+    "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (128,),
+    "sensor_sky_rays": (1024, 2048, 4096, 8192),
+}  # fmt: skip
+SUN_SEARCH = {
+    "replicates": (2,), "paths": (64, 128, 256, 384, 512, 768, 1024),
+    "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (16,), "sensor_sky_rays": (64,),
+    "sensor_sun_samples": (1, 2, 4),
+}  # fmt: skip
+QUICK = {"paths": (64, 256, 1024), "cell_size": (0.45,), "sensor_sky_rays": (4096,)}
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Print a Markdown table."""
+    head = list(head)
+    for row in (head, ["---"] * len(head), *rows):
+        print("| " + " | ".join(map(str, row)) + " |")
+    print(flush=True)
+
+
+def seconds(work: Callable[[], object], times: int) -> float:
+    """Median wall time of some runs after a first one that compiles."""
+    work()
+    taken = []
+    for _ in range(times):
+        start = perf_counter()
+        work()
+        taken.append(perf_counter() - start)
+    return float(np.median(taken))
+
+
+def columns(errors: Errors) -> list[str]:
+    return [f"{errors.total:.3f}", f"{errors.direct:.3f}", f"{errors.dark:.3f}",
+            f"{errors.mean:.4f}"]  # fmt: skip
+
+
+HEAD = ["", "seconds", "RMS", "direct part", "entries without direct light", "mean / reference"]
+
+
+def settings(search: dict[str, tuple], quick: bool) -> list[dict[str, float]]:
+    search = {**search, **QUICK} if quick else search
+    return [
+        dict(zip(search, values, strict=True)) for values in itertools.product(*search.values())
+    ]
+
+
+def fastest(
+    search: list[dict[str, float]], work: Callable[[dict], tuple[np.ndarray, np.ndarray]],
+    known: Reference, goals: Sequence[Callable[[Errors], bool]],
+) -> list[tuple[float, dict[str, float], Errors] | None]:  # fmt: skip
+    """Settings that reach each goal in the least time; times of the finalists are repeated."""
+    tried = []
+    for accuracy in search:
+        work(accuracy)
+        start = perf_counter()
+        total, direct = work(accuracy)
+        tried.append((perf_counter() - start, accuracy, known.errors(total, direct)))
+    tried.sort(key=lambda t: t[0])
+    best = []
+    for reached in goals:
+        fit = [t for t in tried if reached(t[2])][:4]
+        again = [(seconds(partial(work, a), 7), a, e) for _, a, e in fit]
+        best.append(min(again, key=lambda t: t[0], default=None))
+    return best
+
+
+def compare(
+    room: Classroom, search: list[dict[str, float]], suns: Suns, name: str, bins: list[str],
+    known: Reference, theirs: dict[str, tuple[float, Errors]], rows: list[list[str]],
+) -> None:  # fmt: skip
+    """Find our fastest settings for each of Radiance's errors, and print all rows."""
+
+    def work(accuracy: dict) -> tuple[np.ndarray, np.ndarray]:
+        C = room.ours(suns, **accuracy).sel(bin=bins)
+        direct = C["direct"].values.astype(float)
+        return direct + C["interreflected"].values, direct
+
+    wanted = list(itertools.product(theirs, (False, True)))
+    goals = [partial(Errors.within, other=theirs[line][1], dark=dark) for line, dark in wanted]
+    found = fastest(search, work, known, goals)
+    for (line, dark), best in zip(wanted, found, strict=True):
+        at = "RMS, also without direct light," if dark else "RMS"
+        if best is None:
+            rows.append([f"{name}: no setting tried reaches the {at} of `{line}`", *"-----"])
+            continue
+        time, accuracy, errors = best
+        ratio = f"**{theirs[line][0] / time:.0f} × faster** at the {at} of `{line}`"
+        rows.append([f"{name}, {short(accuracy)}: {ratio}", f"{time:.3f}", *columns(errors)])
+    table(HEAD, rows)
+
+
+def short(accuracy: dict[str, float]) -> str:
+    return ", ".join(f"{k} {v}" for k, v in accuracy.items())
+
+
+def sky(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
+    """Part (a)."""
+    print(f"## (a) Sky coefficients, {len(room.sensors[0])} sensors × {BINS} bins\n")
+    known = reference(room, None, 16 if options.quick else 256, options.reference)
+    traced, theirs, rows = room.room(folder), {}, []
+    for line, why in SKY.items():
+        arguments = [*PROCESSES, *line.split()]
+        direct = traced.sky([*arguments, "-ab", "1"])[0]
+        start = perf_counter()
+        total = traced.sky(arguments)[0]
+        time = perf_counter() - start
+        errors = known.errors(total, direct)
+        theirs[line] = time, errors
+        rows.append([f"`rcontrib -n 2 {line}` ({why})", f"{time:.1f}", *columns(errors)])
+    search = settings(SKY_SEARCH, options.quick)
+    compare(room, search, NO_SUNS, "ours", Patches().labels, known, theirs, rows)
+
+
+def suns(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
+    """Part (b)."""
+    count, picked = len(room.year.labels), len(room.suns.labels)
+    where = room.weather.stem if room.weather else "the default year"
+    print(f"## (b) Exact suns of 0.5°, {len(room.sensors[0])} sensors\n")
+    print(f"{where}: {count} suns above the horizon in the EvalDRC calendar.")
+    known = reference(room, room.suns, 16 if options.quick else 128, options.reference)
+    traced, theirs, rows = room.room(folder), {}, []
+    ask = (room.suns.directions, room.suns.diameter)
+    for line, why in SUNS.items():
+        arguments = [*PROCESSES, *line.split()]
+        direct = traced.suns(*ask, [*arguments, "-ab", "0"])[0]
+        start = perf_counter()
+        total = traced.suns(*ask, arguments)[0]
+        time = perf_counter() - start
+        errors = known.errors(total, direct)
+        theirs[line] = time * count / picked, errors
+        shown = f"{time:.1f} for {picked}, so {theirs[line][0]:.0f}"
+        rows.append([f"`rcontrib -n 2 {line}` ({why})", shown, *columns(errors)])
+    search, name = settings(SUN_SEARCH, options.quick), f"ours, all {count} suns and a coarse sky"
+    compare(room, search, room.year, name, list(room.suns.labels), known, theirs, rows)
+
+
+def whole(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
+    """Part (c)."""
+    print(f"## (c) `drcmitsuba evaluate {CASE}`, both shade states, all files and plots\n")
+    cache, out = folder / "kernels", folder / "results"
+    cache.mkdir()
+    command = [sys.executable, "-m", "drcmitsuba.cli", "evaluate", CASE, "-o", str(out)]
+    if room.weather:
+        command += ["--weather", str(room.weather)]
+    environment = {**os.environ, "DRJIT_CACHE_DIR": str(cache)}
+    rows = []
+    for name in ("no kernels cached", "kernels cached", "kernels cached, again"):
+        start = perf_counter()
+        process = subprocess.Popen(
+            command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        time = perf_counter() - start
+        if process.returncode:
+            print(f"`{' '.join(command)}` ended with exit code {process.returncode}.\n")
+            return
+        memory = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        disk = sum(f.stat().st_size for f in out.rglob("*") if f.is_file())
+        kernels = len(list(cache.iterdir()))
+        rows.append([name, f"{time:.1f}", f"{memory / 2**20:.0f}", f"{disk / 1e6:.1f}", kernels])
+    table(["", "seconds", "peak memory [MiB]", "disk [MB]", "kernels in the cache after"], rows)
+
+
+def scaling(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
+    """Part (d)."""
+    print("## (d) Denser sensors: sky and 100 suns\n")
+    accuracy = {"replicates": 2, "paths": 256, "cell_size": 0.45, "cell_sky_rays": 128,
+                "sensor_sky_rays": 4096}  # fmt: skip
+    points, normals = room.sensors
+    low, high = points.min(axis=0), points.max(axis=0)
+    rows = []
+    for nx, ny in ((24, 24), (72, 80), (240, 240)):
+        x, y = np.meshgrid(np.linspace(low[0], high[0], nx), np.linspace(low[1], high[1], ny))
+        p = np.column_stack([x.ravel(), y.ravel(), np.full(nx * ny, low[2])])
+        n = np.tile(normals[0], (nx * ny, 1))
+        work = partial(room.ours, room.suns, p, n, **accuracy)
+        time = seconds(work, 1 if nx > 100 else 3)
+        entries = nx * ny * (BINS + len(room.suns.labels))
+        rows.append([f"{nx * ny:,}", f"{time:.2f}", f"{time / nx / ny * 1e6:.0f}",
+                     f"{time / entries * 1e6:.2f}"])  # fmt: skip
+    print(f"{short(accuracy)}\n")
+    table(["sensors", "seconds", "µs per sensor", "µs per sensor and bin"], rows)
+
+
+PARTS = {"a": sky, "b": suns, "c": whole, "d": scaling}
+
+
+def machine() -> str:
+    """The processor by name, where the system tells."""
+    info = Path("/proc/cpuinfo")
+    names = [
+        line.split(":", 1)[1].strip()
+        for line in (info.read_text().splitlines() if info.is_file() else [])
+        if line.startswith("model name")
+    ]
+    return f"{names[0] if names else platform.processor()}, {os.cpu_count()} cores"
+
+
+def main() -> None:
+    about = __doc__ or ""
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.bench", description=about,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--parts", default="a,b,c,d", help="which parts, default a,b,c,d")
+    parser.add_argument("--reference", type=Path, help="folder that keeps the reference")
+    parser.add_argument("--weather", type=Path, help="weather file instead of Geneva's")
+    parser.add_argument("--quick", action="store_true", help="coarse reference, small searches")
+    options = parser.parse_args()
+    parts = options.parts.split(",")
+    if unknown := set(parts) - set(PARTS):
+        parser.error(f"--parts: {', '.join(sorted(unknown))} is none of {', '.join(PARTS)}")
+    if {"a", "b"} & set(parts) and radiance.home() is None:
+        parser.error("parts a and b need Radiance: pip install pyradiance")
+    variant = backend.select()
+    versions = ", ".join(f"{k} {v}" for k, v in backend.report().items())
+    print(f"# Benchmark, {datetime.date.today().isoformat()}\n\n{machine()}; {variant}; {versions}")
+    print(f"Load of the machine at the start: {os.getloadavg()[0]:.1f}")
+    print(f"Radiance: {radiance.version()}\n" if radiance.home() else "")
+    room = Classroom(options.weather) if options.weather else Classroom()
+    for part in parts:
+        with tempfile.TemporaryDirectory() as folder:
+            PARTS[part](room, options, Path(folder))
+
+
+if __name__ == "__main__":
+    main()

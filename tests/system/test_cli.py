@@ -1,0 +1,420 @@
+"""The command line with a user who makes mistakes: exit codes, one line, nothing half-written."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pvlib
+import pytest
+
+import drcmitsuba
+from drcmitsuba import cli, plots, schema
+from drcmitsuba.case import Case
+from drcmitsuba.errors import BackendError
+
+WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
+TMY3 = Path(pvlib.__file__).parent / "data" / "723170TYA.CSV"
+CASE = """
+name = "small room"
+[period]
+months = [3]
+[room]
+size = [4.0, 5.0, 3.0]
+[facade.south]
+strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
+[materials.glass]
+type = "glazing"
+transmittance = 0.65
+[materials.shade]
+type = "diffuser"
+transmittance = 0.1
+[[furniture]]
+name = "desk"
+corner = [1.0, 1.0, 0.0]
+size = [1.2, 0.6, 0.7]
+[sensors]
+corner = [0.5, 0.5, 0.8]
+count = [3, 3]
+spacing = 0.6
+[shading]
+material = "shade"
+[accuracy]
+replicates = 2
+paths = 16
+cell_size = 0.6
+"""
+RESULTS = {
+    "metrics.json", "plan.json", "illuminance.nc", "coefficients.zarr", "sky.zarr",
+    "illuminance_plan.png", "autonomy_plan.png", "sun_plan.png", "monthly.png",
+}  # fmt: skip
+
+
+@pytest.fixture
+def case(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(CASE)
+    return file
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command line in this process: exit code, stdout, stderr."""
+
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["drcmitsuba", *map(str, arguments)])
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as stop:
+            code = stop.code
+        told = capsys.readouterr()
+        return code, told.out, told.err
+
+    return run
+
+
+@pytest.fixture
+def refused(run):
+    """Run what must end with exit code 2: the one line that says why."""
+
+    def refused(*arguments):
+        code, _, err = run(*arguments)
+        assert code == 2
+        assert err.endswith("\n")
+        assert err.count("\n") == 1
+        assert err.rstrip("\n").isprintable()
+        assert err.startswith("drcmitsuba: ")
+        return err.removeprefix("drcmitsuba: ").rstrip("\n")
+
+    return refused
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    (folder / "case.toml").write_text(CASE)
+    drcmitsuba.evaluate(drcmitsuba.load_case(folder / "case.toml")).save(folder / "r")
+    return folder / "r"
+
+
+# ---- mistakes ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verb", ["evaluate", "sky", "coefficients"])
+def test_a_missing_case_is_told(refused, tmp_path, verb):
+    missing = tmp_path / "none.toml"
+    line = refused(verb, missing, "-o", tmp_path / "r")
+    assert line == f"{missing}: case file: no such file; give a TOML file"
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("[furniture]", "[furnitrue]", 'furnitrue: unknown key; did you mean "furniture"?'),
+        ("transmittance = 0.65", "transmitance = 0.65", "unknown key; did you mean"),
+        ("[facade.south]", "frame = 0.1\n[facade.south]", "room.frame: unknown key; remove it"),
+        ("0.65", "1.65", "materials.glass.transmittance: got 1.65; input should be less than or"),
+        ("0.7]", "0.9]", "sensors: sensor 4 at (1.4, 1.4, 0.8) lies in or on 'desk' (2 in all)"),
+        ("count = [3, 3]", "count = [7, 3]", "sensors: sensor 6 at (4.4, 0.8, 0.8) lies in, on or"),
+        ("months = [3]", "hours = [9, 9]", "period.hours: (9, 9); give two"),
+        ("months = [3]", 'timestamps = "none.csv"', "none.csv: file: no such file; give the path"),
+        ("[period]", "[period", "TOML: Expected ']'"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["evaluate", "coefficients"])
+def test_a_wrong_case_is_told_in_one_line(refused, case, tmp_path, old, new, told, verb):
+    assert CASE.count(old) == 1
+    case.write_text(CASE.replace(old, new))
+    line = refused(verb, case, "-o", tmp_path / "r")
+    assert told in line
+    assert line.startswith(str(tmp_path))
+    assert not (tmp_path / "r").exists()
+
+
+def cut(text):
+    return "\n".join(text.splitlines()[:3000])
+
+
+def cut_within_a_row(text):
+    return text[: len(text) // 2]
+
+
+def with_code(code):
+    def write(text):
+        rows = text.splitlines()
+        names = rows[1].split(",")
+        row = rows[100].split(",")
+        row[names.index("DNI (W/m^2)")] = code
+        rows[100] = ",".join(row)
+        return "\n".join(rows)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (cut, "rows: 2998 hours, last 05-05 21:00; give all 8760"),
+        (cut_within_a_row, "the file is cut or damaged"),
+        (with_code("9999"), "line 101, dni: '9999', the code for missing (rows like it: 1)"),
+        (with_code("-9900"), "line 101, dni: '-9900', the code for missing"),
+        (with_code("-5"), "line 101, dni: '-5', negative"),
+        (with_code("lots"), "line 101, dni: 'lots', not a number"),
+        (lambda text: "", "file: empty; give the text file as its publisher made it"),
+        (lambda text: "\0" + text, "file: binary data (zero bytes)"),
+    ],
+    ids=["cut", "cut row", "9999", "-9900", "negative", "text", "empty", "binary"],
+)
+def test_unfit_weather_is_told_in_one_line(refused, case, tmp_path, damage, told):
+    file = tmp_path / "town.csv"
+    file.write_text(damage(TMY3.read_text()))
+    line = refused("evaluate", case, "--weather", file, "-o", tmp_path / "r")
+    assert told in line
+    assert line.startswith(f"{file}: ")
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("none.epw", "none.epw: file: no such file; give the path of a file"),
+        ("case.toml", "case.toml: suffix: '.toml'; use one of .epw, .csv, .tm2, .wea"),
+        ("", "suffix: ''; use one of"),
+    ],
+)
+def test_what_is_no_weather_file_is_told(refused, case, tmp_path, name, told):
+    line = refused("sky", case, "--weather", tmp_path / name, "-o", tmp_path / "r")
+    assert told in line
+
+
+@pytest.mark.parametrize("verb", ["evaluate", "sky", "coefficients"])
+def test_results_cannot_go_into_a_file(refused, case, verb):
+    line = refused(verb, case, "-o", case)
+    assert line == f"{case}: -o: {case} is a file; name a folder"
+    assert refused(verb, case, "-o", case / "r").startswith(f"{case / 'r'}: -o: {case} is a file")
+    assert case.read_text() == CASE
+
+
+def test_an_unwritable_folder_is_told_before_the_work(refused, case, tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write anywhere
+    monkeypatch.setattr("drcmitsuba.evaluate", pytest.fail)
+    line = refused("evaluate", case, "-o", tmp_path / "r")
+    assert line == f"{tmp_path / 'r'}: -o: {tmp_path} may not be written; name another folder"
+
+
+def test_a_full_disk_is_told_in_one_line(refused, case, tmp_path, monkeypatch):
+    def full(figure, path):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(plots, "save", full)
+    folder = tmp_path / "r"
+    assert "No space left on device" in refused("evaluate", case, "-o", folder)
+    left = {p.name for p in folder.iterdir()}
+    assert left == {"illuminance.nc", "coefficients.zarr", "sky.zarr", "plan.json"}
+    schema.open_dataset(folder / "illuminance.nc", "total").load()
+    schema.open_dataset(folder / "coefficients.zarr", "replicates").load()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "command line: Missing command"),
+        (["evalute"], "command line: No such command 'evalute'"),
+        (["evaluate"], "command line: Missing argument"),
+        (["evaluate", "a", "b"], "command line: Got unexpected extra argument"),
+        (["evaluate", "--wether", "x"], "command line: No such option: --wether"),
+        (["evaluate", "classroom/exsting"], "did you mean the shipped case classroom/existing?"),
+        (["plot", "nowhere"], "illuminance.nc: results: no such file or folder; run the step"),
+        (["metrics", "nowhere.nc"], "nowhere.nc: results: no such file or folder"),
+        (["illuminance", "nowhere", "nowhere"], "nowhere: results: no such file or folder"),
+    ],
+)
+def test_a_wrong_command_is_told_in_one_line(refused, tmp_path, monkeypatch, arguments, told):
+    monkeypatch.chdir(tmp_path)
+    assert told in refused(*arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "told"),
+    [
+        ("--sda-fraction", "7", "sda_fraction: got 7.0; input should be less than or equal to 1"),
+        ("--sda-threshold", "-1", "sda_threshold: got -1.0; input should be greater than 0"),
+        ("--ase-hours", "nan", "ase_hours: got NaN; input should be a finite number"),
+        ("--ase-threshold", "much", "Invalid value for '--ase-threshold'"),
+    ],
+)
+def test_unfit_thresholds_are_told(refused, results, option, value, told):
+    line = refused("metrics", results / "illuminance.nc", option, value)
+    assert line.startswith("command line: ")
+    assert told in line
+
+
+def test_files_of_another_kind_are_told(refused, results, tmp_path):
+    E, C, L = (results / name for name in ("illuminance.nc", "coefficients.zarr", "sky.zarr"))
+    assert "sky.zarr: results: has no 'replicates'" in refused("illuminance", L, C)
+    assert "coefficients.zarr: results: has no 'L'" in refused("illuminance", C, C)
+    assert "sky.zarr: results: has no 'total'" in refused("metrics", L)
+    assert "metrics.json: results: " in refused("metrics", results / "metrics.json")
+    schema.save_netcdf(schema.open_dataset(E).load(), tmp_path / "illuminance.nc")
+    assert "metrics.json: metrics: " in refused("plot", tmp_path)
+    (tmp_path / "metrics.json").write_text('{"settings": {"sensors": 3}}')
+    assert "metrics.json: metrics: " in refused("plot", tmp_path)
+
+
+def test_an_unfit_backend_is_exit_code_1(run, case, tmp_path, monkeypatch):
+    def refuse():
+        raise BackendError("LLVM 15.0.7 is unfit; install LLVM 19")
+
+    monkeypatch.setattr("drcmitsuba.backend.check_llvm", refuse)
+    monkeypatch.setenv("DRCMITSUBA_VARIANT", "llvm_ad_mono")
+    for command in (["doctor"], ["evaluate", case, "-o", tmp_path / "r"]):
+        code, _, err = run(*command)
+        assert (code, err) == (1, "drcmitsuba: LLVM 15.0.7 is unfit; install LLVM 19\n")
+    assert not (tmp_path / "r").exists()
+
+
+def test_an_error_of_the_program_is_not_told_as_a_bad_input(run, case, tmp_path, monkeypatch):
+    def fail(case):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("drcmitsuba.result.daylight", fail)
+    with pytest.raises(ZeroDivisionError):
+        run("evaluate", case, "-o", tmp_path / "r")
+
+
+# ---- Ctrl-C -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("inside_a_loop", [False, True])
+def test_a_stop_is_exit_code_130(run, case, tmp_path, monkeypatch, inside_a_loop):
+    def stopped(case):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as stop:
+            if not inside_a_loop:
+                raise
+            raise RuntimeError("dr.while_loop(): encountered an exception") from stop
+
+    monkeypatch.setattr("drcmitsuba.result.daylight", stopped)
+    code, _, err = run("evaluate", case, "-o", tmp_path / "r")
+    assert (code, err) == (130, "drcmitsuba: stopped\n")
+    assert not (tmp_path / "r").exists()
+
+
+SLOW = CASE.replace("3, 3]", "30, 30]").replace("spacing = 0.6", "spacing = 0.1")
+SLOW = SLOW.replace("paths = 16", "paths = 8000\nsensor_sky_rays = 20000")
+STOPPED_WITHIN = """
+import os, signal, sys, threading
+from drcmitsuba import cli, {module}
+
+def stopped_within(*args, **options):
+    threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGINT)).start()
+    return function(*args, **options)
+
+function, {module}.{name} = {module}.{name}, stopped_within
+sys.argv = ["drcmitsuba", "evaluate", {case!r}, "-o", {folder!r}]
+cli.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("module", "name", "delay", "written"),
+    [
+        ("result", "compute", 0.3, set()),
+        ("schema", "save_zarr", 0.0, {"illuminance.nc"}),
+    ],
+)
+def test_ctrl_c_leaves_one_line_and_whole_files(tmp_path, case, module, name, delay, written):
+    case.write_text(SLOW if delay else CASE)
+    folder = tmp_path / "r"
+    code = STOPPED_WITHIN.format(
+        module=module, name=name, delay=delay, case=str(case), folder=str(folder)
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (130, "drcmitsuba: stopped\n")
+    left = {p.name for p in folder.iterdir()} if folder.exists() else set()
+    assert not any(file.startswith(".") for file in left)
+    assert written <= left < RESULTS
+    for file in left:
+        schema.open_dataset(folder / file).load()
+
+
+# ---- what works -------------------------------------------------------------------------------
+
+
+def test_a_run_from_the_shell_says_its_numbers_and_nothing_else(case, tmp_path):
+    command = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli", "evaluate", "case.toml"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "sDA" in done.stdout
+    assert "note: no weather file" in done.stdout
+    assert done.stdout.endswith("results are in results\n")
+    assert {p.name for p in (tmp_path / "results").iterdir()} == RESULTS
+
+
+def test_results_are_written_over_older_ones(run, case, tmp_path, results):
+    for _ in range(2):
+        code, _, err = run("evaluate", case, "-o", tmp_path / "new" / "r")
+        assert (code, err) == (0, "")
+    assert {p.name for p in (tmp_path / "new" / "r").iterdir()} == RESULTS
+
+
+@pytest.mark.parametrize(
+    ("name", "note"),
+    [
+        ("mannheim.epw", ""),  # Latin-1
+        ("los_angeles_no_leap_field.epw", "29 February dropped (24 rows)"),  # 8784 rows
+        ("denver.epw", ""),  # all illuminances missing, all irradiances there
+        ("san_francisco_10min.wea", ""),
+    ],
+)
+def test_weather_files_with_quirks_are_fine(run, case, tmp_path, name, note):
+    file = WEATHER / name
+    if not file.exists():
+        pytest.skip("the shared weather files are not beside the repository")
+    case.write_text(CASE.replace("months = [3]", "months = [3]\nhours = [11, 13]"))
+    code, out, err = run("evaluate", case, "--weather", file, "-o", tmp_path / "r")
+    assert (code, err) == (0, "")
+    assert note in out
+    numbers = json.loads((tmp_path / "r" / "metrics.json").read_text(encoding="utf-8"))
+    assert numbers["settings"]["weather_source"] == str(file)
+    assert numbers["msDA"][2] is not None
+
+
+def test_plots_are_drawn_again(run, results):
+    pictures = {name for name in RESULTS if name.endswith(".png")}
+    for name in pictures:
+        (results / name).unlink()
+    code, out, err = run("plot", results)
+    assert (code, err) == (0, "")
+    assert {Path(line).name for line in out.split()} == pictures
+    assert all((results / name).read_bytes().startswith(b"\x89PNG") for name in pictures)
+
+
+def test_the_schema_is_printed_as_json(run):
+    code, out, err = run("schema")
+    assert (code, err) == (0, "")
+    assert json.loads(out) == Case.model_json_schema()
+
+
+def test_the_doctor_reports_and_says_ready(run):
+    code, out, err = run("doctor")
+    assert (code, err) == (0, "")
+    assert "LLVM" in out
+    assert "mitsuba" in out
+    assert "ready: " in out
+
+
+@pytest.mark.parametrize("verb", sorted(c.callback.__name__ for c in cli.app.registered_commands))
+def test_every_verb_has_a_help_page(run, verb):
+    code, out, err = run(verb, "--help")
+    assert (code, err) == (0, "")
+    assert "Usage" in out

@@ -1,0 +1,64 @@
+"""The pipeline is the import order: a module imports only modules above it, plugins nothing of it.
+
+Imports inside functions count too; `drcmitsuba/__init__.py` is the table of contents and exempt.
+"""
+
+import ast
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+ORDER = (
+    "errors schema weather period sky case backend materials scene plan transport coefficients "
+    "accumulate metrics design tradeoff plots report result cli"
+).split()
+FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
+MODULES = {
+    ".".join((package, *file.relative_to(folder).with_suffix("").parts)).removesuffix(
+        ".__init__"
+    ): file
+    for package, folder in FOLDERS.items()
+    for file in folder.rglob("*.py")
+}
+
+
+def imports(module):
+    """Modules that a module imports; of this project by their own names, others by their top."""
+    found = set()
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module}: relative import in line {node.lineno}"
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in MODULES else node.module for name in inner}
+    return {name if name in MODULES else name.split(".")[0] for name in found}
+
+
+def part(module):
+    return module.split(".")[1]
+
+
+@pytest.mark.parametrize("module", sorted(m for m in MODULES if m.startswith("drcmitsuba.")))
+def test_a_module_imports_only_modules_above_it(module):
+    assert part(module) in ORDER, "give the new module its place in ORDER"
+    for name in imports(module):
+        if name == "drcmitsuba":  # names of the table of contents, for the command line only
+            assert part(module) == "cli"
+        elif name.startswith("drcmitsuba.") and part(name) != part(module):
+            assert ORDER.index(part(name)) < ORDER.index(part(module)), f"{module} imports {name}"
+
+
+@pytest.mark.parametrize("module", sorted(m for m in MODULES if "plugins" in m))
+def test_plugins_import_nothing_but_mitsuba_drjit_numpy_and_each_other(module):
+    allowed = {"mitsuba", "drjit", "numpy", *sys.stdlib_module_names}
+    others = {name for name in imports(module) if not name.startswith("drcmitsuba_plugins")}
+    assert others <= allowed
+
+
+def test_no_import_cycle():
+    graph = {module: imports(module) & MODULES.keys() - {module} for module in MODULES}
+    TopologicalSorter(graph).prepare()

@@ -1,0 +1,150 @@
+"""What lies on disk: exact after a round trip, whole or not at all, nothing left behind."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from drcmitsuba import schema
+from drcmitsuba.errors import InputError
+
+LABELS = ["ground", "sky_001", "sky_145", "sun_2015-03-21T10:00"]
+
+
+def dataset():
+    rng = np.random.default_rng(0)
+    data = xr.Dataset(
+        {
+            "direct": (("state", "sensor", "bin"), rng.random((2, 3, 4), np.float32)),
+            "direct_se": (("state", "sensor", "bin"), rng.random((2, 3, 4), np.float32)),
+        },
+        coords={
+            "state": np.array(["open", "shaded"], object),
+            "bin": np.array(LABELS, object),
+            "sun_bin": ("time", np.array(["", LABELS[3]], object)),
+            "time": np.array(["2015-03-21T09:00", "2015-03-21T10:00"], "datetime64[ns]"),
+            "x": ("sensor", np.array([0.1, 0.2, 0.3])),
+        },
+        attrs={"case": "Café", "shade_area": 0.02, "has_shade": 1},
+    )
+    data["direct"][1, :, 3] = np.nan
+    return schema.describe(data)
+
+
+SAVERS = [(schema.save_zarr, "c.zarr"), (schema.save_netcdf, "c.nc")]
+
+
+@pytest.mark.parametrize(("save", "name"), SAVERS)
+def test_a_dataset_comes_back_as_it_was(tmp_path, save, name):
+    save(dataset(), tmp_path / "new" / name)
+    found = schema.open_dataset(tmp_path / "new" / name, "direct", "bin").load()
+    xr.testing.assert_identical(found, dataset())
+    assert list(found["bin"].values) == LABELS
+    assert found["direct"].dtype == np.float32
+    assert found["direct"].attrs["units"] == "sr"
+    assert found["direct_se"].attrs["long_name"].startswith("standard error of: ")
+
+
+@pytest.mark.parametrize(("save", "name"), SAVERS)
+def test_xarray_alone_opens_it_without_a_warning(tmp_path, save, name):
+    save(dataset(), tmp_path / name)
+    with xr.open_dataset(tmp_path / name) as found:
+        assert found["bin"].values.tolist() == LABELS
+        value = found["direct"].sel(state="open", bin=LABELS[3])
+        np.testing.assert_array_equal(value, dataset()["direct"][0, :, 3])
+
+
+@pytest.mark.parametrize(("save", "name"), SAVERS)
+def test_saving_again_replaces_all_of_it(tmp_path, save, name):
+    save(dataset(), tmp_path / name)
+    smaller = dataset().isel(bin=[0, 1], sensor=[2]).drop_vars("direct_se")
+    save(smaller, tmp_path / name)
+    xr.testing.assert_identical(schema.open_dataset(tmp_path / name).load(), smaller)
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(("save", "name"), SAVERS)
+@pytest.mark.parametrize("stage", ["write", "replace"])
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, OSError])
+def test_an_interrupted_save_keeps_what_was_there(tmp_path, monkeypatch, save, name, stage, stop):
+    save(dataset(), tmp_path / name)
+
+    def write_half_and_stop(self, target, **options):
+        writer(self, target, **options)
+        raise stop
+
+    def stop_at_once(*paths):
+        raise stop
+
+    with monkeypatch.context() as patch:
+        if stage == "write":
+            method = "to_zarr" if name.endswith("zarr") else "to_netcdf"
+            writer = getattr(xr.Dataset, method)
+            patch.setattr(xr.Dataset, method, write_half_and_stop)
+        else:
+            patch.setattr(schema, "_replace", stop_at_once)
+        with pytest.raises(stop):
+            save(2 * dataset(), tmp_path / name)
+    xr.testing.assert_identical(schema.open_dataset(tmp_path / name).load(), dataset())
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+def test_json_comes_back_as_it_was(tmp_path):
+    data = {"sDA": {"value": 50.0}, "msDA": [None, {"value": 1e-9}], "name": "Café"}
+    schema.save_json(data, tmp_path / "new" / "m.json")
+    assert json.loads((tmp_path / "new" / "m.json").read_text(encoding="utf-8")) == data
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_json_has_no_place_for_nan(tmp_path, bad):
+    schema.save_json({"value": 1.0}, tmp_path / "m.json")
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        schema.save_json({"value": bad}, tmp_path / "m.json")
+    assert json.loads((tmp_path / "m.json").read_text()) == {"value": 1.0}
+    assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
+
+
+def test_an_interrupted_json_leaves_nothing(tmp_path, monkeypatch):
+    def stop(*paths):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(schema, "_replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        schema.save_json({"value": 1.0}, tmp_path / "m.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_result_is_told_in_one_line(tmp_path):
+    text = tmp_path / "case.toml"
+    text.write_text("name = 1")
+    schema.save_netcdf(dataset(), tmp_path / "c.nc")
+    cut = tmp_path / "cut.nc"
+    cut.write_bytes((tmp_path / "c.nc").read_bytes()[:1000])
+    for path, told in (
+        (tmp_path / "none.nc", "no such file or folder; run the step that writes it"),
+        (tmp_path, "give a file of this program"),
+        (text, "give a file of this program"),
+        (cut, "give a file of this program"),
+    ):
+        with pytest.raises(InputError, match=told) as caught:
+            schema.open_dataset(path)
+        assert str(caught.value).isprintable()
+        assert str(caught.value).startswith(f"{path}: results: ")
+    with pytest.raises(InputError, match="results: has no 'total'; give a file of this program"):
+        schema.open_dataset(tmp_path / "c.nc", "direct", "total")
+
+
+def test_luminance_weighs_channels_and_leaves_grey_alone():
+    grey = xr.DataArray(np.ones((2, 3), np.float32), dims=("time", "sensor"))
+    assert schema.luminance(grey) is grey
+    channels = grey.expand_dims(channel=["red", "green", "blue"])
+    np.testing.assert_allclose(schema.luminance(channels), grey, rtol=1e-6)
+    red = channels * xr.DataArray([1.0, 0.0, 0.0], dims="channel")
+    np.testing.assert_allclose(schema.luminance(red), 0.2126, rtol=1e-6)
+
+
+def test_the_error_of_a_mean_by_hand():
+    mean, error = schema.mean_and_error(np.array([[1.0, 5.0], [3.0, 5.0]]))
+    np.testing.assert_allclose(mean, [2, 5])
+    np.testing.assert_allclose(error, [1, 0])

@@ -1,0 +1,92 @@
+"""The classroom of Bauer & Wittkopf: published numbers come out, and the seasons make sense.
+
+Published (Geneva, 500 lx in half of the hours, existing façade): sDA 70.2 % [1]_, ASE 34 % [2]_;
+façade O1, with half of the façade glazed: sDA below 55 %, ASE 21 % [2]_. The reflectances were not
+published; those of the reference cases are what was agreed for comparison.
+
+References
+----------
+.. [1] Z. T. Kazanasmaz, L. O. Grobe, C. Bauer, M. Krehel, S. Wittkopf, Building and Environment 102
+   (2016) 243-256.
+.. [2] C. Bauer, S. Wittkopf, Journal of Facade Design and Engineering (2016), section 4.2.
+"""
+
+from pathlib import Path
+
+import pytest
+
+import drcmitsuba
+
+GENEVA = Path(__file__).resolve().parents[3] / "shared/data/weather/CHE_Geneva.067000_IWEC.epw"
+WINTER, SUMMER = (11, 12, 1, 2), (5, 6, 7, 8)
+
+
+def evaluate(name):
+    if not GENEVA.exists():
+        pytest.skip("the shared weather files are not beside the repository")
+    case = drcmitsuba.load_case(f"classroom/reference/{name}").with_weather(GENEVA)
+    return drcmitsuba.evaluate(case)
+
+
+@pytest.fixture(scope="module")
+def existing():
+    return evaluate("existing")
+
+
+@pytest.fixture(scope="module")
+def o1():
+    return evaluate("o1")
+
+
+def monthly(result, name, months):
+    return [result.metrics[name][month - 1]["value"] for month in months]
+
+
+def mean(values):
+    return sum(values) / len(values)
+
+
+def test_a_year_of_working_hours_on_the_whole_grid(existing):
+    assert dict(existing.illuminance.sizes) == {"time": 2610, "sensor": 576}
+
+
+def test_the_existing_facade_has_its_published_autonomy_and_exposure(existing):
+    assert existing.metrics["sDA"]["value"] == pytest.approx(70.2, abs=2)
+    assert existing.metrics["ASE"]["value"] == pytest.approx(34, abs=2)
+
+
+def test_less_glass_costs_autonomy_and_saves_exposure(o1):
+    assert o1.metrics["sDA"]["value"] < 55
+    assert o1.metrics["ASE"]["value"] == pytest.approx(21, abs=2)
+
+
+def test_the_interval_of_each_number_is_narrow_enough_to_tell_the_facades_apart(existing, o1):
+    for name in ("sDA", "ASE"):
+        assert o1.metrics[name]["high"] < existing.metrics[name]["low"]
+
+
+def test_autonomy_rises_to_summer(existing):
+    winter, summer = (monthly(existing, "msDA", months) for months in (WINTER, SUMMER))
+    assert mean(summer) > mean(winter) + 10
+    assert min(summer) > existing.metrics["msDA"][11]["value"]
+
+
+def test_the_low_sun_of_winter_comes_deeper_into_the_room(existing, o1):
+    for result in (existing, o1):
+        winter, summer = (monthly(result, "MSE", months) for months in (WINTER, SUMMER))
+        assert min(winter) > max(summer)
+        shut, open_ = (
+            mean(monthly(result, "shade_closed_monthly", months)) for months in (WINTER, SUMMER)
+        )
+        assert shut > open_
+
+
+def test_less_glass_lowers_autonomy_in_every_month(existing, o1):
+    """Published: by about 20 points, almost evenly over the year."""
+    months = range(1, 13)
+    differences = [
+        a - b
+        for a, b in zip(monthly(existing, "msDA", months), monthly(o1, "msDA", months), strict=True)
+    ]
+    assert min(differences) > 0
+    assert mean(differences) == pytest.approx(20, abs=8)
