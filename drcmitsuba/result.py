@@ -206,6 +206,12 @@ def daylight(case: Case) -> Daylight:
         ground_reflectance=case.outside.ground_reflectance,
         sun_diameter=case.outside.sun_diameter,
     ).assign_coords(clock=("time", clock))  # fmt: skip
+    light.attrs |= {
+        "latitude": w.site.latitude,
+        "longitude": w.site.longitude,
+        "timezone": w.site.timezone,
+        "sun_time": sun_time,
+    }
     return Daylight(light, sun, w.step, w.source, w.notes)
 
 
@@ -310,8 +316,30 @@ def by_channel(
     return xr.concat(found, first["channel"], coords="minimal", compat="override")
 
 
+SUN_OF = {"latitude": 0.5, "longitude": 0.5, "timezone": 0, "sun_diameter": 0, "sun_time": None}
+"""What a sun's place follows from beside its label, and how far C and L may differ in it [deg]."""
+
+
+def _check_suns(coefficients: xr.Dataset, light: xr.Dataset) -> None:
+    """Refuse suns of another place: labels tell only their time."""
+    for name, margin in SUN_OF.items():
+        ours, theirs = coefficients.attrs.get(name), light.attrs.get(name)
+        if ours is None or theirs is None or ours == theirs:
+            continue  # arrays that the user made himself may not tell
+        if not margin or abs(ours - theirs) > margin:
+            got = f"{ours}, but {theirs} in the sky"
+            raise InputError("coefficients", name, got, "compute coefficients for this weather")
+
+
 def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
-    """E from C (dims state, …) and the sky, with the shade that the coefficients name."""
+    """E from C (dims state, …) and the sky, with the shade that the coefficients name.
+
+    Raises
+    ------
+    InputError
+        A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
+    """
+    _check_suns(coefficients, light)
     is_open = coefficients.sel(state="open", drop=True)
     closed = closing(is_open, light)
     shaded = None
@@ -338,7 +366,9 @@ def coefficients(
             needed = suns.only(light.sky["sun_bin"].values[closed.values])
             with timed(stage, "shaded façade", seconds) as done:
                 shaded = transport(case, "shaded", needed, done)
-    return states(is_open, shaded, case)
+    joined = states(is_open, shaded, case)
+    joined.attrs |= {name: light.sky.attrs[name] for name in SUN_OF}
+    return joined
 
 
 @contextmanager

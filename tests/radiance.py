@@ -40,7 +40,9 @@ skyglow source sky 0 0 4 0 0 1 180
 def home() -> Path | None:
     """Folder of the pyradiance package; None where it is not installed."""
     found = importlib.util.find_spec("pyradiance")
-    return Path(found.submodule_search_locations[0]) if found else None
+    if found is None or not found.submodule_search_locations:
+        return None
+    return Path(found.submodule_search_locations[0])
 
 
 def run(

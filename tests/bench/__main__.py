@@ -30,6 +30,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -54,9 +55,9 @@ SKY_SEARCH = {
     "sensor_sky_rays": (1024, 2048, 4096, 8192),
 }  # fmt: skip
 SUN_SEARCH = {
-    "replicates": (2,), "paths": (64, 128, 256, 384, 512, 768, 1024),
+    "replicates": (2,), "paths": (64, 128, 256, 384, 512, 768),
     "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (16,), "sensor_sky_rays": (64,),
-    "sensor_sun_samples": (1, 2, 4),
+    "sensor_sun_samples": (1, 4),
 }  # fmt: skip
 QUICK = {"paths": (64, 256, 1024), "cell_size": (0.45,), "sensor_sky_rays": (4096,)}
 
@@ -69,23 +70,35 @@ def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     print(flush=True)
 
 
-def seconds(work: Callable[[], object], times: int) -> float:
-    """Median wall time of some runs after a first one that compiles."""
+def timed(work: Callable[[], Any]) -> tuple[Any, np.ndarray]:
+    """What some work returns, and its wall and processor seconds, children included."""
+    wall, cpu = perf_counter(), sum(os.times()[:4])
+    out = work()
+    return out, np.array([perf_counter() - wall, sum(os.times()[:4]) - cpu])
+
+
+def seconds(work: Callable[[], object], times: int) -> np.ndarray:
+    """Median wall and processor seconds of some runs after a first one that compiles."""
     work()
-    taken = []
-    for _ in range(times):
-        start = perf_counter()
-        work()
-        taken.append(perf_counter() - start)
-    return float(np.median(taken))
+    return np.median([timed(work)[1] for _ in range(times)], axis=0)
 
 
-def columns(errors: Errors) -> list[str]:
-    return [f"{errors.total:.3f}", f"{errors.direct:.3f}", f"{errors.dark:.3f}",
-            f"{errors.mean:.4f}"]  # fmt: skip
+def columns(time: np.ndarray, errors: Errors) -> list[str]:
+    return [
+        *(f"{v:.3g}" for v in time), f"{errors.total:.3f}", f"{errors.direct:.3f}",
+        f"{errors.dark:.3f}", f"{errors.mean:.4f}",
+    ]  # fmt: skip
 
 
-HEAD = ["", "seconds", "RMS", "direct part", "entries without direct light", "mean / reference"]
+HEAD = [
+    "",
+    "seconds",
+    "CPU seconds",
+    "RMS",
+    "direct part",
+    "entries without direct light",
+    "mean / reference",
+]
 
 
 def settings(search: dict[str, tuple], quick: bool) -> list[dict[str, float]]:
@@ -98,26 +111,25 @@ def settings(search: dict[str, tuple], quick: bool) -> list[dict[str, float]]:
 def fastest(
     search: list[dict[str, float]], work: Callable[[dict], tuple[np.ndarray, np.ndarray]],
     known: Reference, goals: Sequence[Callable[[Errors], bool]],
-) -> list[tuple[float, dict[str, float], Errors] | None]:  # fmt: skip
+) -> list[tuple[np.ndarray, dict[str, float], Errors] | None]:  # fmt: skip
     """Settings that reach each goal in the least time; times of the finalists are repeated."""
     tried = []
     for accuracy in search:
         work(accuracy)
-        start = perf_counter()
-        total, direct = work(accuracy)
-        tried.append((perf_counter() - start, accuracy, known.errors(total, direct)))
-    tried.sort(key=lambda t: t[0])
+        (total, direct), taken = timed(partial(work, accuracy))
+        tried.append((taken, accuracy, known.errors(total, direct)))
+    tried.sort(key=lambda t: t[0][0])
     best = []
     for reached in goals:
         fit = [t for t in tried if reached(t[2])][:4]
         again = [(seconds(partial(work, a), 7), a, e) for _, a, e in fit]
-        best.append(min(again, key=lambda t: t[0], default=None))
+        best.append(min(again, key=lambda t: t[0][0], default=None))
     return best
 
 
 def compare(
     room: Classroom, search: list[dict[str, float]], suns: Suns, name: str, bins: list[str],
-    known: Reference, theirs: dict[str, tuple[float, Errors]], rows: list[list[str]],
+    known: Reference, theirs: dict[str, tuple[np.ndarray, Errors]], rows: list[list[str]],
 ) -> None:  # fmt: skip
     """Find our fastest settings for each of Radiance's errors, and print all rows."""
 
@@ -132,11 +144,11 @@ def compare(
     for (line, dark), best in zip(wanted, found, strict=True):
         at = "RMS, also without direct light," if dark else "RMS"
         if best is None:
-            rows.append([f"{name}: no setting tried reaches the {at} of `{line}`", *"-----"])
+            rows.append([f"{name}: no setting tried reaches the {at} of `{line}`", *"------"])
             continue
         time, accuracy, errors = best
-        ratio = f"**{theirs[line][0] / time:.0f} × faster** at the {at} of `{line}`"
-        rows.append([f"{name}, {short(accuracy)}: {ratio}", f"{time:.3f}", *columns(errors)])
+        ratio = f"**{theirs[line][0][0] / time[0]:.0f} × faster** at the {at} of `{line}`"
+        rows.append([f"{name}, {short(accuracy)}: {ratio}", *columns(time, errors)])
     table(HEAD, rows)
 
 
@@ -152,12 +164,9 @@ def sky(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
     for line, why in SKY.items():
         arguments = [*PROCESSES, *line.split()]
         direct = traced.sky([*arguments, "-ab", "1"])[0]
-        start = perf_counter()
-        total = traced.sky(arguments)[0]
-        time = perf_counter() - start
-        errors = known.errors(total, direct)
-        theirs[line] = time, errors
-        rows.append([f"`rcontrib -n 2 {line}` ({why})", f"{time:.1f}", *columns(errors)])
+        total, time = timed(partial(traced.sky, arguments))
+        theirs[line] = time, known.errors(total[0], direct)
+        rows.append([f"`rcontrib -n 2 {line}` ({why})", *columns(*theirs[line])])
     search = settings(SKY_SEARCH, options.quick)
     compare(room, search, NO_SUNS, "ours", Patches().labels, known, theirs, rows)
 
@@ -174,13 +183,10 @@ def suns(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
     for line, why in SUNS.items():
         arguments = [*PROCESSES, *line.split()]
         direct = traced.suns(*ask, [*arguments, "-ab", "0"])[0]
-        start = perf_counter()
-        total = traced.suns(*ask, arguments)[0]
-        time = perf_counter() - start
-        errors = known.errors(total, direct)
-        theirs[line] = time * count / picked, errors
-        shown = f"{time:.1f} for {picked}, so {theirs[line][0]:.0f}"
-        rows.append([f"`rcontrib -n 2 {line}` ({why})", shown, *columns(errors)])
+        total, time = timed(partial(traced.suns, *ask, arguments))
+        theirs[line] = time * count / picked, known.errors(total[0], direct)
+        shown = f"{time[0]:.1f} s for {picked} suns, times {count} / {picked}"
+        rows.append([f"`rcontrib -n 2 {line}` ({why}), {shown}", *columns(*theirs[line])])
     search, name = settings(SUN_SEARCH, options.quick), f"ours, all {count} suns and a coarse sky"
     compare(room, search, room.year, name, list(room.suns.labels), known, theirs, rows)
 
@@ -226,7 +232,7 @@ def scaling(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
         p = np.column_stack([x.ravel(), y.ravel(), np.full(nx * ny, low[2])])
         n = np.tile(normals[0], (nx * ny, 1))
         work = partial(room.ours, room.suns, p, n, **accuracy)
-        time = seconds(work, 1 if nx > 100 else 3)
+        time = seconds(work, 1 if nx > 100 else 3)[0]
         entries = nx * ny * (BINS + len(room.suns.labels))
         rows.append([f"{nx * ny:,}", f"{time:.2f}", f"{time / nx / ny * 1e6:.0f}",
                      f"{time / entries * 1e6:.2f}"])  # fmt: skip

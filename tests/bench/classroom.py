@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -21,7 +22,12 @@ CASE = "classroom/reference/existing"
 GENEVA = "shared/data/weather/CHE_Geneva.067000_IWEC.epw"
 NO_SUNS = Suns((), np.zeros((0, 3)))
 BINS = len(Patches())
-DENSE = {"replicates": 64, "paths": 1, "sensor_sky_rays": 8192, "sensor_sun_samples": 16}
+DENSE: dict[str, Any] = {
+    "replicates": 64,
+    "paths": 1,
+    "sensor_sky_rays": 8192,
+    "sensor_sun_samples": 16,
+}
 """Samples of the reference's direct part, which has no cells and converges fast."""
 
 
@@ -71,7 +77,7 @@ class Classroom:
 
     def ours(
         self, suns: Suns, points: np.ndarray | None = None, normals: np.ndarray | None = None,
-        **accuracy: float,
+        **accuracy: Any,
     ) -> xr.Dataset:  # fmt: skip
         """Coefficients by `drcmitsuba.coefficients.compute`."""
         if points is None or normals is None:

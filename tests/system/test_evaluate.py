@@ -288,6 +288,31 @@ def test_coefficients_of_another_period_are_refused(small, tmp_path, monkeypatch
     assert "no 'sun_2015-04-01T08:00'" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("site", "told"),
+    [
+        ("latitude = 36.3\nlongitude = -79.6\ntimezone = -5", None),
+        ("latitude = 1.37\nlongitude = -79.95\ntimezone = -5", "latitude: 36.1, but 1.37 in the"),
+        ("latitude = 36.1\nlongitude = -84\ntimezone = -5", "longitude: -79.95, but -84.0 in the"),
+        ("latitude = 36.1\nlongitude = -79.95\ntimezone = -6", "timezone: -5.0, but -6.0 in the"),
+    ],
+)
+def test_suns_of_another_place_are_refused(small, tmp_path, site, told):
+    """A sun's label tells its time only; a neighbouring weather station's will do."""
+    found, _ = small
+    sky = '[sky]\nmodel = "cie"\ntype = "clear_with_sun"\n'
+    (tmp_path / "case.toml").write_text(f"{CASE}{sky}[site]\n{site}\n")
+    light = result.daylight(load_case(tmp_path / "case.toml"))
+    if told:
+        with pytest.raises(InputError, match=told):
+            result.illuminance(found.coefficients, light.sky)
+    else:
+        with pytest.raises(InputError, match=r"no numbers for|no 'sun_"):  # other hours close
+            result.illuminance(found.coefficients, light.sky)
+        bare = found.coefficients.assign_attrs(has_shade=0)
+        assert np.isfinite(result.illuminance(bare, light.sky)["total"]).all()
+
+
 def test_the_same_seed_gives_the_same_numbers_and_another_one_others(evaluate, stamps):
     hours = stamps("2015-03-21T09:00", "2015-06-21T12:00")
     first, again = (evaluate(changed(hours)).illuminance for _ in range(2))

@@ -11,10 +11,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-ORDER = (
-    "errors schema weather period sky case backend materials scene plan transport coefficients "
-    "accumulate metrics design tradeoff plots report result cli"
-).split()
+# fmt: off
+ORDER = [
+    "errors", "schema", "weather", "period", "sky", "case", "backend", "materials", "scene", "plan",
+    "transport", "coefficients", "accumulate", "metrics", "design", "tradeoff", "plots", "report",
+    "result", "cli",
+]
+# fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
 MODULES = {
     ".".join((package, *file.relative_to(folder).with_suffix("").parts)).removesuffix(
