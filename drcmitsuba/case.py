@@ -8,16 +8,15 @@ origin in the south-west corner of the floor, x to the east, y to the north, z u
 from __future__ import annotations
 
 import difflib
-import json
-import re
 import sys
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from drcmitsuba.errors import InputError
+from drcmitsuba.table import Table, checked, choose, shortened
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -25,6 +24,8 @@ else:
     import tomli as tomllib
 
 MAX_BYTES = 1 << 20
+
+MOST_PIECES, MOST_SENSORS = 100_000, 250_000
 
 THINNEST = 1e-3
 """Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
@@ -36,15 +37,6 @@ Point = tuple[Coordinate, Coordinate, Coordinate]
 Side = Literal["south", "east", "north", "west"]
 Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
 """A grey reflectance, or one for red, green and blue."""
-
-
-class Table(BaseModel):
-    """A table of the case file: frozen, no unknown keys, no NaN, no infinity."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-T = TypeVar("T", bound=Table)
 
 
 class Site(Table):
@@ -253,8 +245,8 @@ class Case(Table):
     sky: Sky = PerezSky()
     outside: Outside = Outside()
     room: Room | None = None
-    facade: dict[Side, Facade] = {}
-    materials: dict[str, Material] = {}
+    facade: dict[Side, Facade] = Field(default_factory=dict)
+    materials: dict[str, Material] = Field(default_factory=dict)
     furniture: Annotated[tuple[Furniture, ...], Field(max_length=10_000)] = ()
     sensors: Sensors
     shading: Shading | None = None
@@ -277,14 +269,20 @@ class Case(Table):
             if name in self.materials:
                 got = "strips use this name for no material"
                 raise InputError("case", f"materials.{name}", got, "choose another name")
+        pieces = sum(piece.count[0] * piece.count[1] for piece in self.furniture)
+        if pieces > MOST_PIECES:
+            raise InputError("case", "furniture", f"{pieces} pieces", f"at most {MOST_PIECES}")
+        points = self.sensors.count[0] * self.sensors.count[1]
+        if points > MOST_SENSORS:
+            raise InputError("case", "sensors.count", f"{points} points", f"at most {MOST_SENSORS}")
         for side, facade in self.facade.items():
             self._check_facade(side, facade)
         if self.shading is not None:
             name = self.shading.material
             if not isinstance(self.materials.get(name), DiffuserMaterial):
                 known = [k for k, m in self.materials.items() if isinstance(m, DiffuserMaterial)]
-                got = f"{_short(name)} is no diffuser in [materials]"
-                raise InputError("case", "shading.material", got, _choose(name, known))
+                got = f"{shortened(name)} is no diffuser in [materials]"
+                raise InputError("case", "shading.material", got, choose(name, known))
         return self
 
     def _check_facade(self, side: str, facade: Facade) -> None:
@@ -301,8 +299,8 @@ class Case(Table):
         top = 0.0
         for strip in sorted(facade.strips, key=lambda s: s.bottom):
             if strip.material not in known:
-                got = f"unknown material {_short(strip.material)}"
-                refuse(strip, got, _choose(strip.material, known))
+                got = f"unknown material {shortened(strip.material)}"
+                refuse(strip, got, choose(strip.material, known))
             if strip.top > height:
                 refuse(strip, f"the room is {height:g} m high", "lower the top")
             if strip.bottom < top:
@@ -381,80 +379,3 @@ def load_case(path: str | Path) -> Case:
     case = checked(Case, data, file)
     case._source, case._folder = str(file), file.parent
     return case
-
-
-def checked(table: type[T], data: dict[str, Any], source: str | Path) -> T:
-    """Make a table from plain values, told to come from `source` where they are wrong."""
-    try:
-        return table.model_validate(data)
-    except ValidationError as error:
-        raise _as_input_error(source, data, error) from None
-
-
-def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationError) -> InputError:
-    """Turn pydantic's most telling complaint into one line: field, value and remedy.
-
-    Where a value may be one of several kinds, pydantic complains once for each kind: the complaint
-    that goes deepest into the file is the one about the kind that was meant. A key that is missing
-    comes last: it may be there, misspelt.
-    """
-    complaints: list[Any] = error.errors(include_url=False)
-    complaints.sort(key=lambda complaint: complaint["type"] == "missing")
-    paths = [_path(data, complaint) for complaint in complaints]
-    same = [i for i, path in enumerate(paths) if path[: len(paths[0])] == paths[0]]
-    deepest = max(same, key=lambda i: len(paths[i]))
-    chosen, path = complaints[deepest], paths[deepest]
-    keys = [str(k) if str(k).isprintable() and len(str(k)) <= 60 else _short(k) for k in path]
-    cause = chosen.get("ctx", {}).get("error")
-    if isinstance(cause, InputError):
-        return InputError(source, ".".join([*keys, cause.field]), cause.got, cause.remedy)
-    field = ".".join(keys) or "case"
-    if chosen["type"] == "extra_forbidden":
-        for key in path[:-1]:
-            data = data[key]
-        siblings = set(data) - {path[-1]}
-        hint = _choose(str(path[-1]), _known_keys(siblings), otherwise="remove it")
-        return InputError(source, field, "unknown key", hint)
-    got = "nothing" if chosen["type"] == "missing" else _short(chosen.get("input"))
-    wanted = dict.fromkeys(_in_toml(complaints[i]["msg"]) for i in same if paths[i] == path)
-    first, *others = wanted
-    remedy = " or ".join([first, *(w.removeprefix("Input should be ") for w in others)])
-    return InputError(source, field, f"got {got}", remedy[:1].lower() + remedy[1:])
-
-
-def _path(data: Any, complaint: Any) -> list[Any]:
-    """Keys that lead to a complaint in the file, without the names of pydantic's own steps."""
-    path = []
-    for key in complaint["loc"]:
-        keys = range(len(data)) if isinstance(data, list) else data
-        if isinstance(data, dict | list) and key in keys:
-            data = data[key]
-            path.append(key)
-    return [*path, complaint["loc"][-1]] if complaint["type"] == "missing" else path
-
-
-def _in_toml(message: str) -> str:
-    """Say what TOML calls pydantic's types."""
-    message = re.sub("dictionary or .*", "table", message)
-    return message.replace("Tuple", "List").replace("tuple", "list")
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value, default=str)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _choose(name: str, known: list[str], otherwise: str = "") -> str:
-    """Hint at the known name that was meant, or at the first known ones."""
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
-    if near:
-        return f"did you mean {_short(near[0])}?"
-    return otherwise or f"choose from: {', '.join(map(_short, known[:8])) or 'none so far'}"
-
-
-def _known_keys(siblings: set[str]) -> list[str]:
-    """Keys of the tables that know most of these keys."""
-    tables: list[type[Table]] = [Case, *Table.__subclasses__()]
-    fits = [len(siblings & table.model_fields.keys()) for table in tables]
-    best = [t for t, fit in zip(tables, fits, strict=True) if fit == max(fits)]
-    return sorted({key for table in best for key in table.model_fields})

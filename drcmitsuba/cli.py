@@ -119,11 +119,11 @@ def evaluate(case: CasePath, output: Output = Path("results"), weather: Weather 
 @app.command()
 def sky(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the luminances L of sky and suns: sky.zarr."""
-    from drcmitsuba import load_case, result, schema
+    from drcmitsuba import light, load_case, schema
 
     loaded = load_case(case).with_weather(weather)
     with _stages() as stage, stage("sky"):
-        L = result.luminances(result.daylight(loaded))
+        L = light.luminances(light.daylight(loaded))
         schema.save_zarr(L, output / "sky.zarr")
     print(f"{L.sizes['time']} time stamps × {L.sizes['bin']} bins are in {output / 'sky.zarr'}")
 
@@ -131,14 +131,14 @@ def sky(case: CasePath, output: Output = Path("results"), weather: Weather = Non
 @app.command()
 def coefficients(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the coefficients C of both states of the shade: coefficients.zarr."""
-    from drcmitsuba import backend, load_case, result, schema
+    from drcmitsuba import backend, light, load_case, result, schema
 
     loaded = load_case(case).with_weather(weather)
     backend.select()
     with _stages() as stage:
         with stage("sky"):
-            light = result.daylight(loaded)
-        C = result.coefficients(loaded, light, stage)
+            found = light.daylight(loaded)
+        C = result.coefficients(loaded, found, stage)
         with stage("writing"):
             schema.save_zarr(C, output / "coefficients.zarr")
     path = output / "coefficients.zarr"
@@ -152,13 +152,13 @@ def illuminance(
     output: Output = Path("results"),
 ) -> None:
     """Multiply C and L to the illuminance E: illuminance.nc."""
-    from drcmitsuba import result, schema
+    from drcmitsuba import light, result, schema
 
     C = schema.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
     L = schema.open_dataset(l, "L", "bin", "sun_bin", "clock")
     with _stages() as stage, stage("accumulation"):
-        light = result.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
-        E = result.illuminance(C.load(), light)
+        found = light.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
+        E = result.illuminance(C.load(), found)
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         schema.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")

@@ -27,7 +27,9 @@ from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches
 
 BLOCK = 1024
-"""Sensors that are gathered at once."""
+"""Sensors that are gathered at once, at most."""
+LANES = 1 << 21
+"""Paths that are traced at once, unless those of one sensor are more."""
 
 _PARTS = ("straight", "direct", "interreflected")
 
@@ -98,7 +100,7 @@ class _Replicate:
     def interreflected(self, vertices: Vertices, cell: mi.UInt32, sensors: int) -> np.ndarray:
         """G·D, shape (sensor, bin); G is made of this replicate's own paths."""
         bins = sum(self.deposit.bins)
-        if self.cells is None:
+        if self.cells is None or len(vertices) == 0:
             return np.zeros((sensors, bins), np.float32)
         mine = (vertices.row >= self.number * sensors) & (
             vertices.row < (self.number + 1) * sensors
@@ -178,9 +180,10 @@ def compute(
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
     cells = Cells.none(Grid.of(scene, accuracy.cell_size))
-    starts = range(0, len(points), BLOCK)
+    size = max(1, min(BLOCK, LANES // (accuracy.replicates * accuracy.paths)))
+    starts = range(0, len(points), size)
     for block, start in enumerate(starts):
-        here = slice(start, min(start + BLOCK, len(points)))
+        here = slice(start, min(start + size, len(points)))
         count = here.stop - start
         p, n = _flat(points[here]), _flat(normals[here])
         vertices = gather(

@@ -137,6 +137,8 @@ class Cells:
 
     def extended(self, vertices: Vertices) -> Cells:
         """Add the cells that the vertices met first, in the order of their keys."""
+        if len(vertices) == 0:
+            return self
         met = dr.zeros(mi.UInt32, len(self.grid))
         dr.scatter(met, mi.UInt32(1), vertices.key)
         new = dr.compress((met == 1) & (self.index == _UNKNOWN))

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import result, scene
+from drcmitsuba import scene
 from drcmitsuba.case import Accuracy, Case, load_case
 from drcmitsuba.coefficients import Suns, compute
 from tests import radiance
@@ -67,7 +67,7 @@ class Classroom:
     @cached_property
     def year(self) -> Suns:
         """All suns above the horizon in the EvalDRC calendar."""
-        return Suns.of(result.daylight(self.case).sun, self.case.outside.sun_diameter)
+        return Suns.of(light.daylight(self.case).sun, self.case.outside.sun_diameter)
 
     @cached_property
     def suns(self) -> Suns:

@@ -10,6 +10,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import cli, load_case, metrics, result, schema
+from drcmitsuba import light as light_module
 from drcmitsuba.case import Case
 from drcmitsuba.coefficients import Suns
 from drcmitsuba.errors import InputError
@@ -302,7 +303,7 @@ def test_suns_of_another_place_are_refused(small, tmp_path, site, told):
     found, _ = small
     sky = '[sky]\nmodel = "cie"\ntype = "clear_with_sun"\n'
     (tmp_path / "case.toml").write_text(f"{CASE}{sky}[site]\n{site}\n")
-    light = result.daylight(load_case(tmp_path / "case.toml"))
+    light = light_module.daylight(load_case(tmp_path / "case.toml"))
     if told:
         with pytest.raises(InputError, match=told):
             result.illuminance(found.coefficients, light.sky)
@@ -347,7 +348,7 @@ def test_sensors_under_the_free_sky_get_what_the_weather_says(tmp_path, same):
     text = "[period]\nmonths = [3]\n[sensors]\ncorner = [0, 0, 0]\ncount = [2, 2]\n"
     (tmp_path / "case.toml").write_text(text)
     case = load_case(tmp_path / "case.toml")
-    light = result.daylight(case)
+    light = light_module.daylight(case)
     found = drcmitsuba.evaluate(case)
     coefficients = found.coefficients["replicates"].sel(state="open")
     diffuse = light.sky["diffuse_horizontal_illuminance"].values
@@ -479,7 +480,7 @@ def test_own_time_stamps_take_the_sun_of_their_instant(evaluate, stamps, tmp_pat
     assert list(found.sky["bin"].values[146:]) == ["sun_2015-03-21T10:20", "sun_2015-03-21T10:40"]
     assert not np.allclose(E["direct_sun"][0], E["direct_sun"][1])
     np.testing.assert_array_equal(E["total"][2], 0)
-    light = result.daylight(found.case)
+    light = light_module.daylight(found.case)
     np.testing.assert_array_equal(light.sun["instant"].values, E["time"].values)
 
 
@@ -544,11 +545,11 @@ def test_the_midnight_sun_shines_through_a_northern_window_only(evaluate):
 @pytest.mark.parametrize(("calendar", "hours"), [("EvalDRC", 2610), ("LM-83", 3650)])
 def test_calendars_have_their_hours(tmp_path, calendar, hours):
     (tmp_path / "case.toml").write_text(changed((DAYS, f'calendar = "{calendar}"')))
-    light = result.daylight(load_case(tmp_path / "case.toml"))
+    light = light_module.daylight(load_case(tmp_path / "case.toml"))
     assert light.sky.sizes["time"] == hours
-    L = result.luminances(light)
+    L = light_module.luminances(light)
     assert L.sizes["bin"] == 146 + len(Suns.of(light.sun, 0.5).labels)
-    back = result.from_luminances(L)
+    back = light_module.from_luminances(L)
     np.testing.assert_allclose(back["sky"], light.sky["sky"], rtol=1e-6)
     np.testing.assert_allclose(back["sun"], light.sky["sun"], rtol=1e-6)
 

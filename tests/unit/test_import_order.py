@@ -13,9 +13,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 # fmt: off
 ORDER = [
-    "errors", "schema", "weather", "period", "sky", "case", "backend", "materials", "scene", "plan",
-    "transport", "coefficients", "accumulate", "metrics", "design", "tradeoff", "plots", "report",
-    "result", "cli",
+    "errors", "schema", "weather", "period", "sky", "table", "case", "light", "backend",
+    "materials", "scene", "plan", "transport", "coefficients", "accumulate", "metrics", "design",
+    "tradeoff", "plots", "report", "result", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
