@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import scene
+from drcmitsuba import light, scene
 from drcmitsuba.case import Accuracy, Case, load_case
 from drcmitsuba.coefficients import Suns, compute
 from tests import radiance
