@@ -19,6 +19,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid, Vertices
@@ -36,12 +37,12 @@ def even_numbers(index: mi.UInt32, row: mi.UInt32, seed: int, pair: int) -> mi.P
     Every `row` and seed has a random shift of its own (Cranley and Patterson), which makes
     estimates unbiased and rows independent.
     """
-    shifts = mi.sample_tea_32(row, dr.opaque(mi.UInt32, (seed + 0x9E3779B9 * pair) & 0xFFFFFFFF))
+    shifts = random_bits(row, seed + 0x9E3779B9 * pair)
     numbers = (
         index * mi.UInt32(step) + shift
         for step, shift in zip(_STEPS[2 * pair : 2 * pair + 2], shifts, strict=True)
     )
-    return mi.Point2f(*(mi.Float(number >> 8) * 2.0**-24 for number in numbers))
+    return mi.Point2f(*(mi.Float(number >> 8) * TO_UNIT for number in numbers))
 
 
 def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f:

@@ -37,6 +37,7 @@ class PanePatches:
     corner, u, v : np.ndarray, shape (patch, 3)
         Corner and edges [m].
     transmittance, reflectance : np.ndarray, shape (patch,)
+        Of both sides, and of the front.
     """
 
     corner: np.ndarray
@@ -153,9 +154,10 @@ def pane_transfer(
         weight = by_cosine * tau / (rays * (by_area + by_cosine))
         near = 2 * patch + dr.select(cos_pane > 0, mi.UInt32(0), 1)
         far = near ^ 1
-        for face, albedo in ((far, "transmittance"), (near, "reflectance")):
-            value = weight * dr.gather(mi.Float, flat[albedo], patch, seen)
-            dr.scatter_add(out, value, row * faces + face, seen & (value > 0))
+        front = seen & (cos_pane > 0)  # the back is black, as in `materials.bsdf`
+        for face, albedo, lit in ((far, "transmittance", seen), (near, "reflectance", front)):
+            value = weight * dr.gather(mi.Float, flat[albedo], patch, lit)
+            dr.scatter_add(out, value, row * faces + face, lit & (value > 0))
 
     # Points on the panes.
     stratum = (mi.Float(lane % rays) + sampler.next_1d()) / rays

@@ -12,7 +12,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
-from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk, transmittance
+from drcmitsuba_plugins.sampling import (
+    TO_UNIT,
+    disk_solid_angle,
+    random_bits,
+    sample_disk,
+    transmittance,
+)
 
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.gather import first_directions
@@ -222,8 +228,8 @@ def sun_deposit(
         pair = row * n_suns + sun
         total = mi.Float(0)
         for i in range(samples):
-            numbers = mi.sample_tea_32(pair, dr.opaque(mi.UInt32, (seed + i) & 0xFFFFFFFF))
-            uv = mi.Point2f(*(mi.Float(v >> 8) * 2.0**-24 for v in numbers))
+            numbers = random_bits(pair, seed + i)
+            uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in numbers))
             d = sample_disk(centre, diameter, uv)
             cosine = dr.dot(n, d)
             tau = _straight(scene, openings, p, d, exists & (cosine > 0))

@@ -110,7 +110,7 @@ def test_disk_gives_pi_sin2_h_cos(variant, diameter, same, plain_coefficients):
 
 
 def test_sampled_suns_lie_on_their_disks_evenly():
-    emitter = mi.load_dict(suns(diameter=5.0, radiance=tensor([1, 2, 3, 4])))
+    emitter = mi.load_dict(suns(diameter=20.0, radiance=tensor([1, 2, 3, 4])))
     count = 1 << 18
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(0, count)
@@ -131,7 +131,7 @@ def test_sampled_suns_lie_on_their_disks_evenly():
     np.testing.assert_allclose(np.linalg.norm(d, axis=0), 1, atol=1e-6)
     # (chord / chord of the rim)² is uniform on [0, 1].
     radius = ((d - SUNS.T[:, np.minimum(index, 3)]) ** 2).sum(axis=0)[~outside]
-    u = radius / (4 * np.sin(np.radians(2.5) / 2) ** 2)
+    u = radius / (4 * np.sin(np.radians(10) / 2) ** 2)
     n = len(u)
     np.testing.assert_allclose(np.quantile(u, [0.1, 0.5, 0.9]), [0.1, 0.5, 0.9], atol=3 / n**0.5)
 
