@@ -12,7 +12,8 @@ from the repository's root, with the test extras installed; prints Markdown.
 Equal error: ours is at most Radiance's, over all entries, and in further rows also over those
 without direct light; against converged coefficients, which take minutes to make and are kept in the
 folder that `--reference` names. In (a), (b) and (d) kernels are warm and the import is not counted;
-`oconv`, milliseconds, is in Radiance's seconds. `rcontrib` has two processes. Nothing is asserted.
+`oconv`, milliseconds, is in Radiance's seconds. `rcontrib` has two processes. CPU seconds tell more
+where the machine has other work, too. Nothing is asserted.
 `--quick` is a rehearsal of minutes: a coarse reference and small searches.
 """
 
@@ -147,7 +148,8 @@ def compare(
             rows.append([f"{name}: no setting tried reaches the {at} of `{line}`", *"------"])
             continue
         time, accuracy, errors = best
-        ratio = f"**{theirs[line][0][0] / time[0]:.0f} × faster** at the {at} of `{line}`"
+        wall, cpu = theirs[line][0] / time
+        ratio = f"**{wall:.0f} × faster** ({cpu:.0f} × in CPU seconds) at the {at} of `{line}`"
         rows.append([f"{name}, {short(accuracy)}: {ratio}", *columns(time, errors)])
     table(HEAD, rows)
 
