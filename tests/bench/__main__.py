@@ -43,11 +43,11 @@ from tests.bench.classroom import BINS, CASE, NO_SUNS, Classroom, Errors, Refere
 
 PROCESSES = ["-n", "2"]
 SKY = {
-    "-ad 4096 -ab 7 -lw 1e-9": "as in the project's notes",
+    "-ad 4096 -ab 7 -lw 1e-9": "nothing cut off",
     "-ad 4096 -ab 7 -lw 1e-4": "fastest found at this error",
 }
 SUNS = {
-    "-dt 0 -dc 1 -ab 5 -ad 512 -lw 1e-9": "as in the project's notes",
+    "-dt 0 -dc 1 -ab 5 -ad 512 -lw 1e-9": "nothing cut off",
     "-dt 0 -dc 1 -ab 5 -ad 512 -lw 1e-3": "fastest found at this error",
 }
 SKY_SEARCH = {
