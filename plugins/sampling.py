@@ -1,4 +1,4 @@
-"""Directions on a sun's disk, and light through panes: what plugins and transport share."""
+"""Random numbers, a sun's disk, radiances, panes in line: what plugins and transport share."""
 
 from __future__ import annotations
 
@@ -16,6 +16,16 @@ def random_bits(index, seed: int):
     Eight rounds of the cipher: with the usual four, neighbouring indices are correlated (by 0.44).
     """
     return mi.sample_tea_32(index, dr.opaque(mi.UInt32, seed & 0xFFFFFFFF), 8)
+
+
+def radiance_of(table, index, active=True):
+    """Radiance of sources from a tensor (source,) or (source, channel), as a spectrum.
+
+    Channels that the table lacks take its last one.
+    """
+    channels = 1 if table.ndim == 1 else table.shape[1]
+    at = [index * channels + min(c, channels - 1) for c in range(len(mi.Spectrum()))]
+    return mi.Spectrum([dr.gather(mi.Float, table.array, i, active) for i in at])
 
 
 def disk_solid_angle(diameter: float) -> float:

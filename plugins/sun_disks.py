@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked
-from drcmitsuba_plugins.sampling import disk_solid_angle, on_disk, sample_disk
+from drcmitsuba_plugins.sampling import disk_solid_angle, on_disk, radiance_of, sample_disk
 
 
 class SunDisks(mi.Emitter):
@@ -52,15 +52,11 @@ class SunDisks(mi.Emitter):
         self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
 
     def _set_distribution(self):
-        self.channels = 1 if self.radiance.ndim == 1 else self.radiance.shape[1]
         power = dr.mean(self._radiance_of(dr.arange(mi.UInt32, self.bin_count)))
         self.distribution = mi.DiscreteDistribution(dr.detach(power) + 1e-20)
 
     def _radiance_of(self, index, active=True):
-        k = [min(c, self.channels - 1) for c in range(len(mi.Spectrum()))]
-        return mi.Spectrum(
-            [dr.gather(mi.Float, self.radiance.array, index * self.channels + c, active) for c in k]
-        )
+        return radiance_of(self.radiance, index, active)
 
     def direction_of(self, index, active=True):
         """Unit vector to the centre of sun `index`."""

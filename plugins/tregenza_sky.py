@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked
 from drcmitsuba_plugins.patches import Patches, patch_index
+from drcmitsuba_plugins.sampling import radiance_of
 
 
 class TregenzaSky(mi.Emitter):
@@ -52,16 +53,12 @@ class TregenzaSky(mi.Emitter):
         self.m_flags = mi.EmitterFlags.Infinite
 
     def _set_distribution(self):
-        self.channels = 1 if self.radiance.ndim == 1 else self.radiance.shape[1]
         bins = dr.arange(mi.UInt32, self.bin_count)
         power = dr.mean(self._radiance_of(bins)) * self.solid_angles
         self.distribution = mi.DiscreteDistribution(dr.detach(power) + 1e-20)
 
     def _radiance_of(self, index, active=True):
-        k = [min(c, self.channels - 1) for c in range(len(mi.Spectrum()))]
-        return mi.Spectrum(
-            [dr.gather(mi.Float, self.radiance.array, index * self.channels + c, active) for c in k]
-        )
+        return radiance_of(self.radiance, index, active)
 
     def bin_of(self, d):
         """Bin that world directions `d` fall in."""
