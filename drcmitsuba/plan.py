@@ -22,17 +22,23 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
     Returns
     -------
     dict
-        {effect: {"on": bool, "reason": str}}.
+        {effect: {"on": bool, "reason": str}}; `missing` is true for what the case calls for and
+        the program cannot do.
     """
     panes = {
         side: [case.materials[s.material] for s in f.strips if s.material in case.materials]
         for side, f in case.facade.items()
     }
+    glazed = [
+        side for side, f in case.facade.items() if any(s.material != "wall" for s in f.strips)
+    ]
     mirrors = [
         side
         for side, materials in panes.items()
         if any(isinstance(m, GlazingMaterial) and m.reflectance > 0 for m in materials)
     ]
+    # The sun that comes in by one façade and is mirrored by the glass of another.
+    mirrored = bool(mirrors) and len(glazed) > 1
     scattering = sum(isinstance(m, DiffuserMaterial) for ms in panes.values() for m in ms)
     clear = sum(isinstance(m, GlazingMaterial) for ms in panes.values() for m in ms)
     ground = case.outside.ground_reflectance
@@ -54,9 +60,10 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
         },
         "mirrored_light": {
             "on": False,
-            "reason": f"not simulated: {len(mirrors)} façades with mirroring glass see each other, "
-            "what one mirrors of sky and sun before it meets a surface is left out"
-            if len(mirrors) > 1
-            else "no two façades with mirroring glass",
+            "missing": mirrored,
+            "reason": "light that enters by one façade and is mirrored by the glass of another "
+            f"({', '.join(mirrors)}) before it meets a surface is not simulated"
+            if mirrored
+            else "no mirroring glass across from another opening",
         },
     }

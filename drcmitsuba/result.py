@@ -262,16 +262,17 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
         )  # fmt: skip
     closed = int(E["shade_closed"].sum())
     suns = int((light.sky["sun_bin"].values != "").sum())
+    effects = plan(case, suns=suns, closed=closed, hours=E.sizes["time"])
+    missing = [e["reason"] for e in effects.values() if e.get("missing")]
     numbers["settings"] = {
         "case": case.source,
         "variant": variant,
         "weather_source": light.source,
-        "notes": list(light.notes),
+        "notes": [*light.notes, *missing],
         **case.model_dump(mode="json", exclude_none=True),
     }
     numbers["seconds"] = seconds
     numbers["peak_memory_bytes"] = peak_memory()
-    effects = plan(case, suns=suns, closed=closed, hours=E.sizes["time"])
     L = luminances(light)
     if "channel" in found.dims:
         L = L.expand_dims(channel=found["channel"])
