@@ -57,6 +57,13 @@ def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
     return xr.DataArray(values, coords, dims=("time", "sensor"))
 
 
+def _by_sun(c: np.ndarray, sky: xr.Dataset, shining: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Illuminance by the sun, (time, sensor), from C (sensor, bin) and the bins of the suns."""
+    out = np.zeros((sky.sizes["time"], len(c)), np.float32)
+    out[shining] = c.T[at] * sky["sun"].values[shining].astype(np.float32)[:, None]
+    return out
+
+
 def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     """Illuminance by sun that comes straight, for ASE and the shade.
 
@@ -73,24 +80,20 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
         `direct_sun` and `direct_sun_se`, dims (time, sensor) [lx].
     """
     shining, at = _sun_positions(coefficients, sky)
-    luminance = sky["sun"].values[shining].astype(np.float32)[:, None]
     out = {}
     for name in ("straight", "straight_se"):
-        values = np.zeros((sky.sizes["time"], coefficients.sizes["sensor"]), np.float32)
-        values[shining] = coefficients[name].values.T[at] * luminance
+        values = _by_sun(coefficients[name].values, sky, shining, at)
         _refuse_gaps(values, sky)
         out[name.replace("straight", "direct_sun")] = _array(sky, values)
     return describe(xr.Dataset(out))
 
 
 def _of_replicate(
-    c: np.ndarray, sky: xr.Dataset, patches: np.ndarray, at: np.ndarray
+    c: np.ndarray, sky: xr.Dataset, patches: np.ndarray, shining: np.ndarray, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Illuminance by sky, by sun and in all, (time, sensor) each, of one replicate's C."""
     by_sky = sky["sky"].values.astype(np.float32) @ c[:, patches].T
-    by_sun = np.zeros_like(by_sky)
-    shining = np.flatnonzero(sky["sun"].values > 0)
-    by_sun[shining] = c.T[at] * sky["sun"].values[shining].astype(np.float32)[:, None]
+    by_sun = _by_sun(c, sky, shining, at)
     total = by_sky + by_sun
     _refuse_gaps(total, sky)
     return by_sky, by_sun, total
@@ -118,14 +121,14 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     """
     remedy = "compute sky and coefficients with the same subdivision"
     patches = _positions(coefficients, sky["bin"].values, remedy)
-    _, at = _sun_positions(coefficients, sky)
+    suns = _sun_positions(coefficients, sky)
     replicates = coefficients["replicates"].values
     shape = (sky.sizes["time"], replicates.shape[1])
     names = ("sky", "sun", "total")
     out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
     for start in range(0, shape[1], BLOCK):
         here = slice(start, start + BLOCK)
-        found = [_of_replicate(c[here], sky, patches, at) for c in replicates]
+        found = [_of_replicate(c[here], sky, patches, *suns) for c in replicates]
         for name, values in zip(names, zip(*found, strict=True), strict=True):
             out[name][:, here], out[f"{name}_se"][:, here] = mean_and_error(np.stack(values))
     return xr.Dataset({name: _array(sky, values) for name, values in out.items()})

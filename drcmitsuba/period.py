@@ -14,7 +14,6 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.weather import NOMINAL_YEAR, read_text
 
 HOUR = np.timedelta64(3600, "s")
-DAY = np.timedelta64(86400, "s")
 
 
 @dataclass(frozen=True)
