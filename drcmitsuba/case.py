@@ -140,7 +140,21 @@ class DiffuserMaterial(Table):
         return self
 
 
-Material = Annotated[GlazingMaterial | DiffuserMaterial, Field(discriminator="type")]
+class BsdfMaterial(Table):
+    """Pane with a measured BSDF: film, fabric, blind. The file describes all of it, glass too."""
+
+    type: Literal["bsdf"]
+    file: Path
+    """LBNL XML: tensor tree or Klems; relative to the case file."""
+    straight_through: Literal["auto", "on", "off"] = "auto"
+    """Whether a straight-through peak counts as a view through; auto: where the file has one."""
+    flip: bool = False
+    """The file's front faces the room; by the format its back does."""
+    turn: bool = False
+    """Mounted upside down."""
+
+
+Material = Annotated[GlazingMaterial | DiffuserMaterial | BsdfMaterial, Field(discriminator="type")]
 
 
 class Strip(Table):
@@ -233,6 +247,8 @@ class Accuracy(Table):
     """Deposit: directions from a sensor to every sun; a cell takes one."""
     pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
     """Deposit: points on the scattering panes that a sensor or a cell looks at."""
+    film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
+    """Deposit: directions to the sky from every outgoing cell of a film."""
 
 
 class Case(Table):
@@ -279,9 +295,10 @@ class Case(Table):
             self._check_facade(side, facade)
         if self.shading is not None:
             name = self.shading.material
-            if not isinstance(self.materials.get(name), DiffuserMaterial):
-                known = [k for k, m in self.materials.items() if isinstance(m, DiffuserMaterial)]
-                got = f"{shortened(name)} is no diffuser in [materials]"
+            scatters = (DiffuserMaterial, BsdfMaterial)
+            if not isinstance(self.materials.get(name), scatters):
+                known = [k for k, m in self.materials.items() if isinstance(m, scatters)]
+                got = f"{shortened(name)} is no diffuser or bsdf in [materials]"
                 raise InputError("case", "shading.material", got, choose(name, known))
         return self
 
@@ -329,7 +346,8 @@ def shipped_cases() -> list[str]:
     root = Path(str(resources.files("drcmitsuba") / "scenes"))
     if not root.is_dir():  # an editable install: the cases lie beside the package
         root = root.parent.parent / "scenes"
-    return sorted(p.relative_to(root).with_suffix("").as_posix() for p in root.rglob("*.toml"))
+    names = (p.relative_to(root).with_suffix("").as_posix() for p in root.rglob("*.toml"))
+    return sorted(n for n in names if not n.startswith("films/"))  # these are recipes of films
 
 
 def _locate(path: str | Path) -> Path:
@@ -378,4 +396,17 @@ def load_case(path: str | Path) -> Case:
         raise InputError(file, "TOML", "nested too deeply", "remove the nesting") from None
     case = checked(Case, data, file)
     case._source, case._folder = str(file), file.parent
+    return _with_files(case)
+
+
+def _with_files(case: Case) -> Case:
+    """Resolve the BSDF files of the materials, and refuse a case whose files are not there."""
+    for name, material in case.materials.items():
+        if isinstance(material, BsdfMaterial):
+            path = case.path(material.file)
+            if not path.is_file():
+                field = f"materials.{name}.file"
+                remedy = "give its path relative to the case file"
+                raise InputError(case.source, field, f"{material.file}: no such file", remedy)
+            case.materials[name] = material.model_copy(update={"file": path})
     return case

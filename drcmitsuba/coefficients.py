@@ -23,6 +23,7 @@ from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky import sun_labels
 from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
 from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches
 
@@ -172,18 +173,21 @@ def compute(
     Limits: diffuse surfaces are Lambertian; light that a pane mirrors on its way from the source
     to the first diffuse surface is not counted (that takes panes which see each other).
     """
-    patches = PanePatches.of(scene, 2 * accuracy.cell_size) if scene.scattering else None
-    base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches)
+    size = 2 * accuracy.cell_size
+    panes = [panes.quads for panes in scene.scattering]
+    patches = PanePatches.of(panes, size) if panes else None
+    films = Films.of(scene, size, suns.directions, suns.diameter)
+    base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
     replicates = [_Replicate(r, base.lit((r, 0))) for r in range(accuracy.replicates)]
     labels = Patches(subdivision).labels + list(suns.labels)
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
     cells = Cells.none(Grid.of(scene, accuracy.cell_size))
-    size = max(1, min(BLOCK, LANES // (accuracy.replicates * accuracy.paths)))
-    starts = range(0, len(points), size)
+    block_size = max(1, min(BLOCK, LANES // (accuracy.replicates * accuracy.paths)))
+    starts = range(0, len(points), block_size)
     for block, start in enumerate(starts):
-        here = slice(start, min(start + size, len(points)))
+        here = slice(start, min(start + block_size, len(points)))
         count = here.stop - start
         p, n = _flat(points[here]), _flat(normals[here])
         vertices = gather(

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
-from drcmitsuba.case import DiffuserMaterial, GlazingMaterial, Reflectance
+from drcmitsuba_plugins import energy, peak
+from drcmitsuba_plugins.bsdf_file import BsdfFile
+
+from drcmitsuba import bsdf as bsdf_files
+from drcmitsuba.case import BsdfMaterial, DiffuserMaterial, GlazingMaterial, Reflectance
+from drcmitsuba.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -15,7 +22,65 @@ class Lambertian:
     reflectance: Reflectance
 
 
-SurfaceMaterial = Lambertian | GlazingMaterial | DiffuserMaterial
+SurfaceMaterial = Lambertian | GlazingMaterial | DiffuserMaterial | BsdfMaterial
+
+
+@dataclass(frozen=True)
+class Film:
+    """What a BSDF file means for a scene.
+
+    Parameters
+    ----------
+    file : BsdfFile
+    largest_albedo : float
+        Largest T + R of an incidence in the file; above 1 it is scaled down to 1.
+    share_through : float
+        Part of the transmitted light that goes straight through.
+    stands_out : bool
+        Whether that is a peak and not the flank of a lobe.
+    """
+
+    file: BsdfFile
+    largest_albedo: float
+    share_through: float
+    stands_out: bool
+
+    @property
+    def coloured(self) -> bool:
+        """Whether the file holds chromaticity."""
+        return bool(self.file.colour)
+
+
+def film(path: Path) -> Film:
+    """Read the BSDF file of a material.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or sends out more than 1.05 of the light that it gets.
+    """
+    return _film(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _film(path: Path, changed: int) -> Film:
+    file = bsdf_files.read(path)
+    try:
+        file, largest = energy.scaled_to_conserve(file)
+    except ValueError as error:
+        raise InputError(path, "energy", str(error), f"see `drcmitsuba bsdf {path.name}`") from None
+    splits = [peak.split(c) for n, c in file.components.items() if n.startswith("t")]
+    share = max((s.share for s in splits), default=0.0)
+    return Film(file, largest, share, any(s.stands_out for s in splits))
+
+
+def lets_through(material: SurfaceMaterial) -> bool:
+    """Whether straight light passes a pane of this material undeviated."""
+    if isinstance(material, BsdfMaterial):
+        found = film(material.file)
+        by_mode = {"auto": found.stands_out, "on": found.share_through > 0, "off": False}
+        return by_mode[material.straight_through]
+    return isinstance(material, GlazingMaterial)
 
 
 def channel_of(reflectance: Reflectance, channel: int) -> float:
@@ -28,7 +93,7 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
 
     Parameters
     ----------
-    material : Lambertian, GlazingMaterial or DiffuserMaterial
+    material : Lambertian, GlazingMaterial, DiffuserMaterial or BsdfMaterial
     channel : int
         Colour channel that is simulated: 0 for grey and red, 1 for green, 2 for blue.
 
@@ -36,8 +101,19 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     -------
     dict
         For `mi.load_dict`. Panes reflect towards the room only: what a façade reflects to the
-        outside can return to a sensor only by way of other buildings.
+        outside can return to a sensor only by way of other buildings. (Measured panes keep
+        what their file holds.)
     """
+    if isinstance(material, BsdfMaterial):
+        measured = film(material.file)
+        return {
+            "type": "klems" if measured.file.kind == "Klems" else "tensor_tree",
+            "filename": str(material.file),
+            "straight_through": material.straight_through,
+            "flip": material.flip,
+            "turn": material.turn,
+            "channel": channel if measured.coloured else -1,
+        }
     if isinstance(material, Lambertian):
         value = channel_of(material.reflectance, channel)
         inner = {"type": "diffuse", "reflectance": {"type": "uniform", "value": value}}

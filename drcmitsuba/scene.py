@@ -12,9 +12,18 @@ from typing import Any, Literal
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import Case, DiffuserMaterial, Facade, Furniture, GlazingMaterial, Room, Side
+from drcmitsuba.case import (
+    BsdfMaterial,
+    Case,
+    DiffuserMaterial,
+    Facade,
+    Furniture,
+    GlazingMaterial,
+    Room,
+    Side,
+)
 from drcmitsuba.errors import InputError
-from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf
+from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf, film, lets_through
 
 State = Literal["open", "shaded"]
 
@@ -35,6 +44,15 @@ class ScatteringPanes:
     quads: np.ndarray
     transmittance: float
     reflectance: float
+
+
+@dataclass(frozen=True)
+class FilmPanes:
+    """Quadrilaterals (pane, 4, 3) of one measured material; the front faces the room."""
+
+    quads: np.ndarray
+    bsdf: Any
+    """The plugin `tensor_tree` or `klems`."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +93,11 @@ class Scene:
     clear : mi.Scene or None
         Only those panes; None where there are none.
     scattering : tuple of ScatteringPanes
-        Panes that scatter, for the deposit by points on them.
-    low, high : np.ndarray, shape (3,)
-        Bounds of all surfaces [m].
+        Panes that scatter evenly, for the deposit by points on them.
+    films : tuple of FilmPanes
+        Panes that scatter as measured.
+    corners : np.ndarray, shape (corner, 3)
+        Of all surfaces [m].
     enclosure : Enclosure or None
         The room, where there is one.
     """
@@ -86,9 +106,19 @@ class Scene:
     opaque: mi.Scene
     clear: mi.Scene | None
     scattering: tuple[ScatteringPanes, ...]
-    low: np.ndarray
-    high: np.ndarray
+    films: tuple[FilmPanes, ...]
+    corners: np.ndarray
     enclosure: Enclosure | None = None
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lower bound of all surfaces [m]."""
+        return self.corners.min(axis=0)
+
+    @property
+    def high(self) -> np.ndarray:
+        """Upper bound of all surfaces [m]."""
+        return self.corners.max(axis=0)
 
 
 def _quad(corner: Any, u: Any, v: Any) -> np.ndarray:
@@ -262,33 +292,29 @@ def build(surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None
     for surface in surfaces:
         by_material.setdefault(surface.material, []).append(surface)
     # One mesh a material: tracing slows with the number of shapes.
-    meshes = {
-        m: quad_mesh(
-            group[0].name, np.concatenate([s.quads for s in group]), mi.load_dict(bsdf(m, channel))
-        )
-        for m, group in by_material.items()
-    }
+    quads = {m: np.concatenate([s.quads for s in group]) for m, group in by_material.items()}
+    bsdfs = {m: mi.load_dict(bsdf(m, channel)) for m in quads}
+    meshes = {m: quad_mesh(by_material[m][0].name, quads[m], bsdfs[m]) for m in quads}
 
     def scene(keep: Any) -> mi.Scene:
         shapes = {f"shape{i}": s for i, (m, s) in enumerate(meshes.items()) if keep(m)}
         return mi.load_dict({"type": "scene", **shapes}, optimize=False)
 
-    clear = [m for m in meshes if isinstance(m, GlazingMaterial)]
+    clear = [m for m in meshes if lets_through(m)]
     scattering = tuple(
-        ScatteringPanes(
-            np.concatenate([s.quads for s in by_material[m]]), m.transmittance, m.reflectance
-        )
+        ScatteringPanes(quads[m], m.transmittance, m.reflectance)
         for m in meshes
         if isinstance(m, DiffuserMaterial)
     )
+    films = tuple(FilmPanes(quads[m], bsdfs[m]) for m in meshes if isinstance(m, BsdfMaterial))
     points = np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))])
     return Scene(
         full=scene(lambda m: True),
         opaque=scene(lambda m: m not in clear),
         clear=scene(lambda m: m in clear) if clear else None,
         scattering=scattering,
-        low=points.min(axis=0),
-        high=points.max(axis=0),
+        films=films,
+        corners=points,
         enclosure=enclosure,
     )
 
@@ -304,18 +330,21 @@ def _enclosure(case: Case, state: State) -> Enclosure | None:
         return None
     openings = []
     for side, facade in case.facade.items():
-        clear = [
-            strip
-            for strip in facade.strips
-            if strip.material != "wall"
-            and not isinstance(_pane_material(case, strip.material, state), DiffuserMaterial)
-        ]
+        clear = [strip for strip in facade.strips if _is_opening(case, strip.material, state)]
         if clear:
             foot, along = _side(case.room, side)
             bottom, top = min(s.bottom for s in clear), max(s.top for s in clear)
             openings.append(_quad(foot + [0, 0, bottom], [0, 0, top - bottom], along))
     turn = rotation(case)
     return Enclosure(np.array(case.room.size), turn, np.reshape(openings, (-1, 4, 3)) @ turn.T)
+
+
+def _is_opening(case: Case, name: str, state: State) -> bool:
+    """Whether straight light comes in by a strip of a façade."""
+    if name == "wall":
+        return False
+    material = _pane_material(case, name, state)
+    return material is None or lets_through(material)
 
 
 def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
@@ -361,9 +390,12 @@ def _check_sensors(case: Case, points: np.ndarray) -> None:
 
 
 def is_coloured(case: Case) -> bool:
-    """Whether any reflectance differs between colour channels."""
+    """Whether any reflectance differs between colour channels, or a film is coloured."""
     values = [f.reflectance for f in case.furniture]
     if case.room is not None:
         values += [case.room.floor, case.room.ceiling, case.room.walls]
     values += [f.frame_reflectance for f in case.facade.values()]
-    return any(isinstance(v, tuple) and len(set(v)) > 1 for v in values)
+    films = [m for m in case.materials.values() if isinstance(m, BsdfMaterial)]
+    return any(isinstance(v, tuple) and len(set(v)) > 1 for v in values) or any(
+        film(m.file).coloured for m in films
+    )

@@ -11,6 +11,8 @@ name                    kind        what it is
 `sun_disks`             emitter     any number of suns of finite diameter
 `glazing`               BSDF        thin clear pane with angular transmittance and reflectance
 `diffuser`              BSDF        thin Lambertian pane: sun shade, fabric, opal glass
+`tensor_tree`           BSDF        measured pane or film: LBNL tensor tree, rank 3 or 4
+`klems`                 BSDF        measured pane or film: LBNL Klems matrix
 `coefficient`           integrator  unbiased path tracing of daylight coefficients
 ======================  ==========  ===============================================================
 """
@@ -22,7 +24,18 @@ import sys
 
 import mitsuba as mi
 
-_MODULES = ("tregenza_sky", "sun_disks", "glazing", "diffuser", "coefficient")
+_MODULES = (
+    "tregenza_sky",
+    "sun_disks",
+    "glazing",
+    "diffuser",
+    "rows",
+    "lobes",
+    "measured",
+    "tensor_tree",
+    "klems",
+    "coefficient",
+)
 
 
 def _register(*_variants: object) -> None:

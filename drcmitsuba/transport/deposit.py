@@ -16,6 +16,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case import Accuracy
 from drcmitsuba.scene import Scene
+from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 
@@ -63,9 +64,13 @@ class Deposit:
         Reinhart's factor MF of the sky.
     accuracy : Accuracy
     patches : PanePatches or None
-        The panes that scatter.
+        The panes that scatter evenly.
+    films : Films or None
+        Those that scatter as measured.
     faces : Irradiance or None
-        Of the faces of these panes; see `lit`.
+        Of the faces of the former; see `lit`.
+    on_films : Irradiance or None
+        Of the latter: their answer to the sky by outgoing cell, and D of their faces from the suns.
     """
 
     scene: Scene
@@ -74,7 +79,9 @@ class Deposit:
     subdivision: int
     accuracy: Accuracy
     patches: PanePatches | None
+    films: Films | None = None
     faces: Irradiance | None = None
+    on_films: Irradiance | None = None
 
     @property
     def bins(self) -> tuple[int, int]:
@@ -104,18 +111,48 @@ class Deposit:
         )  # fmt: skip
 
     def lit(self, key: tuple[int, ...]) -> Deposit:
-        """Find the irradiance of the panes' faces, light from pane to pane included."""
-        if self.patches is None:
+        """Find what reaches the panes, light from pane to pane included.
+
+        Light from one film to another, or from a diffusing pane to a film, is not followed.
+        """
+        films = self._with_films_lit((*key, 0))
+        if films.patches is None:
+            return films
+        rng = np.random.default_rng(launch_seed(self.accuracy, *key, 3))
+        p, n = films.patches.face_points(rng)
+        received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
+        received = received.plus(films.by_films(p, n, (*key, 1)))
+        between = films._transfer(p, n, key)
+        return replace(films, faces=Irradiance(*(settle(between, part) for part in received)))
+
+    def _with_films_lit(self, key: tuple[int, ...]) -> Deposit:
+        if self.films is None:
             return self
         rng = np.random.default_rng(launch_seed(self.accuracy, *key, 3))
-        p, n = self.patches.face_points(rng)
-        received = self.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
-        between = self._transfer(p, n, key)
-        return replace(self, faces=Irradiance(*(settle(between, part) for part in received)))
+        p, n = self.films.patches.face_points(rng)
+        sun = sun_deposit(
+            self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=1,
+            seed=launch_seed(self.accuracy, *key, 1),
+        )  # fmt: skip
+        sky = self.films.answer_to_sky(
+            self.subdivision, self.accuracy.film_sky_samples, launch_seed(self.accuracy, *key, 0)
+        )
+        return replace(self, on_films=Irradiance(sky, sun))
+
+    def by_films(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance | None:
+        """Light by way of films; None where there are none."""
+        if self.films is None or self.on_films is None:
+            return None
+        sky, sun = self.films.scattered(
+            p, n, self.on_films.sun, self.on_films.sky,
+            rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 5),
+        )  # fmt: skip
+        return Irradiance(sky, sun)
 
     def scattered(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance | None:
-        """Light by way of scattering panes; None where there are none."""
+        """Light by way of panes that scatter; None where there are none."""
+        films = self.by_films(p, n, key)
         if self.faces is None:
-            return None
+            return films
         transfer = self._transfer(p, n, key)
-        return Irradiance(*(transfer @ part for part in self.faces))
+        return Irradiance(*(transfer @ part for part in self.faces)).plus(films)

@@ -11,8 +11,10 @@ faces. Light from pane to pane is the geometric series E = D_a + K' E.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -28,7 +30,7 @@ OFFSET = 1e-4
 
 @dataclass(frozen=True)
 class PanePatches:
-    """Patches of all scattering panes of a scene.
+    """Patches that panes are cut into.
 
     Faces are numbered 2·patch for the front (towards the room) and 2·patch + 1 for the back.
 
@@ -36,29 +38,27 @@ class PanePatches:
     ----------
     corner, u, v : np.ndarray, shape (patch, 3)
         Corner and edges [m].
-    transmittance, reflectance : np.ndarray, shape (patch,)
-        Of both sides, and of the front.
+    owner : np.ndarray, shape (patch,)
+        Group of panes that a patch belongs to.
     """
 
     corner: np.ndarray
     u: np.ndarray
     v: np.ndarray
-    transmittance: np.ndarray
-    reflectance: np.ndarray
+    owner: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, size: float) -> PanePatches:
-        """Cut the scattering panes into patches of about `size` [m]."""
+    def of(cls, groups: Sequence[np.ndarray], size: float) -> PanePatches:
+        """Cut groups of panes, (pane, 4, 3) each, into patches of about `size` [m]."""
         parts = []
-        for panes in scene.scattering:
-            for quad in panes.quads:
+        for owner, quads in enumerate(groups):
+            for quad in quads:
                 corner, u, v = quad[0], quad[1] - quad[0], quad[3] - quad[0]
                 nu, nv = (max(1, round(float(np.linalg.norm(e)) / size)) for e in (u, v))
                 i, j = (a.ravel()[:, None] for a in np.mgrid[:nu, :nv])
                 n = nu * nv
                 edges = np.tile(u / nu, (n, 1)), np.tile(v / nv, (n, 1))
-                optics = np.full(n, panes.transmittance), np.full(n, panes.reflectance)
-                parts.append((corner + i * u / nu + j * v / nv, *edges, *optics))
+                parts.append((corner + i * u / nu + j * v / nv, *edges, np.full(n, owner)))
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def __len__(self) -> int:
@@ -100,11 +100,25 @@ class PanePatches:
         return mi.Float(p.astype(np.float32).ravel()), mi.Float(n.astype(np.float32).ravel())
 
 
-def pane_transfer(
+class Look(NamedTuple):
+    """Directions from receivers to panes, one lane each.
+
+    `weight` is cos θ / (π · density of the direction), summed over all ways to find it and divided
+    by their number, times the transmittance of clear panes in between; 0 where nothing is seen.
+    """
+
+    row: mi.UInt32
+    patch: mi.UInt32
+    d: mi.Vector3f
+    front: mi.Bool
+    weight: mi.Float
+
+
+def looks(
     scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
     rays: int, seed: int,
-) -> mi.TensorXf:  # fmt: skip
-    """Irradiance at points per irradiance on the faces of scattering panes.
+) -> tuple[Look, Look]:  # fmt: skip
+    """Directions from receivers to the patches, found in two ways.
 
     Points on the panes and cosine-distributed directions are combined by the balance heuristic:
     the first find small and far panes, the second keep the estimate bounded close to a pane.
@@ -116,20 +130,19 @@ def pane_transfer(
     points, normals : mi.Float
         Receivers, three numbers each.
     rays : int
-        Samples of each of the two kinds from a receiver.
+        Directions of each of the two kinds from a receiver.
     seed : int
 
     Returns
     -------
-    mi.TensorXf, shape (receiver, face)
-        K, dimensionless.
+    tuple of Look
+        Lanes receiver · rays + index.
     """
-    count, faces = dr.width(points) // 3, 2 * len(patches)
-    out = dr.zeros(mi.Float, count * faces)
-    flat = {
-        k: mi.Float(np.ascontiguousarray(getattr(patches, k), np.float32).ravel())
-        for k in ("corner", "u", "v", "normal", "transmittance", "reflectance")
-    }
+    count = dr.width(points) // 3
+    corner, along_u, along_v, normal = (
+        mi.Float(np.ascontiguousarray(a, np.float32).ravel())
+        for a in (patches.corner, patches.u, patches.v, patches.normal)
+    )
     total_area = float(patches.area.sum())
     share = mi.DiscreteDistribution(mi.Float(patches.area.astype(np.float32)))
     lane = dr.arange(mi.UInt32, count * rays)
@@ -139,9 +152,9 @@ def pane_transfer(
     p = dr.gather(mi.Point3f, points, row)
     n = dr.gather(mi.Normal3f, normals, row)
 
-    def add(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> None:
-        """Add the light of a pane in direction d, whichever way the direction was found."""
-        pane_normal = dr.gather(mi.Normal3f, flat["normal"], patch, seen)
+    def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> Look:
+        """Weigh directions, whichever way they were found."""
+        pane_normal = dr.gather(mi.Normal3f, normal, patch, seen)
         cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
         seen = seen & (cosine > 0) & (cos_pane != 0)
         shadow = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
@@ -150,29 +163,63 @@ def pane_transfer(
         by_cosine = cosine * dr.inv_pi
         tau = mi.Float(1)
         if scene.clear is not None:
-            tau = transmittance(scene.clear, mi.Ray3f(p, d, distance, 0, []), seen)
-        weight = by_cosine * tau / (rays * (by_area + by_cosine))
-        near = 2 * patch + dr.select(cos_pane > 0, mi.UInt32(0), 1)
-        far = near ^ 1
-        front = seen & (cos_pane > 0)  # the back is black, as in `materials.bsdf`
-        for face, albedo, lit in ((far, "transmittance", seen), (near, "reflectance", front)):
-            value = weight * dr.gather(mi.Float, flat[albedo], patch, lit)
-            dr.scatter_add(out, value, row * faces + face, lit & (value > 0))
+            # Short of the pane itself: it may let straight light through as well.
+            between = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
+            tau = transmittance(scene.clear, between, seen)
+        weight = dr.select(seen, by_cosine * tau / (rays * (by_area + by_cosine)), 0)
+        return Look(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
 
     # Points on the panes.
     stratum = (mi.Float(lane % rays) + sampler.next_1d()) / rays
     patch, u = share.sample_reuse(stratum)
-    y = dr.gather(mi.Point3f, flat["corner"], patch)
-    y += u * dr.gather(mi.Vector3f, flat["u"], patch)
-    y += sampler.next_1d() * dr.gather(mi.Vector3f, flat["v"], patch)
+    y = dr.gather(mi.Point3f, corner, patch)
+    y += u * dr.gather(mi.Vector3f, along_u, patch)
+    y += sampler.next_1d() * dr.gather(mi.Vector3f, along_v, patch)
     distance = dr.norm(y - p)
     d = (y - p) / dr.maximum(distance, 1e-9)
-    add(patch, d, distance, mi.Bool(True))
+    by_point = look(patch, d, distance, mi.Bool(True))
 
     # Directions by the cosine law.
     d = mi.Frame3f(n).to_world(first_directions(lane % rays, row, seed))
     hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
-    add(hit.prim_index // 2, d, hit.t, hit.is_valid())
+    return by_point, look(hit.prim_index // 2, d, hit.t, hit.is_valid())
+
+
+def pane_transfer(
+    scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
+    rays: int, seed: int,
+) -> mi.TensorXf:  # fmt: skip
+    """Irradiance at points per irradiance on the faces of panes that scatter evenly.
+
+    Parameters
+    ----------
+    scene : Scene
+    patches : PanePatches
+        Of `scene.scattering`.
+    points, normals : mi.Float
+        Receivers, three numbers each.
+    rays : int
+        Samples of each of two kinds from a receiver, see `looks`.
+    seed : int
+
+    Returns
+    -------
+    mi.TensorXf, shape (receiver, face)
+        K, dimensionless.
+    """
+    count, faces = dr.width(points) // 3, 2 * len(patches)
+    out = dr.zeros(mi.Float, count * faces)
+    through, back = (
+        mi.Float([getattr(scene.scattering[i], name) for i in patches.owner])
+        for name in ("transmittance", "reflectance")
+    )
+    for look in looks(scene, patches, points, normals, rays=rays, seed=seed):
+        seen = look.weight > 0
+        near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)
+        # The back is black to what it reflects, as in `materials.bsdf`.
+        for face, albedo, lit in ((near ^ 1, through, seen), (near, back, seen & look.front)):
+            value = look.weight * dr.gather(mi.Float, albedo, look.patch, lit)
+            dr.scatter_add(out, value, look.row * faces + face, lit & (value > 0))
     dr.eval(out)
     return mi.TensorXf(out, (count, faces))
 

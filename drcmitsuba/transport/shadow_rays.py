@@ -125,7 +125,7 @@ def _candidates(
     return rows, groups, clusters
 
 
-def _straight(
+def straight(
     scene: Scene, openings: Openings | None, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool
 ) -> mi.Float:
     """Transmittance from points to the sky: 0 behind anything opaque, else the panes' product."""
@@ -173,7 +173,7 @@ def sky_deposit(
         p = dr.gather(mi.Point3f, points, row)
         frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
         d = frame.to_world(first_directions(lane % rays, row, seed))
-        tau = _straight(scene, openings, p, d, mi.Bool(True))
+        tau = straight(scene, openings, p, d, mi.Bool(True))
         index = row * bins + patch_index(d, subdivision)
         dr.scatter_add(out, tau * (np.pi / rays), index, tau > 0)
         dr.eval(out)
@@ -232,7 +232,7 @@ def sun_deposit(
             uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in numbers))
             d = sample_disk(centre, diameter, uv)
             cosine = dr.dot(n, d)
-            tau = _straight(scene, openings, p, d, exists & (cosine > 0))
+            tau = straight(scene, openings, p, d, exists & (cosine > 0))
             total += dr.select(tau > 0, tau * cosine, 0)
         dr.scatter(out, total * scale, pair, exists)
         dr.eval(out)

@@ -240,7 +240,7 @@ def polygon_factor(points, corner):
 )
 def test_transfer_from_patches_is_t_times_the_form_factor(pane, same):
     scene = scenes.build([surface(diffuser(0.4, 0.3), pane)])
-    patches = PanePatches.of(scene, 0.5)
+    patches = PanePatches.of([s.quads for s in scene.scattering], 0.5)
     n = 32
     k = by_replicate(
         pane_transfer(scene, patches, flat(ORIGIN, n), flat(UP, n), rays=1 << 12, seed=7), n
@@ -254,7 +254,7 @@ def test_transfer_from_patches_is_t_times_the_form_factor(pane, same):
 
 def test_pane_that_fills_the_view_transfers_t():
     scene = scenes.build([plane(0.1, diffuser(0.7, 0.2), front=-1)])
-    patches = PanePatches.of(scene, 300.0)
+    patches = PanePatches.of([s.quads for s in scene.scattering], 300.0)
     k = pane_transfer(scene, patches, flat(ORIGIN), flat(UP), rays=1 << 12, seed=8).numpy()[0]
     assert k[1::2].sum() == pytest.approx(0.7, rel=0.01)
     assert k[0::2].sum() == pytest.approx(0.2, rel=0.01)
@@ -265,7 +265,7 @@ def test_pane_that_fills_the_view_transfers_t():
 def test_clear_pane_before_a_scattering_one_dims_it_by_its_angle(same):
     # K = T × the diffuse transmittance of the glass, 2 ∫ τ(x) x dx over x = cos θ.
     scene = scenes.build([plane(0.2, diffuser(0.7), front=-1), plane(0.1, glazing(0.8))])
-    patches = PanePatches.of(scene, 300.0)
+    patches = PanePatches.of([s.quads for s in scene.scattering], 300.0)
     n = 32
     k = pane_transfer(scene, patches, flat(ORIGIN, n), flat(UP, n), rays=1 << 11, seed=8)
     same(by_replicate(k, n).sum(axis=-1), exact=0.7 * 0.8 * (1 - 2 / (5.5 * 6.5)), within=0.002)
@@ -273,7 +273,7 @@ def test_clear_pane_before_a_scattering_one_dims_it_by_its_angle(same):
 
 def faces(scene, size, replicates, rays, seed):
     """Irradiance of the faces of all panes under the bare sky, one estimate per replicate."""
-    patches = PanePatches.of(scene, size)
+    patches = PanePatches.of([s.quads for s in scene.scattering], size)
     found = []
     for r in range(replicates):
         p, n = patches.face_points(np.random.default_rng(seed + r))

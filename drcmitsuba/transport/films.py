@@ -1,0 +1,341 @@
+r"""Deposit by way of films: light that a pane with a measured BSDF scatters once.
+
+Light leaves a film evenly within each outgoing cell of its BSDF. So the film's answer to every bin
+is tabulated once, by cell, and a receiver only needs to know which cells of which patches it looks
+into:
+
+.. math:: D_b[r, b] = \sum_j w_{rj} \, f(\omega_b \to c_j) \, D_a[p_j, b]
+
+with w = cos θ / density of the j-th direction from receiver r to patch p_j, c_j the cell of the
+direction back, and D_a what reaches the patch straight. For the suns, f is taken at their exact
+directions. Within a patch of the sky f varies: there f · D_a is one integral, estimated by
+directions drawn from the BSDF.
+
+Limits: of two films, or a film and a shade, in a row only the last one is a film here (see
+`deposit`); what one film sends to another is not followed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.patches import Patches, patch_index
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
+
+from drcmitsuba.scene import Scene
+from drcmitsuba.transport.gather import even_numbers
+from drcmitsuba.transport.panes import OFFSET, PanePatches, looks
+from drcmitsuba.transport.shadow_rays import LANES, straight
+
+SUN_SAMPLES = 8
+"""Directions on a sun's disk, and in an outgoing cell, that f is averaged over."""
+
+
+@dataclass(frozen=True)
+class Mount:
+    """A film in one orientation.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+    frame : np.ndarray, shape (3, 3)
+        Rows: the pane's x, y (up) and normal into the room.
+    quads : np.ndarray, shape (pane, 4, 3)
+    exposed : bool
+        Nothing lies beyond the panes' plane and no light comes from the room's side: all of the
+        film sees the same.
+    sides : tuple of int
+        Faces that receivers may see: 1 front, −1 back.
+    """
+
+    bsdf: Any
+    frame: np.ndarray
+    quads: np.ndarray
+    exposed: bool
+    sides: tuple[int, ...]
+
+    @property
+    def rows(self) -> int:
+        """Outgoing cells of all sides."""
+        return len(self.sides) * self.bsdf.out_cells
+
+    @property
+    def turn(self) -> mi.Frame3f:
+        """The pane's frame."""
+        return mi.Frame3f(*(mi.Vector3f(*map(float, axis)) for axis in self.frame))
+
+    def outgoing(self, row: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
+        """Direction in a row's cell, in the pane's frame."""
+        cells = self.bsdf.out_cells
+        front = (row < cells) if self.sides[0] == 1 else mi.Bool(False)
+        return self.bsdf.out_direction(row % cells, uv, front)
+
+    def interaction(self, outgoing: mi.Vector3f) -> mi.SurfaceInteraction3f:
+        """What the BSDF needs to know of a point on the pane."""
+        si = dr.zeros(mi.SurfaceInteraction3f, dr.width(outgoing))
+        si.n = self.turn.n
+        si.sh_frame = self.turn
+        si.wi = outgoing
+        return si
+
+
+def _frame(normal: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """The pane's x, y and normal; y is the projection of `up`, as in the plugins."""
+    y = up - normal * (up @ normal)
+    if np.linalg.norm(y) < 1e-4:
+        y = np.array([0.0, 1.0, 0.0]) - normal * normal[1]
+    y = y / np.linalg.norm(y)
+    return np.array([np.cross(y, normal), y, normal])
+
+
+def _lit_from_the_room(scene: Scene, pane: np.ndarray, normal: np.ndarray) -> bool:
+    """Whether straight light may reach the front: openings in other walls, or no known room."""
+    room = scene.enclosure
+    if room is None:
+        return True
+    return bool((np.abs((room.openings - pane[0]) @ normal) > 1e-3).any())
+
+
+def mounts(scene: Scene) -> list[Mount]:
+    """Sort the films of a scene by material and orientation."""
+    found = []
+    for panes in scene.films:
+        q, up = panes.quads, np.array(panes.bsdf.up).ravel()
+        n = np.cross(q[:, 1] - q[:, 0], q[:, 3] - q[:, 0])
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        for normal in np.unique(n.round(6), axis=0):
+            quads = q[np.all(np.abs(n - normal) < 1e-5, axis=1)]
+            behind = bool(((scene.corners - quads[0, 0]) @ normal < -1e-3).any())
+            lit = _lit_from_the_room(scene, quads[0], normal)
+            sides = (1, -1) if behind else (1,)
+            frame = _frame(normal / np.linalg.norm(normal), up)
+            found.append(Mount(panes.bsdf, frame, quads, not (behind or lit), sides))
+    return found
+
+
+def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float) -> mi.Float:
+    """F [1/sr] from suns into the outgoing cells of a mount, shape (row · sun,)."""
+    out = dr.zeros(mi.Float, mount.rows * len(suns))
+    directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
+    ctx = mi.BSDFContext()
+    for start in range(0, dr.width(out), LANES):
+        lane = dr.arange(mi.UInt32, min(LANES, dr.width(out) - start))
+        pair = lane + dr.opaque(mi.UInt32, start)
+        row, sun = pair // len(suns), pair % len(suns)
+        centre = dr.gather(mi.Vector3f, directions, sun)
+        total, cosines = mi.Float(0), mi.Float(0)
+        for i in range(SUN_SAMPLES):
+            index = dr.full(mi.UInt32, i, dr.width(lane))
+            d = sample_disk(centre, diameter, even_numbers(index, sun, 1, 0))
+            si = mount.interaction(mount.outgoing(row, even_numbers(index, row, 2, 0)))
+            wo = mount.turn.to_local(d)
+            counts = (wo.z < 0) | (not mount.exposed)
+            total += dr.select(counts, mount.bsdf.eval(ctx, si, wo)[0], 0)
+            cosines += dr.select(counts, dr.abs(wo.z), 0)
+        dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
+        dr.eval(out)
+    return out
+
+
+@dataclass(frozen=True)
+class Films:
+    """The films of a scene, cut into patches, and their answer to the suns.
+
+    Parameters
+    ----------
+    scene : Scene
+    mounts : tuple of Mount
+    patches : PanePatches
+        Their owner is the mount.
+    suns : np.ndarray, shape (lit,)
+        Numbers of the suns that may shine on a film.
+    to_suns : mi.Float, shape (row · lit,)
+        f [1/sr] from these into every outgoing cell of every mount.
+    """
+
+    scene: Scene
+    mounts: tuple[Mount, ...]
+    patches: PanePatches
+    suns: np.ndarray
+    to_suns: mi.Float
+
+    @classmethod
+    def of(cls, scene: Scene, size: float, suns: np.ndarray, diameter: float) -> Films | None:
+        """Cut films into patches of about `size` [m] and tabulate them; None without films."""
+        if not scene.films:
+            return None
+        found = tuple(mounts(scene))
+        radius = np.radians(diameter) / 2
+        shining = np.zeros(len(suns), bool)
+        for mount in found:
+            shining |= (suns @ mount.frame[2] < np.sin(radius)) | (not mount.exposed)
+        lit = np.flatnonzero(shining)
+        tables = [_answer_to_suns(m, suns[lit], diameter) for m in found]
+        patches = PanePatches.of([m.quads for m in found], size)
+        return cls(scene, found, patches, lit, dr.concat(tables))
+
+    def _first_sky_rows(self) -> np.ndarray:
+        """First row of every patch in the table of the sky, and the number of rows.
+
+        Patches of an exposed mount share their rows: they see the same.
+        """
+        first: list[int] = []
+        rows = 0
+        for patch, owner in enumerate(self.patches.owner):
+            mount = self.mounts[owner]
+            if mount.exposed and patch and owner == self.patches.owner[patch - 1]:
+                first.append(first[-1])
+            else:
+                first.append(rows)
+                rows += mount.rows
+        return np.array([*first, rows])
+
+    def answer_to_sky(self, subdivision: int, samples: int, seed: int) -> mi.TensorXf:
+        """Radiance of every outgoing cell per unit radiance of ground and sky patches.
+
+        Parameters
+        ----------
+        subdivision : int
+            Reinhart's factor MF.
+        samples : int
+            Directions for every cell.
+        seed : int
+
+        Returns
+        -------
+        mi.TensorXf, shape (row, bin)
+            The rows of the first patch, and of every other one that has its own.
+        """
+        bins = len(Patches(subdivision))
+        first = self._first_sky_rows()
+        out = dr.zeros(mi.Float, int(first[-1]) * bins)
+        for patch in np.unique(first[:-1], return_index=True)[1]:
+            mount = self.mounts[self.patches.owner[patch]]
+            block = max(1, LANES // samples)
+            for start in range(0, mount.rows, block):
+                lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
+                row = lane // samples + dr.opaque(mi.UInt32, start)
+                d, weight = self._from_sky(int(patch), row, lane % samples, seed + 7919 * patch)
+                at = (row + dr.opaque(mi.UInt32, int(first[patch]))) * bins
+                index = at + patch_index(d, subdivision)
+                dr.scatter_add(out, weight / samples, index, weight > 0)
+                dr.eval(out)
+        return mi.TensorXf(out, (int(first[-1]), bins))
+
+    def _from_sky(
+        self, patch: int, row: mi.UInt32, index: mi.UInt32, seed: int
+    ) -> tuple[mi.Vector3f, mi.Float]:
+        """Directions to the sky whose light leaves a patch in the rows' cells, and its weight."""
+        mount = self.mounts[self.patches.owner[patch]]
+        si = mount.interaction(mount.outgoing(row, even_numbers(index, row, seed, 1)))
+        ctx = mi.BSDFContext()
+        ctx.type_mask = +mi.BSDFFlags.GlossyReflection | +mi.BSDFFlags.GlossyTransmission
+        lane = dr.arange(mi.UInt32, dr.width(row))
+        lobe, a, b = (
+            mi.Float(v >> 8) * TO_UNIT
+            for v in (*random_bits(lane, seed), random_bits(lane, seed + 1)[0])
+        )
+        bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
+        d, weight = mount.turn.to_world(bs.wo), value[0]
+        if mount.exposed:
+            return d, dr.select(bs.wo.z < 0, weight, 0)
+        corner, u, v = (
+            mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in edge[patch]))
+            for edge in (self.patches.corner, self.patches.u, self.patches.v)
+        )
+        p = corner + a * u + b * v + dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
+        return d, weight * straight(self.scene, None, mi.Point3f(p), d, weight > 0)
+
+    def _rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
+        """Row within its mount of light that a patch sends along −d; whether there is one."""
+        owner = dr.gather(mi.UInt32, mi.UInt32(self.patches.owner.astype(np.uint32)), patch)
+        row, known = mi.UInt32(0), mi.Bool(False)
+        for i, mount in enumerate(self.mounts):
+            mine = owner == i
+            cell = mount.bsdf.out_cell(mount.turn.to_local(-d))
+            row = dr.select(mine, cell + dr.select(front, 0, mount.bsdf.out_cells), row)
+            known |= mine & (front | (len(mount.sides) > 1))
+        return row, known
+
+    def scattered(
+        self, p: mi.Float, n: mi.Float, on_faces: mi.TensorXf, sky: mi.TensorXf, *,
+        rays: int, seed: int,
+    ) -> tuple[mi.TensorXf, mi.TensorXf]:  # fmt: skip
+        """Irradiance of receivers by way of the films.
+
+        Parameters
+        ----------
+        p, n : mi.Float
+            Receivers, three numbers each.
+        on_faces : mi.TensorXf, shape (face, sun)
+            D of the patches' faces, straight from the suns.
+        sky : mi.TensorXf, shape (row, bin)
+            From `answer_to_sky`.
+        rays : int
+            Directions of each of two kinds from a receiver, see `looks`.
+        seed : int
+
+        Returns
+        -------
+        sky, sun : mi.TensorXf, shape (receiver, bin) and (receiver, sun)
+            D [sr].
+        """
+        count, n_suns = dr.width(p) // 3, on_faces.shape[1]
+        first_sky = mi.UInt32(self._first_sky_rows().astype(np.uint32))
+        first_sun = np.cumsum([0, *(m.rows for m in self.mounts)])[self.patches.owner]
+        first_sun = mi.UInt32(first_sun.astype(np.uint32))
+        shone = on_faces.numpy().reshape(len(self.patches), 2, n_suns).sum(axis=1)[:, self.suns]
+        shone = mi.Float(np.ascontiguousarray(shone, np.float32).ravel())
+        by_sun = dr.zeros(mi.Float, count * len(self.suns))
+        by_sky = dr.zeros(mi.Float, count * sky.shape[1])
+        for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed):
+            row, known = self._rows(look.patch, look.d, look.front)
+            seen = dr.compress((look.weight > 0) & known)
+            if dr.width(seen) == 0:
+                continue
+            kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
+            weight = dr.pi * dr.gather(mi.Float, look.weight, seen)
+            first = _first_of_rows(kept[0], count)
+            sun_row = kept[2] + dr.gather(mi.UInt32, first_sun, kept[1])
+            sky_row = kept[2] + dr.gather(mi.UInt32, first_sky, kept[1])
+            dr.eval(weight, sun_row, sky_row, kept[1])
+            by_sun += _sum(first, weight, sun_row, self.to_suns, kept[1], shone, len(self.suns))
+            by_sky += _sum(first, weight, sky_row, sky.array, None, None, sky.shape[1])
+            dr.eval(by_sun, by_sky)
+        out = dr.zeros(mi.Float, count * n_suns)
+        at = dr.arange(mi.UInt32, count * len(self.suns))
+        to = dr.gather(mi.UInt32, mi.UInt32(self.suns.astype(np.uint32)), at % len(self.suns))
+        dr.scatter(out, by_sun, at // len(self.suns) * n_suns + to)
+        return mi.TensorXf(by_sky, (count, sky.shape[1])), mi.TensorXf(out, (count, n_suns))
+
+
+def _first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:
+    """First entry of every row of a list sorted by rows, and the end of the last one."""
+    entries = dr.zeros(mi.UInt32, count + 1)
+    dr.scatter_add(entries, mi.UInt32(1), row + 1)
+    return dr.cumsum(entries)
+
+
+@dr.syntax
+def _sum(
+    first: mi.UInt32, weight: mi.Float, row: mi.UInt32, table: mi.Float,
+    patch: mi.UInt32 | None, shone: mi.Float | None, bins: int,
+) -> mi.Float:  # fmt: skip
+    """Σ weight · table[row, bin] (· shone[patch, bin]) over the entries of every receiver."""
+    lane = dr.arange(mi.UInt32, (dr.width(first) - 1) * bins)
+    receiver, bin_ = lane // bins, lane % bins
+    at = dr.gather(mi.UInt32, first, receiver)
+    end = dr.gather(mi.UInt32, first, receiver + 1)
+    total = mi.Float(0)
+    while dr.hint(at < end, exclude=[first, weight, row, table, patch, shone]):
+        value = dr.gather(mi.Float, weight, at)
+        value *= dr.gather(mi.Float, table, dr.gather(mi.UInt32, row, at) * bins + bin_)
+        if dr.hint(shone is not None, mode="scalar"):
+            value *= dr.gather(mi.Float, shone, dr.gather(mi.UInt32, patch, at) * bins + bin_)
+        total += value
+        at += 1
+    return total

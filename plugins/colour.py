@@ -1,0 +1,70 @@
+"""Colour channels of a BSDF from its luminance and chromaticity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from drcmitsuba_plugins.klems_basis import KlemsMatrix
+from drcmitsuba_plugins.tensor import TensorTree
+
+# From CIE XYZ to linear red, green, blue, ITU-R BT.709 with white D65.
+_RGB = np.array(
+    [
+        [3.2404542, -1.5371385, -0.4985314],
+        [-0.9692660, 1.8760108, 0.0415560],
+        [0.0556434, -0.2040259, 1.0572252],
+    ]
+)
+
+
+def channel_of(
+    luminance: TensorTree | KlemsMatrix,
+    chromaticity: dict[str, TensorTree | KlemsMatrix],
+    channel: int,
+) -> TensorTree | KlemsMatrix:
+    """One of red, green, blue (0, 1, 2) of a component.
+
+    Parameters
+    ----------
+    luminance : TensorTree or KlemsMatrix
+    chromaticity : dict
+        CIE 1976 u′ and v′ as 'u', 'v' (trees), or the values X and Z (Klems). Neutral where a
+        part of it is missing.
+    channel : int
+
+    Returns
+    -------
+    TensorTree or KlemsMatrix
+        Values relative to the white of the light: a neutral material has the same in all channels.
+    """
+    if isinstance(luminance, KlemsMatrix):
+        if not {"X", "Z"} <= chromaticity.keys():
+            return luminance
+        xyz = [chromaticity["X"].value, luminance.value, chromaticity["Z"].value]
+        return replace(luminance, value=_mixed(channel, xyz))
+    if not {"u", "v"} <= chromaticity.keys():
+        return luminance
+    y, u, v = refined([luminance, chromaticity["u"], chromaticity["v"]])
+    v_safe = np.maximum(v.value, 1e-6)
+    x_value = y.value * 9 * u.value / (4 * v_safe)
+    z_value = y.value * (12 - 3 * u.value - 20 * v.value) / (4 * v_safe)
+    return replace(y, value=_mixed(channel, [x_value, y.value, z_value]))
+
+
+def _mixed(channel: int, xyz: list[np.ndarray]) -> np.ndarray:
+    """Linear channel; colours outside the gamut are clipped to it."""
+    return np.maximum(sum(w * part for w, part in zip(_RGB[channel], xyz, strict=True)), 0)
+
+
+def refined(trees: list[TensorTree]) -> list[TensorTree]:
+    """The same trees over their common refinement: all with the same leaves."""
+    rank, depth = trees[0].rank, max(t.depth for t in trees)
+    starts = [t.start << rank * (depth - t.depth) for t in trees]
+    start = np.unique(np.concatenate(starts))
+    gap = np.diff(np.append(start, np.int64(1) << rank * depth))
+    level = depth - np.round(np.log2(gap) / rank).astype(int)
+    return [
+        TensorTree(rank, depth, start, level, t.value[np.searchsorted(s, start, "right") - 1])
+        for t, s in zip(trees, starts, strict=True)
+    ]

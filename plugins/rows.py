@@ -1,0 +1,170 @@
+"""Conditional distributions of a measured BSDF, one row for each cell of the fixed direction.
+
+For a pair of directions one is given (the row) and the other is looked up or drawn. A row lists
+the cells of the other direction with their leaf of the file and the running sum of f times
+projected solid angle, so that drawing from it is one binary search and its density is exactly
+f cos θ / albedo. Rows of all components (transmission and reflection, both sides) follow each
+other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.klems_basis import KlemsBasis, KlemsMatrix
+from drcmitsuba_plugins.tensor import TensorTree
+
+MOST_ENTRIES = 1 << 26
+"""Cells in all rows together; a full tree of rank 4 and depth 6 has a quarter of that for each
+component."""
+
+
+@dataclass
+class Rows:
+    """Rows of cells.
+
+    Parameters
+    ----------
+    first : mi.UInt32, shape (row + 1,)
+        First entry of every row.
+    leaf : mi.UInt32, shape (entry,)
+        Leaf of the file.
+    code : mi.UInt32, shape (entry,)
+        Cell of the other direction, ascending in a row.
+    weight : np.ndarray, shape (entry,)
+        Projected solid angle of every cell [sr].
+    steps : int
+        Halvings that a search of the longest row takes.
+    sum : mi.Float, shape (entry,)
+        Running sum of f · weight in a row.
+    albedo : mi.Float, shape (row,)
+        Its end.
+    """
+
+    first: mi.UInt32
+    leaf: mi.UInt32
+    code: mi.UInt32
+    weight: np.ndarray
+    steps: int
+    sum: mi.Float | None = None
+    albedo: mi.Float | None = None
+
+    @classmethod
+    def of(
+        cls, row: np.ndarray, leaf: np.ndarray, code: np.ndarray, weight: np.ndarray, rows: int
+    ) -> Rows:
+        """Sort entries into rows."""
+        order = np.lexsort((code, row))
+        first = np.searchsorted(row[order], np.arange(rows + 1))
+        longest = int(np.diff(first).max(initial=1))
+        return cls(
+            mi.UInt32(first.astype(np.uint32)),
+            *(mi.UInt32(a[order].astype(np.uint32)) for a in (leaf, code)),
+            weight[order],
+            max(1, int(longest - 1).bit_length()),
+        )
+
+    @classmethod
+    def regular(cls, rows: int, weight: np.ndarray) -> Rows:
+        """Rows of the same cells, every entry a leaf of its own."""
+        size = rows * len(weight)
+        first = np.arange(0, size + 1, len(weight), dtype=np.uint32)
+        entries = dr.arange(mi.UInt32, size)
+        steps = max(1, (len(weight) - 1).bit_length())
+        return cls(mi.UInt32(first), entries, entries, np.tile(weight, rows), steps)
+
+    def update(self, values: np.ndarray) -> None:
+        """Sum up anew after the leaves' values changed."""
+        first = self.first.numpy()
+        running = np.concatenate([[0], np.cumsum(values[self.leaf.numpy()] * self.weight)])
+        start = running[first[:-1]]
+        own = running[1:] - np.repeat(start, np.diff(first))
+        self.sum = mi.Float(own.astype(np.float32))
+        self.albedo = mi.Float((running[first[1:]] - start).astype(np.float32))
+
+    def _search(self, row, is_above, active):
+        """First entry of a row for which `is_above(entry)` holds; the last if there is none."""
+        low = dr.gather(mi.UInt32, self.first, row, active)
+        high = dr.gather(mi.UInt32, self.first, row + 1, active)
+        active &= high > low
+        last = dr.select(active, high - 1, low)
+        high = last
+        for _ in range(self.steps):
+            middle = (low + high) >> 1
+            above = is_above(middle, active)
+            low = dr.select(above, low, dr.minimum(middle + 1, last))
+            high = dr.select(above, middle, high)
+        return low, active
+
+    def find(self, row, code, active):
+        """Entry of a row that holds the cell with Morton code (or number) `code`."""
+
+        def above(entry, active):
+            # The entry before the first one that begins beyond the code holds it.
+            following = dr.minimum(entry + 1, dr.width(self.code) - 1)
+            return dr.gather(mi.UInt32, self.code, following, active) > code
+
+        return self._search(row, above, active)
+
+    def draw(self, row, u, active):
+        """Entry of a row with probability f · weight / albedo."""
+        target = u * dr.gather(mi.Float, self.albedo, row, active)
+        return self._search(
+            row, lambda entry, on: dr.gather(mi.Float, self.sum, entry, on) > target, active
+        )
+
+
+def of_trees(trees: list[TensorTree | None], fixed: str, depth: int) -> Rows:
+    """Rows of trees of rank 4 (either direction fixed) or 3 (the incident one).
+
+    Row c · cells + k belongs to component c and to the finest cell k of the fixed direction. The
+    trees' values are the numbers of their leaves.
+
+    Raises
+    ------
+    ValueError
+        The rows would be too long together.
+    """
+    axes = max((t.rank for t in trees if t is not None), default=4) - 2
+    cells = 1 << axes * depth
+    parts, total = [], 0
+    for component, tree in enumerate(trees):
+        if tree is None:
+            continue
+        a, b = tree.incident_cells(), tree.outgoing_cells()
+        if fixed == "outgoing":
+            a, b = b, a
+        a, b = a << axes * (depth - tree.depth), b << 2 * (depth - tree.depth)
+        for level in np.unique(tree.level):
+            mine = np.flatnonzero(tree.level == level)
+            span = 1 << axes * (depth - int(level))
+            total += len(mine) * span
+            if total > MOST_ENTRIES:
+                raise ValueError("the tree is too fine to be sampled; reduce it (rttree_reduce)")
+            row = (component * cells + a[mine, None] + np.arange(span)).ravel()
+            leaf = np.repeat(tree.value[mine].astype(np.int64), span)
+            weight = np.full(len(leaf), np.pi / 4.0 ** int(level))
+            parts.append((row, leaf, np.repeat(b[mine], span), weight))
+    joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
+    return Rows.of(*joined, rows=len(trees) * cells)
+
+
+def of_matrices(matrices: list[KlemsMatrix | None], fixed: str, basis: KlemsBasis) -> Rows:
+    """Rows of matrices over one basis: every row has one entry for each patch.
+
+    The matrices' values are the numbers of their leaves.
+    """
+    n = len(basis)
+    parts = []
+    for component, matrix in enumerate(matrices):
+        if matrix is None:
+            continue
+        outgoing, incident = (a.ravel() for a in np.indices((n, n)))
+        a, b = (incident, outgoing) if fixed == "incident" else (outgoing, incident)
+        leaf = matrix.value.astype(np.int64).ravel()
+        parts.append((component * n + a, leaf, b, basis.projected_solid_angle[b]))
+    joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
+    return Rows.of(*joined, rows=len(matrices) * n)

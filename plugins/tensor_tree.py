@@ -1,0 +1,42 @@
+"""`tensor_tree`: BSDF of a file with tensor trees of rank 4, or 3 for isotropic materials."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+from drcmitsuba_plugins.lobes import IsotropicLobes, SquareLobes, TurnedLobes, square_code
+from drcmitsuba_plugins.measured import Measured
+
+
+class TensorTree(Measured):
+    """Tensor trees; the parameters are those of `measured.Measured`."""
+
+    plugin = "tensor_tree"
+
+    def _check(self, file):
+        if not file.kind.startswith("TensorTree"):
+            raise ValueError(f"a file of kind {file.kind}; use the plugin klems")
+        self.rank = int(file.kind[-1])
+
+    def _reversed(self, tree):
+        return (tree, True) if self.rank == 3 else (tree.reversed(), False)
+
+    def _reversed_view(self, table):
+        # Turned by 180°, a cell of the square has the complement of its code.
+        return table if self.rank == 3 else table[::-1]
+
+    def _lobes_of(self, trees, swapped, fixed):
+        if self.rank == 3:
+            turned = [s != (fixed == "outgoing") for s in swapped]
+            return TurnedLobes(trees, turned) if any(turned) else IsotropicLobes(trees)
+        return SquareLobes(trees, fixed)
+
+    def _view_cell(self, light):
+        if self.rank == 4:
+            return square_code(-light.xy, (self.view_cells.bit_length() - 1) // 2)
+        s0 = 0.5 - 0.5 * dr.norm(light.xy)
+        n = self.view_cells
+        return mi.UInt32(dr.clip(s0 * n, 0, max(n // 2 - 1, 0)))
+
+
+mi.register_bsdf("tensor_tree", TensorTree)
