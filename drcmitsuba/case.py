@@ -8,7 +8,6 @@ origin in the south-west corner of the floor, x to the east, y to the north, z u
 from __future__ import annotations
 
 import difflib
-import sys
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,12 +15,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PrivateAttr, model_validator
 
 from drcmitsuba.errors import InputError
-from drcmitsuba.table import Table, checked, choose, shortened
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from drcmitsuba.table import Table, checked, choose, read_toml, shortened
 
 MAX_BYTES = 1 << 20
 
@@ -341,11 +335,15 @@ class Case(Table):
         return changed
 
 
+def shipped_folder() -> Path:
+    """Folder of the cases and recipes that come with the package."""
+    root = Path(str(resources.files("drcmitsuba") / "scenes"))
+    return root if root.is_dir() else root.parent.parent / "scenes"  # an editable install
+
+
 def shipped_cases() -> list[str]:
     """Names of the cases that come with the package, such as `classroom/existing`."""
-    root = Path(str(resources.files("drcmitsuba") / "scenes"))
-    if not root.is_dir():  # an editable install: the cases lie beside the package
-        root = root.parent.parent / "scenes"
+    root = shipped_folder()
     names = (p.relative_to(root).with_suffix("").as_posix() for p in root.rglob("*.toml"))
     return sorted(n for n in names if not n.startswith("films/"))  # these are recipes of films
 
@@ -356,9 +354,7 @@ def _locate(path: str | Path) -> Path:
     if file.is_file():
         return file
     if str(path) in shipped_cases():
-        root = Path(str(resources.files("drcmitsuba") / "scenes"))
-        root = root if root.is_dir() else root.parent.parent / "scenes"
-        return root / f"{path}.toml"
+        return shipped_folder() / f"{path}.toml"
     near = difflib.get_close_matches(str(path), shipped_cases(), n=1)
     hint = f"did you mean the shipped case {near[0]}?" if near else "give a TOML file"
     raise InputError(path, "case file", "no such file", hint)
@@ -382,18 +378,7 @@ def load_case(path: str | Path) -> Case:
         The file is missing, is no TOML, has an unknown key or a value out of range.
     """
     file = _locate(path)
-    if file.stat().st_size > MAX_BYTES:
-        raise InputError(file, "size", f"{file.stat().st_size} bytes", f"keep below {MAX_BYTES}")
-    try:
-        data = tomllib.loads(file.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(file, "file", str(error.strerror), "check its rights") from None
-    except UnicodeDecodeError as error:
-        raise InputError(file, f"byte {error.start}", "not UTF-8", "save as UTF-8") from None
-    except ValueError as error:  # not only TOMLDecodeError: an integer of 5000 digits
-        raise InputError(file, "TOML", str(error), "correct the syntax") from None
-    except RecursionError:
-        raise InputError(file, "TOML", "nested too deeply", "remove the nesting") from None
+    data = read_toml(file, MAX_BYTES)
     case = checked(Case, data, file)
     case._source, case._folder = str(file), file.parent
     return _with_files(case)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from drcmitsuba import coefficients as coefficients_module
+from drcmitsuba import film_commands
 from drcmitsuba.errors import BackendError, InputError
-from drcmitsuba.result import Stage
+from drcmitsuba.terminal import Output, stages, writable
 
 app = typer.Typer(
     name="drcmitsuba",
@@ -33,50 +29,6 @@ CasePath = Annotated[str, typer.Argument(help="Case file (TOML), or a shipped ca
 Weather = Annotated[
     Path | None, typer.Option("--weather", help="Weather file in place of the case's own.")
 ]
-
-
-def _writable(folder: Path | None) -> Path | None:
-    """Refuse a folder that cannot be written, before any work is done for it."""
-    if folder is not None:
-        there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-        if not there.is_dir():
-            raise InputError(folder, "-o", f"{there} is a file", "name a folder")
-        if not os.access(there, os.W_OK | os.X_OK):
-            raise InputError(folder, "-o", f"{there} may not be written", "name another folder")
-    return folder
-
-
-Output = Annotated[
-    Path, typer.Option("-o", "--output", callback=_writable, help="Folder for the results.")
-]
-
-
-@contextmanager
-def _stages() -> Iterator[Stage]:
-    """Progress bars on a terminal, one for each stage; yields what opens a stage.
-
-    They vanish where the work fails or is stopped: what remains is the line that says why.
-    """
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), TaskProgressColumn())
-    console = Console(stderr=True)
-    with Progress(
-        *columns,
-        TimeRemainingColumn(elapsed_when_finished=True),
-        console=console,
-        disable=not console.is_interactive,
-    ) as bar:
-
-        @contextmanager
-        def stage(name: str) -> Iterator[coefficients_module.Progress]:
-            task = bar.add_task(name, total=1.0)
-            yield lambda share: bar.update(task, completed=share)
-            bar.update(task, completed=1.0)
-
-        try:
-            yield stage
-        except BaseException:
-            bar.live.transient = True
-            raise
 
 
 def _percent(value: dict[str, float] | None) -> str:
@@ -107,7 +59,7 @@ def evaluate(case: CasePath, output: Output = Path("results"), weather: Weather 
     from drcmitsuba import load_case
 
     loaded = load_case(case).with_weather(weather)
-    with _stages() as stage:
+    with stages() as stage:
         result = run(loaded, stage)
         result.save(output, stage)
     _print_metrics(result.metrics, loaded.name)
@@ -122,7 +74,7 @@ def sky(case: CasePath, output: Output = Path("results"), weather: Weather = Non
     from drcmitsuba import light, load_case, schema
 
     loaded = load_case(case).with_weather(weather)
-    with _stages() as stage, stage("sky"):
+    with stages() as stage, stage("sky"):
         L = light.luminances(light.daylight(loaded))
         schema.save_zarr(L, output / "sky.zarr")
     print(f"{L.sizes['time']} time stamps × {L.sizes['bin']} bins are in {output / 'sky.zarr'}")
@@ -135,7 +87,7 @@ def coefficients(case: CasePath, output: Output = Path("results"), weather: Weat
 
     loaded = load_case(case).with_weather(weather)
     backend.select()
-    with _stages() as stage:
+    with stages() as stage:
         with stage("sky"):
             found = light.daylight(loaded)
         C = result.coefficients(loaded, found, stage)
@@ -156,7 +108,7 @@ def illuminance(
 
     C = schema.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
     L = schema.open_dataset(l, "L", "bin", "sun_bin", "clock")
-    with _stages() as stage, stage("accumulation"):
+    with stages() as stage, stage("accumulation"):
         found = light.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
         E = result.illuminance(C.load(), found)
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
@@ -169,7 +121,7 @@ def metrics(
     e: Annotated[Path, typer.Argument(help="illuminance.nc")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", callback=_writable, help="Folder for metrics.json."),
+        typer.Option("-o", "--output", callback=writable, help="Folder for metrics.json."),
     ] = None,
     sda_threshold: Annotated[float, typer.Option(help="sDA [lx].")] = 300.0,
     sda_fraction: Annotated[float, typer.Option(help="sDA, fraction of the hours.")] = 0.5,
@@ -215,6 +167,10 @@ def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")
         raise InputError(file, "metrics", str(error)[:120], "run evaluate again") from None
     for name, figure in report.pictures(case, E, numbers).items():
         print(plots.save(figure, folder / name))
+
+
+app.command(name="bsdf")(film_commands.bsdf)
+app.command(name="goniophotometer")(film_commands.goniophotometer)
 
 
 @app.command()

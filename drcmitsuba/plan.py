@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.materials import film, lets_through
 from drcmitsuba.scene import is_coloured
 
 
@@ -39,6 +40,12 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
     ]
     # The sun that comes in by one façade and is mirrored by the glass of another.
     mirrored = bool(mirrors) and len(glazed) > 1
+    films = _films(case)
+    with_film = [s for s, ms in panes.items() if any(isinstance(m, BsdfMaterial) for m in ms)]
+    scatters = (BsdfMaterial, DiffuserMaterial)
+    elsewhere = [s for s, ms in panes.items() if any(isinstance(m, scatters) for m in ms)]
+    # The shade hangs before every clear pane, and in the room that a film lights.
+    in_turn = bool(with_film) and len(set(elsewhere) | set(glazed)) > 1
     scattering = sum(isinstance(m, DiffuserMaterial) for ms in panes.values() for m in ms)
     clear = sum(isinstance(m, GlazingMaterial) for ms in panes.values() for m in ms)
     ground = case.outside.ground_reflectance
@@ -51,6 +58,21 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
         "suns": {"on": suns > 0, "reason": f"{suns} suns above the horizon in the period"},
         "clear_panes": {"on": clear > 0, "reason": f"{clear} clear strips in the façades"},
         "scattering_panes": {"on": scattering > 0, "reason": f"{scattering} diffusing strips"},
+        "films": {
+            "on": bool(films),
+            "reason": f"{len(films)} measured materials: {', '.join(films)}"
+            if films
+            else "no pane with a measured BSDF",
+        },
+        "straight_through": _straight_through(case),
+        "films_in_turn": {
+            "on": False,
+            "missing": in_turn,
+            "reason": "light that a film gets from another film or a diffusing pane across the "
+            f"room ({', '.join(with_film)}), before it meets a surface, is not simulated"
+            if in_turn
+            else "no film that faces another scattering pane",
+        },
         "shaded_state": {"on": closed > 0, "reason": shaded},
         "colour": {
             "on": is_coloured(case),
@@ -67,3 +89,42 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
             else "no mirroring glass across from another opening",
         },
     }
+
+
+def _films(case: Case) -> dict[str, BsdfMaterial]:
+    """The measured materials that the façades or the shade use, by name."""
+    used = {s.material for f in case.facade.values() for s in f.strips}
+    if case.shading is not None:
+        used.add(case.shading.material)
+    return {
+        name: m
+        for name, m in case.materials.items()
+        if name in used and isinstance(m, BsdfMaterial)
+    }
+
+
+def _straight_through(case: Case) -> dict[str, Any]:
+    """Whether the sun is seen through films, and why."""
+    told, views = [], False
+    for name, material in _films(case).items():
+        found = film(material.file)
+        seen = lets_through(material)
+        views |= seen
+        share = f"{100 * found.share_through:.1f} % of the light that {name} lets through"
+        stands = "stands out as a peak" if found.stands_out else "does not stand out"
+        chosen = f"straight_through = {material.straight_through!r}"
+        told.append(f"{share} goes straight on and {stands} ({chosen}): {'on' if seen else 'off'}")
+    return {"on": views, "reason": "; ".join(told) or "no pane with a measured BSDF"}
+
+
+def notes(case: Case) -> list[str]:
+    """What was done to the films' files, for the notes of a result."""
+    told = []
+    for name, material in _films(case).items():
+        found = film(material.file)
+        if found.largest_albedo > 1:
+            told.append(
+                f"materials.{name}: {material.file.name} sends out up to "
+                f"{100 * found.largest_albedo:.1f} % of the light; scaled down to 100 % there"
+            )
+    return told

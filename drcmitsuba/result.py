@@ -19,7 +19,7 @@ from drcmitsuba.case import Case
 from drcmitsuba.coefficients import Progress, Suns, compute
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight, daylight, luminances
-from drcmitsuba.plan import plan
+from drcmitsuba.plan import notes, plan
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 Stage = Callable[[str], AbstractContextManager[Progress]]
@@ -268,7 +268,7 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
         "case": case.source,
         "variant": variant,
         "weather_source": light.source,
-        "notes": [*light.notes, *missing],
+        "notes": [*light.notes, *notes(case), *missing],
         **case.model_dump(mode="json", exclude_none=True),
     }
     numbers["seconds"] = seconds

@@ -5,12 +5,18 @@ from __future__ import annotations
 import difflib
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from drcmitsuba.errors import InputError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 
 class Table(BaseModel):
@@ -98,3 +104,22 @@ def _known_keys(siblings: set[str]) -> list[str]:
     fits = [len(siblings & table.model_fields.keys()) for table in tables]
     best = [t for t, fit in zip(tables, fits, strict=True) if fit == max(fits)]
     return sorted({key for table in best for key in table.model_fields})
+
+
+def read_toml(file: Path, most: int) -> dict[str, Any]:
+    """Read a TOML file of at most `most` bytes; what is wrong is told in one line."""
+    try:
+        size = file.stat().st_size
+        if size > most:
+            raise InputError(file, "size", f"{size} bytes", f"keep below {most}")
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(file, "file", str(error.strerror), "check its path and rights") from None
+    except UnicodeDecodeError as error:
+        raise InputError(file, f"byte {error.start}", "not UTF-8", "save as UTF-8") from None
+    except InputError:
+        raise
+    except ValueError as error:  # not only TOMLDecodeError: an integer of 5000 digits
+        raise InputError(file, "TOML", str(error), "correct the syntax") from None
+    except RecursionError:
+        raise InputError(file, "TOML", "nested too deeply", "remove the nesting") from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.bsdf_file import BsdfFile, Swapped
 
 EXCESS = 0.05
 """Energy above 1 that is put down to measurement: more is refused."""
@@ -29,10 +29,11 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
     components = dict(file.components)
     largest = 0.0
     for side in ("f", "b"):
-        names = [n for n in (f"t{side}", f"r{side}") if n in components]
-        if not names:
+        names = [f"t{side}", f"r{side}"]
+        found = [c for c in map(_listed, map(file.component, names)) if c is not None]
+        if not found:
             continue
-        total = sum_of_albedos([components[n] for n in names])
+        total = sum_of_albedos(found)
         largest = max(largest, float(total.max()))
         if total.max() > 1 + EXCESS:
             where = "the room" if side == "f" else "outside"
@@ -42,8 +43,19 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
             )
         if total.max() > 1:
             scale = 1 / np.maximum(total, 1)
-            components |= {n: _scaled(components[n], scale) for n in names}
+            components |= {n: _scaled(components[n], scale) for n in names if n in components}
     return replace(file, components=components), largest
+
+
+def _listed(component):
+    """A component whose albedos can be listed.
+
+    A transmission that the file lacks is the other one reversed: it counts as well, though only
+    what the file holds can be scaled. An isotropic tree has no list of its reverse's albedos.
+    """
+    if isinstance(component, Swapped):
+        return component.tree.reversed() if component.tree.rank == 4 else None
+    return component
 
 
 def sum_of_albedos(components: list) -> np.ndarray:

@@ -7,20 +7,12 @@ All take directions in the file's frame (+z to the room, +y up), pointing away f
 
 from __future__ import annotations
 
-import itertools
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.klems_basis import KlemsBasis, KlemsMatrix
 from drcmitsuba_plugins.rows import Rows, of_matrices, of_trees
-from drcmitsuba_plugins.tensor import TensorTree
-
-DEFENSIVE = 0.05
-"""Share of cosine-distributed directions that keeps weights bounded where a table is a mean."""
-
-GRAZED = 0.25
-"""Weight of the largest value in such a mean."""
+from drcmitsuba_plugins.tensor import TensorTree, morton
 
 
 def _spread(x):
@@ -220,6 +212,10 @@ class IsotropicLobes(SquareLobes):
         c, s = _azimuth(-given.xy)
         turned = mi.Point2f(c * other.x + s * other.y, c * other.y - s * other.x)
         code = square_code(turned, self.depth)
+        return self.value_at(leaves, component, given, code, active)
+
+    def value_at(self, leaves, component, given, code, active):
+        """BSDF f [1/sr] in a square of the outgoing direction."""
         entry, found = self.rows.find(self.row(component, given), code, active)
         leaf = dr.gather(mi.UInt32, self.rows.leaf, entry, found)
         return dr.gather(mi.Float, leaves, leaf, found)
@@ -237,9 +233,12 @@ OUT_DEPTH = 6
 class TurnedLobes:
     """Lobes of tensor trees of rank 3 where some are given by the outgoing direction.
 
-    Such a tree knows its lobes by the incident direction only. Values are exact; directions are
-    drawn from a table of means over both radii and the relative azimuth, mixed with a share of
-    cosine-distributed directions that keeps the weights bounded.
+    Seen from there, incident directions of one radius put the outgoing one on a circle in the
+    tree's disk, which the map to the square turns into the perimeter of a square: four sides a
+    from the centre, with t from −a to a along each. It runs through the same cells for all
+    outgoing radii within one cell, except that it ends somewhere within the cell at each corner.
+    So rows list (incident radius, side, cell along it), and only what falls into a corner is
+    drawn by a weight that varies, between 0 and 2.
 
     Parameters
     ----------
@@ -252,74 +251,110 @@ class TurnedLobes:
     def __init__(self, trees: list[TensorTree | None], turned: list[bool]):
         self.exact = IsotropicLobes(trees)
         self.turned = mi.Bool(turned)
-        fine = min(64, 1 << self.exact.depth)
-        self.components, self.cells, self.azimuths = len(trees), 4 * fine, 8 * fine
-        self.radii = max(1, fine // 2)  # just the cells of a turned tree
+        self.first_turned = len(trees) * self.exact.cells
+        n = 1 << max(1, self.exact.depth)
+        self.n, half = n, n // 2
+        parts = []
+        for component, tree in enumerate(trees):
+            if tree is None or not turned[component]:
+                continue
+            k, i, side, j = np.meshgrid(*map(np.arange, (half, half, 4, n)), indexing="ij")
+            a, t = (2 * k + 1) / n, (2 * j + 1) / n - 1
+            x, y = np.choose(side, [a, -t, -a, t]), np.choose(side, [t, a, -t, -a])
+            code = morton([(i + 0.5) / n, (x + 1) / 2, (y + 1) / 2], tree.depth)
+            leaf = tree.value[np.searchsorted(tree.start, code, "right") - 1]
+            covered = np.clip(a - np.abs(t) + 1 / n, 0, 2 / n)  # of t, at the middle of the cell
+            low, high = 1 - 2 * (i + 1) / n, 1 - 2 * i / n
+            weight = (high**2 - low**2) / 2 * np.pi / 4 * covered / a
+            row, number = component * half + k, (i * 4 + side) * n + j
+            parts.append([x.ravel() for x in (row, leaf.astype(int), number, weight)])
+        joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
+        self.rows = Rows.of(*joined, rows=len(trees) * half)
 
     def update(self, values: np.ndarray) -> None:
         """Take over new values of the leaves."""
         self.exact.update(values)
-        per_row = self.radii * self.azimuths
-        rows = self.components * self.cells
-        means = self._means(mi.Float(values.astype(np.float32)), rows * per_row)
-        code = np.arange(per_row)
-        weight = np.pi * (2 * (code // self.azimuths) + 1) / self.radii**2 / self.azimuths
-        self.table = Rows.regular(rows, weight)
-        self.table.update(means.numpy().astype(float))
-        self.mean = means
-
-    def _means(self, leaves, size: int):
-        """F over component, given radius, other radius and azimuth: part mean, part maximum.
-
-        The maximum remembers cells of the tree that a cell of the table merely grazes.
-        """
-        at = dr.arange(mi.UInt32, size)
-        sector = mi.Float(at % self.azimuths)
-        ring = mi.Float(at // self.azimuths % self.radii)
-        row = at // (self.azimuths * self.radii)
-        bin_, component = mi.Float(row % self.cells), row // self.cells
-        total, most = mi.Float(0), mi.Float(0)
-        offsets = (0.05, 0.35, 0.65, 0.95)
-        r = (ring + 0.5) / self.radii
-        for a, c in itertools.product(offsets, repeat=2):
-            given = mi.Vector3f(-(bin_ + a) / self.cells, 0, 1)
-            sin, cos = dr.sincos(dr.two_pi / self.azimuths * (sector + c))
-            f = self.value(
-                leaves, component, given, mi.Vector3f(r * cos, r * sin, 1), mi.Bool(True)
-            )
-            total, most = total + f, dr.maximum(most, f)
-        result = (1 - GRAZED) * total / len(offsets) ** 2 + GRAZED * most
-        dr.eval(result)
-        return result
+        self.rows.update(values)
 
     def row(self, component, given):
-        """Row of a component and a direction that is given."""
-        r = dr.norm(given.xy)
-        return component * self.cells + mi.UInt32(dr.clip(r * self.cells, 0, self.cells - 1))
+        """Row of a component and a direction that is given; those of turned trees come last."""
+        turned = dr.gather(mi.Bool, self.turned, component)
+        row = self.first_turned + component * (self.n // 2) + self._cell(given)
+        return dr.select(turned, row, self.exact.row(component, given))
+
+    def _split(self, row, active):
+        """Whether rows belong to turned trees, and their number there."""
+        turned = row >= self.first_turned
+        return turned & active, dr.select(turned, row - self.first_turned, 0)
 
     def albedo(self, row, active):
-        """Integral of f cos θ over the other direction, about: it weighs the lobes."""
-        return dr.gather(mi.Float, self.table.albedo, row, active)
+        """Integral of f cos θ over the other direction, at the middle of the row's cell."""
+        turned, own = self._split(row, active)
+        straight = self.exact.albedo(dr.select(turned, 0, row), active & ~turned)
+        return dr.select(turned, dr.gather(mi.Float, self.rows.albedo, own, turned), straight)
 
     def value(self, leaves, component, given, other, active):
         """BSDF f [1/sr]; `component` names which."""
         turned = dr.gather(mi.Bool, self.turned, component)
-        incident, outgoing = dr.select(turned, other, given), dr.select(turned, given, other)
-        return self.exact.value(leaves, component, incident, outgoing, active)
+        straight = self.exact.value(leaves, component, given, other, active & ~turned)
+        # By the row's own cell, so that rounding cannot put value and row on two sides of a border.
+        a, side, t = self._perimeter(given, other)
+        x = dr.select(side == 0, a, dr.select(side == 1, -t, dr.select(side == 2, -a, t)))
+        y = dr.select(side == 0, t, dr.select(side == 1, a, dr.select(side == 2, -t, -a)))
+        n = 1 << self.exact.depth
+        i, j = (mi.UInt32(dr.clip((c + 1) / 2 * n, 0, n - 1)) for c in (x, y))
+        code = _spread(i) | (_spread(j) << 1)
+        back = self.exact.value_at(leaves, component, other, code, active & turned)
+        return dr.select(turned, back, straight)
+
+    def _cell(self, given):
+        """Cell of the outgoing radius."""
+        half = self.n // 2
+        return mi.UInt32(dr.clip(dr.norm(given.xy) * half, 0, half - 1))
+
+    def _perimeter(self, given, other):
+        """Middle of the row's cell, side, and way along it."""
+        middle = (2 * mi.Float(self._cell(given)) + 1) / self.n
+        c, s = _azimuth(-other.xy)
+        phi = dr.atan2(c * given.y - s * given.x, c * given.x + s * given.y) / (dr.pi / 2)
+        side = dr.round(phi)
+        t = (phi - side) * 2 * dr.norm(given.xy)
+        return middle, mi.UInt32(mi.Int32(side) + 4) % 4, t
 
     def draw(self, row, given, u, uv, active):
         """Other direction (its z positive), drawn from a row."""
-        evenly = u < DEFENSIVE
-        u = dr.select(evenly, 0, (u - DEFENSIVE) / (1 - DEFENSIVE))
-        entry, _ = self.table.draw(row, u, active)
-        code = entry % (self.radii * self.azimuths)
-        ring = mi.Float(code // self.azimuths)
-        r = dr.sqrt(dr.square(ring) + uv.x * (2 * ring + 1)) / self.radii  # even over the area
-        sector = mi.Float(code % self.azimuths) + uv.y
-        sin, cos = dr.sincos(dr.two_pi / self.azimuths * sector)
-        c, s = _azimuth(-given.xy)
-        p = mi.Point2f(r * (c * cos - s * sin), r * (s * cos + c * sin))
-        return _upper(dr.select(evenly, mi.warp.square_to_uniform_disk_concentric(uv), p))
+        turned, own = self._split(row, active)
+        straight = self.exact.draw(dr.select(turned, 0, row), given, u, uv, active & ~turned)
+        entry, found = self.rows.draw(own, u, turned)
+        number = dr.gather(mi.UInt32, self.rows.code, entry, found)
+        j, side, i = number % self.n, number // self.n % 4, number // (4 * self.n)
+        inner = 1 - 2 * (mi.Float(i) + 1) / self.n
+        r = dr.sqrt(dr.lerp(dr.square(inner), dr.square(inner + 2 / self.n), uv.x))
+        a = dr.norm(given.xy)
+        low = dr.maximum(2 * mi.Float(j) / self.n - 1, -a)
+        high = dr.minimum(2 * (mi.Float(j) + 1) / self.n - 1, a)
+        phi = self._angle(mi.Float(side), dr.lerp(low, high, uv.y), a)
+        sin, cos = dr.sincos(phi)
+        c, s = _azimuth(given.xy)
+        p = mi.Point2f(c * cos + s * sin, s * cos - c * sin)  # turned back by φ
+        return dr.select(turned, _upper(-r * p), straight)
+
+    @staticmethod
+    def _angle(side, t, a):
+        """Azimuth of a point of the perimeter."""
+        return dr.pi / 2 * side + dr.pi / 4 * t / dr.maximum(a, 1e-9)
+
+    def density(self, row, given, other, value, active):
+        """Probability of the other direction per projected solid angle [1/sr]."""
+        turned, _ = self._split(row, active)
+        a = dr.norm(given.xy)
+        middle, _, t = self._perimeter(given, other)
+        corner = middle - 1 / self.n
+        # In the corner, the way along is as long as the radius has come into the cell.
+        covered = dr.select(dr.abs(t) > corner, 1 / (self.n * dr.maximum(a - corner, 1e-6)), 1)
+        scale = dr.select(turned, covered * a / middle, 1)
+        albedo = self.albedo(row, active)
+        return dr.select(albedo > 0, scale * value / albedo, 0)
 
     @property
     def out_cells(self) -> int:
@@ -334,15 +369,3 @@ class TurnedLobes:
         """Direction in a cell, evenly by projected solid angle."""
         corner = mi.Point2f(mi.Float(_gathered(cell)), mi.Float(_gathered(cell >> 1)))
         return _upper(mi.warp.square_to_uniform_disk_concentric((corner + uv) * 0.5**OUT_DEPTH))
-
-    def density(self, row, given, other, value, active):
-        """Probability of the other direction per projected solid angle [1/sr]."""
-        ring = mi.UInt32(dr.clip(dr.norm(other.xy) * self.radii, 0, self.radii - 1))
-        c, s = _azimuth(-given.xy)
-        phi = dr.atan2(c * other.y - s * other.x, c * other.x + s * other.y) * dr.inv_two_pi
-        phi = dr.select(phi < 0, phi + 1, phi)
-        sector = mi.UInt32(dr.clip(phi * self.azimuths, 0, self.azimuths - 1))
-        at = (row * self.radii + ring) * self.azimuths + sector
-        albedo = self.albedo(row, active)
-        drawn = dr.gather(mi.Float, self.mean, at, active) / dr.select(albedo > 0, albedo, 1)
-        return dr.select(albedo > 0, (1 - DEFENSIVE) * drawn + DEFENSIVE * dr.inv_pi, 0)

@@ -63,7 +63,8 @@ def split(component: TensorTree | KlemsMatrix) -> Split:
 
 def _excess(value: np.ndarray, around: np.ndarray) -> np.ndarray:
     """What a cell has above its neighbours; 0 where it does not stand out."""
-    return np.where(value > RATIO * around, value - around, 0.0)
+    above = value > RATIO * around
+    return np.where(above, value - np.where(above, around, 0), 0.0)
 
 
 def _of_matrix(matrix: KlemsMatrix) -> tuple[KlemsMatrix, np.ndarray]:
@@ -90,7 +91,7 @@ def _of_matrix(matrix: KlemsMatrix) -> tuple[KlemsMatrix, np.ndarray]:
 
 
 def _around(tree: TensorTree, points: list[np.ndarray], steps: list[tuple[float, ...]]):
-    """Mean value at neighbours of points, those outside the cube left out."""
+    """Mean value at neighbours of points, those outside the cube left out; ∞ without any."""
     total, count = np.zeros(len(points[0])), np.zeros(len(points[0]))
     for step in steps:
         q = [p + s for p, s in zip(points, step, strict=True)]
@@ -98,7 +99,7 @@ def _around(tree: TensorTree, points: list[np.ndarray], steps: list[tuple[float,
         leaf = np.searchsorted(tree.start, morton(q, tree.depth), "right") - 1
         total += np.where(inside, tree.value[leaf], 0)
         count += inside
-    return total / np.maximum(count, 1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.inf)
 
 
 _RING = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]

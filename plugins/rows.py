@@ -67,15 +67,6 @@ class Rows:
             max(1, int(longest - 1).bit_length()),
         )
 
-    @classmethod
-    def regular(cls, rows: int, weight: np.ndarray) -> Rows:
-        """Rows of the same cells, every entry a leaf of its own."""
-        size = rows * len(weight)
-        first = np.arange(0, size + 1, len(weight), dtype=np.uint32)
-        entries = dr.arange(mi.UInt32, size)
-        steps = max(1, (len(weight) - 1).bit_length())
-        return cls(mi.UInt32(first), entries, entries, np.tile(weight, rows), steps)
-
     def update(self, values: np.ndarray) -> None:
         """Sum up anew after the leaves' values changed."""
         first = self.first.numpy()

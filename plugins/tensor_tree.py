@@ -27,7 +27,8 @@ class TensorTree(Measured):
 
     def _lobes_of(self, trees, swapped, fixed):
         if self.rank == 3:
-            turned = [s != (fixed == "outgoing") for s in swapped]
+            outward = fixed == "outgoing"
+            turned = [t is not None and s != outward for t, s in zip(trees, swapped, strict=True)]
             return TurnedLobes(trees, turned) if any(turned) else IsotropicLobes(trees)
         return SquareLobes(trees, fixed)
 

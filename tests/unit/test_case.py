@@ -177,8 +177,8 @@ def test_a_hint_never_comes_from_another_table(load):
          "leaves no pane; give a narrower frame, fewer segments or a higher strip"),
         ("frame = 0.1", "frame = 5", "facade.south.strips, 0.9 to 2.7 m: a frame of 5 m "
          "leaves no pane; give a narrower frame, fewer segments or a higher strip"),
-        ('material = "shade"', 'material = "glass"', 'shading.material: "glass" is no diffuser in '
-         '[materials]; choose from: "shade"'),
+        ('material = "shade"', 'material = "glass"', 'shading.material: "glass" is no diffuser '
+         'or bsdf in [materials]; choose from: "shade"'),
         ("[materials.shade]", "[materials.open]", "materials.open: strips use this name for no "
          "material; choose another name"),
         ("[room]\nsize = [4.0, 5.0, 3.0]", "", "facade: there is no room; add a [room]"),

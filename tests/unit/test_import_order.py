@@ -15,7 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDER = [
     "errors", "schema", "weather", "period", "sky", "table", "bsdf", "case", "light", "backend",
     "materials", "scene", "goniophotometer", "plan", "transport", "coefficients", "accumulate",
-    "metrics", "design", "tradeoff", "plots", "report", "result", "cli",
+    "metrics", "design", "tradeoff", "plots", "report", "result", "terminal", "film_commands",
+    "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

@@ -1,0 +1,136 @@
+"""Balances of a BSDF: energy for light from either side, and reciprocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from drcmitsuba_plugins.bsdf_file import BsdfFile, Component, Swapped
+from drcmitsuba_plugins.energy import EXCESS
+from drcmitsuba_plugins.klems_basis import KlemsMatrix
+from drcmitsuba_plugins.tensor import TensorTree, to_direction, unpack
+
+ROUNDING = 1e-3
+"""Energy above 1 that is put down to the digits of the file."""
+SIDES = {"outside": ("tb", "rb", -1.0), "room": ("tf", "rf", 1.0)}
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Totals for light from one side.
+
+    Parameters
+    ----------
+    side : str
+        'outside' or 'room'.
+    transmittance, reflectance : float
+        For diffuse light.
+    largest : float
+        Largest T + R over all incidences of the file.
+    theta, phi : float
+        Where that is [deg]; θ from the normal of that side, φ from the right, up at 90°.
+    """
+
+    side: str
+    transmittance: float
+    reflectance: float
+    largest: float
+    theta: float
+    phi: float
+
+    @property
+    def verdict(self) -> str:
+        """'ok', 'scaled' (at most 5 % too much, the plugins scale it down) or 'refused'."""
+        if self.largest <= 1 + ROUNDING:
+            return "ok"
+        return "scaled" if self.largest <= 1 + EXCESS else "refused"
+
+
+def incidences(component: Component, side: float) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of all incident cells of a component, and their parts of diffuse light."""
+    if isinstance(component, KlemsMatrix):
+        basis = component.incident
+        directions = basis.centres * [-1, -1, side]
+        return directions, basis.projected_solid_angle / np.pi
+    tree = component.tree if isinstance(component, Swapped) else component
+    n = 1 << tree.depth
+    if tree.rank == 4:
+        s, t = unpack(np.arange(n * n), 2, tree.depth)
+        flat = to_direction((s + 0.5) / n, (t + 0.5) / n)
+        return flat * [-1, -1, side], np.full(n * n, 1 / n**2)
+    rings = max(n // 2, 1)
+    r = 1 - (np.arange(rings) + 0.5) / rings  # s0 from ½ at the normal to 0 at grazing
+    directions = np.stack([r * 0, r, side * np.sqrt(1 - r * r)], axis=-1)
+    return directions, 2 * r / rings
+
+
+def energy(file: BsdfFile, side: str) -> Energy:
+    """Totals of T and R for light from one side; what the file lacks counts as 0."""
+    transmission, reflection, z = SIDES[side]
+    present = [c for c in map(file.component, (transmission, reflection)) if c is not None]
+    if not present:
+        return Energy(side, 0.0, 0.0, 0.0, 0.0, 0.0)
+    finest = max((incidences(c, z) for c in present), key=lambda found: len(found[0]))
+    directions, weight = finest
+    T, R = file.hemispherical(directions)
+    worst = int((T + R).argmax())
+    x, y, along = directions[worst]
+    return Energy(
+        side,
+        float(weight @ T),
+        float(weight @ R),
+        float((T + R)[worst]),
+        float(np.degrees(np.arccos(min(abs(along), 1.0)))),
+        float(np.degrees(np.arctan2(y, x)) % 360),
+    )
+
+
+def reciprocity(file: BsdfFile) -> dict[str, float | None]:
+    """Errors of reciprocity: of transmission, rb and rf; None where a direction is missing."""
+    pairs = {"transmission": ("tb", "tf"), "rb": ("rb", "rb"), "rf": ("rf", "rf")}
+    c = file.components
+    return {
+        key: _asymmetry(c[a], c[b]) if a in c and b in c else None for key, (a, b) in pairs.items()
+    }
+
+
+def _asymmetry(one: TensorTree | KlemsMatrix, other: TensorTree | KlemsMatrix) -> float:
+    """∫|f − f'| / ½∫(f + f') with f' the other component, directions exchanged."""
+    if isinstance(one, KlemsMatrix):
+        a, b = one.value, other.reversed().value
+        weight = np.outer(one.outgoing.projected_solid_angle, one.incident.projected_solid_angle)
+    elif one.rank == 4:
+        a, b, weight = _refined(one, other.reversed())
+    else:
+        a, b, weight = _sampled(one, other)
+    total = ((a + b) * weight).sum() / 2
+    return float((np.abs(a - b) * weight).sum() / total) if total > 0 else 0.0
+
+
+def _refined(one: TensorTree, other: TensorTree) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values of two trees over their common refinement, and the cells' sizes."""
+    depth = max(one.depth, other.depth)
+    starts = [tree.start << tree.rank * (depth - tree.depth) for tree in (one, other)]
+    cells = np.union1d(*starts)
+    size = np.diff(np.append(cells, 1 << one.rank * depth)).astype(float)
+    a, b = (
+        tree.value[np.searchsorted(start, cells, "right") - 1]
+        for tree, start in zip((one, other), starts, strict=True)
+    )
+    return a, b, size
+
+
+def _sampled(one: TensorTree, other: TensorTree) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values of two trees of rank 3 at pairs of directions of equal projected solid angle."""
+    r = np.sqrt((np.arange(16) + 0.5) / 16)
+    turn = np.arange(16) * 2.4  # any azimuth will do: the material is isotropic
+    z = np.sqrt(1 - r * r)
+    incident = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)[:, None]
+    u = (np.arange(64) + 0.5) / 64
+    outgoing = to_direction(*(g.ravel() for g in np.meshgrid(u, u)))[None]
+    incident, outgoing = np.broadcast_arrays(incident, outgoing)
+    # An isotropic material is its own mirror image; files often put a peak that lies on the border
+    # of two cells into one of them, and only the mirror image of the reverse has it there.
+    mirror = np.array([-1, 1, 1])
+    a, b = one.values(incident, outgoing), other.values(outgoing * mirror, incident * mirror)
+    return a, b, np.ones(a.shape)

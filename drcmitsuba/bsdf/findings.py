@@ -1,0 +1,176 @@
+"""What was found of a BSDF file, as values and as a table."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from drcmitsuba.bsdf.balance import Energy
+from drcmitsuba.bsdf.lobes import StraightThrough
+
+SUN = 0.5
+"""Diameter of the sun [deg]."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Transmittance and reflectance over incidence, light from one side and azimuth."""
+
+    side: str
+    plane: str
+    theta: tuple[float, ...]
+    transmittance: tuple[float, ...]
+    reflectance: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Sunlight:
+    """Transmitted light of the sun in the plane normal to the façade.
+
+    Parameters
+    ----------
+    elevation : float
+        Of the sun [deg].
+    transmittance, upward : float
+        T, and the part of the transmitted light that goes up.
+    """
+
+    elevation: float
+    transmittance: float
+    upward: float
+
+
+@dataclass(frozen=True)
+class Width:
+    """Main peak of the transmitted light.
+
+    Parameters
+    ----------
+    elevation : float
+        Of the sun [deg].
+    toward : float
+        Elevation of the peak [deg], up positive.
+    half_maximum, half_light : float
+        Full opening [deg] of the cones as large as what lies above half of the largest f, and as
+        large as what holds half of the light.
+    share : float
+        Part of the transmitted light above half of the largest f.
+    resolution : float
+        Full opening [deg] of the cone as large as the file's cell there.
+    """
+
+    elevation: float
+    toward: float
+    half_maximum: float
+    half_light: float
+    share: float
+    resolution: float
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether the peak is wider than the cell that it lies in."""
+        return self.half_maximum > 1.5 * self.resolution
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `check` found; see there."""
+
+    source: str
+    name: str
+    manufacturer: str
+    kind: str
+    leaves: dict[str, int]
+    curves: tuple[Curve, ...]
+    energy: tuple[Energy, ...]
+    reciprocity: dict[str, float | None]
+    sunlight: tuple[Sunlight, ...]
+    widths: tuple[Width, ...]
+    straight: StraightThrough | None
+    lambertian: dict[str, float]
+    mounting: dict[str, float]
+    hint: str
+    model: str
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """The worse verdict of both sides: 'ok', 'scaled' or 'refused'."""
+        order = ("ok", "scaled", "refused")
+        return max((e.verdict for e in self.energy), key=order.index)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {**asdict(self), "verdict": self.verdict}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Lines of a table: what, and what was found."""
+        return _rows(self)
+
+    def __str__(self) -> str:
+        rows = self.rows()
+        width = max(len(label) for label, _ in rows)
+        return "\n".join(f"{label:<{width}}  {text}" for label, text in rows)
+
+    def _repr_html_(self) -> str:
+        cells = (
+            "<tr><th>{}</th><td>{}</td></tr>".format(*map(html.escape, r)) for r in self.rows()
+        )
+        return f"<table>{''.join(cells)}</table>"
+
+
+def _energy(e: Energy) -> str:
+    verdicts = {
+        "ok": "ok",
+        "scaled": "at most 5 % too much, will be scaled down",
+        "refused": "refused: more than 5 % too much",
+    }
+    return (
+        f"T {100 * e.transmittance:.1f} %, R {100 * e.reflectance:.1f} %; largest T + R "
+        f"{100 * e.largest:.1f} % at θ {e.theta:.0f}°, φ {e.phi:.0f}° ({verdicts[e.verdict]})"
+    )
+
+
+def _rows(report: Report) -> list[tuple[str, str]]:
+    """Lines of a report's table: what, and what was found."""
+    r = report
+    table = [
+        ("file", r.source),
+        ("name", " ".join(", ".join(filter(None, (r.name, r.manufacturer))).split()) or "–"),
+        ("kind", f"{r.kind}; " + ", ".join(f"{n} {k} values" for n, k in r.leaves.items())),
+        ("faces the room", "the file's Back (+z, Radiance's front)"),
+    ]
+    table += [
+        (f"diffuse light from {'the ' * (e.side == 'room')}{e.side}", _energy(e)) for e in r.energy
+    ]
+    for s in r.sunlight:
+        text = f"T {100 * s.transmittance:.1f} %, of it {100 * s.upward:.0f} % upward"
+        table.append((f"sun {s.elevation:.0f}° high", text))
+    for w in r.widths:
+        text = (
+            f"toward {w.toward:+.0f}°, {w.half_maximum:.1f}° wide at half maximum "
+            f"({100 * w.share:.0f} % of the light), half of the light within {w.half_light:.0f}°; "
+            f"cell {w.resolution:.1f}°, sun {SUN}°"
+        )
+        table.append((f"peak, sun {w.elevation:.0f}° high", text))
+    if r.straight is not None:
+        view = r.straight
+        text = (
+            f"{100 * view.share:.1f} % of the transmitted light, {100 * view.normal:.1f} % of the "
+            "light at normal incidence"
+        )
+        table.append(("view straight through", text if view.found else f"none ({text})"))
+    if r.lambertian:
+        text = ", ".join(f"{n} {100 * v:.1f} %" for n, v in r.lambertian.items())
+        table.append(("Lambertian part", text))
+    for name, error in r.reciprocity.items():
+        text = "one direction only" if error is None else f"{100 * error:.1f} % error"
+        if not (error is None and name != "transmission"):
+            table.append((f"reciprocity, {name}", text))
+    table.append(("model", r.model.replace("_", " ")))
+    table += [("", reason) for reason in r.reasons]
+    if r.hint:
+        table.append(("mounting", r.hint))
+    return table + [("note", note) for note in r.notes]

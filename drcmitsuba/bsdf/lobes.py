@@ -1,0 +1,173 @@
+"""What a component does with light from one direction: where it goes, how narrow its peak is.
+
+Directions point away from the surface, +z into the room, +y up, +x to the right as seen from the
+room. Outgoing directions are the centres of a grid over the square of Shirley and Chiu, each of
+the same projected solid angle, so that sums over the grid are sums of light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from drcmitsuba_plugins import peak
+from drcmitsuba_plugins.bsdf_file import Component, Swapped
+from drcmitsuba_plugins.klems_basis import KlemsMatrix
+from drcmitsuba_plugins.tensor import TensorTree, to_direction
+
+GRID = 256
+"""Directions of a lobe along either axis: as fine as the finest tree."""
+
+
+def sun(elevation: float, azimuth: float = 0.0) -> np.ndarray:
+    """Unit vector from the pane to the sun outside a vertical façade.
+
+    Parameters
+    ----------
+    elevation : float
+        Above the horizon [deg].
+    azimuth : float
+        From the façade's normal, clockwise as seen from above [deg]: to the right as seen from
+        the room.
+    """
+    e, a = np.radians(elevation), np.radians(azimuth)
+    return np.array([np.cos(e) * np.sin(a), np.sin(e), -np.cos(e) * np.cos(a)])
+
+
+def cone_width(solid_angle: float | np.ndarray) -> np.ndarray:
+    """Full opening angle [deg] of the cone of a solid angle [sr]."""
+    return np.degrees(2 * np.arccos(np.clip(1 - np.asarray(solid_angle) / (2 * np.pi), -1, 1)))
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """Light from one direction after a component.
+
+    Parameters
+    ----------
+    incident : np.ndarray, shape (3,)
+    outgoing : np.ndarray, shape (grid², 3)
+    value : np.ndarray, shape (grid²,)
+        f [1/sr].
+    """
+
+    incident: np.ndarray
+    outgoing: np.ndarray
+    value: np.ndarray
+
+    @cached_property
+    def power(self) -> np.ndarray:
+        """Share of the incident light that goes to every direction of the grid."""
+        return self.value * np.pi / len(self.value)
+
+    @cached_property
+    def solid_angle(self) -> np.ndarray:
+        """Solid angle [sr] of every direction of the grid: dω = dω⊥ / cos θ."""
+        return np.pi / len(self.value) / np.abs(self.outgoing[:, 2])
+
+    def share(self, where: np.ndarray) -> float:
+        """Part of the outgoing light in some of the directions; 0 where there is no light."""
+        total = self.power.sum()
+        return float(self.power[where].sum() / total) if total > 0 else 0.0
+
+    def upward(self) -> float:
+        """Part of the outgoing light that goes up."""
+        return self.share(self.outgoing[:, 1] > 0)
+
+    @cached_property
+    def _steep(self) -> np.ndarray:
+        """BSDF without the last 5° before grazing, where measurements are mostly noise."""
+        return np.where(np.abs(self.outgoing[:, 2]) > np.cos(np.radians(85)), self.value, 0)
+
+    def brightest(self) -> np.ndarray:
+        """Direction of the largest f; of equal ones around it their middle."""
+        best = self.outgoing[self._steep >= self._steep.max() * (1 - 1e-9)]
+        middle = best[best @ best[0] > np.cos(np.radians(20))].mean(axis=0)
+        return middle / np.linalg.norm(middle)
+
+    def half_maximum(self) -> np.ndarray:
+        """Which directions have at least half of the largest f."""
+        return self._steep >= max(self._steep.max() / 2, np.finfo(float).tiny)
+
+    def width_at_half_maximum(self) -> float:
+        """Full opening [deg] of the cone as large as the directions above half of the maximum."""
+        return float(cone_width(self.solid_angle[self.half_maximum()].sum()))
+
+    def width_of_half_the_light(self) -> float:
+        """Full opening [deg] of the cone as large as the brightest directions with half the light.
+
+        A Lambertian surface gives 90°.
+        """
+        intensity = self.value * np.abs(self.outgoing[:, 2])
+        order = np.argsort(-intensity, kind="stable")
+        running = np.cumsum(self.power[order])
+        count = int(np.searchsorted(running, running[-1] / 2)) + 1
+        return float(cone_width(self.solid_angle[order[:count]].sum()))
+
+
+def lobe(component: Component, incident: np.ndarray, side: float, grid: int = GRID) -> Lobe:
+    """Light that a component sends to the side +z or −z."""
+    u = (np.arange(grid) + 0.5) / grid
+    outgoing = to_direction(*(a.ravel() for a in np.meshgrid(u, u, indexing="ij")), side=side)
+    value = component.values(np.broadcast_to(incident, outgoing.shape), outgoing)
+    return Lobe(incident, outgoing, value)
+
+
+def resolution(component: Component, incident: np.ndarray, outgoing: np.ndarray) -> float:
+    """Full opening [deg] of the cone as large as the component's cell of a pair of directions."""
+    if isinstance(component, Swapped):
+        # The light leaves within the cell that the tree keeps for what arrives.
+        tree = component.tree
+        level = tree.level[tree.at(outgoing, incident)]
+        projected = np.pi / 4.0**level
+    elif isinstance(component, TensorTree):
+        projected = np.pi / 4.0 ** component.level[component.at(incident, outgoing)]
+    else:
+        basis = component.outgoing
+        projected = basis.projected_solid_angle[basis.patch(*outgoing)]
+    return float(cone_width(projected / max(abs(float(outgoing[2])), 0.05)))
+
+
+@dataclass(frozen=True)
+class StraightThrough:
+    """The view through a pane.
+
+    Parameters
+    ----------
+    found : bool
+        Whether the straight-through cells stand out enough to be simulated as a view through.
+    share : float
+        Part of the transmitted light that goes straight through, all incidences together.
+    normal : float
+        Transmittance of the undeviated ray at normal incidence.
+    ratio : float or None
+        Straight-through f against its neighbours at normal incidence; None where they are dark.
+    """
+
+    found: bool
+    share: float
+    normal: float
+    ratio: float | None
+
+
+def straight_through(component: Component) -> StraightThrough:
+    """Look for a peak of undeviated light, as the plugins do."""
+    if isinstance(component, Swapped):
+        component = component.tree  # its peak is the same from the other side
+    split = peak.split(component)
+    incident = np.array([[0.0, 0.0, 1.0]])
+    before, after = (c.values(incident, -incident)[0] for c in (component, split.rest))
+    if isinstance(component, KlemsMatrix):
+        cell = component.incident.patch(*-incident[0])
+    else:
+        cell = -1 if component.rank == 4 else len(split.through) // 2 - 1
+        if component.rank == 4 and component.depth:
+            # The axis is the corner of four cells: the one with both coordinates from ½ on.
+            cell = 3 << 2 * (component.depth - 1)
+    return StraightThrough(
+        found=bool(split.stands_out),
+        share=float(split.share),
+        normal=float(split.through[cell]),
+        ratio=float(before / after) if after > 0 else None,
+    )

@@ -1,0 +1,132 @@
+"""BSDF files are written as LBNL's XML with tensor trees, in the words that Radiance reads."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+from drcmitsuba_plugins import braces
+from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.tensor import TensorTree
+
+from drcmitsuba.errors import InputError
+
+DIGITS = 4
+"""Significant digits of a value: rounding, 5e-4 at most, is far below the noise of counts."""
+
+_DIRECTIONS = {
+    "tf": ("Transmission Back", "BTDF"),
+    "rf": ("Reflection Back", "BRDF"),
+    "tb": ("Transmission Front", "BTDF"),
+    "rb": ("Reflection Front", "BRDF"),
+}
+
+_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+<WindowElement xmlns="http://windows.lbl.gov" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance">
+{comment}<WindowElementType>System</WindowElementType>
+<FileType>BSDF</FileType>
+<Optical>
+<Layer>
+	<Material>
+		<Name>{name}</Name>
+		<Manufacturer>{manufacturer}</Manufacturer>
+		<DeviceType>Other</DeviceType>
+		<Thickness unit="meter">{thickness:.6g}</Thickness>
+		<Width unit="meter">{width:.6g}</Width>
+		<Height unit="meter">{height:.6g}</Height>
+	</Material>
+	<DataDefinition>
+		<IncidentDataStructure>{kind}</IncidentDataStructure>
+	</DataDefinition>
+"""
+
+_BLOCK = """	<WavelengthData>
+		<LayerNumber>System</LayerNumber>
+		<Wavelength unit="Integral">Visible</Wavelength>
+		<SourceSpectrum>CIE Illuminant D65 1nm.ssp</SourceSpectrum>
+		<DetectorSpectrum>ASTM E308 1931 Y.dsp</DetectorSpectrum>
+		<WavelengthDataBlock>
+			<WavelengthDataDirection>{direction}</WavelengthDataDirection>
+			<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>
+			<ScatteringDataType>{type}</ScatteringDataType>
+			<ScatteringData>
+{data}
+			</ScatteringData>
+		</WavelengthDataBlock>
+	</WavelengthData>
+"""
+
+_FOOT = "</Layer>\n</Optical>\n</WindowElement>\n"
+
+
+def _plain(text: str) -> str:
+    """Text without the characters that XML forbids even as entities, on one line."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def text(file: BsdfFile, *, thickness: float, width: float, height: float) -> str:
+    """Write a BSDF file as XML text; see `save`."""
+    assert not file.colour
+    # Two hyphens would end a comment.
+    notes = [re.sub("-(?=-)", "- ", _plain(note)) for note in file.notes]
+    comment = "".join(f"<!-- {note} -->\n" for note in notes)
+    parts = [
+        _HEAD.format(
+            comment=comment, kind=file.kind,
+            name=escape(_plain(file.name)), manufacturer=escape(_plain(file.manufacturer)),
+            thickness=thickness, width=width, height=height,
+        )
+    ]  # fmt: skip
+    for name, (direction, kind) in _DIRECTIONS.items():
+        tree = file.components.get(name)
+        if tree is not None:
+            assert isinstance(tree, TensorTree), "matrices are not written"
+            data = braces.write(tree, DIGITS)
+            parts.append(_BLOCK.format(direction=direction, type=kind, data=data))
+    return "".join([*parts, _FOOT])
+
+
+def save(
+    file: BsdfFile,
+    path: str | Path,
+    *,
+    thickness: float = 0.0,
+    width: float = 1.0,
+    height: float = 1.0,
+) -> None:
+    """Write tensor trees as a BSDF file that Radiance and `bsdf_file.read` load.
+
+    Parameters
+    ----------
+    file : BsdfFile
+        With tensor trees; its notes become comments.
+    path : str or Path
+        Replaced as a whole once everything is written: nothing half-written is left.
+    thickness, width, height : float
+        Told in the header [m].
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    path = Path(path)
+    content = text(file, thickness=thickness, width=width, height=height)
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise InputError(path, "file", str(error.strerror), "choose a writable folder") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as out:
+            out.write(content)
+        mask = os.umask(0)
+        os.umask(mask)
+        Path(temporary).chmod(0o666 & ~mask)  # mkstemp makes files for the owner only
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise InputError(path, "file", str(error.strerror), "choose a writable place") from None
+    finally:
+        Path(temporary).unlink(missing_ok=True)

@@ -1,0 +1,17 @@
+"""Goniophotometer: from a micro-structure to a tensor-tree BSDF of variable resolution.
+
+load_recipe
+    Read and check a recipe (TOML): prism, slots, lamellae or mesh, with or without glass.
+measure
+    Trace it and merge the cells: a `BsdfFile`.
+expose
+    Only trace it: all cells with their standard errors.
+save
+    Write the XML file.
+"""
+
+from drcmitsuba.bsdf.xml import save
+from drcmitsuba.goniophotometer.exposure import Exposure, expose, measure
+from drcmitsuba.goniophotometer.recipe import Recipe, load_recipe
+
+__all__ = ["Exposure", "Recipe", "expose", "load_recipe", "measure", "save"]

@@ -1,0 +1,191 @@
+"""Measure a recipe: light from every incident cell, from both sides, counted where it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.tensor import TensorTree
+
+from drcmitsuba.bsdf.merge import merge
+from drcmitsuba.bsdf.xml import DIGITS
+from drcmitsuba.errors import InputError
+from drcmitsuba.goniophotometer.recipe import Recipe
+from drcmitsuba.goniophotometer.structure import unit_cell
+from drcmitsuba.goniophotometer.trace import prepare, shares
+
+Progress = Callable[[float], None]
+
+DEEPEST = {3: 7, 4: 6}
+MOST_SAMPLES = 1 << 21
+MOST_LOST = 0.01
+"""Largest part of the light that may be given up, still inside after thousands of surfaces."""
+
+_SIDES = ((-1, "tb", "rb"), (1, "tf", "rf"))
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """All cells of the four components, traced twice.
+
+    Parameters
+    ----------
+    rank, depth : int
+        Of the trees.
+    samples : int
+        Rays of each incident cell, both halves together.
+    halves : dict of str to np.ndarray, shape (2, incident, n²)
+        Parts of the light of an incident cell that leave through an outgoing cell, for `tb`, `rb`,
+        `tf`, `rf`, by two independent halves of the rays. n = 2ᵈᵉᵖᵗʰ; incident is n² cells of
+        the square (rank 4) or n/2 rings from grazing to normal (rank 3).
+    lost : float
+        Part of the light that was given up.
+    """
+
+    rank: int
+    depth: int
+    samples: int
+    halves: dict[str, np.ndarray]
+    lost: float
+
+    def shares(self, name: str) -> np.ndarray:
+        """Parts of the light, shape (incident, n²)."""
+        return np.mean(self.halves[name], axis=0, dtype=float)
+
+    def errors(self, name: str) -> np.ndarray:
+        """Standard errors of `shares` as of counts; stratified rays are no worse."""
+        p = self.shares(name)
+        return np.sqrt(np.clip(p * (1 - p), 0, None) / self.samples)
+
+    def hemispherical(self, name: str) -> np.ndarray:
+        """Transmittance or reflectance of every incident cell, by halves, shape (2, incident)."""
+        return self.halves[name].sum(axis=2, dtype=float)
+
+    @property
+    def unit(self) -> float:
+        """What one ray adds to f of a cell [1/sr]."""
+        return float(4**self.depth / np.pi / self.samples)
+
+    def tree(self, name: str) -> TensorTree:
+        """Full tree of f = Φ_out / (Φ_in π h²) [1/sr], h the side of a cell."""
+        n = 1 << self.depth
+        f = self.shares(name) * (n * n / np.pi)
+        if self.rank == 4:
+            return TensorTree.of_grid(f.reshape(n, n, n, n))
+        rings = f.reshape(n // 2, n, n)
+        return TensorTree.of_grid(np.concatenate([rings, np.zeros_like(rings)]))
+
+
+def _check(name: str, value: int, low: int, high: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        got = f"got {value!r}"
+        raise InputError("goniophotometer", name, got, f"give a whole number, {low} to {high}")
+
+
+def _quarter(progress: Progress, turn: int) -> Progress:
+    return lambda share: progress((turn + share) / 4)
+
+
+def expose(
+    recipe: Recipe, *, depth: int = 5, rank: int = 4, samples: int = 4096, seed: int = 0,
+    progress: Progress = lambda share: None,
+) -> Exposure:  # fmt: skip
+    """Trace a recipe; see `measure`.
+
+    Raises
+    ------
+    InputError
+        The recipe's geometry or an argument is unfit, or light is trapped in the structure.
+    """
+    if rank not in DEEPEST:
+        raise InputError("goniophotometer", "rank", f"got {rank!r}", "give 3 (isotropic) or 4")
+    _check("depth", depth, 1, DEEPEST[rank])
+    _check("samples", samples, 16, MOST_SAMPLES)
+    _check("seed", seed, 0, 1 << 16)
+    cell = prepare(unit_cell(recipe))
+    halves: dict[str, np.ndarray] = {}
+    gone = []
+    for side, (sign, through, back) in enumerate(_SIDES):
+        pair = []
+        for turn in (2 * side, 2 * side + 1):
+            traced, lost = shares(
+                cell, sign, rank=rank, depth=depth, samples=samples // 2, seed=4 * seed + turn,
+                progress=_quarter(progress, turn),
+            )  # fmt: skip
+            pair.append(traced)
+            gone.append(lost)
+        halves[through], halves[back] = (np.stack([p[i] for p in pair]) for i in range(2))
+    if max(gone) > MOST_LOST:
+        got = f"{max(gone):.1%} of the light does not leave it again"
+        raise InputError(recipe.source, "structure", got, "check that its surfaces are closed")
+    return Exposure(rank, depth, samples // 2 * 2, halves, float(np.mean(gone)))
+
+
+def _rounded(tree: TensorTree) -> TensorTree:
+    """Round values to what a file keeps, so that it reads back equal."""
+    return replace(tree, value=np.array([float(f"{v:.{DIGITS}g}") for v in tree.value]))
+
+
+def measure(
+    recipe: Recipe, *, depth: int = 5, rank: int = 4, samples: int = 4096, seed: int = 0,
+    progress: Progress = lambda share: None, percent: float = 90.0,
+) -> BsdfFile:  # fmt: skip
+    """Measure a recipe from both sides: all four components as trees of variable resolution.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        From `load_recipe`.
+    depth : int
+        Levels of the tree: cells of side 2⁻ᵈᵉᵖᵗʰ, projected solid angle π 4⁻ᵈᵉᵖᵗʰ sr. At most 6
+        (rank 4) or 7 (rank 3).
+    rank : int
+        4, or 3 for structures that look the same from all azimuths: others are averaged.
+    samples : int
+        Rays of each incident cell.
+    seed : int
+    progress : callable, optional
+        Called with the share of the work that is done, 0 to 1.
+    percent : float
+        Part of the possible merges of cells that is made at least [%].
+
+    Returns
+    -------
+    BsdfFile
+        Values f [1/sr]: the mean over a cell of the incident and of the outgoing square. Its
+        notes tell how it was made.
+
+    Raises
+    ------
+    InputError
+        The recipe's geometry or an argument is unfit, or light is trapped in the structure.
+
+    Notes
+    -----
+    Limits: geometrical optics (structures much larger than the wavelength), no dispersion, no
+    absorption in clear material. The two polarisations are averaged at each surface: T of a slab
+    of acrylic comes out 0.3 % low at 45° of incidence, 1.3 % at 60°, 2.8 % at 70°. A finite cell
+    blurs peaks to its size. At rank 4 and depth 6 this takes about 2 GB.
+    """
+    if not 0 <= percent <= 100:
+        raise InputError("goniophotometer", "percent", f"got {percent!r}", "give 0 to 100")
+    exposure = expose(recipe, depth=depth, rank=rank, samples=samples, seed=seed, progress=progress)
+    trees = {
+        name: _rounded(merge(exposure.tree(name), percent=percent, unit=exposure.unit))
+        for name in exposure.halves
+    }
+    notes = (
+        f"drcmitsuba goniophotometer: rank {rank}, depth {depth}, {exposure.samples} rays per "
+        f"incident cell and side, seed {seed}, {percent:g} % of the merges",
+        recipe.model_dump_json(exclude_none=True),
+    )
+    return BsdfFile(
+        source=recipe.source,
+        name=recipe.name,
+        manufacturer=recipe.manufacturer,
+        kind=f"TensorTree{rank}",
+        components=dict(trees),
+        notes=notes,
+    )

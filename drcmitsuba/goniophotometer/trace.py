@@ -1,0 +1,307 @@
+"""Light through one period of a structure, which is repeated without edges.
+
+A ray that leaves the period at one side enters at the opposite one; the distance to the border is
+computed, there are no walls. Light is followed the way it goes (`TransportMode.Importance`): what
+a clear dielectric refracts and reflects adds up to what fell on it.
+
+References
+----------
+.. [1] M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
+
+from drcmitsuba.goniophotometer.structure import UnitCell, copies
+
+OFFSET = 1e-5
+"""Rays leave a surface by this share of the period, so that they do not meet it again."""
+MARGIN = 0.01
+"""Rays begin and end this share of the period away from the structure."""
+MOST_STEPS = 5000
+MOST_LANES = 1 << 20
+MOST_COUNTERS = 1 << 24
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Unit cell as Mitsuba traces it, in units of its longer period.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    corner, period : tuple of float
+        Where the period begins and how long it is, along x and y.
+    bounds : tuple of float
+        Planes z where rays begin and end.
+    extruded : bool
+        Rays of an extruded structure are cast in its cross-section only.
+    """
+
+    scene: mi.Scene
+    corner: tuple[float, float]
+    period: tuple[float, float]
+    bounds: tuple[float, float]
+    extruded: bool
+
+
+def _border(positions: np.ndarray, period: float) -> float:
+    """Where a period may begin: far from faces that lie flat against its border.
+
+    On such a face the border and the surface would be met at once, and light would leak.
+    """
+    at = np.sort(np.unique(np.mod(positions, period)))
+    if not len(at):
+        return 0.0
+    gaps = np.diff(np.append(at, at[0] + period))
+    widest = int(gaps.argmax())
+    return float(np.mod(at[widest] + gaps[widest] / 2, period))
+
+
+def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: dict) -> mi.Mesh:
+    props = mi.Properties()
+    props["bsdf"] = mi.load_dict(bsdf)
+    mesh = mi.Mesh(name, vertex_count=len(vertices), face_count=len(faces), props=props)
+    params = mi.traverse(mesh)
+    params["vertex_positions"] = mi.Float(vertices.astype(np.float32).ravel())
+    params["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
+    params.update()
+    return mesh
+
+
+def prepare(unit: UnitCell) -> Cell:
+    """Build the scene: the structure with all repetitions that reach into one period, and glass."""
+    scale = 1 / (unit.period[1] if unit.extruded else unit.period.max())
+    # Coordinates are small, whatever the recipe's origin: float32 is finest about zero.
+    v = unit.vertices - [0, 0, unit.vertices[:, 2].min()]
+    v = v * ([1, scale, scale] if unit.extruded else scale)
+    period = unit.period * scale
+    corners = v[unit.faces]
+    spread = np.ptp(corners, axis=1)
+    corner = np.zeros(2)
+    shifts = [range(1), range(1)]
+    for axis in (1,) if unit.extruded else (0, 1):
+        flat = corners[spread[:, axis] < 1e-4, 0, axis]
+        corner[axis] = _border(flat, period[axis])
+        low, high = v[:, axis].min(), v[:, axis].max()
+        shifts[axis] = copies(low - 0.01, high + 0.01, corner[axis], period[axis])
+    moves = np.array([[i * period[0], j * period[1], 0] for i in shifts[0] for j in shifts[1]])
+    vertices = (v[None] + moves[:, None]).reshape(-1, 3)
+    faces = (unit.faces[None] + len(v) * np.arange(len(moves))[:, None, None]).reshape(-1, 3)
+    shapes = {"structure": _mesh("structure", vertices, faces, unit.bsdf)}
+    bounds = [v[:, 2].min() - MARGIN, v[:, 2].max() + MARGIN]
+    if unit.glass is not None:
+        z = v[:, 2].min() - unit.glass.distance * scale
+        bounds[0] = z - MARGIN
+        x = [-1.0, 1.0] if unit.extruded else corner[0] + period[0] * np.array([-0.5, 1.5])
+        y = corner[1] + period[1] * np.array([-0.5, 1.5])
+        pane = np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
+        glass = {
+            "type": "glazing",
+            "transmittance": unit.glass.transmittance,
+            "exponent": unit.glass.exponent,
+            "reflectance_front": unit.glass.reflectance,
+        }
+        shapes["glass"] = _mesh("glass", pane, np.array([[0, 1, 2], [0, 2, 3]]), glass)
+    scene = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+    start, length = corner.tolist(), period.tolist()
+    return Cell(
+        scene, (start[0], start[1]), (length[0], length[1]),
+        (float(bounds[0]), float(bounds[1])), unit.extruded,
+    )  # fmt: skip
+
+
+@dr.syntax
+def follow(
+    cell: Cell, sampler: mi.Sampler, p: mi.Point3f, d: mi.Vector3f
+) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
+    """Follow light to where it leaves the structure.
+
+    Parameters
+    ----------
+    cell : Cell
+    sampler : mi.Sampler
+        Seeded for as many lanes.
+    p : mi.Point3f
+        Start.
+    d : mi.Vector3f
+        Direction of travel, a unit vector.
+
+    Returns
+    -------
+    d : mi.Vector3f
+        Direction in which the light leaves.
+    weight : mi.Float
+        Part of it that was not absorbed.
+    lost : mi.Bool
+        Light that is still inside after `MOST_STEPS` surfaces and borders.
+    """
+    ctx = mi.BSDFContext(mi.TransportMode.Importance)
+    flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
+    scene = cell.scene
+    low = mi.Point3f(*(dr.opaque(mi.Float, v) for v in (*cell.corner, cell.bounds[0])))
+    high = mi.Point3f(
+        dr.opaque(mi.Float, cell.corner[0] + cell.period[0]),
+        dr.opaque(mi.Float, cell.corner[1] + cell.period[1]),
+        dr.opaque(mi.Float, cell.bounds[1]),
+    )
+    # An extruded structure is met where its cross-section is: x of a ray says nothing.
+    seen = mi.Vector3f(0, 1, 1) if cell.extruded else mi.Vector3f(1, 1, 1)
+    p, d = mi.Point3f(p), mi.Vector3f(d)
+    weight = mi.Float(1)
+    step = mi.UInt32(0)
+    active = mi.Bool(True)
+    while dr.hint(active, exclude=[scene, ctx, cell]):
+        cast = dr.normalize(d * seen)
+        ahead = (dr.select(cast > 0, high, low) - p) / cast
+        ahead = dr.select(cast == 0, dr.inf, dr.maximum(ahead, 0))
+        border = dr.minimum(ahead.x, ahead.y)
+        ray = mi.Ray3f(p, cast)
+        ray.maxt = dr.minimum(border, ahead.z)
+        si = scene.ray_intersect(ray, flags, coherent=False, active=active)
+        met = active & si.is_valid()
+        si.wi = si.to_local(-d)
+        bs, w = si.bsdf().sample(ctx, si, sampler.next_1d(met), sampler.next_2d(met), met)
+        onward = dr.normalize(si.to_world(bs.wo))
+        left = active & ~met & (ahead.z <= border)
+        moved = p + cast * ray.maxt
+        # Borders are set, not added: a ray must not miss the period by a rounding.
+        over_x = ahead.x <= ahead.y
+        enter = dr.select(cast > 0, low, high)
+        wrapped = mi.Point3f(
+            dr.select(over_x, enter.x, moved.x), dr.select(over_x, moved.y, enter.y), moved.z
+        )
+        off = si.p + si.n * dr.copysign(mi.Float(OFFSET), dr.dot(si.n, onward))
+        weight = dr.select(met, weight * w[0], weight)
+        d = dr.select(met, onward, d)
+        p = dr.select(met, off, wrapped)
+        step += 1
+        active &= ~left & (weight > 0) & (step < MOST_STEPS)
+        # Weak light goes on with a chance of its weight, with a weight of 1 fourth.
+        survives = sampler.next_1d(active) * 0.25 < weight
+        weak = met & active & (weight < 0.25)
+        weight = dr.select(weak, dr.select(survives, 0.25, 0), weight)
+        active &= weight > 0
+    lost = (step >= MOST_STEPS) & (weight > 0)
+    return d, weight, lost
+
+
+def _steps(dimensions: int) -> list[int]:
+    """2³² / φʲ with φ^(d+1) = φ + 1: steps of a sequence that fills d dimensions evenly [1]_."""
+    phi = 2.0
+    for _ in range(60):
+        phi = (1 + phi) ** (1 / (dimensions + 1))
+    return [int(2**32 / phi**j) for j in range(1, dimensions + 1)]
+
+
+def even_numbers(index: mi.UInt32, row: mi.UInt32, seed: int, dimensions: int) -> list[mi.Float]:
+    """Point `index` of an even sequence in [0, 1)ᵈ, shifted at random for every row and seed."""
+    shifts = [*random_bits(row, 2 * seed), *random_bits(row, 2 * seed + 1)]
+    return [
+        mi.Float((index * mi.UInt32(s) + shift) >> 8) * TO_UNIT
+        for s, shift in zip(_steps(dimensions), shifts, strict=False)
+    ]
+
+
+def _start(
+    cell: Cell, from_side: int, at: mi.Point2f, u: mi.Float, v: mi.Float
+) -> tuple[mi.Point3f, mi.Vector3f]:
+    """Position in the plane before the structure, and direction of travel from the unit disk."""
+    z = dr.sqrt(dr.maximum(1 - dr.squared_norm(at), 0))
+    d = mi.Vector3f(at.x, at.y, -from_side * dr.maximum(z, 1e-5))
+    x = 0 if cell.extruded else cell.corner[0] + u * cell.period[0]
+    y = cell.corner[1] + v * cell.period[1]
+    return mi.Point3f(x, y, cell.bounds[0 if from_side < 0 else 1]), dr.normalize(d)
+
+
+def _launch(
+    cell: Cell, from_side: int, rank: int, n: int, cells: np.ndarray, samples: int, seed: int
+) -> tuple[np.ndarray, float]:
+    """Shares (cell, 2, n²) of the light of some incident cells that is transmitted, reflected.
+
+    Also returns the light that was lost, in rays.
+    """
+    lanes = len(cells) * samples
+    lane = dr.arange(mi.UInt32, lanes)
+    per_cell = dr.opaque(mi.UInt32, samples)
+    slot = lane // per_cell
+    incident = dr.gather(mi.UInt32, mi.UInt32(cells.astype(np.uint32)), slot)
+    number = even_numbers(lane - slot * per_cell, incident, seed, 4)
+    if rank == 4:
+        s = (mi.Float(incident // n) + number[0]) / n
+        t = (mi.Float(incident % n) + number[1]) / n
+        at = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(s, t))
+        turn_s, turn_c = mi.Float(0), mi.Float(1)
+    else:
+        radius = 1 - 2 * (mi.Float(incident) + number[0]) / n
+        turn_s, turn_c = dr.sincos(dr.two_pi * number[1])
+        at = mi.Point2f(radius * turn_c, radius * turn_s)
+    p, d = _start(cell, from_side, at, number[3], number[2])
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, lanes)
+    d, weight, lost = follow(cell, sampler, p, d)
+    out = mi.Point2f(turn_c * d.x + turn_s * d.y, turn_c * d.y - turn_s * d.x)
+    if rank == 3:
+        # Isotropic structures are their own mirror images. Light that goes straight on would fall
+        # on the border of two cells: so each gets its half, not what rounding gives it.
+        mirror = dr.select((lane & 1) == 0, mi.Float(1), -1)
+        out.y = mirror * (out.y + 1e-6)
+    square = mi.warp.uniform_disk_to_square_concentric(out)
+    column = [dr.minimum(mi.UInt32(dr.maximum(c, 0) * n), n - 1) for c in square]
+    reflected = dr.select(d.z * from_side > 0, mi.UInt32(1), mi.UInt32(0))
+    target = ((slot * 2 + reflected) * n + column[0]) * n + column[1]
+    counts = dr.zeros(mi.Float64, len(cells) * 2 * n * n)
+    dr.scatter_add(counts, mi.Float64(weight), target, ~lost)
+    gone = dr.sum(dr.select(lost, mi.Float64(weight), 0))
+    dr.eval(counts, gone)
+    return counts.numpy().reshape(len(cells), 2, n * n) / samples, float(gone[0])
+
+
+def shares(
+    cell: Cell, from_side: int, *, rank: int, depth: int, samples: int, seed: int,
+    progress: Progress,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """Where the light of every incident cell goes.
+
+    Parameters
+    ----------
+    cell : Cell
+    from_side : int
+        −1 for light from outside, 1 for light from the room.
+    rank, depth : int
+        Of the tree: n = 2ᵈᵉᵖᵗʰ cells along each side of the square of directions.
+    samples : int
+        Rays of each incident cell.
+    seed : int
+    progress : callable
+        Called with the share that is done.
+
+    Returns
+    -------
+    shares : np.ndarray, shape (2, incident, n²)
+        Parts of the incident light that are transmitted and reflected into each outgoing cell.
+        incident is n² cells of the square (rank 4) or n/2 rings from grazing to normal (rank 3).
+    lost : float
+        Part of the light that was given up.
+    """
+    n = 1 << depth
+    incident = n * n if rank == 4 else n // 2
+    block = max(1, min(MOST_LANES // samples, MOST_COUNTERS // (2 * n * n)))
+    result = np.zeros((2, incident, n * n), np.float32)
+    gone = 0.0
+    for start in range(0, incident, block):
+        cells = np.arange(start, min(start + block, incident))
+        counts, lost = _launch(cell, from_side, rank, n, cells, samples, seed * 4096 + start)
+        result[:, cells] = counts.transpose(1, 0, 2)
+        gone += lost
+        progress(min(1.0, (start + block) / incident))
+    return result, gone / (incident * samples)
