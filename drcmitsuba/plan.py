@@ -43,9 +43,10 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
     films = _films(case)
     with_film = [s for s, ms in panes.items() if any(isinstance(m, BsdfMaterial) for m in ms)]
     scatters = (BsdfMaterial, DiffuserMaterial)
-    elsewhere = [s for s, ms in panes.items() if any(isinstance(m, scatters) for m in ms)]
-    # The shade hangs before every clear pane, and in the room that a film lights.
-    in_turn = bool(with_film) and len(set(elsewhere) | set(glazed)) > 1
+    facing = {s for s, ms in panes.items() if any(isinstance(m, scatters) for m in ms)}
+    if case.shading is not None:
+        facing |= set(glazed)
+    in_turn = bool(with_film) and len(facing) > 1
     scattering = sum(isinstance(m, DiffuserMaterial) for ms in panes.values() for m in ms)
     clear = sum(isinstance(m, GlazingMaterial) for ms in panes.values() for m in ms)
     ground = case.outside.ground_reflectance

@@ -249,6 +249,7 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
     seconds: dict[str, float] = {}
     with timed(stage, "sky", seconds):
         scene.sensor_points(case)  # what is wrong with the sensors is told before the work begins
+        told = notes(case)  # reads the films' files, which may be unfit
         light = daylight(case)
     found = coefficients(case, light, stage, seconds)
     with timed(stage, "accumulation and metrics", seconds):
@@ -268,7 +269,7 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
         "case": case.source,
         "variant": variant,
         "weather_source": light.source,
-        "notes": [*light.notes, *notes(case), *missing],
+        "notes": [*light.notes, *told, *missing],
         **case.model_dump(mode="json", exclude_none=True),
     }
     numbers["seconds"] = seconds

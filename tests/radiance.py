@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.case import Case, Facade, GlazingMaterial, Strip
-from drcmitsuba.materials import Lambertian, channel_of
+from drcmitsuba.case import BsdfMaterial, Case, Facade, GlazingMaterial, Strip
+from drcmitsuba.materials import Lambertian, channel_of, lets_through
 from drcmitsuba.scene import Surface
 from drcmitsuba.weather import Site
 
@@ -124,18 +124,39 @@ def opened(case: Case) -> Case:
     return case.model_copy(update={"facade": facade, "shading": None})
 
 
-def scene_text(surfaces: Sequence[Surface], transmissivity: float | None = None) -> str:
-    """Grey diffuse surfaces as `plastic` without gloss, clear panes as `glass` if it is given."""
+def film(name: str, material: BsdfMaterial) -> str:
+    """A pane with a measured BSDF; the front of its polygons is the room's side, as in the file.
+
+    `aBSDF` for a file with a straight-through peak, else `BSDF` without thickness.
+    """
+    up = "0 0 -1" if material.turn else "0 0 1"
+    if lets_through(material):
+        return f'void aBSDF {name} 5 "{material.file}" {up} . 0 0'
+    return f'void BSDF {name} 6 0 "{material.file}" {up} . 0 0'
+
+
+def scene_text(
+    surfaces: Sequence[Surface], transmissivity: float | None = None, *, black: bool = False
+) -> str:
+    """Grey diffuse surfaces as `plastic` without gloss, clear panes as `glass` if it is given.
+
+    `black`: no surface reflects but films and glass.
+    """
     lines = []
     for i, surface in enumerate(surfaces):
-        if isinstance(surface.material, Lambertian):
-            r = channel_of(surface.material.reflectance, 0)
+        quads = surface.quads
+        if isinstance(surface.material, BsdfMaterial):
+            lines.append(film(f"m{i}", surface.material))
+            if surface.material.flip:
+                quads = quads[:, ::-1]
+        elif isinstance(surface.material, Lambertian):
+            r = 0.0 if black else channel_of(surface.material.reflectance, 0)
             lines.append(f"void plastic m{i} 0 0 5 {r:.9g} {r:.9g} {r:.9g} 0 0")
         elif isinstance(surface.material, GlazingMaterial) and transmissivity is not None:
             lines.append(f"void glass m{i} 0 0 3" + 3 * f" {transmissivity:.9g}")
         else:
             raise TypeError(f"{surface.name}: {surface.material} has no Radiance twin here")
-        for k, quad in enumerate(surface.quads):
+        for k, quad in enumerate(quads):
             corners = " ".join(f"{v:.9g}" for v in quad.ravel())
             lines.append(f"m{i} polygon p{i}.{k} 0 0 12 {corners}")
     return "\n".join(lines) + "\n"
@@ -216,3 +237,20 @@ class Room:
         (self.folder / "suns.txt").write_text("".join(f"sun{i}\n" for i in range(len(directions))))
         command = ["rcontrib", "-h", "-faf", "-I+", "-V+", *options, "-M", "suns.txt", octree]
         return self._matrix(run(command, self.folder, self._rays(repeats)), repeats) / SUN_RADIANCE
+
+    def suns_by_rtrace(
+        self, directions: np.ndarray, diameter: float, options: Sequence[str], repeats: int = 1
+    ) -> np.ndarray:
+        """The same by `rtrace`, one sun at a time."""
+        command = ["rtrace", "-h", "-faf", "-I+", *options]
+        parts = []
+        for direction in directions:
+            octree = self._octree("sun", sun_text(direction[None], diameter))
+            output = run([*command, octree], self.folder, self._rays(repeats))
+            parts.append(self._matrix(output, repeats))
+        return np.concatenate(parts, axis=-1) / SUN_RADIANCE
+
+    def sky_by_rtrace(self, options: Sequence[str], repeats: int = 1) -> np.ndarray:
+        """Irradiance under a sky and ground of radiance 1, (repeat, sensor, 1)."""
+        command = ["rtrace", "-h", "-faf", "-I+", *options, self._octree("sky", SKY)]
+        return self._matrix(run(command, self.folder, self._rays(repeats)), repeats)
