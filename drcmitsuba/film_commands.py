@@ -100,6 +100,7 @@ def goniophotometer(
     rank: Annotated[int, typer.Option(help="4, or 3 for isotropic structures.")] = 4,
     samples: Annotated[int, typer.Option(help="Rays of each incident cell.")] = 4096,
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    percent: Annotated[float, typer.Option(help="Part of possible merges of cells.")] = 90.0,
 ) -> None:
     """Measure a micro-structure virtually: a tensor-tree BSDF."""
     from drcmitsuba import backend
@@ -115,7 +116,8 @@ def goniophotometer(
     backend.select()
     with stages() as stage, stage("rays") as progress:
         film = library.measure(
-            loaded, depth=depth, rank=rank, samples=samples, seed=seed, progress=progress
-        )
+            loaded, depth=depth, rank=rank, samples=samples, seed=seed, percent=percent,
+            progress=progress,
+        )  # fmt: skip
         xml.save(film, path, thickness=unit_cell(loaded).thickness * 1e-3)
     print(f"{path}: {film.kind}; see `drcmitsuba bsdf {path}`")
