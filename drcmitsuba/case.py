@@ -12,6 +12,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from drcmitsuba.errors import InputError
@@ -98,10 +99,18 @@ class Outside(Table):
     sun_diameter: Annotated[float, Field(ge=0.01, le=10)] = 0.5
 
 
-def _check_energy(transmittance: float, reflectance: float) -> None:
-    total = transmittance + reflectance
-    if total > 1:
+def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0) -> None:
+    """Refuse a pane that sends out more than it gets; glass (exponent > 0) at any incidence."""
+    x = 1 - np.linspace(0, 1, 201)
+    total = np.array([transmittance + reflectance])
+    if exponent > 0:
+        mirrored = reflectance + (1 - reflectance) * x**5 if reflectance > 0 else 0 * x
+        total = transmittance * (1 - x**exponent) + mirrored
+    if total.max() > 1 + 1e-9:
         got = f"{transmittance:g} + {reflectance:g} is above 1"
+        if transmittance + reflectance <= 1:
+            angle = np.degrees(np.arccos(1 - x[total.argmax()]))
+            got = f"together {total.max():.3f} at an incidence of {angle:.0f}°"
         raise InputError("material", "transmittance + reflectance", got, "lower one of them")
 
 
@@ -116,7 +125,7 @@ class GlazingMaterial(Table):
 
     @model_validator(mode="after")
     def _energy(self) -> GlazingMaterial:
-        _check_energy(self.transmittance, self.reflectance)
+        check_energy(self.transmittance, self.reflectance, self.exponent)
         return self
 
 
@@ -130,7 +139,7 @@ class DiffuserMaterial(Table):
 
     @model_validator(mode="after")
     def _energy(self) -> DiffuserMaterial:
-        _check_energy(self.transmittance, self.reflectance)
+        check_energy(self.transmittance, self.reflectance)
         return self
 
 

@@ -42,7 +42,7 @@ def bsdf(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     depth: Annotated[int, typer.Option(help="Measurements: levels of the tree.")] = 5,
     symmetry: Annotated[
-        str, typer.Option(help="Measurements: auto, isotropic, bilateral, quadrilateral, none.")
+        str, typer.Option(help="Measurements: auto, bilateral, quadrilateral, none.")
     ] = "auto",
     front: Annotated[
         str, typer.Option(help="Measurements: what the sample's front (θ < 90°) faces.")

@@ -66,6 +66,9 @@ def film(path: Path) -> Film:
 def _film(path: Path, changed: int) -> Film:
     file = bsdf_files.read(path)
     try:
+        if file.colour:
+            for channel in range(3):
+                energy.scaled_to_conserve(file.of_channel(channel))
         file, largest = energy.scaled_to_conserve(file)
     except ValueError as error:
         raise InputError(path, "energy", str(error), f"see `drcmitsuba bsdf {path.name}`") from None
@@ -109,7 +112,8 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
         return {
             "type": "klems" if measured.file.kind == "Klems" else "tensor_tree",
             "filename": str(material.file),
-            "straight_through": material.straight_through,
+            # Decided on the luminance, so that all channels agree with what the scene takes it for.
+            "straight_through": "on" if lets_through(material) else "off",
             "flip": material.flip,
             "turn": material.turn,
             "channel": channel if measured.coloured else -1,

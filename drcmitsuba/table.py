@@ -109,6 +109,8 @@ def _known_keys(siblings: set[str]) -> list[str]:
 def read_toml(file: Path, most: int) -> dict[str, Any]:
     """Read a TOML file of at most `most` bytes; what is wrong is told in one line."""
     try:
+        if file.exists() and not file.is_file():  # a device would never end
+            raise InputError(file, "file", "no plain file", "give a TOML file")
         size = file.stat().st_size
         if size > most:
             raise InputError(file, "size", f"{size} bytes", f"keep below {most}")

@@ -31,6 +31,7 @@ _MODULES = (
     "diffuser",
     "rows",
     "lobes",
+    "isotropic",
     "measured",
     "tensor_tree",
     "klems",

@@ -8,13 +8,18 @@ import numpy as np
 from drcmitsuba_plugins.klems_basis import KlemsMatrix
 from drcmitsuba_plugins.tensor import TensorTree
 
-# From CIE XYZ to linear red, green, blue, ITU-R BT.709 with white D65.
-_RGB = np.array(
-    [
-        [3.2404542, -1.5371385, -0.4985314],
-        [-0.9692660, 1.8760108, 0.0415560],
-        [0.0556434, -0.2040259, 1.0572252],
-    ]
+# From CIE XYZ to linear red, green, blue (ITU-R BT.709, white D65). Chromaticities of BSDF files
+# are relative to equal-energy white, as those of Radiance: a neutral material has X = Y = Z.
+_D65 = (0.95047, 1.0, 1.08883)
+_RGB = (
+    np.array(
+        [
+            [3.2404542, -1.5371385, -0.4985314],
+            [-0.9692660, 1.8760108, 0.0415560],
+            [0.0556434, -0.2040259, 1.0572252],
+        ]
+    )
+    * _D65
 )
 
 

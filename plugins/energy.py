@@ -29,11 +29,12 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
     components = dict(file.components)
     largest = 0.0
     for side in ("f", "b"):
-        names = [f"t{side}", f"r{side}"]
-        found = [c for c in map(_listed, map(file.component, names)) if c is not None]
+        found = {n: file.component(n) for n in (f"t{side}", f"r{side}")}
+        # A transmission that the file lacks is the other one reversed, and counts as well.
+        found = {n: _listed(c) for n, c in found.items() if c is not None}
         if not found:
             continue
-        total = sum_of_albedos(found)
+        total = sum_of_albedos(list(found.values()))
         largest = max(largest, float(total.max()))
         if total.max() > 1 + EXCESS:
             where = "the room" if side == "f" else "outside"
@@ -43,19 +44,33 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
             )
         if total.max() > 1:
             scale = 1 / np.maximum(total, 1)
-            components |= {n: _scaled(components[n], scale) for n in names if n in components}
+            if any(isinstance(c, _Ring) for c in found.values()):
+                # No leaf of its own to scale: the whole file takes the factor.
+                found, scale = file.components, np.full(1, scale.min())
+            components |= {n: _scaled(components.get(n, c), scale) for n, c in found.items()}
     return replace(file, components=components), largest
 
 
 def _listed(component):
-    """A component whose albedos can be listed.
+    """A component as one whose albedos are listed by incident cell."""
+    if not isinstance(component, Swapped):
+        return component
+    if component.tree.rank == 4:
+        return component.tree.reversed()
+    return _Ring(component)
 
-    A transmission that the file lacks is the other one reversed: it counts as well, though only
-    what the file holds can be scaled. An isotropic tree has no list of its reverse's albedos.
-    """
-    if isinstance(component, Swapped):
-        return component.tree.reversed() if component.tree.rank == 4 else None
-    return component
+
+class _Ring:
+    """Isotropic tree reversed: its albedos, by rings of equal width of the incident radius."""
+
+    def __init__(self, component: Swapped):
+        self.component = component
+
+    def albedos(self) -> np.ndarray:
+        n = max(2, 1 << self.component.tree.depth)
+        r = np.maximum(1 - 2 * (np.arange(n) + 0.5) / n, 0)
+        along = np.stack([-r, 0 * r, np.sqrt(1 - r * r)], axis=-1)
+        return np.where(r > 0, self.component.hemispherical(along), 0)
 
 
 def sum_of_albedos(components: list) -> np.ndarray:
@@ -67,13 +82,12 @@ def sum_of_albedos(components: list) -> np.ndarray:
 
 def _scaled(component, scale: np.ndarray):
     """Scale a component by factors for incident cells; a leaf takes the least of its cells."""
-    if not hasattr(component, "rank"):
+    if len(scale) == 1 or not hasattr(component, "rank"):
         return replace(component, value=component.value * scale)
     axes = component.rank - 2
     fine = int(np.log2(len(scale))) // axes
     first = component.incident_cells() << axes * (fine - component.depth)
     span = 1 << axes * (fine - component.level)
-    factor = np.array(
-        [scale[a : a + n].min() for a, n in zip(first.tolist(), span.tolist(), strict=True)]
-    )
+    borders = np.stack([first, first + span], axis=-1).ravel()
+    factor = np.minimum.reduceat(np.append(scale, 1.0), borders)[::2]
     return replace(component, value=component.value * factor)

@@ -36,8 +36,9 @@ class Measured(mi.BSDF):
 
     The shading normal points into the room. `leaves` [1/sr] and `through` are exposed through
     `traverse` and differentiable. Sampling is exactly proportional to f cos θ: the weight is the
-    albedo. Files need not be reciprocal: in `TransportMode.Radiance` light enters along `wo`, in
-    `Importance` along `wi`. A missing transmission follows from the other by reciprocity.
+    albedo (for isotropic trees in `Radiance` mode between 0 and 2 of it). Files need not be
+    reciprocal: in `TransportMode.Radiance` light enters along `wo`, in `Importance` along `wi`. A
+    missing transmission follows from the other by reciprocity.
     Energy above 1 by at most 5 % is scaled down; `largest_albedo` tells what came.
 
     Limits: one value for all channels of the variant.
@@ -146,8 +147,13 @@ class Measured(mi.BSDF):
 
     @property
     def out_cells(self) -> int:
-        """Cells of a hemisphere within which light leaves evenly, or nearly so."""
+        """Number of cells that a hemisphere of outgoing directions is cut into."""
         return self._make(mi.TransportMode.Radiance).out_cells
+
+    @property
+    def out_even(self) -> bool:
+        """Whether light leaves evenly within each of them."""
+        return self._make(mi.TransportMode.Radiance).out_even
 
     def out_cell(self, w):
         """Cell of directions of the pane's frame."""
@@ -206,7 +212,7 @@ class Measured(mi.BSDF):
     def sample(self, ctx, si, sample1, sample2, active=True):
         axes = self._to_file(si)
         wi = self._seen(si.wi, axes)
-        active &= wi.z != 0
+        active = active & (wi.z != 0)
         lobes, rows, (reflect, transmit), tau = self._shares(ctx, si, wi, active)
         total = reflect + transmit + tau
         u = sample1 * total
@@ -230,7 +236,7 @@ class Measured(mi.BSDF):
         bs.sampled_type = dr.select(
             reflected, mi.UInt32(+flags[0]), dr.select(straight, mi.UInt32(+flags[2]), +flags[1])
         )
-        active &= (total > 0) & (bs.pdf > 0)
+        active = active & (total > 0) & (bs.pdf > 0)
         weight = dr.select(straight, tau, value * dr.abs(wo.z)) / dr.select(active, bs.pdf, 1)
         return bs, mi.Spectrum(dr.select(active, weight, 0))
 
@@ -243,7 +249,7 @@ class Measured(mi.BSDF):
     def eval_pdf(self, ctx, si, wo, active=True):
         axes = self._to_file(si)
         wi, wo = self._seen(si.wi, axes), self._seen(wo, axes)
-        active &= (wi.z != 0) & (wo.z != 0)
+        active = active & (wi.z != 0) & (wo.z != 0)
         lobes, rows, albedos, tau = self._shares(ctx, si, wi, active)
         value = self._value(lobes, self._component(ctx, wi, wo), wi, wo, active)
         names = ((mi.BSDFFlags.GlossyReflection, 0), (mi.BSDFFlags.GlossyTransmission, 1))

@@ -130,19 +130,24 @@ def _of_isotropic_tree(tree: TensorTree) -> tuple[TensorTree, np.ndarray]:
     n = 1 << tree.depth
     through = np.zeros(n)
     value = tree.value.copy()
+    found = []
     for cell in range(n // 2):
         s0 = np.array([(cell + 0.5) / n])
-        leaves, sides = [], []
-        for s2 in (0.5 - 1e-9, 0.5 + 1e-9):
-            code = morton([s0, 1 - s0, np.array([s2])], tree.depth)
-            leaf = int(np.searchsorted(tree.start, code[0], "right")) - 1
-            leaves.append(leaf)
-            sides.append(0.5 ** int(tree.level[leaf]))
-        side = max(sides)
+        leaves = [
+            int(np.searchsorted(tree.start, morton([s0, 1 - s0, s2], tree.depth)[0], "right")) - 1
+            for s2 in (np.array([0.5 - 1e-9]), np.array([0.5 + 1e-9]))
+        ]
+        side = 0.5 ** int(tree.level[leaves].min())
         steps = [(0.0, i * side, j * side) for i in (-1, 0, 1) for j in (-1.5, -0.5, 0.5, 1.5)]
         steps = [s for s in steps if s[1] != 0 or abs(s[2]) > side]
         around = _around(tree, [s0, 1 - s0, np.array([0.5])], steps)
-        excess = _excess(tree.value[leaves], around)
-        value[leaves] = tree.value[leaves] - excess
-        through[cell] = float((excess * np.pi * np.array(sides) ** 2).sum())
+        found += [(cell, i, e) for i, e in zip(leaves, _excess(value[leaves], around), strict=True)]
+    # A leaf that spans several incident cells gives up the same to each.
+    if not found:
+        return tree, through
+    cells, leaf, excess = (np.array(a) for a in zip(*found, strict=True))
+    times = np.maximum(np.bincount(leaf, minlength=len(value)), 1)
+    mean = np.bincount(leaf, excess, len(value)) / times
+    value -= mean
+    np.add.at(through, cells, mean[leaf] * np.pi / 4.0 ** tree.level[leaf])
     return replace(tree, value=value), through

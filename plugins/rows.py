@@ -17,9 +17,8 @@ import numpy as np
 from drcmitsuba_plugins.klems_basis import KlemsBasis, KlemsMatrix
 from drcmitsuba_plugins.tensor import TensorTree
 
-MOST_ENTRIES = 1 << 26
-"""Cells in all rows together; a full tree of rank 4 and depth 6 has a quarter of that for each
-component."""
+MOST_ENTRIES = 1 << 25
+"""Cells in all rows together: two full trees of rank 4 and depth 6."""
 
 
 @dataclass
@@ -80,7 +79,7 @@ class Rows:
         """First entry of a row for which `is_above(entry)` holds; the last if there is none."""
         low = dr.gather(mi.UInt32, self.first, row, active)
         high = dr.gather(mi.UInt32, self.first, row + 1, active)
-        active &= high > low
+        active = active & (high > low)
         last = dr.select(active, high - 1, low)
         high = last
         for _ in range(self.steps):
@@ -137,8 +136,9 @@ def of_trees(trees: list[TensorTree | None], fixed: str, depth: int) -> Rows:
                 raise ValueError("the tree is too fine to be sampled; reduce it (rttree_reduce)")
             row = (component * cells + a[mine, None] + np.arange(span)).ravel()
             leaf = np.repeat(tree.value[mine].astype(np.int64), span)
-            weight = np.full(len(leaf), np.pi / 4.0 ** int(level))
-            parts.append((row, leaf, np.repeat(b[mine], span), weight))
+            weight = np.full(len(leaf), np.pi / 4.0 ** int(level), np.float32)
+            numbers = (a.astype(np.uint32) for a in (row, leaf, np.repeat(b[mine], span)))
+            parts.append((*numbers, weight))
     joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
     return Rows.of(*joined, rows=len(trees) * cells)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
-from drcmitsuba_plugins.lobes import IsotropicLobes, SquareLobes, TurnedLobes, square_code
+from drcmitsuba_plugins.isotropic import IsotropicLobes, TurnedLobes
+from drcmitsuba_plugins.lobes import SquareLobes, square_code
 from drcmitsuba_plugins.measured import Measured
 
 

@@ -13,16 +13,18 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case import BsdfMaterial, Case, Facade, GlazingMaterial, Strip
 from drcmitsuba.materials import Lambertian, channel_of, lets_through
-from drcmitsuba.scene import Surface
+from drcmitsuba.scene import Scene, Surface
 from drcmitsuba.weather import Site
 
 SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"
@@ -133,6 +135,38 @@ def film(name: str, material: BsdfMaterial) -> str:
     if lets_through(material):
         return f'void aBSDF {name} 5 "{material.file}" {up} . 0 0'
     return f'void BSDF {name} 6 0 "{material.file}" {up} . 0 0'
+
+
+def reciprocal(case: Case, folder: Path, *, reflects: bool = True) -> Case:
+    """The case with its film's file without Transmission Back, which then follows by reciprocity.
+
+    Radiance looks up the viewer as incident, so that component; sunlight calls for the other.
+    `reflects`: keep the reflections, which Radiance samples without randomness at `-ss 0`.
+    """
+    name, film = next((k, m) for k, m in case.materials.items() if isinstance(m, BsdfMaterial))
+    text = film.file.read_text()
+    drop = "Transmission Back" if reflects else "Transmission Back|Reflection"
+    for block in re.findall(r"<WavelengthData>.*?</WavelengthData>", text, re.DOTALL):
+        if re.search(f"<WavelengthDataDirection>({drop})", block):
+            text = text.replace(block, "")
+    file = folder / f"reciprocal{reflects}.xml"
+    file.write_text(text)
+    kept = 3 if reflects else 1
+    assert text.count("<WavelengthDataDirection>") == kept, film.file
+    film = film.model_copy(update={"file": file})
+    return case.model_copy(update={"materials": {**case.materials, name: film}})
+
+
+def with_glass(scene: Scene, transmissivity: float) -> Scene:
+    """The scene with clear panes that transmit and mirror as Radiance's `glass` does."""
+    tau, rho = glass(np.linspace(0, 1, 1025), transmissivity)
+    parameters = mi.traverse(scene.full)
+    for key in parameters.keys():  # noqa: SIM118  iteration gives pairs
+        for name, table in (("transmittance", tau), ("reflectance_", rho)):
+            if f".bsdf.{name}" in key:
+                parameters[key] = mi.TensorXf(table.astype(np.float32))
+    parameters.update()
+    return scene
 
 
 def scene_text(
@@ -250,7 +284,13 @@ class Room:
             parts.append(self._matrix(output, repeats))
         return np.concatenate(parts, axis=-1) / SUN_RADIANCE
 
-    def sky_by_rtrace(self, options: Sequence[str], repeats: int = 1) -> np.ndarray:
-        """Irradiance under a sky and ground of radiance 1, (repeat, sensor, 1)."""
-        command = ["rtrace", "-h", "-faf", "-I+", *options, self._octree("sky", SKY)]
-        return self._matrix(run(command, self.folder, self._rays(repeats)), repeats)
+    def radiance_by_rtrace(
+        self, directions: np.ndarray, diameter: float, options: Sequence[str]
+    ) -> np.ndarray:
+        """Radiance along the sensors' normals for suns of radiance 1, (sensor, sun)."""
+        parts = []
+        for direction in directions:
+            octree = self._octree("sun", sun_text(direction[None], diameter))
+            output = run(["rtrace", "-h", "-faf", *options, octree], self.folder, self._rays(1))
+            parts.append(self._matrix(output, 1)[0])
+        return np.concatenate(parts, axis=-1) / SUN_RADIANCE

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile, Component, Swapped
+from drcmitsuba_plugins.colour import refined
 from drcmitsuba_plugins.energy import EXCESS
 from drcmitsuba_plugins.klems_basis import KlemsMatrix
 from drcmitsuba_plugins.tensor import TensorTree, to_direction, unpack
@@ -100,24 +101,12 @@ def _asymmetry(one: TensorTree | KlemsMatrix, other: TensorTree | KlemsMatrix) -
         a, b = one.value, other.reversed().value
         weight = np.outer(one.outgoing.projected_solid_angle, one.incident.projected_solid_angle)
     elif one.rank == 4:
-        a, b, weight = _refined(one, other.reversed())
+        x, y = refined([one, other.reversed()])
+        a, b, weight = x.value, y.value, 16.0**-x.level
     else:
         a, b, weight = _sampled(one, other)
     total = ((a + b) * weight).sum() / 2
     return float((np.abs(a - b) * weight).sum() / total) if total > 0 else 0.0
-
-
-def _refined(one: TensorTree, other: TensorTree) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values of two trees over their common refinement, and the cells' sizes."""
-    depth = max(one.depth, other.depth)
-    starts = [tree.start << tree.rank * (depth - tree.depth) for tree in (one, other)]
-    cells = np.union1d(*starts)
-    size = np.diff(np.append(cells, 1 << one.rank * depth)).astype(float)
-    a, b = (
-        tree.value[np.searchsorted(start, cells, "right") - 1]
-        for tree, start in zip((one, other), starts, strict=True)
-    )
-    return a, b, size
 
 
 def _sampled(one: TensorTree, other: TensorTree) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

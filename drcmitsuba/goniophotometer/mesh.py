@@ -74,8 +74,8 @@ def _dtype(properties: list[list[str]], order: str) -> np.dtype:
     """Layout of one record; a list is one of three corners."""
     fields: list[tuple] = []
     for p in properties:
-        types = p[1:3] if p[0] == "list" else p[:1]
-        if len(p) != (4 if p[0] == "list" else 2) or not all(t in _TYPES for t in types):
+        types = p[1:3] if p[:1] == ["list"] else p[:1]
+        if len(p) != (4 if p[:1] == ["list"] else 2) or not all(t in _TYPES for t in types):
             raise _UnfitError(f"property {' '.join(p)[:40]!r}")
         if p[0] == "list":
             fields += [(f"#{p[3]}", order + _TYPES[p[1]]), (p[3], order + _TYPES[p[2]], (3,))]
@@ -156,6 +156,8 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """
     remedy = "give a PLY or OBJ file of triangles"
     try:
+        if not path.is_file():  # a device would never end
+            raise InputError(path, "mesh", "no such file", remedy)
         if path.stat().st_size > MAX_BYTES:
             got = f"{path.stat().st_size >> 20} MB"
             raise InputError(path, "size", got, f"give at most {MAX_BYTES >> 20} MB")

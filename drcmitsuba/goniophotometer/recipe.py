@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from drcmitsuba.case import check_energy
 from drcmitsuba.errors import InputError
 from drcmitsuba.table import Table, checked, read_toml
 
@@ -126,10 +127,7 @@ class Glass(Table):
 
     @model_validator(mode="after")
     def _energy(self) -> Glass:
-        total = self.transmittance + self.reflectance
-        if total > 1:
-            got = f"{self.transmittance:g} + {self.reflectance:g} is above 1"
-            raise InputError("glass", "transmittance + reflectance", got, "lower one of them")
+        check_energy(self.transmittance, self.reflectance, self.exponent)
         return self
 
 

@@ -172,7 +172,8 @@ def _from_mesh(recipe: Recipe, s: Mesh) -> UnitCell:
     """Surfaces of a mesh file; a clear one has to be closed, with normals that point outward."""
     file = recipe.path(s.file)
     vertices, faces = read_mesh(file)
-    vertices = vertices * s.scale
+    used, numbers = np.unique(faces, return_inverse=True)  # the rest would be repeated in vain
+    vertices, faces = vertices[used] * s.scale, numbers.reshape(faces.shape)
     extent = np.ptp(vertices, axis=0)[:2] / s.period
     repeated = len(faces) * np.prod(np.ceil(extent) + 1)
     if extent.max() > MOST_PERIODS or repeated > MOST_TRIANGLES:

@@ -16,7 +16,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case import Accuracy
 from drcmitsuba.scene import Scene
-from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.films import Films, Lit
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 
@@ -69,8 +69,8 @@ class Deposit:
         Those that scatter as measured.
     faces : Irradiance or None
         Of the faces of the former; see `lit`.
-    on_films : Irradiance or None
-        Of the latter: their answer to the sky by outgoing cell, and D of their faces from the suns.
+    on_films : Lit or None
+        What reaches the latter, and how they answer.
     """
 
     scene: Scene
@@ -81,7 +81,7 @@ class Deposit:
     patches: PanePatches | None
     films: Films | None = None
     faces: Irradiance | None = None
-    on_films: Irradiance | None = None
+    on_films: Lit | None = None
 
     @property
     def bins(self) -> tuple[int, int]:
@@ -134,17 +134,20 @@ class Deposit:
             self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=1,
             seed=launch_seed(self.accuracy, *key, 1),
         )  # fmt: skip
-        sky = self.films.answer_to_sky(
+        to_suns = self.films.answer_to_suns(
+            self.suns, self.diameter, launch_seed(self.accuracy, *key, 6)
+        )
+        to_sky = self.films.answer_to_sky(
             self.subdivision, self.accuracy.film_sky_samples, launch_seed(self.accuracy, *key, 0)
         )
-        return replace(self, on_films=Irradiance(sky, sun))
+        return replace(self, on_films=Lit(sun, to_suns, to_sky))
 
     def by_films(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance | None:
         """Light by way of films; None where there are none."""
         if self.films is None or self.on_films is None:
             return None
         sky, sun = self.films.scattered(
-            p, n, self.on_films.sun, self.on_films.sky,
+            p, n, self.on_films,
             rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 5),
         )  # fmt: skip
         return Irradiance(sky, sun)

@@ -11,14 +11,14 @@ direction back, and D_a what reaches the patch straight. For the suns, f is take
 directions. Within a patch of the sky f varies: there f · D_a is one integral, estimated by
 directions drawn from the BSDF.
 
-Limits: of two films, or a film and a shade, in a row only the last one is a film here (see
-`deposit`); what one film sends to another is not followed.
+Limits: what one film, or a diffusing pane, sends to another film is not followed; nor is a film
+that is seen through the straight view of another.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -28,122 +28,37 @@ from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
 
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.gather import even_numbers
+from drcmitsuba.transport.mounts import Mount, mounts
 from drcmitsuba.transport.panes import OFFSET, PanePatches, looks
 from drcmitsuba.transport.shadow_rays import LANES, straight
 
-SUN_SAMPLES = 8
-"""Directions on a sun's disk, and in an outgoing cell, that f is averaged over."""
+SUN_SAMPLES = {"even": 8, "uneven": 16}
+"""Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate:
+where f is the same all over a cell, and where it is not (isotropic trees)."""
 
 
-@dataclass(frozen=True)
-class Mount:
-    """A film in one orientation.
+class Lit(NamedTuple):
+    """What reaches films, and how they answer to it, in one replicate.
 
     Parameters
     ----------
-    bsdf : mi.BSDF
-    frame : np.ndarray, shape (3, 3)
-        Rows: the pane's x, y (up) and normal into the room.
-    quads : np.ndarray, shape (pane, 4, 3)
-    exposed : bool
-        Nothing lies beyond the panes' plane and no light comes from the room's side: all of the
-        film sees the same.
-    sides : tuple of int
-        Faces that receivers may see: 1 front, −1 back.
+    faces : mi.TensorXf, shape (face, sun)
+        D of the patches' faces [sr], straight from the suns.
+    to_suns : mi.Float, shape (row · lit sun,)
+        f [1/sr] from the suns that may shine on a film into every outgoing cell of every mount.
+    to_sky : mi.TensorXf, shape (row, bin)
+        Radiance of every outgoing cell per unit radiance of ground and sky patches; the rows of
+        the first patch, and of every other one that has its own.
     """
 
-    bsdf: Any
-    frame: np.ndarray
-    quads: np.ndarray
-    exposed: bool
-    sides: tuple[int, ...]
-
-    @property
-    def rows(self) -> int:
-        """Outgoing cells of all sides."""
-        return len(self.sides) * self.bsdf.out_cells
-
-    @property
-    def turn(self) -> mi.Frame3f:
-        """The pane's frame."""
-        return mi.Frame3f(*(mi.Vector3f(*map(float, axis)) for axis in self.frame))
-
-    def outgoing(self, row: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
-        """Direction in a row's cell, in the pane's frame."""
-        cells = self.bsdf.out_cells
-        front = (row < cells) if self.sides[0] == 1 else mi.Bool(False)
-        return self.bsdf.out_direction(row % cells, uv, front)
-
-    def interaction(self, outgoing: mi.Vector3f) -> mi.SurfaceInteraction3f:
-        """What the BSDF needs to know of a point on the pane."""
-        si = dr.zeros(mi.SurfaceInteraction3f, dr.width(outgoing))
-        si.n = self.turn.n
-        si.sh_frame = self.turn
-        si.wi = outgoing
-        return si
-
-
-def _frame(normal: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The pane's x, y and normal; y is the projection of `up`, as in the plugins."""
-    y = up - normal * (up @ normal)
-    if np.linalg.norm(y) < 1e-4:
-        y = np.array([0.0, 1.0, 0.0]) - normal * normal[1]
-    y = y / np.linalg.norm(y)
-    return np.array([np.cross(y, normal), y, normal])
-
-
-def _lit_from_the_room(scene: Scene, pane: np.ndarray, normal: np.ndarray) -> bool:
-    """Whether straight light may reach the front: openings in other walls, or no known room."""
-    room = scene.enclosure
-    if room is None:
-        return True
-    return bool((np.abs((room.openings - pane[0]) @ normal) > 1e-3).any())
-
-
-def mounts(scene: Scene) -> list[Mount]:
-    """Sort the films of a scene by material and orientation."""
-    found = []
-    for panes in scene.films:
-        q, up = panes.quads, np.array(panes.bsdf.up).ravel()
-        n = np.cross(q[:, 1] - q[:, 0], q[:, 3] - q[:, 0])
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
-        for normal in np.unique(n.round(6), axis=0):
-            quads = q[np.all(np.abs(n - normal) < 1e-5, axis=1)]
-            behind = bool(((scene.corners - quads[0, 0]) @ normal < -1e-3).any())
-            lit = _lit_from_the_room(scene, quads[0], normal)
-            sides = (1, -1) if behind else (1,)
-            frame = _frame(normal / np.linalg.norm(normal), up)
-            found.append(Mount(panes.bsdf, frame, quads, not (behind or lit), sides))
-    return found
-
-
-def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float) -> mi.Float:
-    """F [1/sr] from suns into the outgoing cells of a mount, shape (row · sun,)."""
-    out = dr.zeros(mi.Float, mount.rows * len(suns))
-    directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
-    ctx = mi.BSDFContext()
-    for start in range(0, dr.width(out), LANES):
-        lane = dr.arange(mi.UInt32, min(LANES, dr.width(out) - start))
-        pair = lane + dr.opaque(mi.UInt32, start)
-        row, sun = pair // len(suns), pair % len(suns)
-        centre = dr.gather(mi.Vector3f, directions, sun)
-        total, cosines = mi.Float(0), mi.Float(0)
-        for i in range(SUN_SAMPLES):
-            index = dr.full(mi.UInt32, i, dr.width(lane))
-            d = sample_disk(centre, diameter, even_numbers(index, sun, 1, 0))
-            si = mount.interaction(mount.outgoing(row, even_numbers(index, row, 2, 0)))
-            wo = mount.turn.to_local(d)
-            counts = (wo.z < 0) | (not mount.exposed)
-            total += dr.select(counts, mount.bsdf.eval(ctx, si, wo)[0], 0)
-            cosines += dr.select(counts, dr.abs(wo.z), 0)
-        dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
-        dr.eval(out)
-    return out
+    faces: mi.TensorXf
+    to_suns: mi.Float
+    to_sky: mi.TensorXf
 
 
 @dataclass(frozen=True)
 class Films:
-    """The films of a scene, cut into patches, and their answer to the suns.
+    """The films of a scene, cut into patches.
 
     Parameters
     ----------
@@ -153,19 +68,16 @@ class Films:
         Their owner is the mount.
     suns : np.ndarray, shape (lit,)
         Numbers of the suns that may shine on a film.
-    to_suns : mi.Float, shape (row · lit,)
-        f [1/sr] from these into every outgoing cell of every mount.
     """
 
     scene: Scene
     mounts: tuple[Mount, ...]
     patches: PanePatches
     suns: np.ndarray
-    to_suns: mi.Float
 
     @classmethod
     def of(cls, scene: Scene, size: float, suns: np.ndarray, diameter: float) -> Films | None:
-        """Cut films into patches of about `size` [m] and tabulate them; None without films."""
+        """Cut films into patches of about `size` [m]; None without films."""
         if not scene.films:
             return None
         found = tuple(mounts(scene))
@@ -174,9 +86,15 @@ class Films:
         for mount in found:
             shining |= (suns @ mount.frame[2] < np.sin(radius)) | (not mount.exposed)
         lit = np.flatnonzero(shining)
-        tables = [_answer_to_suns(m, suns[lit], diameter) for m in found]
-        patches = PanePatches.of([m.quads for m in found], size)
-        return cls(scene, found, patches, lit, dr.concat(tables))
+        return cls(scene, found, PanePatches.of([m.quads for m in found], size), lit)
+
+    def answer_to_suns(self, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
+        """Tabulate f [1/sr] from the suns that may shine on a film, see `Lit.to_suns`."""
+        tables = [
+            _answer_to_suns(mount, suns[self.suns], diameter, seed + i)
+            for i, mount in enumerate(self.mounts)
+        ]
+        return dr.concat(tables)
 
     def _first_sky_rows(self) -> np.ndarray:
         """First row of every patch in the table of the sky, and the number of rows.
@@ -195,20 +113,12 @@ class Films:
         return np.array([*first, rows])
 
     def answer_to_sky(self, subdivision: int, samples: int, seed: int) -> mi.TensorXf:
-        """Radiance of every outgoing cell per unit radiance of ground and sky patches.
-
-        Parameters
-        ----------
-        subdivision : int
-            Reinhart's factor MF.
-        samples : int
-            Directions for every cell.
-        seed : int
+        """Estimate the answer to ground and sky patches by `samples` directions for every cell.
 
         Returns
         -------
         mi.TensorXf, shape (row, bin)
-            The rows of the first patch, and of every other one that has its own.
+            See `Lit.to_sky`.
         """
         bins = len(Patches(subdivision))
         first = self._first_sky_rows()
@@ -219,7 +129,9 @@ class Films:
             for start in range(0, mount.rows, block):
                 lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
                 row = lane // samples + dr.opaque(mi.UInt32, start)
-                d, weight = self._from_sky(int(patch), row, lane % samples, seed + 7919 * patch)
+                d, weight = self._from_sky(
+                    int(patch), row, lane % samples, samples, seed + 7919 * int(patch)
+                )
                 at = (row + dr.opaque(mi.UInt32, int(first[patch]))) * bins
                 index = at + patch_index(d, subdivision)
                 dr.scatter_add(out, weight / samples, index, weight > 0)
@@ -227,18 +139,21 @@ class Films:
         return mi.TensorXf(out, (int(first[-1]), bins))
 
     def _from_sky(
-        self, patch: int, row: mi.UInt32, index: mi.UInt32, seed: int
+        self, patch: int, row: mi.UInt32, index: mi.UInt32, samples: int, seed: int
     ) -> tuple[mi.Vector3f, mi.Float]:
         """Directions to the sky whose light leaves a patch in the rows' cells, and its weight."""
         mount = self.mounts[self.patches.owner[patch]]
         si = mount.interaction(mount.outgoing(row, even_numbers(index, row, seed, 1)))
         ctx = mi.BSDFContext()
-        ctx.type_mask = +mi.BSDFFlags.GlossyReflection | +mi.BSDFFlags.GlossyTransmission
+        ctx.type_mask = +mi.BSDFFlags.GlossyTransmission
+        if not mount.exposed:
+            ctx.type_mask = ctx.type_mask | +mi.BSDFFlags.GlossyReflection
         lane = dr.arange(mi.UInt32, dr.width(row))
         lobe, a, b = (
             mi.Float(v >> 8) * TO_UNIT
             for v in (*random_bits(lane, seed), random_bits(lane, seed + 1)[0])
         )
+        lobe = (mi.Float(index) + lobe) / samples  # spread evenly over the lobes
         bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
         d, weight = mount.turn.to_world(bs.wo), value[0]
         if mount.exposed:
@@ -262,8 +177,7 @@ class Films:
         return row, known
 
     def scattered(
-        self, p: mi.Float, n: mi.Float, on_faces: mi.TensorXf, sky: mi.TensorXf, *,
-        rays: int, seed: int,
+        self, p: mi.Float, n: mi.Float, lit: Lit, *, rays: int, seed: int
     ) -> tuple[mi.TensorXf, mi.TensorXf]:  # fmt: skip
         """Irradiance of receivers by way of the films.
 
@@ -271,10 +185,7 @@ class Films:
         ----------
         p, n : mi.Float
             Receivers, three numbers each.
-        on_faces : mi.TensorXf, shape (face, sun)
-            D of the patches' faces, straight from the suns.
-        sky : mi.TensorXf, shape (row, bin)
-            From `answer_to_sky`.
+        lit : Lit
         rays : int
             Directions of each of two kinds from a receiver, see `looks`.
         seed : int
@@ -284,14 +195,14 @@ class Films:
         sky, sun : mi.TensorXf, shape (receiver, bin) and (receiver, sun)
             D [sr].
         """
-        count, n_suns = dr.width(p) // 3, on_faces.shape[1]
+        count, n_suns, bins = dr.width(p) // 3, lit.faces.shape[1], lit.to_sky.shape[1]
         first_sky = mi.UInt32(self._first_sky_rows().astype(np.uint32))
         first_sun = np.cumsum([0, *(m.rows for m in self.mounts)])[self.patches.owner]
         first_sun = mi.UInt32(first_sun.astype(np.uint32))
-        shone = on_faces.numpy().reshape(len(self.patches), 2, n_suns).sum(axis=1)[:, self.suns]
+        shone = lit.faces.numpy().reshape(len(self.patches), 2, n_suns).sum(axis=1)[:, self.suns]
         shone = mi.Float(np.ascontiguousarray(shone, np.float32).ravel())
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
-        by_sky = dr.zeros(mi.Float, count * sky.shape[1])
+        by_sky = dr.zeros(mi.Float, count * bins)
         for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed):
             row, known = self._rows(look.patch, look.d, look.front)
             seen = dr.compress((look.weight > 0) & known)
@@ -303,14 +214,16 @@ class Films:
             sun_row = kept[2] + dr.gather(mi.UInt32, first_sun, kept[1])
             sky_row = kept[2] + dr.gather(mi.UInt32, first_sky, kept[1])
             dr.eval(weight, sun_row, sky_row, kept[1])
-            by_sun += _sum(first, weight, sun_row, self.to_suns, kept[1], shone, len(self.suns))
-            by_sky += _sum(first, weight, sky_row, sky.array, None, None, sky.shape[1])
+            if len(self.suns):
+                by_sun += _sum(first, weight, sun_row, lit.to_suns, kept[1], shone, len(self.suns))
+            by_sky += _sum(first, weight, sky_row, lit.to_sky.array, None, None, bins)
             dr.eval(by_sun, by_sky)
         out = dr.zeros(mi.Float, count * n_suns)
-        at = dr.arange(mi.UInt32, count * len(self.suns))
-        to = dr.gather(mi.UInt32, mi.UInt32(self.suns.astype(np.uint32)), at % len(self.suns))
-        dr.scatter(out, by_sun, at // len(self.suns) * n_suns + to)
-        return mi.TensorXf(by_sky, (count, sky.shape[1])), mi.TensorXf(out, (count, n_suns))
+        if len(self.suns):
+            at = dr.arange(mi.UInt32, count * len(self.suns))
+            to = dr.gather(mi.UInt32, mi.UInt32(self.suns.astype(np.uint32)), at % len(self.suns))
+            dr.scatter(out, by_sun, at // len(self.suns) * n_suns + to)
+        return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))
 
 
 def _first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:
@@ -339,3 +252,28 @@ def _sum(
         total += value
         at += 1
     return total
+
+
+def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
+    """Tabulate f [1/sr] from suns into the outgoing cells of a mount, shape (row · sun,)."""
+    out = dr.zeros(mi.Float, mount.rows * len(suns))
+    directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
+    ctx = mi.BSDFContext()
+    samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
+    for start in range(0, dr.width(out), LANES):
+        lane = dr.arange(mi.UInt32, min(LANES, dr.width(out) - start))
+        pair = lane + dr.opaque(mi.UInt32, start)
+        row, sun = pair // len(suns), pair % len(suns)
+        centre = dr.gather(mi.Vector3f, directions, sun)
+        total, cosines = mi.Float(0), mi.Float(0)
+        for i in range(samples):
+            index = dr.full(mi.UInt32, i, dr.width(lane))
+            d = sample_disk(centre, diameter, even_numbers(index, pair, seed, 0))
+            si = mount.interaction(mount.outgoing(row, even_numbers(index, pair, seed, 1)))
+            wo = mount.turn.to_local(d)
+            counts = (wo.z < 0) | (not mount.exposed)
+            total += dr.select(counts, mount.bsdf.eval(ctx, si, wo)[0], 0)
+            cosines += dr.select(counts, dr.abs(wo.z), 0)
+        dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
+        dr.eval(out)
+    return out

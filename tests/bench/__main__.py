@@ -1,6 +1,6 @@
 """Time and error of ours and of Radiance, in one run on one machine.
 
-    python -m tests.bench [--parts a,b,c,d] [--reference DIR] [--weather FILE] [--quick]
+    python -m tests.bench [--parts a,b,c,d,e] [--reference DIR] [--weather FILE] [--quick]
 
 from the repository's root, with the test extras installed; prints Markdown.
 
@@ -8,10 +8,13 @@ from the repository's root, with the test extras installed; prints Markdown.
 (b) Exact suns of a year: seconds at equal error; Radiance's for 100 suns, times suns over 100.
 (c) A whole evaluation as a user starts it, import and compilation included; memory and disk.
 (d) Seconds against the number of sensors.
+(e) Suns of a year by way of a film (O2): as (b), by `rtrace` for one sun at a time, 4 of them, and
+    by `rcontrib -V+` for 100, these among them.
 
 Equal error: ours is at most Radiance's, over all entries, and in further rows also over those
 without direct light; against converged coefficients, which take minutes to make and are kept in the
-folder that `--reference` names. In (a), (b) and (d) kernels are warm and the import is not counted;
+folder that `--reference` names; in (e) by a long run of ours, and "direct" is straight light. In
+(a), (b), (d) and (e) kernels are warm and the import is not counted;
 `oconv`, milliseconds, is in Radiance's seconds. `rcontrib` has two processes. CPU seconds tell more
 where the machine has other work, too. Nothing is asserted.
 `--quick` is a rehearsal of minutes: a coarse reference and small searches.
@@ -39,6 +42,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import backend
 from drcmitsuba.coefficients import Suns
 from tests import radiance
+from tests.bench import films
 from tests.bench.classroom import BINS, CASE, NO_SUNS, Classroom, Errors, Reference, reference
 
 PROCESSES = ["-n", "2"]
@@ -59,6 +63,17 @@ SUN_SEARCH = {
     "replicates": (2,), "paths": (64, 128, 256, 384, 512, 768),
     "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (16,), "sensor_sky_rays": (64,),
     "sensor_sun_samples": (1, 4),
+}  # fmt: skip
+FILM = {
+    "-ab 5 -ad 512 -lw 1e-9": "nothing cut off",
+    "-ab 5 -ad 512 -lw 1e-3": "less time at nearly this error",
+}
+FILM_EXACT = "-dt 0 -dc 1 -aa 0 -as 0 -st 0 -ss 0"
+"""Neither interpolation nor jitter by the size of the BSDF's cells; see validation."""
+FILM_SEARCH = {
+    "replicates": (2,), "paths": (16, 32, 64, 128), "cell_size": (0.45, 0.6),
+    "cell_sky_rays": (16,), "sensor_sky_rays": (64,), "sensor_sun_samples": (1,),
+    "pane_points": (16, 64), "film_sky_samples": (16,),
 }  # fmt: skip
 QUICK = {"paths": (64, 256, 1024), "cell_size": (0.45,), "sensor_sky_rays": (4096,)}
 
@@ -242,7 +257,35 @@ def scaling(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
     table(["sensors", "seconds", "µs per sensor", "µs per sensor and bin"], rows)
 
 
-PARTS = {"a": sky, "b": suns, "c": whole, "d": scaling}
+def film(plain: Classroom, options: argparse.Namespace, folder: Path) -> None:
+    """Part (e)."""
+    room = films.Filmed(plain.weather, folder=folder)
+    count, picked = len(room.year.labels), len(room.suns.labels)
+    print(f"## (e) Exact suns by way of a film, O2, {len(room.sensors[0])} sensors\n")
+    print(f"{count} suns of the EvalDRC calendar are in front of the façade.")
+    known = films.reference(room, 8 if options.quick else 16)
+    traced, theirs, rows = room.room(folder), {}, []
+    ask = (room.suns.directions, room.suns.diameter)
+    for line, why in FILM.items():
+        arguments = [*PROCESSES, *FILM_EXACT.split(), *line.split()]
+        direct = traced.suns_by_rtrace(*ask, [*arguments, "-ab", "0"])[0]
+        total, time = timed(partial(traced.suns_by_rtrace, *ask, arguments))
+        theirs[line] = time * count / picked, known.errors(total[0], direct)
+        shown = f"{time[0]:.1f} s for {picked} suns, times {count} / {picked}"
+        rows.append([f"`rtrace -n 2 {line}` ({why}), {shown}", *columns(*theirs[line])])
+    hundred = films.Filmed(plain.weather, 33 * (picked - 1) + 1, folder).suns
+    line = f"-V+ {list(FILM)[-1]}"
+    ask, arguments = (hundred.directions, hundred.diameter), [*FILM_EXACT.split(), *line.split()]
+    direct = traced.suns(*ask, [*PROCESSES, *arguments, "-ab", "0"])[0, :, ::33]
+    total, time = timed(partial(traced.suns, *ask, [*PROCESSES, *arguments]))
+    theirs[line] = time * count / len(hundred.labels), known.errors(total[0, :, ::33], direct)
+    shown = f"{time[0]:.1f} s for {len(hundred.labels)} suns, errors of the same {picked}"
+    rows.append([f"`rcontrib -n 2 {line}`, {shown}", *columns(*theirs[line])])
+    search, name = settings(FILM_SEARCH, options.quick), f"ours, all {count} suns and a coarse sky"
+    compare(room, search, room.year, name, list(room.suns.labels), known, theirs, rows)
+
+
+PARTS = {"a": sky, "b": suns, "c": whole, "d": scaling, "e": film}
 
 
 def machine() -> str:
@@ -262,7 +305,7 @@ def main() -> None:
         prog="python -m tests.bench", description=about,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("--parts", default="a,b,c,d", help="which parts, default a,b,c,d")
+    parser.add_argument("--parts", default="a,b,c,d,e", help="which parts, default a,b,c,d,e")
     parser.add_argument("--reference", type=Path, help="folder that keeps the reference")
     parser.add_argument("--weather", type=Path, help="weather file instead of Geneva's")
     parser.add_argument("--quick", action="store_true", help="coarse reference, small searches")
@@ -270,8 +313,8 @@ def main() -> None:
     parts = options.parts.split(",")
     if unknown := set(parts) - set(PARTS):
         parser.error(f"--parts: {', '.join(sorted(unknown))} is none of {', '.join(PARTS)}")
-    if {"a", "b"} & set(parts) and radiance.home() is None:
-        parser.error("parts a and b need Radiance: pip install pyradiance")
+    if {"a", "b", "e"} & set(parts) and radiance.home() is None:
+        parser.error("parts a, b and e need Radiance: pip install pyradiance")
     variant = backend.select()
     versions = ", ".join(f"{k} {v}" for k, v in backend.report().items())
     print(f"# Benchmark, {datetime.date.today().isoformat()}\n\n{machine()}; {variant}; {versions}")

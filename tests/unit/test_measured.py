@@ -12,6 +12,7 @@ from drcmitsuba_plugins.tensor import TensorTree, to_square
 from scipy.stats import chi2 as chi2_law
 
 from drcmitsuba import backend
+from drcmitsuba.bsdf.merge import merge
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "bsdf"
 RADIANCE, IMPORTANCE = mi.TransportMode.Radiance, mi.TransportMode.Importance
@@ -457,6 +458,26 @@ def test_the_plugin_of_the_other_kind_is_named(tmp_path):
 # Files found in the wild
 
 
+def test_clear_glass_as_klems_is_the_glazing_of_its_transmittance():
+    path = SHARED / "subramaniam_clear_klems.xml"
+    if not path.is_file():
+        pytest.skip("the BSDF files of other projects are not part of this one")
+    file, bsdf = bsdf_file.read(path), load(path)
+    cosines = np.linspace(0, 1, 1025)
+    along = np.stack([np.sqrt(1 - cosines**2), 0 * cosines, cosines], axis=-1)
+    table, _ = file.hemispherical(along)
+    glass = mi.load_dict({"type": "glazing", "transmittance": mi.TensorXf(table)})
+    w = random_directions(20_000)
+    ours, theirs = (
+        b.eval_null_transmission(interaction(w, len(w)))[0].numpy() for b in (bsdf, glass)
+    )
+    # The glazing interpolates where one ring of patches ends and the next begins.
+    assert np.isclose(ours, theirs, rtol=1e-4).mean() > 0.98
+    assert ours.mean() == pytest.approx(theirs.mean(), rel=1e-3)
+    rest = bsdf.eval(mi.BSDFContext(), interaction(w, len(w)), as_vector(-w))[0].numpy()
+    np.testing.assert_allclose(rest, 0, atol=1e-6)
+
+
 PHYSICAL = [
     "bsdfviewer_blinds_20deg_t45", "honeybee_diffuse50_klems", "honeybee_tensortree",
     "ignis_simple_tensor_d2_trans", "ignis_simple_tensor_front_refl",
@@ -482,7 +503,71 @@ def test_files_are_sampled_well(name):
                 if weight.sum() == 0:
                     continue
                 worst_spread = max(worst_spread, (weight**2).mean() / weight.mean() ** 2)
-                worst_p, tests = min(worst_p, chi_square(bsdf, wi, mode, 100_000, inner=300)), tests + 1
+                worst_p, tests = (
+                    min(worst_p, chi_square(bsdf, wi, mode, 100_000, inner=300)),
+                    tests + 1,
+                )
     print(f"{name}: E[w²]/E[w]² ≤ {worst_spread:.4f}; χ²: least p {worst_p:.3g} of {tests}")
     assert worst_spread < 1.3
     assert worst_p > 1 - (1 - 1e-3) ** (1 / tests)
+
+
+# What a review found
+
+
+def test_an_isotropic_peak_keeps_the_energy_on_coarse_leaves():
+    n = 16
+    s0, s1, s2 = (np.indices((n,) * 3) + 0.5) / n
+    straight = (np.abs(1 - s0 - s1) < 0.5 / n) & (np.abs(s2 - 0.5) < 1 / n)
+    fine = TensorTree.of_grid(np.where(straight, 20 * (0.5 + s0), 0.05))
+    coarse = merge(fine, percent=70)
+    assert len(coarse) < len(fine)
+    for tree in (fine, coarse):
+        part = peak.split(tree)
+        live = slice(0, n // 2)
+        found = (part.rest.albedos() + part.through)[live]
+        np.testing.assert_allclose(found, tree.albedos()[live])
+        assert part.share > 0.3
+
+
+@pytest.mark.parametrize("kind", ["TensorTree4", "TensorTree3", "LBNL/Klems Quarter"])
+def test_energy_counts_a_transmission_by_reciprocity(tmp_path, kind):
+    def file(t, r):
+        path = tmp_path / f"{t}{r}.xml"
+        if kind.startswith("Tensor"):
+            data = {n: "{%r}" % (v / np.pi) for n, v in (("tb", t), ("rf", r))}
+            path.write_text(xml(kind, data))
+        else:
+            count = len(BASES[kind]) ** 2
+            data = {n: f"{v / np.pi} " * count for n, v in (("tb", t), ("rf", r))}
+            path.write_text(xml("Columns", data, kind))
+        return path
+
+    with pytest.raises(RuntimeError, match=r"sends out 180 % of the light from the room"):
+        load(file(0.9, 0.9))
+    bsdf = load(file(0.6, 0.43))
+    assert bsdf.largest_albedo == pytest.approx(1.03, abs=1e-3)
+    for side, most in ((1, 1.0), (-1, 0.6)):
+        _, weight = draw(bsdf, vector(20, 0) * [1, 1, side], IMPORTANCE, 1000)
+        assert weight[0].numpy().max() <= most + 1e-4
+        assert weight[0].numpy().max() >= 0.97 * most
+
+
+def test_a_neutral_coloured_file_is_grey(tmp_path):
+    path = tmp_path / "neutral.xml"
+    body = xml("TensorTree4", {"tf": "{0.28}"}).replace("</Layer></Optical></WindowElement>", "")
+    for name, value in (("CIE-u", 4 / 19), ("CIE-v", 9 / 19)):
+        data = "{" + repr(value) + "}"
+        body += BLOCK.format(direction=NAMES["tf"], data=data, basis="", wavelength=name)
+    path.write_text(body + "</Layer></Optical></WindowElement>")
+    file = bsdf_file.read(path)
+    for channel in range(3):
+        assert file.of_channel(channel).components["tf"].value == pytest.approx(0.28, rel=1e-3)
+
+
+def test_masks_of_the_caller_stay_as_they_were(tmp_path):
+    bsdf = load(write(tmp_path, "TensorTree4"))
+    active = mi.Bool([True, True])
+    wi = np.array([[0, 0, 1.0], [1.0, 0, 0]])  # one of them in the pane's plane
+    bsdf.eval(mi.BSDFContext(), interaction(wi, 2), as_vector(wi), active)
+    assert active.numpy().all()
