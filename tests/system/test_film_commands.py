@@ -152,7 +152,8 @@ def test_an_even_film_is_a_diffuser(case):
         a, b = (c[name].values.sum(axis=1) for c in (by_film, as_diffuser))
         assert a.sum() == pytest.approx(b.sum(), rel=0.02)
         np.testing.assert_allclose(a, b, rtol=0.25)
-    np.testing.assert_array_equal(by_film.straight, as_diffuser.straight)
+    # Threads add up in any order: the last digit may differ.
+    np.testing.assert_allclose(by_film.straight, as_diffuser.straight, rtol=1e-5)
 
 
 def test_a_film_that_is_not_there_is_told(refused, case):
