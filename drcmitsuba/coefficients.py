@@ -7,7 +7,6 @@ a later block of sensors meets are added to the deposit; what is known is never 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +17,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case import Accuracy
+from drcmitsuba.progress import Progress
 from drcmitsuba.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky import sun_labels
@@ -33,9 +33,6 @@ LANES = 1 << 21
 """Paths that are traced at once, unless those of one sensor are more."""
 
 _PARTS = ("straight", "direct", "interreflected")
-
-Progress = Callable[[float], None]
-"""Called with the share of the work that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)

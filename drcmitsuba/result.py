@@ -16,10 +16,11 @@ import xarray as xr
 
 from drcmitsuba import accumulate, backend, metrics, scene, schema
 from drcmitsuba.case import Case
-from drcmitsuba.coefficients import Progress, Suns, compute
+from drcmitsuba.coefficients import Suns, compute
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight, daylight, luminances
 from drcmitsuba.plan import notes, plan
+from drcmitsuba.progress import Progress
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 Stage = Callable[[str], AbstractContextManager[Progress]]

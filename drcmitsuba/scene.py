@@ -257,20 +257,24 @@ def _pane_material(case: Case, name: str, state: State) -> SurfaceMaterial | Non
     return material
 
 
-def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.Mesh:
-    """One mesh of quadrilaterals (quad, 4, 3); quad i is triangles 2i and 2i + 1."""
+def mesh(name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: mi.BSDF | None) -> mi.Mesh:
+    """Triangle mesh of vertices (vertex, 3) and faces (face, 3)."""
     props = mi.Properties()
     if bsdf is not None:
         props["bsdf"] = bsdf
-    n = len(quads)
-    corner = np.arange(n, dtype=np.uint32)[:, None] * 4
-    faces = np.concatenate([corner + [0, 1, 2], corner + [0, 2, 3]], axis=1)
-    mesh = mi.Mesh(name, vertex_count=4 * n, face_count=2 * n, props=props)
-    params = mi.traverse(mesh)
-    params["vertex_positions"] = mi.Float(quads.astype(np.float32).ravel())
+    made = mi.Mesh(name, vertex_count=len(vertices), face_count=len(faces), props=props)
+    params = mi.traverse(made)
+    params["vertex_positions"] = mi.Float(vertices.astype(np.float32).ravel())
     params["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
     params.update()
-    return mesh
+    return made
+
+
+def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.Mesh:
+    """One mesh of quadrilaterals (quad, 4, 3); quad i is triangles 2i and 2i + 1."""
+    corner = np.arange(len(quads))[:, None] * 4
+    faces = np.concatenate([corner + [0, 1, 2], corner + [0, 2, 3]], axis=1)
+    return mesh(name, quads.reshape(-1, 3), faces.reshape(-1, 3), bsdf)
 
 
 def build(surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None) -> Scene:

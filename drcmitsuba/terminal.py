@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from drcmitsuba import coefficients as coefficients_module
+from drcmitsuba import progress
 from drcmitsuba.errors import InputError
 from drcmitsuba.result import Stage
 
@@ -49,7 +49,7 @@ def stages() -> Iterator[Stage]:
     ) as bar:
 
         @contextmanager
-        def stage(name: str) -> Iterator[coefficients_module.Progress]:
+        def stage(name: str) -> Iterator[progress.Progress]:
             task = bar.add_task(name, total=1.0)
             yield lambda share: bar.update(task, completed=share)
             bar.update(task, completed=1.0)

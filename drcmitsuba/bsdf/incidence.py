@@ -12,6 +12,7 @@ from matplotlib.tri import Triangulation
 
 from drcmitsuba.bsdf.displacement import passage
 from drcmitsuba.errors import InputError
+from drcmitsuba.progress import Progress
 
 SYMMETRIES = ("auto", "none", "bilateral", "quadrilateral")
 NORMAL = np.sin(np.radians(1.0))
@@ -22,7 +23,6 @@ REACH = 1.5
 Light = tuple[np.ndarray, np.ndarray]
 """Direction cosines of an incidence, shape (2,), and its light in pixels, shape (m, m)."""
 Cells = Callable[[np.ndarray], np.ndarray]
-Progress = Callable[[float], None]
 
 
 def triangles(xy: np.ndarray, source: str) -> np.ndarray:

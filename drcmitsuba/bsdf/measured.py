@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,10 +25,10 @@ from drcmitsuba.bsdf import incidence, pab_opto
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.bsdf.pab_opto import Measurement
 from drcmitsuba.errors import InputError
+from drcmitsuba.progress import Progress
 
 FEWEST = 16
 """Points that one incidence has at least."""
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)

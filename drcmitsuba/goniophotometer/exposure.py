@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +14,7 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.goniophotometer.recipe import Recipe
 from drcmitsuba.goniophotometer.structure import unit_cell
 from drcmitsuba.goniophotometer.trace import prepare, shares
-
-Progress = Callable[[float], None]
+from drcmitsuba.progress import Progress
 
 DEEPEST = {3: 7, 4: 6}
 MOST_SAMPLES = 1 << 21

@@ -11,7 +11,6 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
@@ -20,6 +19,8 @@ import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.goniophotometer.structure import UnitCell, copies
+from drcmitsuba.progress import Progress
+from drcmitsuba.scene import mesh, quad_mesh
 
 OFFSET = 1e-5
 """Rays leave a surface by this share of the period, so that they do not meet it again."""
@@ -28,8 +29,6 @@ MARGIN = 0.01
 MOST_STEPS = 5000
 MOST_LANES = 1 << 20
 MOST_COUNTERS = 1 << 24
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -67,17 +66,6 @@ def _border(positions: np.ndarray, period: float) -> float:
     return float(np.mod(at[widest] + gaps[widest] / 2, period))
 
 
-def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: dict) -> mi.Mesh:
-    props = mi.Properties()
-    props["bsdf"] = mi.load_dict(bsdf)
-    mesh = mi.Mesh(name, vertex_count=len(vertices), face_count=len(faces), props=props)
-    params = mi.traverse(mesh)
-    params["vertex_positions"] = mi.Float(vertices.astype(np.float32).ravel())
-    params["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
-    params.update()
-    return mesh
-
-
 def prepare(unit: UnitCell) -> Cell:
     """Build the scene: the structure with all repetitions that reach into one period, and glass."""
     scale = 1 / (unit.period[1] if unit.extruded else unit.period.max())
@@ -97,7 +85,7 @@ def prepare(unit: UnitCell) -> Cell:
     moves = np.array([[i * period[0], j * period[1], 0] for i in shifts[0] for j in shifts[1]])
     vertices = (v[None] + moves[:, None]).reshape(-1, 3)
     faces = (unit.faces[None] + len(v) * np.arange(len(moves))[:, None, None]).reshape(-1, 3)
-    shapes = {"structure": _mesh("structure", vertices, faces, unit.bsdf)}
+    shapes = {"structure": mesh("structure", vertices, faces, mi.load_dict(unit.bsdf))}
     bounds = [v[:, 2].min() - MARGIN, v[:, 2].max() + MARGIN]
     if unit.glass is not None:
         z = v[:, 2].min() - unit.glass.distance * scale
@@ -111,7 +99,7 @@ def prepare(unit: UnitCell) -> Cell:
             "exponent": unit.glass.exponent,
             "reflectance_front": unit.glass.reflectance,
         }
-        shapes["glass"] = _mesh("glass", pane, np.array([[0, 1, 2], [0, 2, 3]]), glass)
+        shapes["glass"] = quad_mesh("glass", pane[None], mi.load_dict(glass))
     scene = mi.load_dict({"type": "scene", **shapes}, optimize=False)
     start, length = corner.tolist(), period.tolist()
     return Cell(
