@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
+from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.errors import InputError
 from drcmitsuba.table import Table, checked, choose, read_toml, shortened
 
@@ -32,6 +33,13 @@ Point = tuple[Coordinate, Coordinate, Coordinate]
 Side = Literal["south", "east", "north", "west"]
 Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
 """A grey reflectance, or one for red, green and blue."""
+
+
+def _usually(model: str) -> BeforeValidator:
+    """Make the model of a table this one where none is named."""
+    return BeforeValidator(
+        lambda given: {"model": model, **given} if type(given) is dict else given
+    )
 
 
 class Site(Table):
@@ -63,14 +71,21 @@ class PeriodTable(Table):
     timestamps: Path | None = None
 
 
-class PerezSky(Table):
+class SkyTable(Table):
+    """What every sky has."""
+
+    subdivision: Annotated[int, Field(ge=1, le=6)] = 1
+    """Reinhart's factor MF: each of Tregenza's 145 patches is cut into about MF² ones."""
+
+
+class PerezSky(SkyTable):
     """Perez's all-weather sky from the weather file."""
 
     model: Literal["perez"] = "perez"
     patch_values: Literal["mean", "centre"] = "mean"
 
 
-class CieTable(Table):
+class CieTable(SkyTable):
     """A static CIE sky: one of gensky's, or a type of ISO 15469 at a given illuminance."""
 
     model: Literal["cie"]
@@ -81,7 +96,7 @@ class CieTable(Table):
     diffuse_horizontal_illuminance: Annotated[float, Field(gt=0)] | None = None
 
 
-class SunshineTable(Table):
+class SunshineTable(SkyTable):
     """CIE skies drawn at random from the monthly probability of sunshine."""
 
     model: Literal["sunshine"]
@@ -89,7 +104,50 @@ class SunshineTable(Table):
     seed: Annotated[int, Field(ge=0)] = 0
 
 
-Sky = Annotated[PerezSky | CieTable | SunshineTable, Field(discriminator="model")]
+Sky = Annotated[
+    PerezSky | CieTable | SunshineTable, Field(discriminator="model"), _usually("perez")
+]
+
+
+class TrueSun(Table):
+    """Every time stamp has its own exact sun."""
+
+    model: Literal["true_sun"] = "true_sun"
+
+
+class Adaptive(Table):
+    """Straight sun exact at every time stamp; the rest between suns of a mesh, refined by need."""
+
+    model: Literal["adaptive"]
+    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.05
+    """Largest error between the mesh's suns, RMS over the sensors, relative to the sun's mean."""
+    finest: Annotated[int, Field(ge=2, le=7)] = 5
+    """Halvings of the mesh at most; 5 sets its suns 2.8° apart."""
+
+
+class ThreePhase(Table):
+    """The sun is spread over the four nearest patches of the sky, as `gendaymtx` does."""
+
+    model: Literal["three_phase"]
+
+
+class FivePhase(Table):
+    """The sun is moved to the centre of its patch in Reinhart's subdivision MF 6."""
+
+    model: Literal["five_phase"]
+
+
+class Daysim(Table):
+    """Between the four nearest of about 65 suns: the hours of five days, DAYSIM's choice."""
+
+    model: Literal["daysim"]
+
+
+Sun = Annotated[
+    TrueSun | Adaptive | ThreePhase | FivePhase | Daysim,
+    Field(discriminator="model"),
+    _usually("true_sun"),
+]
 
 
 class Outside(Table):
@@ -234,26 +292,6 @@ class Metrics(Table):
     ase_hours: Annotated[float, Field(gt=0)] = 250.0
 
 
-class Accuracy(Table):
-    """Sampling: rays and points of each of the independent replicates."""
-
-    seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
-    replicates: Annotated[int, Field(ge=2, le=64)] = 8
-    paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
-    """Gather: paths from a sensor."""
-    cell_size: Annotated[float, Field(gt=0, le=100)] = 0.45
-    cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
-    """Deposit: rays from a cell to the sky."""
-    sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
-    """Deposit: rays from a sensor to the sky."""
-    sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 4
-    """Deposit: directions from a sensor to every sun; a cell takes one."""
-    pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
-    """Deposit: points on the scattering panes that a sensor or a cell looks at."""
-    film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
-    """Deposit: directions to the sky from every outgoing cell of a film."""
-
-
 class Case(Table):
     """Everything that one evaluation needs. See the tables' own classes for their keys."""
 
@@ -262,6 +300,7 @@ class Case(Table):
     weather: WeatherFile = WeatherFile()
     period: PeriodTable = PeriodTable()
     sky: Sky = PerezSky()
+    sun: Sun = TrueSun()
     outside: Outside = Outside()
     room: Room | None = None
     facade: dict[Side, Facade] = Field(default_factory=dict)

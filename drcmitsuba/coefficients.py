@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.case import Accuracy
+from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.progress import Progress
 from drcmitsuba.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error

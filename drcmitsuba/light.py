@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import schema, sky, weather
 from drcmitsuba.case import Case, CieTable, PerezSky, PeriodTable, SunshineTable
@@ -129,6 +130,7 @@ def daylight(case: Case) -> Daylight:
         data, sun, model=model,
         ground_reflectance=case.outside.ground_reflectance,
         sun_diameter=case.outside.sun_diameter,
+        patches=Patches(case.sky.subdivision),
     ).assign_coords(clock=("time", clock))  # fmt: skip
     light.attrs |= {
         "latitude": w.site.latitude,

@@ -102,6 +102,7 @@ def transport(
     def of_channel(i: int) -> xr.Dataset:
         return compute(
             scene.load(case, state, i), points, normals, suns, case.accuracy,
+            subdivision=case.sky.subdivision,
             progress=lambda share: progress((i + share) / len(channels)),
         )  # fmt: skip
 

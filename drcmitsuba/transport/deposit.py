@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.case import Accuracy
+from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.films import Films, Lit
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle

@@ -14,7 +14,8 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import light, scene
-from drcmitsuba.case import Accuracy, Case, load_case
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import Suns, compute
 from tests import radiance
 

@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import scene
-from drcmitsuba.case import Accuracy, Case, load_case
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import Suns, compute
 from tests import radiance
 from tests.bench.classroom import BINS, Classroom, Reference

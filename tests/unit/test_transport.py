@@ -15,7 +15,8 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba import backend, coefficients
 from drcmitsuba import scene as scenes
-from drcmitsuba.case import Accuracy, Case, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.coefficients import Suns, compute
 from drcmitsuba.materials import Lambertian, bsdf
 from drcmitsuba.scene import Surface, quad_mesh

@@ -19,7 +19,8 @@ from drcmitsuba_plugins.klems_basis import BASES
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend, scene
-from drcmitsuba.case import Accuracy, Case
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.case import Case
 from drcmitsuba.coefficients import Suns, compute
 
 BINS = len(Patches())

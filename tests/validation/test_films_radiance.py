@@ -40,7 +40,8 @@ from drcmitsuba_plugins import bsdf_file
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend, scene
-from drcmitsuba.case import Accuracy, BsdfMaterial, Case, load_case
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.case import BsdfMaterial, Case, load_case
 from drcmitsuba.coefficients import Suns, compute
 from tests import radiance
 

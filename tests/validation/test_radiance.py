@@ -25,7 +25,8 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend, scene, sky, weather
-from drcmitsuba.case import Accuracy, Case, GlazingMaterial, load_case
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.case import Case, GlazingMaterial, load_case
 from drcmitsuba.coefficients import Suns, compute
 from tests import radiance
 
