@@ -1,17 +1,21 @@
 """Coefficients × luminances = illuminance: E[time, sensor] = Σ_bin C[sensor, bin] · L[time, bin].
 
-Bins are matched by label, exactly. Every time stamp has at most one sun, so its part of the sum is
-one product; the sky's is a matrix product. Replicates of C are carried through, and their scatter
-is the standard error of E: entries of C share samples, so their errors do not simply add.
+Bins are matched by label, exactly. The sun of a time stamp is one bin, or a few in place of it, so
+its part of the sum is a product for each; the sky's is a matrix product. Replicates of C are
+carried through, and their scatter is the standard error of E: entries of C share samples, so their
+errors do not simply add.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.errors import InputError
 from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.suns import Blend, mesh
 
 BLOCK = 256
 """Sensors that are taken at once: the replicates of a block stay small."""
@@ -34,11 +38,62 @@ def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.
     return np.array([known[str(label)] for label in labels], dtype=np.int64)
 
 
-def _sun_positions(coefficients: xr.Dataset, sky: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Time stamps at which the sun shines, and their bins."""
+class _Suns(NamedTuple):
+    """Time stamps at which the sun shines, and for each of them the bins that stand for it.
+
+    Parameters
+    ----------
+    times : np.ndarray, shape (shining,)
+    bins : np.ndarray, shape (shining, k)
+        Positions in the coefficients.
+    luminances : np.ndarray, shape (shining, k)
+        What each bin has [cd/m²].
+    """
+
+    times: np.ndarray
+    bins: np.ndarray
+    luminances: np.ndarray
+
+    def illuminance(self, c: np.ndarray, times: int) -> np.ndarray:
+        """E (time, sensor) by the suns, from C (sensor, bin) and the number of time stamps."""
+        out = np.zeros((times, len(c)), np.float32)
+        by_bin = np.ascontiguousarray(c.T)
+        for bins, luminances in zip(self.bins.T, self.luminances.T, strict=True):
+            out[self.times] += by_bin[bins] * luminances.astype(np.float32)[:, None]
+        return out
+
+
+def _blended(coefficients: xr.Dataset, sky: xr.Dataset) -> _Suns:
+    """The bins that stand for the sun of each time stamp, after the model that the sky tells."""
     shining = np.flatnonzero(sky["sun"].values > 0)
-    remedy = "compute coefficients for the time stamps of this sky"
-    return shining, _positions(coefficients, sky["sun_bin"].values[shining], remedy)
+    if sky.attrs.get("sun_model") == "adaptive":
+        directions = sky["sun_direction"].values[shining]
+        up = np.ones(len(shining), bool)
+        blend = mesh.blend(directions, up, list(map(str, coefficients["bin"].values)))
+        lost = blend.weights.sum(axis=1) < 0.5
+        if lost.any():
+            raise InputError(
+                "coefficients", "bin", f"no mesh of suns about {lost.sum()} of the sky's",
+                "compute coefficients with the adaptive sun model",
+            )  # fmt: skip
+    elif "blend_bin" in sky:
+        blend = Blend(sky["blend_bin"].values[shining], sky["blend_weight"].values[shining])
+    else:
+        blend = Blend.own(sky["sun_bin"].values[shining])
+    labels = np.where(blend.weights > 0, blend.bins, coefficients["bin"].values[0])
+    remedy = "compute coefficients for the time stamps and the sun model of this sky"
+    bins = _positions(coefficients, labels.ravel(), remedy).reshape(labels.shape)
+    return _Suns(shining, bins, blend.weights * sky["sun"].values[shining, None])
+
+
+def _straight(coefficients: xr.Dataset, sky: xr.Dataset) -> tuple[_Suns, np.ndarray, np.ndarray]:
+    """Suns that sensors see straight, with their coefficients and errors (sensor, …)."""
+    if "sun_straight" not in coefficients:
+        c = (coefficients["straight"].values, coefficients["straight_se"].values)
+        return _blended(coefficients, sky), *c
+    own = coefficients[["sun_straight", "sun_straight_se"]].rename(sun="bin")
+    suns = _blended(own, sky.drop_vars(["blend_bin"], errors="ignore").assign_attrs(sun_model=""))
+    return suns, own["sun_straight"].values, own["sun_straight_se"].values
 
 
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
@@ -57,13 +112,6 @@ def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
     return xr.DataArray(values, coords, dims=("time", "sensor"))
 
 
-def _by_sun(c: np.ndarray, sky: xr.Dataset, shining: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Illuminance by the sun, (time, sensor), from C (sensor, bin) and the bins of the suns."""
-    out = np.zeros((sky.sizes["time"], len(c)), np.float32)
-    out[shining] = c.T[at] * sky["sun"].values[shining].astype(np.float32)[:, None]
-    return out
-
-
 def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     """Illuminance by sun that comes straight, for ASE and the shade.
 
@@ -72,28 +120,28 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     coefficients : xr.Dataset
         Of the open state: `straight`, `straight_se` (sensor, bin) [sr].
     sky : xr.Dataset
-        From `sky.radiance`: `sun`, `sun_bin`.
+        Of `light.Daylight`: `sun`, `sun_bin`, `sun_direction` and its blend.
 
     Returns
     -------
     xr.Dataset
         `direct_sun` and `direct_sun_se`, dims (time, sensor) [lx].
     """
-    shining, at = _sun_positions(coefficients, sky)
+    suns, *straight = _straight(coefficients, sky)
     out = {}
-    for name in ("straight", "straight_se"):
-        values = _by_sun(coefficients[name].values, sky, shining, at)
+    for name, c in zip(("direct_sun", "direct_sun_se"), straight, strict=True):
+        values = suns.illuminance(c, sky.sizes["time"])
         _refuse_gaps(values, sky)
-        out[name.replace("straight", "direct_sun")] = _array(sky, values)
+        out[name] = _array(sky, values)
     return describe(xr.Dataset(out))
 
 
 def _of_replicate(
-    c: np.ndarray, sky: xr.Dataset, patches: np.ndarray, shining: np.ndarray, at: np.ndarray
+    c: np.ndarray, sky: xr.Dataset, patches: np.ndarray, suns: _Suns
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Illuminance by sky, by sun and in all, (time, sensor) each, of one replicate's C."""
     by_sky = sky["sky"].values.astype(np.float32) @ c[:, patches].T
-    by_sun = _by_sun(c, sky, shining, at)
+    by_sun = suns.illuminance(c, sky.sizes["time"])
     total = by_sky + by_sun
     _refuse_gaps(total, sky)
     return by_sky, by_sun, total
@@ -121,17 +169,32 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     """
     remedy = "compute sky and coefficients with the same subdivision"
     patches = _positions(coefficients, sky["bin"].values, remedy)
-    suns = _sun_positions(coefficients, sky)
+    suns = _blended(coefficients, sky)
     replicates = coefficients["replicates"].values
     shape = (sky.sizes["time"], replicates.shape[1])
     names = ("sky", "sun", "total")
     out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
     for start in range(0, shape[1], BLOCK):
         here = slice(start, start + BLOCK)
-        found = [_of_replicate(c[here], sky, patches, *suns) for c in replicates]
+        found = [_of_replicate(c[here], sky, patches, suns) for c in replicates]
         for name, values in zip(names, zip(*found, strict=True), strict=True):
             out[name][:, here], out[f"{name}_se"][:, here] = mean_and_error(np.stack(values))
+    if "sun_straight" in coefficients:
+        _add_straight(out, coefficients, sky)
     return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
+
+
+def _add_straight(out: dict[str, np.ndarray], coefficients: xr.Dataset, sky: xr.Dataset) -> None:
+    """Add the suns that sensors see themselves where the mesh of suns has only all other light.
+
+    Their errors, and what is lost between the suns of the mesh, are independent of the replicates.
+    """
+    straight = direct_sun(coefficients, sky)
+    between = np.outer(sky["sun"].values, coefficients["mesh_error"].values).astype(np.float32)
+    variance = straight["direct_sun_se"].values ** 2 + between**2
+    for name in ("sun", "total"):
+        out[name] += straight["direct_sun"].values
+        out[f"{name}_se"] = np.sqrt(out[f"{name}_se"] ** 2 + variance)
 
 
 def illuminance(

@@ -71,13 +71,14 @@ def evaluate(case: CasePath, output: Output = Path("results"), weather: Weather 
 @app.command()
 def sky(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the luminances L of sky and suns: sky.zarr."""
-    from drcmitsuba import light, load_case, schema
+    from drcmitsuba import light, load_case
 
     loaded = load_case(case).with_weather(weather)
     with stages() as stage, stage("sky"):
-        L = light.luminances(light.daylight(loaded))
-        schema.save_zarr(L, output / "sky.zarr")
-    print(f"{L.sizes['time']} time stamps × {L.sizes['bin']} bins are in {output / 'sky.zarr'}")
+        found = light.daylight(loaded)
+        light.save_luminances(found, output / "sky.zarr")
+    bins = found.sky.sizes["bin"] + len(found.suns.labels)
+    print(f"{found.sky.sizes['time']} time stamps × {bins} bins are in {output / 'sky.zarr'}")
 
 
 @app.command()
@@ -107,7 +108,7 @@ def illuminance(
     from drcmitsuba import light, result, schema
 
     C = schema.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
-    L = schema.open_dataset(l, "L", "bin", "sun_bin", "clock")
+    L = schema.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
         found = light.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
         E = result.illuminance(C.load(), found)

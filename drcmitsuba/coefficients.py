@@ -7,7 +7,7 @@ a later block of sensors meets are added to the deposit; what is known is never 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -20,12 +20,13 @@ from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.progress import Progress
 from drcmitsuba.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
-from drcmitsuba.sky import sun_labels
+from drcmitsuba.suns import Suns
 from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
 from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches
+from drcmitsuba.transport.shadow_rays import sun_deposit
 
 BLOCK = 1024
 """Sensors that are gathered at once, at most."""
@@ -33,37 +34,6 @@ LANES = 1 << 21
 """Paths that are traced at once, unless those of one sensor are more."""
 
 _PARTS = ("straight", "direct", "interreflected")
-
-
-@dataclass(frozen=True)
-class Suns:
-    """Suns that coefficients are wanted for.
-
-    Parameters
-    ----------
-    labels : tuple of str
-    directions : np.ndarray, shape (sun, 3)
-        Unit vectors towards them.
-    diameter : float
-        Angle across a sun [deg].
-    """
-
-    labels: tuple[str, ...]
-    directions: np.ndarray
-    diameter: float = 0.5
-
-    @classmethod
-    def of(cls, sun: xr.Dataset, diameter: float) -> Suns:
-        """All suns above the horizon, from the result of `sky.sun_position`."""
-        labels = sun_labels(sun)
-        up = labels != ""
-        return cls(tuple(map(str, labels[up])), sun["direction"].values[up], diameter)
-
-    def only(self, labels: np.ndarray) -> Suns:
-        """Keep the suns that are named."""
-        kept = np.isin(np.array(self.labels, dtype=str), labels)
-        names = tuple(n for n, k in zip(self.labels, kept, strict=True) if k)
-        return replace(self, labels=names, directions=self.directions[kept])
 
 
 def _flat(a: np.ndarray) -> mi.Float:
@@ -87,12 +57,12 @@ class _Replicate:
         found = straight.plus(self.deposit.scattered(p, n, key))
         self.cells = found if self.cells is None else self.cells.followed_by(found)
 
-    def sensors(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> tuple[Irradiance, ...]:
+    def sensors(
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sun_samples: int
+    ) -> tuple[Irradiance, ...]:
         """D of the sensors: straight, and with what panes scatter."""
-        accuracy = self.deposit.accuracy
-        straight = self.deposit.straight(
-            p, n, key, accuracy.sensor_sky_rays, accuracy.sensor_sun_samples
-        )
+        sky_rays = self.deposit.accuracy.sensor_sky_rays
+        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples)
         return straight, straight.plus(self.deposit.scattered(p, n, key))
 
     def interreflected(self, vertices: Vertices, cell: mi.UInt32, sensors: int) -> np.ndarray:
@@ -138,9 +108,34 @@ def _product(
     return mi.TensorXf(out, (sensors, bins))
 
 
+def straight_suns(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Coefficients of light that comes straight from suns, and nothing else.
+
+    Parameters
+    ----------
+    scene, points, normals, suns, accuracy
+        As for `compute`.
+
+    Returns
+    -------
+    mean, error : np.ndarray, shape (sensor, sun)
+        [sr]; the errors of all entries are independent.
+    """
+    found = [
+        sun_deposit(
+            scene, _flat(points), _flat(normals), suns=suns.directions, diameter=suns.diameter,
+            samples=accuracy.sensor_sun_samples, seed=launch_seed(accuracy, r, 2),
+        ).numpy()
+        for r in range(accuracy.replicates)
+    ]  # fmt: skip
+    return mean_and_error(np.stack(found))
+
+
 def compute(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
-    subdivision: int = 1, progress: Progress = lambda share: None,
+    subdivision: int | None = 1, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     r"""Coefficients of sensors for the ground, the sky patches and the suns.
 
@@ -154,8 +149,8 @@ def compute(
     suns : Suns
     accuracy : Accuracy
         Samples, cell size, replicates, seed.
-    subdivision : int
-        Reinhart's factor MF of the sky.
+    subdivision : int or None
+        Reinhart's factor MF of the sky; None leaves out ground and sky.
     progress : callable
         Told the share that is done.
 
@@ -176,7 +171,8 @@ def compute(
     films = Films.of(scene, size, suns.directions, suns.diameter)
     base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
     replicates = [_Replicate(r, base.lit((r, 0))) for r in range(accuracy.replicates)]
-    labels = Patches(subdivision).labels + list(suns.labels)
+    labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
+    sun_samples = accuracy.sensor_sun_samples if suns.straight else 0
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
@@ -199,7 +195,7 @@ def compute(
             key = (replicate.number, 1, block)
             if cells.count > known:
                 replicate.add_cells(vertices, cell, range(known, cells.count), (*key, 0))
-            straight, direct = (d.numpy() for d in replicate.sensors(p, n, (*key, 1)))
+            straight, direct = (d.numpy() for d in replicate.sensors(p, n, (*key, 1), sun_samples))
             interreflected = replicate.interreflected(vertices, cell, count)
             found.append((straight, direct, interreflected))
             totals[replicate.number, here] = direct + interreflected

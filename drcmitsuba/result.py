@@ -15,13 +15,15 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import accumulate, backend, metrics, scene, schema
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import Suns, compute
+from drcmitsuba.case import Adaptive, Case
+from drcmitsuba.coefficients import compute
 from drcmitsuba.errors import InputError
-from drcmitsuba.light import Daylight, daylight, luminances
+from drcmitsuba.light import Daylight, blended, daylight, luminances, save_luminances
 from drcmitsuba.plan import notes, plan
-from drcmitsuba.progress import Progress
+from drcmitsuba.progress import Progress, part
+from drcmitsuba.refinement import adaptive, mesh_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.suns import Suns
 
 Stage = Callable[[str], AbstractContextManager[Progress]]
 """Opens a named stage of the work; what it yields is told the share that is done."""
@@ -42,8 +44,10 @@ class Result:
     case : Case
     metrics : dict
         As in `metrics.json`.
-    illuminance, coefficients, sky : xr.Dataset
-        E, C and L as on disk.
+    illuminance, coefficients : xr.Dataset
+        E and C as on disk.
+    light : Daylight
+        What L is made of.
     plan : dict
     """
 
@@ -51,8 +55,15 @@ class Result:
     metrics: dict[str, Any]
     illuminance: xr.Dataset
     coefficients: xr.Dataset
-    sky: xr.Dataset
+    light: Daylight
     plan: dict[str, Any]
+
+    @property
+    def sky(self) -> xr.Dataset:
+        """L[time, bin] as on disk; large where many time stamps have suns of their own."""
+        L = luminances(self.light)
+        channels = self.coefficients.get("channel")
+        return L if channels is None else L.assign(L=L["L"].expand_dims(channel=channels))
 
     def save(self, folder: str | Path, stage: Stage = silent) -> None:
         """Write all results and plots to a folder, each file whole or not at all."""
@@ -66,7 +77,7 @@ class Result:
             done(0.2)
             schema.save_zarr(self.coefficients, folder / "coefficients.zarr")
             done(0.5)
-            schema.save_zarr(self.sky, folder / "sky.zarr")
+            save_luminances(self.light, folder / "sky.zarr", self.coefficients.get("channel"))
             schema.save_json(self.plan, folder / "plan.json")
             done(0.6)
             figures = report.pictures(self.case, self.illuminance, self.metrics)
@@ -93,20 +104,32 @@ def peak_memory() -> int:
 
 
 def transport(
-    case: Case, state: scene.State, suns: Suns, progress: Progress = lambda share: None
-) -> xr.Dataset:
-    """Coefficients of a case in one state of its shade, `channel` added where it is coloured."""
+    case: Case, state: scene.State, suns: Suns, latitude: float, *,
+    mesh: tuple[str, ...] = (), progress: Progress = lambda share: None,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients of a case in one state of its shade, `channel` added where it is coloured.
+
+    `latitude` [deg north] and the nodes of a `mesh` that is known matter to an adaptive sun only.
+    """
     points, normals = scene.sensor_points(case)
     channels = list(LUMINANCE_WEIGHTS) if scene.is_coloured(case) else [""]
-
-    def of_channel(i: int) -> xr.Dataset:
-        return compute(
-            scene.load(case, state, i), points, normals, suns, case.accuracy,
-            subdivision=case.sky.subdivision,
-            progress=lambda share: progress((i + share) / len(channels)),
-        )  # fmt: skip
-
-    found = [of_channel(i) for i in range(len(channels))]
+    subdivision = case.sky.subdivision
+    found: list[xr.Dataset] = []
+    for i in range(len(channels)):
+        done = part(progress, i / len(channels), (i + 1) / len(channels))
+        world = scene.load(case, state, i)
+        if isinstance(case.sun, Adaptive):
+            known = mesh or (mesh_of(found[0]) if found else ())
+            of_channel = adaptive(
+                world, points, normals, suns, case.accuracy, latitude=latitude,
+                tolerance=case.sun.tolerance, finest=case.sun.finest, subdivision=subdivision,
+                known=known, progress=done,
+            )  # fmt: skip
+        else:
+            of_channel = compute(
+                world, points, normals, suns, case.accuracy, subdivision=subdivision, progress=done
+            )
+        found.append(of_channel)
     if len(channels) == 1:
         return found[0]
     return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))
@@ -116,9 +139,10 @@ def states(is_open: xr.Dataset, shaded: xr.Dataset | None, case: Case) -> xr.Dat
     """Join the states along `state`; suns that were not computed in the shaded state are NaN."""
     found = {"open": is_open} if shaded is None else {"open": is_open, "shaded": shaded}
     names = xr.DataArray(np.array(list(found), dtype=object), dims="state", name="state")
-    whole = [data.reindex(bin=is_open["bin"]) for data in found.values()]
+    labels = {name: is_open[name] for name in ("bin", "sun") if name in is_open.coords}
+    whole = [data.reindex(labels) for data in found.values()]
     joined = xr.concat(whole, names, coords="minimal", compat="override", join="exact")
-    joined.attrs = {"case": case.name, "has_shade": int(case.shading is not None)}
+    joined.attrs = {**is_open.attrs, "case": case.name, "has_shade": int(case.shading is not None)}
     if case.shading is not None:
         joined.attrs |= {
             "shade_threshold": case.shading.threshold,
@@ -199,16 +223,18 @@ def coefficients(
 ) -> xr.Dataset:
     """C of both states; the shaded one only for the suns of hours in which the shade closes."""
     seconds = {} if seconds is None else seconds
-    suns = Suns.of(light.sun, case.outside.sun_diameter)
+    latitude = light.sky.attrs["latitude"]
     with timed(stage, "open façade", seconds) as done:
-        is_open = transport(case, "open", suns, done)
+        is_open = transport(case, "open", light.suns, latitude, progress=done)
     shaded = None
     if case.shading is not None:
         closed = closing(states(is_open, None, case).sel(state="open", drop=True), light.sky)
         if closed.any():
-            needed = suns.only(light.sky["sun_bin"].values[closed.values])
+            needed = light.suns.only(np.unique(blended(light.sky).bins[closed.values]))
             with timed(stage, "shaded façade", seconds) as done:
-                shaded = transport(case, "shaded", needed, done)
+                shaded = transport(
+                    case, "shaded", needed, latitude, mesh=mesh_of(is_open), progress=done
+                )
     joined = states(is_open, shaded, case)
     joined.attrs |= {name: light.sky.attrs[name] for name in SUN_OF}
     return joined
@@ -276,7 +302,4 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
     }
     numbers["seconds"] = seconds
     numbers["peak_memory_bytes"] = peak_memory()
-    L = luminances(light)
-    if "channel" in found.dims:
-        L = L.expand_dims(channel=found["channel"])
-    return Result(case, numbers, E, found, L, effects)
+    return Result(case, numbers, E, found, light, effects)

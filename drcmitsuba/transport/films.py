@@ -112,7 +112,7 @@ class Films:
                 rows += mount.rows
         return np.array([*first, rows])
 
-    def answer_to_sky(self, subdivision: int, samples: int, seed: int) -> mi.TensorXf:
+    def answer_to_sky(self, subdivision: int | None, samples: int, seed: int) -> mi.TensorXf:
         """Estimate the answer to ground and sky patches by `samples` directions for every cell.
 
         Returns
@@ -120,8 +120,10 @@ class Films:
         mi.TensorXf, shape (row, bin)
             See `Lit.to_sky`.
         """
-        bins = len(Patches(subdivision))
         first = self._first_sky_rows()
+        if not subdivision:
+            return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
+        bins = len(Patches(subdivision))
         out = dr.zeros(mi.Float, int(first[-1]) * bins)
         for patch in np.unique(first[:-1], return_index=True)[1]:
             mount = self.mounts[self.patches.owner[patch]]
@@ -216,7 +218,8 @@ class Films:
             dr.eval(weight, sun_row, sky_row, kept[1])
             if len(self.suns):
                 by_sun += _sum(first, weight, sun_row, lit.to_suns, kept[1], shone, len(self.suns))
-            by_sky += _sum(first, weight, sky_row, lit.to_sky.array, None, None, bins)
+            if bins:
+                by_sky += _sum(first, weight, sky_row, lit.to_sky.array, None, None, bins)
             dr.eval(by_sun, by_sky)
         out = dr.zeros(mi.Float, count * n_suns)
         if len(self.suns):

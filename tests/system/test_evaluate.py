@@ -12,8 +12,8 @@ import drcmitsuba
 from drcmitsuba import cli, load_case, metrics, result, schema
 from drcmitsuba import light as light_module
 from drcmitsuba.case import Case
-from drcmitsuba.coefficients import Suns
 from drcmitsuba.errors import InputError
+from drcmitsuba.suns import Suns
 
 WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
 CASE = """
