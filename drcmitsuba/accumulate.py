@@ -8,17 +8,20 @@ errors do not simply add.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.errors import InputError
-from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.schema import describe
 from drcmitsuba.suns import Blend, mesh
 
-BLOCK = 256
-"""Sensors that are taken at once: the replicates of a block stay small."""
+BLOCK = 1 << 16
+"""Entries (time, sensor) that are taken at once: they stay in the cache from sum to sum."""
 
 
 def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
@@ -54,12 +57,13 @@ class _Suns(NamedTuple):
     bins: np.ndarray
     luminances: np.ndarray
 
-    def illuminance(self, c: np.ndarray, times: int) -> np.ndarray:
-        """E (time, sensor) by the suns, from C (sensor, bin) and the number of time stamps."""
-        out = np.zeros((times, len(c)), np.float32)
-        by_bin = np.ascontiguousarray(c.T)
-        for bins, luminances in zip(self.bins.T, self.luminances.T, strict=True):
-            out[self.times] += by_bin[bins] * luminances.astype(np.float32)[:, None]
+    def illuminance(self, by_bin: np.ndarray, times: range) -> np.ndarray:
+        """E (time, sensor) by the suns at some times, from C transposed, (bin, sensor)."""
+        out = np.zeros((len(times), by_bin.shape[1]), np.float32)
+        here = slice(*np.searchsorted(self.times, (times.start, times.stop)))
+        rows = self.times[here] - times.start
+        for bins, luminances in zip(self.bins[here].T, self.luminances[here].T, strict=True):
+            out[rows] += by_bin[bins] * luminances.astype(np.float32)[:, None]
         return out
 
 
@@ -107,6 +111,9 @@ def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
         )  # fmt: skip
 
 
+_BOTH = ("", "_se")
+
+
 def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
     coords = {k: v for k, v in sky.coords.items() if v.dims == ("time",) and k != "sun_bin"}
     return xr.DataArray(values, coords, dims=("time", "sensor"))
@@ -130,21 +137,23 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     suns, *straight = _straight(coefficients, sky)
     out = {}
     for name, c in zip(("direct_sun", "direct_sun_se"), straight, strict=True):
-        values = suns.illuminance(c, sky.sizes["time"])
+        values = suns.illuminance(np.ascontiguousarray(c.T), range(sky.sizes["time"]))
         _refuse_gaps(values, sky)
         out[name] = _array(sky, values)
     return describe(xr.Dataset(out))
 
 
-def _of_replicate(
-    c: np.ndarray, sky: xr.Dataset, patches: np.ndarray, suns: _Suns
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Illuminance by sky, by sun and in all, (time, sensor) each, of one replicate's C."""
-    by_sky = sky["sky"].values.astype(np.float32) @ c[:, patches].T
-    by_sun = suns.illuminance(c, sky.sizes["time"])
-    total = by_sky + by_sun
-    _refuse_gaps(total, sky)
-    return by_sky, by_sun, total
+def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`schema.mean_and_error` of arrays, in few passes; differences from the first keep digits."""
+    n, first = len(replicates), replicates[0]
+    total, squares = np.zeros_like(first), np.zeros_like(first)
+    for values in replicates[1:]:
+        difference = values - first
+        total += difference
+        squares += difference * difference
+    total /= n
+    squares -= n * total * total
+    return first + total, np.sqrt(np.maximum(squares, 0) / (n * (n - 1)))
 
 
 def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
@@ -170,15 +179,25 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     remedy = "compute sky and coefficients with the same subdivision"
     patches = _positions(coefficients, sky["bin"].values, remedy)
     suns = _blended(coefficients, sky)
-    replicates = coefficients["replicates"].values
-    shape = (sky.sizes["time"], replicates.shape[1])
+    by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
+    by_patch = [c[patches] for c in by_bin]
+    L = sky["sky"].values.astype(np.float32)
     names = ("sky", "sun", "total")
-    out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
-    for start in range(0, shape[1], BLOCK):
-        here = slice(start, start + BLOCK)
-        found = [_of_replicate(c[here], sky, patches, suns) for c in replicates]
-        for name, values in zip(names, zip(*found, strict=True), strict=True):
-            out[name][:, here], out[f"{name}_se"][:, here] = mean_and_error(np.stack(values))
+    out = {n + s: np.empty((len(L), by_bin[0].shape[1]), np.float32) for n in names for s in _BOTH}
+
+    def add(times: range) -> None:
+        here = slice(times.start, times.stop)
+        by_sky = [L[here] @ c for c in by_patch]
+        by_sun = [suns.illuminance(c, times) for c in by_bin]
+        total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
+        for name, values in zip(names, (by_sky, by_sun, total), strict=True):
+            out[name][here], out[f"{name}_se"][here] = _mean_and_error(values)
+
+    step = max(1, BLOCK // by_bin[0].shape[1])
+    blocks = [range(i, min(i + step, len(L))) for i in range(0, len(L), step)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # NumPy lets other threads run meanwhile
+        list(pool.map(add, blocks))
+    _refuse_gaps(out["total"], sky)
     if "sun_straight" in coefficients:
         _add_straight(out, coefficients, sky)
     return xr.Dataset({name: _array(sky, values) for name, values in out.items()})

@@ -26,12 +26,15 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches
-from drcmitsuba.transport.shadow_rays import sun_deposit
+from drcmitsuba.transport.shadow_rays import pair_deposit, sun_deposit
 
 BLOCK = 1024
 """Sensors that are gathered at once, at most."""
 LANES = 1 << 21
 """Paths that are traced at once, unless those of one sensor are more."""
+
+EDGE_SAMPLES = 8
+"""Directions on a sun's disk that the edge of a shadow crosses, in each replicate."""
 
 _PARTS = ("straight", "direct", "interreflected")
 
@@ -122,15 +125,38 @@ def straight_suns(
     -------
     mean, error : np.ndarray, shape (sensor, sun)
         [sr]; the errors of all entries are independent.
+
+    Notes
+    -----
+    Most sensors see all of a sun or nothing. Where the single directions of all replicates agree,
+    that is taken for the answer; where they do not, an edge crosses the disk and its part is
+    estimated anew with `EDGE_SAMPLES` directions in each replicate. A disk of which a part f shows
+    is taken for all or nothing with the odds fⁿ and (1 − f)ⁿ: over an edge that passes by, the
+    errors of up to 0.04 of a sun cancel.
     """
-    found = [
-        sun_deposit(
-            scene, _flat(points), _flat(normals), suns=suns.directions, diameter=suns.diameter,
-            samples=accuracy.sensor_sun_samples, seed=launch_seed(accuracy, r, 2),
-        ).numpy()
-        for r in range(accuracy.replicates)
-    ]  # fmt: skip
-    return mean_and_error(np.stack(found))
+    if not suns.labels:
+        return (np.zeros((len(points), 0), np.float32),) * 2
+    p, n = _flat(points), _flat(normals)
+    kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
+    replicates, shape = range(accuracy.replicates), (len(points), len(suns.labels))
+    total, seen = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.UInt32, int(np.prod(shape)))
+    for r in replicates:
+        d = sun_deposit(scene, p, n, **kind, samples=1, seed=launch_seed(accuracy, r, 2)).array
+        total += d
+        seen += dr.select(d > 0, mi.UInt32(1), 0)
+        dr.eval(total, seen)
+    edges = dr.compress((seen > 0) & (seen < accuracy.replicates))
+    mean, error = total.numpy() / accuracy.replicates, np.zeros(total.shape, np.float32)
+    if dr.width(edges):
+        again = [
+            pair_deposit(
+                scene, p, n, edges, **kind, samples=EDGE_SAMPLES,
+                seed=launch_seed(accuracy, r, 3),
+            ).numpy()
+            for r in replicates
+        ]  # fmt: skip
+        mean[edges.numpy()], error[edges.numpy()] = mean_and_error(np.stack(again))
+    return mean.reshape(shape), error.reshape(shape)
 
 
 def compute(

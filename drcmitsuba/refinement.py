@@ -17,7 +17,7 @@ from drcmitsuba.coefficients import compute, straight_suns
 from drcmitsuba.progress import Progress, part
 from drcmitsuba.scene import Scene
 from drcmitsuba.schema import describe
-from drcmitsuba.suns import Suns, mesh
+from drcmitsuba.suns import Blend, Suns, mesh
 
 HELD_OUT = 48
 """Suns that the interpolation is checked with and that never serve it."""
@@ -29,7 +29,7 @@ class _Nodes:
     def __init__(self, found: xr.Dataset):
         self.found = found
         names = map(str, found["bin"].values)
-        self.at = {name: i for i, name in enumerate(names)}
+        self.at = {n: i for i, n in enumerate(names) if n.startswith(mesh.PREFIX)}
 
     def missing(self, nodes: np.ndarray) -> np.ndarray:
         """Nodes of an array (…, 2) that are not known yet, each once."""
@@ -41,6 +41,19 @@ class _Nodes:
         at = [self.at[mesh.label(node)] for node in nodes]
         return self.found["replicates"].values[:, :, at]
 
+    def blended(self, blend: Blend) -> np.ndarray:
+        """Replicates (replicate, sensor, sun) of suns between the nodes."""
+        each = zip(blend.bins.T, blend.weights.T, strict=True)
+        values = self.found["replicates"].values
+        return sum(values[:, :, [self.at[b] for b in bins]] * weights for bins, weights in each)
+
+
+def _scale(replicates: np.ndarray) -> float:
+    """RMS of coefficients (replicate, sensor, sun) over the sensors and the suns that give any."""
+    mean = replicates.mean(axis=0)
+    lit = mean.any(axis=0)
+    return float(np.sqrt((mean[:, lit] ** 2).mean())) if lit.any() else 0.0
+
 
 def mesh_of(found: xr.Dataset) -> tuple[str, ...]:
     """Labels of the mesh's suns among the bins of coefficients."""
@@ -48,8 +61,17 @@ def mesh_of(found: xr.Dataset) -> tuple[str, ...]:
 
 
 def _suns(nodes: np.ndarray, diameter: float) -> Suns:
+    """Suns at nodes of the mesh; sensors do not see them straight."""
     labels = tuple(map(mesh.label, nodes))
     return Suns(labels, mesh.directions_of(nodes), diameter, straight=False)
+
+
+def _held_out(accuracy: Accuracy, possible: np.ndarray, diameter: float) -> Suns:
+    """Suns drawn from all possible ones."""
+    rng = np.random.default_rng(accuracy.seed)
+    at = np.sort(rng.choice(len(possible), HELD_OUT, replace=False))
+    labels = tuple(f"sun_held_out_{i:02d}" for i in range(HELD_OUT))
+    return Suns(labels, possible[at], diameter, straight=False)
 
 
 def _squared_error(difference: np.ndarray, axis: int | None = None) -> np.ndarray:
@@ -76,19 +98,19 @@ def _join(a: xr.Dataset, b: xr.Dataset) -> xr.Dataset:
     return xr.concat([a, b], "bin", data_vars="minimal", coords="minimal", compat="override")
 
 
-def adaptive(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
+def meshed(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, diameter: float, accuracy: Accuracy, *,
     latitude: float, tolerance: float, finest: int, subdivision: int = 1,
     known: tuple[str, ...] = (), progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
-    """Coefficients of sky, mesh of suns, and of the time stamps' own suns where they are straight.
+    """Coefficients of the sky and of a mesh of suns, fine enough to interpolate between them.
 
     Parameters
     ----------
     scene, points, normals, accuracy, subdivision, progress
         As for `coefficients.compute`.
-    suns : Suns
-        Those of the time stamps.
+    diameter : float
+        Angle across the sun [deg].
     latitude : float
         Of the place [deg north].
     tolerance : float
@@ -97,97 +119,72 @@ def adaptive(
     finest : int
         Level that the mesh is not refined beyond.
     known : tuple of str
-        Nodes to take, as they were chosen for another state of the façade; none is added then.
+        Suns of the mesh, as chosen for another state of the façade; none is added then.
 
     Returns
     -------
     xr.Dataset
-        As from `compute`, with the mesh's suns among the bins, without straight light; and
-        `sun_straight`, `sun_straight_se` (sensor, sun), `mesh_error` (sensor), all in sr.
-        Attributes `mesh_suns`, `mesh_level` and `mesh_miss`, the RMS error at held-out suns over
-        the RMS of their coefficients.
+        As from `compute`, with the mesh's suns among the bins, all of them without straight light,
+        and `mesh_error` (sensor) [sr]: RMS error of interpolation at suns that are not of the mesh.
+        Attributes `mesh_suns`, their number, and `mesh_miss`, that error over all sensors relative
+        to the RMS of the coefficients.
     """
     possible = mesh.possible_suns(latitude)
+    held_out = _held_out(accuracy, possible, diameter)
+    first = mesh.nodes_of(possible, mesh.COARSEST)
     if known:
-        chosen = np.array([mesh.node(name) for name in known])
-        found = compute(
-            scene, points, normals, _suns(chosen, suns.diameter), accuracy,
-            subdivision=subdivision, progress=part(progress, 0, 0.8),
-        )  # fmt: skip
-        level = 0
-    else:
-        found, level = _refined(
-            scene, points, normals, suns.diameter, accuracy, possible, tolerance, finest,
-            subdivision, part(progress, 0, 0.8),
-        )  # fmt: skip
-    error, miss = _held_out(scene, points, normals, found, accuracy, possible, suns.diameter)
-    progress(0.85)
-    straight, straight_se = straight_suns(scene, points, normals, suns, accuracy)
-    found = found.assign_coords(sun=np.array(suns.labels, dtype=object))
-    found["sun_straight"] = (("sensor", "sun"), straight)
-    found["sun_straight_se"] = (("sensor", "sun"), straight_se)
-    found["mesh_error"] = ("sensor", error)
-    found.attrs |= {"mesh_suns": len(mesh_of(found)), "mesh_miss": miss}
-    if level:
-        found.attrs["mesh_level"] = level
-    return describe(found)
-
-
-def _refined(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, diameter: float, accuracy: Accuracy,
-    possible: np.ndarray, tolerance: float, finest: int, subdivision: int, progress: Progress,
-) -> tuple[xr.Dataset, int]:  # fmt: skip
-    """Coefficients of the sky and of the nodes that the tolerance calls for, and their level."""
-    live, level = possible, mesh.COARSEST
-    nodes: _Nodes | None = None
-    scale = 0.0
-    while True:
-        corners, of_sun = np.unique(
-            mesh.triangles(live, level)[0].reshape(-1, 6), axis=0, return_inverse=True
-        )
-        corners = corners.reshape(-1, 3, 2)
-        wanted = np.concatenate([corners, mesh.midpoints(corners)])
-        if nodes is None:
-            new = np.unique(wanted.reshape(-1, 2), axis=0)
-            first = compute(
-                scene, points, normals, _suns(new, diameter), accuracy, subdivision=subdivision
-            )
-            nodes = _Nodes(first)
-            scale = _scale(nodes.replicates(new))
-        elif len(new := nodes.missing(wanted)):
+        first = np.array([mesh.node(name) for name in known])
+    start = _suns(first, diameter)
+    both = Suns(
+        start.labels + held_out.labels,
+        np.concatenate([start.directions, held_out.directions]),
+        diameter,
+        straight=False,
+    )
+    whole = part(progress, 0, 1 if known else 0.5)
+    found = compute(scene, points, normals, both, accuracy, subdivision=subdivision, progress=whole)
+    is_held_out = np.isin(found["bin"].values.astype(str), held_out.labels)
+    exact = found["replicates"].values[:, :, is_held_out]
+    nodes = _Nodes(found.isel(bin=~is_held_out))
+    scale = _scale(exact)
+    live, level = (possible, mesh.COARSEST) if not known else (possible[:0], finest)
+    while len(live) and level < finest:
+        corners, of_sun = mesh.triangles_of(live, level)
+        if len(new := nodes.missing(mesh.midpoints(corners))):
             more = compute(scene, points, normals, _suns(new, diameter), accuracy, subdivision=None)
             nodes = _Nodes(_join(nodes.found, more))
         level += 1
-        progress((level - mesh.COARSEST) / (finest - mesh.COARSEST))
-        live = live[(_miss(nodes, corners) > tolerance * scale)[of_sun.ravel()]]
-        if level >= finest or len(live) == 0:
-            return nodes.found, level
-
-
-def _scale(replicates: np.ndarray) -> float:
-    """RMS of coefficients (replicate, sensor, sun) over the sensors and the suns that give any."""
-    mean = replicates.mean(axis=0)
-    lit = mean.any(axis=0)
-    return float(np.sqrt((mean[:, lit] ** 2).mean())) if lit.any() else 0.0
-
-
-def _held_out(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, found: xr.Dataset, accuracy: Accuracy,
-    possible: np.ndarray, diameter: float,
-) -> tuple[np.ndarray, float]:  # fmt: skip
-    """RMS error of interpolation at suns drawn from all possible ones: by sensor, and relative."""
-    rng = np.random.default_rng(accuracy.seed)
-    at = possible[np.sort(rng.choice(len(possible), min(HELD_OUT, len(possible)), replace=False))]
-    labels = tuple(f"sun_held_out_{i:02d}" for i in range(len(at)))
-    suns = Suns(labels, at, diameter, straight=False)
-    exact = compute(scene, points, normals, suns, accuracy, subdivision=None)["replicates"].values
-    blend = mesh.blend(at, np.ones(len(at), bool), list(map(str, found["bin"].values)))
-    nodes = _Nodes(found)
-    between = np.zeros_like(exact)
-    for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
-        between += found["replicates"].values[:, :, [nodes.at[b] for b in bins]] * weights
-    difference = between - exact
-    scale = _scale(exact)
-    rms = float(np.sqrt(_squared_error(difference)))
+        progress(0.5 + 0.5 * (level - mesh.COARSEST) / (finest - mesh.COARSEST))
+        live = live[(_miss(nodes, corners) > tolerance * scale)[of_sun]]
+    blend = mesh.blend(held_out.directions, np.ones(HELD_OUT, bool), tuple(nodes.at))
+    difference = nodes.blended(blend) - exact
     error = np.sqrt(_squared_error(difference, axis=1)).astype(np.float32)
-    return error, rms / scale if scale > 0 else 0.0
+    found = nodes.found.assign(mesh_error=("sensor", error))
+    miss = float(np.sqrt(_squared_error(difference))) / scale if scale > 0 else 0.0
+    found.attrs |= {"mesh_suns": len(nodes.at), "mesh_miss": miss}
+    return describe(found)
+
+
+def with_straight(
+    found: xr.Dataset, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns,
+    accuracy: Accuracy,
+) -> xr.Dataset:  # fmt: skip
+    """Add `sun_straight` and `sun_straight_se` (sensor, sun) [sr]: suns that sensors see straight.
+
+    Parameters
+    ----------
+    found : xr.Dataset
+        From `meshed`; suns that it has already are replaced.
+    suns : Suns
+        Those of the time stamps.
+    scene, points, normals, accuracy
+        As for `coefficients.compute`.
+    """
+    mean, error = straight_suns(scene, points, normals, suns, accuracy)
+    found = found.drop_dims("sun", errors="ignore")
+    found = found.assign_coords(sun=np.array(suns.labels, dtype=object))
+    return describe(
+        found.assign(
+            sun_straight=(("sensor", "sun"), mean), sun_straight_se=(("sensor", "sun"), error)
+        )
+    )

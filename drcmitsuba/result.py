@@ -21,7 +21,7 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight, blended, daylight, luminances, save_luminances
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.progress import Progress, part
-from drcmitsuba.refinement import adaptive, mesh_of
+from drcmitsuba.refinement import mesh_of, meshed, with_straight
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.suns import Suns
 
@@ -120,11 +120,12 @@ def transport(
         world = scene.load(case, state, i)
         if isinstance(case.sun, Adaptive):
             known = mesh or (mesh_of(found[0]) if found else ())
-            of_channel = adaptive(
-                world, points, normals, suns, case.accuracy, latitude=latitude,
+            of_channel = meshed(
+                world, points, normals, suns.diameter, case.accuracy, latitude=latitude,
                 tolerance=case.sun.tolerance, finest=case.sun.finest, subdivision=subdivision,
                 known=known, progress=done,
             )  # fmt: skip
+            of_channel = with_straight(of_channel, world, points, normals, suns, case.accuracy)
         else:
             of_channel = compute(
                 world, points, normals, suns, case.accuracy, subdivision=subdivision, progress=done

@@ -78,6 +78,20 @@ def triangles(directions: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarra
     return corners, weights
 
 
+def triangles_of(directions: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (triangle, 3, 2) of a level that hold any of the directions, and each one's."""
+    corners = triangles(directions, level)[0].reshape(-1, 6)
+    each, of_direction = np.unique(corners, axis=0, return_inverse=True)
+    return each.reshape(-1, 3, 2), of_direction.ravel()
+
+
+def nodes_of(directions: np.ndarray, level: int) -> np.ndarray:
+    """Nodes (node, 2) of the triangles about directions, and those half way between them."""
+    corners = triangles_of(directions, level)[0]
+    both = np.concatenate([corners, midpoints(corners)])
+    return np.unique(both.reshape(-1, 2), axis=0)
+
+
 def midpoints(corners: np.ndarray) -> np.ndarray:
     """Nodes half way along the edges of triangles (n, 3, 2), opposite to the corners."""
     return (corners[:, [1, 2, 0]] + corners[:, [2, 0, 1]]) // 2
