@@ -8,13 +8,12 @@ errors do not simply add.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from scipy.sparse import csr_matrix
+from threadpoolctl import threadpool_limits
 
 from drcmitsuba.errors import InputError
 from drcmitsuba.schema import describe
@@ -41,63 +40,29 @@ def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.
     return np.array([known[str(label)] for label in labels], dtype=np.int64)
 
 
-class _Suns(NamedTuple):
-    """Time stamps at which the sun shines, and for each of them the bins that stand for it.
-
-    Parameters
-    ----------
-    times : np.ndarray, shape (shining,)
-    bins : np.ndarray, shape (shining, k)
-        Positions in the coefficients.
-    luminances : np.ndarray, shape (shining, k)
-        What each bin has [cd/m²].
-    """
-
-    times: np.ndarray
-    bins: np.ndarray
-    luminances: np.ndarray
-
-    def illuminance(self, by_bin: np.ndarray, times: range) -> np.ndarray:
-        """E (time, sensor) by the suns at some times, from C transposed, (bin, sensor)."""
-        out = np.zeros((len(times), by_bin.shape[1]), np.float32)
-        here = slice(*np.searchsorted(self.times, (times.start, times.stop)))
-        rows = self.times[here] - times.start
-        for bins, luminances in zip(self.bins[here].T, self.luminances[here].T, strict=True):
-            out[rows] += by_bin[bins] * luminances.astype(np.float32)[:, None]
-        return out
-
-
-def _blended(coefficients: xr.Dataset, sky: xr.Dataset) -> _Suns:
-    """The bins that stand for the sun of each time stamp, after the model that the sky tells."""
-    shining = np.flatnonzero(sky["sun"].values > 0)
+def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
+    """Luminances (time, bin) of the bins that stand for the sun, after the sky's sun model."""
+    times = np.flatnonzero(sky["sun"].values > 0)
+    known = list(map(str, coefficients["bin"].values))
     if sky.attrs.get("sun_model") == "adaptive":
-        directions = sky["sun_direction"].values[shining]
-        up = np.ones(len(shining), bool)
-        blend = mesh.blend(directions, up, list(map(str, coefficients["bin"].values)))
-        lost = blend.weights.sum(axis=1) < 0.5
-        if lost.any():
+        directions = sky["sun_direction"].values[times]
+        blend = mesh.blend(directions, np.ones(len(times), bool), known)
+        lost = int((blend.weights.sum(axis=1) < 0.5).sum())
+        if lost:
             raise InputError(
-                "coefficients", "bin", f"no mesh of suns about {lost.sum()} of the sky's",
+                "coefficients", "bin", f"no mesh of suns about {lost} of the sky's suns",
                 "compute coefficients with the adaptive sun model",
             )  # fmt: skip
     elif "blend_bin" in sky:
-        blend = Blend(sky["blend_bin"].values[shining], sky["blend_weight"].values[shining])
+        blend = Blend(sky["blend_bin"].values[times], sky["blend_weight"].values[times])
     else:
-        blend = Blend.own(sky["sun_bin"].values[shining])
-    labels = np.where(blend.weights > 0, blend.bins, coefficients["bin"].values[0])
+        blend = Blend.own(sky["sun_bin"].values[times])
+    rows, k = np.nonzero(blend.weights)
     remedy = "compute coefficients for the time stamps and the sun model of this sky"
-    bins = _positions(coefficients, labels.ravel(), remedy).reshape(labels.shape)
-    return _Suns(shining, bins, blend.weights * sky["sun"].values[shining, None])
-
-
-def _straight(coefficients: xr.Dataset, sky: xr.Dataset) -> tuple[_Suns, np.ndarray, np.ndarray]:
-    """Suns that sensors see straight, with their coefficients and errors (sensor, …)."""
-    if "sun_straight" not in coefficients:
-        c = (coefficients["straight"].values, coefficients["straight_se"].values)
-        return _blended(coefficients, sky), *c
-    own = coefficients[["sun_straight", "sun_straight_se"]].rename(sun="bin")
-    suns = _blended(own, sky.drop_vars(["blend_bin"], errors="ignore").assign_attrs(sun_model=""))
-    return suns, own["sun_straight"].values, own["sun_straight_se"].values
+    bins = _positions(coefficients, blend.bins[rows, k], remedy)
+    values = blend.weights[rows, k] * sky["sun"].values[times[rows]]
+    shape = (sky.sizes["time"], len(known))
+    return csr_matrix((values.astype(np.float32), (times[rows], bins)), shape)
 
 
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
@@ -109,9 +74,6 @@ def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
             "coefficients", "bin", f"no numbers for {len(gaps)} time stamps, {first} the first",
             "compute coefficients with this weather and state",
         )  # fmt: skip
-
-
-_BOTH = ("", "_se")
 
 
 def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
@@ -134,12 +96,17 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     xr.Dataset
         `direct_sun` and `direct_sun_se`, dims (time, sensor) [lx].
     """
-    suns, *straight = _straight(coefficients, sky)
+    names = ("straight", "straight_se")
+    if "sun_straight" in coefficients:  # the time stamps' own suns, beside those of the mesh
+        own = coefficients[["sun_straight", "sun_straight_se"]]
+        coefficients = own.rename(sun="bin", sun_straight=names[0], sun_straight_se=names[1])
+        sky = sky.assign_attrs(sun_model="true_sun")
+    suns = _suns(coefficients, sky)
     out = {}
-    for name, c in zip(("direct_sun", "direct_sun_se"), straight, strict=True):
-        values = suns.illuminance(np.ascontiguousarray(c.T), range(sky.sizes["time"]))
+    for name in names:
+        values = suns @ coefficients[name].values.T
         _refuse_gaps(values, sky)
-        out[name] = _array(sky, values)
+        out[name.replace("straight", "direct_sun")] = _array(sky, values)
     return describe(xr.Dataset(out))
 
 
@@ -178,25 +145,27 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     """
     remedy = "compute sky and coefficients with the same subdivision"
     patches = _positions(coefficients, sky["bin"].values, remedy)
-    suns = _blended(coefficients, sky)
+    suns = _suns(coefficients, sky)
     by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
     by_patch = [c[patches] for c in by_bin]
     L = sky["sky"].values.astype(np.float32)
     names = ("sky", "sun", "total")
-    out = {n + s: np.empty((len(L), by_bin[0].shape[1]), np.float32) for n in names for s in _BOTH}
-
-    def add(times: range) -> None:
-        here = slice(times.start, times.stop)
-        by_sky = [L[here] @ c for c in by_patch]
-        by_sun = [suns.illuminance(c, times) for c in by_bin]
-        total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
-        for name, values in zip(names, (by_sky, by_sun, total), strict=True):
-            out[name][here], out[f"{name}_se"][here] = _mean_and_error(values)
+    out = {
+        n + s: np.empty((len(L), by_bin[0].shape[1]), np.float32)
+        for n in names
+        for s in ("", "_se")
+    }
 
     step = max(1, BLOCK // by_bin[0].shape[1])
-    blocks = [range(i, min(i + step, len(L))) for i in range(0, len(L), step)]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # NumPy lets other threads run meanwhile
-        list(pool.map(add, blocks))
+    # The matrices are small: threads of the library would wait for each other most of the time.
+    with threadpool_limits(1, user_api="blas"):
+        for start in range(0, len(L), step):
+            here = slice(start, start + step)
+            by_sky = [L[here] @ c for c in by_patch]
+            by_sun = [suns[here] @ c for c in by_bin]
+            total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
+            for name, values in zip(names, (by_sky, by_sun, total), strict=True):
+                out[name][here], out[f"{name}_se"][here] = _mean_and_error(values)
     _refuse_gaps(out["total"], sky)
     if "sun_straight" in coefficients:
         _add_straight(out, coefficients, sky)

@@ -77,8 +77,7 @@ def sky(case: CasePath, output: Output = Path("results"), weather: Weather = Non
     with stages() as stage, stage("sky"):
         found = light.daylight(loaded)
         light.save_luminances(found, output / "sky.zarr")
-    bins = found.sky.sizes["bin"] + len(found.suns.labels)
-    print(f"{found.sky.sizes['time']} time stamps × {bins} bins are in {output / 'sky.zarr'}")
+    print(f"{found.sky.sizes['time']} time stamps are in {output / 'sky.zarr'}")
 
 
 @app.command()

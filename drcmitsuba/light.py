@@ -180,21 +180,26 @@ def _sun_sources(case: Case, light: xr.Dataset) -> tuple[Suns, Blend | None]:
     return own, Blend.own(labels)
 
 
+def sources(light: xr.Dataset) -> np.ndarray:
+    """Labels of all bins that stand for the suns of some time stamps, their own among them."""
+    return np.unique([*blended(light).bins.ravel(), *light["sun_bin"].values.astype(object)])
+
+
 BLOCK = 1024
 """Time stamps of L that are held at once where it is written."""
 
 
 def blended(light: xr.Dataset) -> Blend:
-    """Blend of each time stamp's sun; where it is adaptive, its own sun."""
+    """Blend of each time stamp's sun; none where it is adaptive: that depends on C."""
     if "blend_bin" in light:
         return Blend(light["blend_bin"].values, light["blend_weight"].values)
-    return Blend.own(light["sun_bin"].values)
+    return Blend(*np.zeros((2, light.sizes["time"], 0), object))
 
 
 def luminances(light: Daylight) -> xr.Dataset:
-    """L[time, bin] with the suns as bins of their own, so that E = C·L.
+    """L[time, bin] with suns as bins, so that E = C·L.
 
-    Where the sun is adaptive, C knows other suns: there L has the suns of the time stamps.
+    Where the sun is adaptive, it has no bin: there is only its luminance `sun` and `sun_direction`.
     """
     return _luminances(light, slice(None))
 
@@ -202,7 +207,8 @@ def luminances(light: Daylight) -> xr.Dataset:
 def _luminances(light: Daylight, part: slice) -> xr.Dataset:
     """Some time stamps of `luminances`."""
     found = light.sky.isel(time=part)
-    labels = np.array([*map(str, found["bin"].values), *light.suns.labels], dtype=object)
+    suns = light.suns.labels if "blend_bin" in found else ()
+    labels = np.array([*map(str, found["bin"].values), *suns], dtype=object)
     L = np.zeros((found.sizes["time"], len(labels)), np.float32)
     L[:, : found.sizes["bin"]] = found["sky"].values
     at = {label: i for i, label in enumerate(labels)}

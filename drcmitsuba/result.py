@@ -18,7 +18,7 @@ from drcmitsuba import accumulate, backend, metrics, scene, schema
 from drcmitsuba.case import Adaptive, Case
 from drcmitsuba.coefficients import compute
 from drcmitsuba.errors import InputError
-from drcmitsuba.light import Daylight, blended, daylight, luminances, save_luminances
+from drcmitsuba.light import Daylight, daylight, luminances, save_luminances, sources
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.progress import Progress, part
 from drcmitsuba.refinement import mesh_of, meshed, with_straight
@@ -231,7 +231,7 @@ def coefficients(
     if case.shading is not None:
         closed = closing(states(is_open, None, case).sel(state="open", drop=True), light.sky)
         if closed.any():
-            needed = light.suns.only(np.unique(blended(light.sky).bins[closed.values]))
+            needed = light.suns.only(sources(light.sky.isel(time=closed.values)))
             with timed(stage, "shaded façade", seconds) as done:
                 shaded = transport(
                     case, "shaded", needed, latitude, mesh=mesh_of(is_open), progress=done

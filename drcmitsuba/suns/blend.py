@@ -45,8 +45,9 @@ class Suns:
 
     def only(self, labels: np.ndarray) -> Suns:
         """Keep the suns that are named."""
-        kept = np.isin(np.array(self.labels, dtype=str), labels)
-        names = tuple(n for n, k in zip(self.labels, kept, strict=True) if k)
+        wanted = set(map(str, labels))
+        kept = [i for i, label in enumerate(self.labels) if label in wanted]
+        names = tuple(self.labels[i] for i in kept)
         return replace(self, labels=names, directions=self.directions[kept])
 
 
