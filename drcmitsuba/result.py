@@ -1,38 +1,22 @@
-"""One evaluation from case to numbers: the only place where weather and transport meet."""
+"""One evaluation from case to numbers, files and pictures."""
 
 from __future__ import annotations
 
 import resource
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
-from drcmitsuba import accumulate, backend, metrics, scene, schema
-from drcmitsuba.case import Adaptive, Case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.errors import InputError
-from drcmitsuba.light import Daylight, daylight, luminances, save_luminances, sources
+from drcmitsuba import backend, scene, schema
+from drcmitsuba.case import Case
+from drcmitsuba.light import Daylight, daylight, luminances, save_luminances
 from drcmitsuba.plan import notes, plan
-from drcmitsuba.progress import Progress, part
-from drcmitsuba.refinement import mesh_of, meshed, with_straight
-from drcmitsuba.schema import LUMINANCE_WEIGHTS
-from drcmitsuba.suns import Suns
-
-Stage = Callable[[str], AbstractContextManager[Progress]]
-"""Opens a named stage of the work; what it yields is told the share that is done."""
-
-
-@contextmanager
-def silent(name: str) -> Iterator[Progress]:
-    """Show nothing of a stage."""
-    yield lambda share: None
+from drcmitsuba.progress import Stage, silent, timed
+from drcmitsuba.simulation import coefficients, illuminance
 
 
 @dataclass(frozen=True)
@@ -103,155 +87,7 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def transport(
-    case: Case, state: scene.State, suns: Suns, latitude: float, *,
-    mesh: tuple[str, ...] = (), progress: Progress = lambda share: None,
-) -> xr.Dataset:  # fmt: skip
-    """Coefficients of a case in one state of its shade, `channel` added where it is coloured.
-
-    `latitude` [deg north] and the nodes of a `mesh` that is known matter to an adaptive sun only.
-    """
-    points, normals = scene.sensor_points(case)
-    channels = list(LUMINANCE_WEIGHTS) if scene.is_coloured(case) else [""]
-    subdivision = case.sky.subdivision
-    found: list[xr.Dataset] = []
-    for i in range(len(channels)):
-        done = part(progress, i / len(channels), (i + 1) / len(channels))
-        world = scene.load(case, state, i)
-        if isinstance(case.sun, Adaptive):
-            known = mesh or (mesh_of(found[0]) if found else ())
-            of_channel = meshed(
-                world, points, normals, suns.diameter, case.accuracy, latitude=latitude,
-                tolerance=case.sun.tolerance, finest=case.sun.finest, subdivision=subdivision,
-                known=known, progress=done,
-            )  # fmt: skip
-            of_channel = with_straight(of_channel, world, points, normals, suns, case.accuracy)
-        else:
-            of_channel = compute(
-                world, points, normals, suns, case.accuracy, subdivision=subdivision, progress=done
-            )
-        found.append(of_channel)
-    if len(channels) == 1:
-        return found[0]
-    return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))
-
-
-def states(is_open: xr.Dataset, shaded: xr.Dataset | None, case: Case) -> xr.Dataset:
-    """Join the states along `state`; suns that were not computed in the shaded state are NaN."""
-    found = {"open": is_open} if shaded is None else {"open": is_open, "shaded": shaded}
-    names = xr.DataArray(np.array(list(found), dtype=object), dims="state", name="state")
-    labels = {name: is_open[name] for name in ("bin", "sun") if name in is_open.coords}
-    whole = [data.reindex(labels) for data in found.values()]
-    joined = xr.concat(whole, names, coords="minimal", compat="override", join="exact")
-    joined.attrs = {**is_open.attrs, "case": case.name, "has_shade": int(case.shading is not None)}
-    if case.shading is not None:
-        joined.attrs |= {
-            "shade_threshold": case.shading.threshold,
-            "shade_area": case.shading.area,
-        }
-    return schema.describe(joined)
-
-
-def closing(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
-    """When the shade closes: bool by time, from the coefficients of the open state.
-
-    The thresholds are attributes of the coefficients; without a shade it never closes.
-    """
-    direct = schema.luminance(by_channel(accumulate.direct_sun, coefficients, light)["direct_sun"])
-    if not coefficients.attrs.get("has_shade", 0):
-        return xr.zeros_like(direct.isel(sensor=0, drop=True), dtype=bool)
-    attrs = coefficients.attrs
-    return metrics.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
-
-
-def by_channel(
-    function: Callable[..., xr.Dataset], *arrays: xr.Dataset | xr.DataArray | None
-) -> xr.Dataset:
-    """Apply an accumulation to each colour channel of the coefficients, or once to grey ones."""
-    first = arrays[0]
-    assert first is not None
-    if "channel" not in first.dims:
-        return function(*arrays)
-    found = [
-        function(
-            *(
-                a.isel(channel=i, drop=True) if a is not None and "channel" in a.dims else a
-                for a in arrays
-            )
-        )
-        for i in range(first.sizes["channel"])
-    ]
-    return xr.concat(found, first["channel"], coords="minimal", compat="override")
-
-
-SUN_OF = {"latitude": 0.5, "longitude": 0.5, "timezone": 0, "sun_diameter": 0, "sun_time": None}
-"""What a sun's place follows from beside its label, and how far C and L may differ in it [deg]."""
-
-
-def _check_suns(coefficients: xr.Dataset, light: xr.Dataset) -> None:
-    """Refuse suns of another place: labels tell only their time."""
-    for name, margin in SUN_OF.items():
-        ours, theirs = coefficients.attrs.get(name), light.attrs.get(name)
-        if ours is None or theirs is None or ours == theirs:
-            continue  # arrays that the user made himself may not tell
-        if not margin or abs(ours - theirs) > margin:
-            got = f"{ours}, but {theirs} in the sky"
-            raise InputError("coefficients", name, got, "compute coefficients for this weather")
-
-
-def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
-    """E from C (dims state, …) and the sky, with the shade that the coefficients name.
-
-    Raises
-    ------
-    InputError
-        A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
-    """
-    _check_suns(coefficients, light)
-    is_open = coefficients.sel(state="open", drop=True)
-    closed = closing(is_open, light)
-    shaded = None
-    if "shaded" in coefficients["state"].values:
-        shaded = coefficients.sel(state="shaded", drop=True)
-    out = by_channel(accumulate.illuminance, is_open, shaded, light, closed)
-    keep = ("has_shade", "shade_threshold", "shade_area")
-    out.attrs = {k: v for k, v in coefficients.attrs.items() if k in keep}
-    return out
-
-
-def coefficients(
-    case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None
-) -> xr.Dataset:
-    """C of both states; the shaded one only for the suns of hours in which the shade closes."""
-    seconds = {} if seconds is None else seconds
-    latitude = light.sky.attrs["latitude"]
-    with timed(stage, "open façade", seconds) as done:
-        is_open = transport(case, "open", light.suns, latitude, progress=done)
-    shaded = None
-    if case.shading is not None:
-        closed = closing(states(is_open, None, case).sel(state="open", drop=True), light.sky)
-        if closed.any():
-            needed = light.suns.only(sources(light.sky.isel(time=closed.values)))
-            with timed(stage, "shaded façade", seconds) as done:
-                shaded = transport(
-                    case, "shaded", needed, latitude, mesh=mesh_of(is_open), progress=done
-                )
-    joined = states(is_open, shaded, case)
-    joined.attrs |= {name: light.sky.attrs[name] for name in SUN_OF}
-    return joined
-
-
-@contextmanager
-def timed(stage: Stage, name: str, seconds: dict[str, float]) -> Iterator[Progress]:
-    """Show a stage and note its seconds."""
-    start = time.perf_counter()
-    with stage(name) as done:
-        yield done
-        done(1.0)
-    seconds[name] = round(time.perf_counter() - start, 3)
-
-
-def evaluate(case: Case, stage: Stage = silent) -> Result:
+def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None) -> Result:
     """Evaluate a case: L, C, E and the metrics of its period.
 
     Parameters
@@ -260,6 +96,8 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
         From `load_case`.
     stage : callable, optional
         Shows the stages of the work, as the command line does.
+    known : xr.Dataset, optional
+        Coefficients of this case that were computed for another weather.
 
     Returns
     -------
@@ -280,7 +118,7 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
         scene.sensor_points(case)  # what is wrong with the sensors is told before the work begins
         told = notes(case)  # reads the films' files, which may be unfit
         light = daylight(case)
-    found = coefficients(case, light, stage, seconds)
+    found = coefficients(case, light, stage, seconds, known)
     with timed(stage, "accumulation and metrics", seconds):
         E = illuminance(found, light.sky)
         E.attrs["step_hours"] = light.step_hours
@@ -292,7 +130,7 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
         )  # fmt: skip
     closed = int(E["shade_closed"].sum())
     suns = int((light.sky["sun_bin"].values != "").sum())
-    effects = plan(case, suns=suns, closed=closed, hours=E.sizes["time"])
+    effects = plan(case, suns, closed, E.sizes["time"], found.attrs)
     missing = [e["reason"] for e in effects.values() if e.get("missing")]
     numbers["settings"] = {
         "case": case.source,
