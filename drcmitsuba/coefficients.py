@@ -73,10 +73,9 @@ class _Replicate:
         bins = sum(self.deposit.bins)
         if self.cells is None or len(vertices) == 0:
             return np.zeros((sensors, bins), np.float32)
-        mine = (vertices.row >= self.number * sensors) & (
-            vertices.row < (self.number + 1) * sensors
-        )
-        row = vertices.row - self.number * sensors
+        first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each one
+        row = vertices.row - first
+        mine = (vertices.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
         parts = (_product(row, cell, vertices.weight, mine, sensors, d) for d in self.cells)
         return Irradiance(*parts).numpy()
 
@@ -91,23 +90,25 @@ def _product(
     if 0 in d.shape:
         return dr.zeros(mi.TensorXf, (sensors, d.shape[1]))
     cells, bins = d.shape
+    stride = dr.opaque(mi.UInt32, bins)  # literals would have kernels compiled anew
     lit, shining = (dr.compress(dr.max(d, axis=axis).array > 0) for axis in (1, 0))
     n_lit, n_shining = dr.width(lit), dr.width(shining)
     out = dr.zeros(mi.Float, sensors * bins)
     if n_lit and n_shining:
-        column = dr.full(mi.UInt32, n_lit, cells)
+        rows, columns = (dr.opaque(mi.UInt32, n) for n in (n_lit, n_shining))
+        column = dr.zeros(mi.UInt32, cells) + rows
         dr.scatter(column, dr.arange(mi.UInt32, n_lit), lit)
         at = dr.gather(mi.UInt32, column, cell, mine)
         g = dr.zeros(mi.Float, sensors * n_lit)
-        dr.scatter_add(g, weight, row * n_lit + at, mine & (at < n_lit))
+        dr.scatter_add(g, weight, row * rows + at, mine & (at < rows))
         entry = dr.arange(mi.UInt32, n_lit * n_shining)
-        from_cell = dr.gather(mi.UInt32, lit, entry // n_shining)
-        from_bin = dr.gather(mi.UInt32, shining, entry % n_shining)
-        compact = dr.gather(mi.Float, d.array, from_cell * bins + from_bin)
+        from_cell = dr.gather(mi.UInt32, lit, entry // columns)
+        from_bin = dr.gather(mi.UInt32, shining, entry % columns)
+        compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
         product = mi.TensorXf(g, (sensors, n_lit)) @ mi.TensorXf(compact, (n_lit, n_shining))
         entry = dr.arange(mi.UInt32, sensors * n_shining)
-        to_bin = dr.gather(mi.UInt32, shining, entry % n_shining)
-        dr.scatter(out, product.array, entry // n_shining * bins + to_bin)
+        to_bin = dr.gather(mi.UInt32, shining, entry % columns)
+        dr.scatter(out, product.array, entry // columns * stride + to_bin)
     return mi.TensorXf(out, (sensors, bins))
 
 

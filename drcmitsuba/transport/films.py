@@ -243,15 +243,16 @@ def _sum(
 ) -> mi.Float:  # fmt: skip
     """Σ weight · table[row, bin] (· shone[patch, bin]) over the entries of every receiver."""
     lane = dr.arange(mi.UInt32, (dr.width(first) - 1) * bins)
-    receiver, bin_ = lane // bins, lane % bins
+    count = dr.opaque(mi.UInt32, bins)
+    receiver, bin_ = lane // count, lane % count
     at = dr.gather(mi.UInt32, first, receiver)
     end = dr.gather(mi.UInt32, first, receiver + 1)
     total = mi.Float(0)
     while dr.hint(at < end, exclude=[first, weight, row, table, patch, shone]):
         value = dr.gather(mi.Float, weight, at)
-        value *= dr.gather(mi.Float, table, dr.gather(mi.UInt32, row, at) * bins + bin_)
+        value *= dr.gather(mi.Float, table, dr.gather(mi.UInt32, row, at) * count + bin_)
         if dr.hint(shone is not None, mode="scalar"):
-            value *= dr.gather(mi.Float, shone, dr.gather(mi.UInt32, patch, at) * bins + bin_)
+            value *= dr.gather(mi.Float, shone, dr.gather(mi.UInt32, patch, at) * count + bin_)
         total += value
         at += 1
     return total
@@ -263,10 +264,11 @@ def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float, seed: int) 
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     ctx = mi.BSDFContext()
     samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
+    count = dr.opaque(mi.UInt32, len(suns))  # a literal would have the kernel compiled anew
     for start in range(0, dr.width(out), LANES):
         lane = dr.arange(mi.UInt32, min(LANES, dr.width(out) - start))
         pair = lane + dr.opaque(mi.UInt32, start)
-        row, sun = pair // len(suns), pair % len(suns)
+        row, sun = pair // count, pair % count
         centre = dr.gather(mi.Vector3f, directions, sun)
         total, cosines = mi.Float(0), mi.Float(0)
         for i in range(samples):

@@ -215,6 +215,7 @@ def sun_deposit(
     row_of, group_of = mi.UInt32(rows.astype(np.uint32)), mi.UInt32(groups.astype(np.uint32))
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())
     block = LANES // CLUSTER
+    stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
     for start in range(0, len(rows), block):
         lane = dr.arange(mi.UInt32, min(block, len(rows) - start) * CLUSTER)
         candidate = lane // CLUSTER + dr.opaque(mi.UInt32, start)
@@ -224,7 +225,7 @@ def sun_deposit(
         sun, exists = mi.UInt32(member), member >= 0
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, sun, exists)
-        pair = row * n_suns + sun
+        pair = row * stride + sun
         value = _seen(scene, openings, p, n, centre, exists, pair, diameter, samples, seed)
         dr.scatter(out, value, pair, exists)
         dr.eval(out)
