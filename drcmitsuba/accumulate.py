@@ -15,6 +15,7 @@ from drcmitsuba.schema import describe, mean_and_error
 
 BLOCK = 256
 """Sensors that are taken at once: the replicates of a block stay small."""
+SAME_SUBDIVISION = "compute sky and coefficients with the same subdivision"
 
 
 def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
@@ -119,8 +120,7 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     InputError
         A bin of the sky has no coefficients, or NaN.
     """
-    remedy = "compute sky and coefficients with the same subdivision"
-    patches = _positions(coefficients, sky["bin"].values, remedy)
+    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = _sun_positions(coefficients, sky)
     replicates = coefficients["replicates"].values
     shape = (sky.sizes["time"], replicates.shape[1])
@@ -132,6 +132,32 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
         for name, values in zip(names, zip(*found, strict=True), strict=True):
             out[name][:, here], out[f"{name}_se"][:, here] = mean_and_error(np.stack(values))
     return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
+
+
+def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -> np.ndarray:
+    """Illuminance in all of every replicate, at some sensors.
+
+    Parameters
+    ----------
+    coefficients, sky : xr.Dataset
+        As for `by_source`.
+    sensors : np.ndarray of int, shape (sensor,)
+
+    Returns
+    -------
+    np.ndarray, shape (replicate, time, sensor)
+        [lx].
+
+    Raises
+    ------
+    InputError
+        As `by_source`.
+    """
+    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    suns = _sun_positions(coefficients, sky)
+    c = coefficients["replicates"].values[:, sensors]
+    total = _of_replicate(c.reshape(-1, c.shape[2]), sky, patches, *suns)[2]
+    return np.moveaxis(total.reshape(len(total), len(c), len(sensors)), 1, 0)
 
 
 def illuminance(

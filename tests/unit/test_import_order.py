@@ -15,8 +15,8 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "table", "accuracy", "bsdf", "case",
     "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
-    "coefficients", "accumulate", "metrics", "design", "plots", "report", "result", "tradeoff",
-    "terminal", "film_commands", "cli",
+    "coefficients", "accumulate", "metrics", "uncertainty", "design", "plots", "report", "result",
+    "tradeoff", "terminal", "film_commands", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
