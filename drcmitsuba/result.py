@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import accumulate, backend, metrics, scene, schema
+from drcmitsuba import accumulate, backend, metrics, scene, schema, uncertainty
 from drcmitsuba.case import Case
 from drcmitsuba.coefficients import Suns, compute
 from drcmitsuba.errors import InputError
@@ -132,11 +132,27 @@ def closing(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
 
     The thresholds are attributes of the coefficients; without a shade it never closes.
     """
-    direct = schema.luminance(by_channel(accumulate.direct_sun, coefficients, light)["direct_sun"])
+    direct = _direct(coefficients, light)["direct_sun"]
     if not coefficients.attrs.get("has_shade", 0):
         return xr.zeros_like(direct.isel(sensor=0, drop=True), dtype=bool)
     attrs = coefficients.attrs
     return metrics.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
+
+
+def _direct(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
+    """Direct sun and its standard error, in luminance."""
+    return by_channel(accumulate.direct_sun, coefficients, light).map(schema.luminance)
+
+
+def rules(case: Case, step_hours: float) -> uncertainty.Rules:
+    """What the metrics of a case ask for; the shade's part plays no role where there is none."""
+    shading = case.shading
+    return uncertainty.Rules(
+        metrics=case.metrics,
+        shade_threshold=shading.threshold if shading else 1000.0,
+        shade_area=shading.area if shading else 1.0,
+        step_hours=step_hours,
+    )
 
 
 def by_channel(
@@ -177,6 +193,9 @@ def _check_suns(coefficients: xr.Dataset, light: xr.Dataset) -> None:
 def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     """E from C (dims state, …) and the sky, with the shade that the coefficients name.
 
+    The 95 % interval of an entry is ± `interval_factor` standard errors, an attribute: Student's
+    t with as many degrees of freedom as there are replicates, less one.
+
     Raises
     ------
     InputError
@@ -191,27 +210,36 @@ def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     out = by_channel(accumulate.illuminance, is_open, shaded, light, closed)
     keep = ("has_shade", "shade_threshold", "shade_area")
     out.attrs = {k: v for k, v in coefficients.attrs.items() if k in keep}
+    out.attrs["interval_factor"] = uncertainty.t_factor(coefficients.sizes["replicate"])
     return out
 
 
 def coefficients(
     case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None
 ) -> xr.Dataset:
-    """C of both states; the shaded one only for the suns of hours in which the shade closes."""
+    """C of both states; the shaded one only for the suns of hours in which the shade may close."""
     seconds = {} if seconds is None else seconds
     suns = Suns.of(light.sun, case.outside.sun_diameter)
     with timed(stage, "open façade", seconds) as done:
         is_open = transport(case, "open", suns, done)
     shaded = None
     if case.shading is not None:
-        closed = closing(states(is_open, None, case).sel(state="open", drop=True), light.sky)
-        if closed.any():
-            needed = suns.only(light.sky["sun_bin"].values[closed.values])
+        closures = uncertainty.closures(
+            _direct(is_open, light.sky), rules(case, light.step_hours), **_drawing(case)
+        )
+        if closures.possible.any():
+            needed = suns.only(light.sky["sun_bin"].values[closures.possible])
             with timed(stage, "shaded façade", seconds) as done:
                 shaded = transport(case, "shaded", needed, done)
     joined = states(is_open, shaded, case)
     joined.attrs |= {name: light.sky.attrs[name] for name in SUN_OF}
     return joined
+
+
+def _drawing(case: Case) -> dict[str, int]:
+    """Rays to a sun in all replicates, and the seed of the draws."""
+    a = case.accuracy
+    return {"rays": a.replicates * a.sensor_sun_samples, "seed": a.seed}
 
 
 @contextmanager
@@ -257,12 +285,9 @@ def evaluate(case: Case, stage: Stage = silent) -> Result:
     with timed(stage, "accumulation and metrics", seconds):
         E = illuminance(found, light.sky)
         E.attrs["step_hours"] = light.step_hours
-        shading = case.shading
-        numbers = report.summarise(
-            E, case.metrics, step_hours=light.step_hours,
-            shade_threshold=shading.threshold if shading else 1000.0,
-            shade_area=shading.area if shading else 1.0,
-        )  # fmt: skip
+        asked = rules(case, light.step_hours)
+        draws = uncertainty.draw(found, light.sky, E, asked, **_drawing(case))
+        numbers = report.summarise(E, asked, draws)
     closed = int(E["shade_closed"].sum())
     suns = int((light.sky["sun_bin"].values != "").sum())
     effects = plan(case, suns=suns, closed=closed, hours=E.sizes["time"])
