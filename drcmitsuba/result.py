@@ -72,6 +72,9 @@ class Result:
             figures = report.pictures(self.case, self.illuminance, self.metrics)
             for name, figure in figures.items():
                 plots.save(figure, folder / name)
+            for old in folder.glob("undecided_*_plan.png"):  # drawn only where there are any
+                if old.name not in figures:
+                    old.unlink()
             self.metrics["seconds"]["writing"] = round(time.perf_counter() - start, 3)
             self.metrics["peak_memory_bytes"] = peak_memory()
             schema.save_json(self.metrics, folder / "metrics.json")
