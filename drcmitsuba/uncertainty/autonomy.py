@@ -25,6 +25,8 @@ from drcmitsuba.uncertainty.tally import Needed, Tally
 
 BLOCK = 64
 """Sensors whose replicates are in memory at once."""
+ENTRIES = 128
+"""Entries drawn at once: they stay in the cache, and no threads are started for so few."""
 
 
 def multipliers(replicates: int, seed: int) -> np.ndarray:
@@ -89,7 +91,12 @@ class State:
         """Whether E* ≥ threshold, (entry, draw), from one sensor's replicates (replicate, row)."""
         E = replicates[:, self.row[time]]
         mean = E.mean(axis=0)
-        return (E - mean).T @ weights >= (threshold - mean)[:, None]
+        off, missing = (E - mean).T, (threshold - mean)[:, None]
+        passed = np.empty((len(time), DRAWS), bool)
+        for start in range(0, len(time), ENTRIES):
+            here = slice(start, start + ENTRIES)
+            passed[here] = off[here] @ weights >= missing[here]
+        return passed
 
 
 def draw_autonomy(

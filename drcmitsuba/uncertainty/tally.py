@@ -64,7 +64,9 @@ class Tally:
         order = np.argsort(month, kind="stable")
         month, starts = np.unique(month[order], return_index=True)
         if len(starts):
-            counts[month] += np.add.reduceat(passed[order], starts, axis=0, dtype=np.int64)
+            counts[month] += np.add.reduceat(
+                passed[order].view(np.uint8), starts, axis=0, dtype=np.uint16
+            )
         # An open month or year began as not passed.
         of_month = self.open_months[sensor]
         self.monthly[of_month] += counts[of_month] >= self.needed.monthly[of_month][:, None]
