@@ -116,7 +116,7 @@ def _mean_illuminance(coefficients: xr.Dataset, sky: xr.Dataset, closed: np.ndar
     for state, hours in (("open", ~closed), ("shaded", closed)):
         if hours.any():
             C = coefficients[["replicates"]].sel(state=state, drop=True)
-            C = C.mean("sensor", keepdims=True)
+            C = C.mean("sensor", keepdims=True, skipna=False)
             at = sky.isel(time=np.flatnonzero(hours))
             E = accumulate.replicates(C, at, np.zeros(1, np.int64))
             total += E.sum(axis=(1, 2), dtype=float)

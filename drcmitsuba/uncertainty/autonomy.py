@@ -23,7 +23,7 @@ from drcmitsuba.uncertainty.rules import BEYOND, DRAWS, t_factor
 from drcmitsuba.uncertainty.sun import Closures
 from drcmitsuba.uncertainty.tally import Needed, Tally
 
-BLOCK = 64
+BLOCK = 256
 """Sensors whose replicates are in memory at once."""
 ENTRIES = 128
 """Entries drawn at once: they stay in the cache, and no threads are started for so few."""

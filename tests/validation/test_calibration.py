@@ -10,9 +10,9 @@ sensor; its own error is added to that of an evaluation in the test of single en
 is a seventh. One evaluation takes 8 replicates of 32 paths. Cells of 0.2 m are so small that what
 they smear is below a tenth of the spread of the evaluations (tested).
 
-Metrics move in steps, of one sensor or one hour, and one set of thresholds may lie where nothing is
-in doubt, or exactly on a step. So there are six sets; in the last three some sensor of the truth has
-exactly as many hours in the sun as ASE asks for.
+Metrics move in steps, of one sensor or one hour, and one set of thresholds may lie where nothing
+is in doubt, or exactly on a step. So there are six sets; in the last three some sensor of the truth
+has exactly as many hours in the sun as ASE asks for.
 
 Expected: single entries are covered in 92 to 98 %; every metric, over the sets, in 92 % or more,
 by intervals that are on average at most twice as wide as the 95 % spread of the values and one
