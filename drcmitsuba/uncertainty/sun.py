@@ -21,6 +21,8 @@ from drcmitsuba.uncertainty.rules import BEYOND, DRAWS, Rules
 
 EDGE = 2 / 3
 """Beta prior of the part of the sun that is seen, on the edge of a shadow: B(2/3, 2/3)."""
+BLOCK = 4096
+"""Entries that are drawn at once."""
 
 
 def hidden_share(rays: int) -> float:
@@ -86,8 +88,11 @@ def draw_sun(
     p = np.stack([_exceeds(mu, s, limit) for limit in limits])
     doubtful = ((p > BEYOND) & (p < 1 - BEYOND)).any(axis=0)
     time, sensor, p = lit[0][doubtful], lit[1][doubtful], p[:, doubtful]
-    u = rng.random((len(time), DRAWS), np.float32)
-    exposed, closing = (u < row[:, None] for row in p)
+    exposed, closing = (np.empty((len(time), DRAWS), bool) for _ in limits)
+    for start in range(0, len(time), BLOCK):
+        here = slice(start, start + BLOCK)
+        u = rng.random(exposed[here].shape, np.float32)
+        exposed[here], closing[here] = (u < row[here, None] for row in p)
     # One miss makes s = μ / rays; the height of the sun within its disk makes far less of it.
     edges = int((mu < 1.2 * rays * s).sum())
     found = _hidden(mean, limits, rays, edges, rng)
