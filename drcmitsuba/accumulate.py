@@ -21,6 +21,7 @@ from drcmitsuba.suns import Blend, mesh
 
 BLOCK = 1 << 16
 """Entries (time, sensor) that are taken at once: they stay in the cache from sum to sum."""
+SAME_SUBDIVISION = "compute sky and coefficients with the same subdivision"
 
 
 def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
@@ -143,20 +144,15 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     InputError
         A bin of the sky has no coefficients, or NaN.
     """
-    remedy = "compute sky and coefficients with the same subdivision"
-    patches = _positions(coefficients, sky["bin"].values, remedy)
+    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = _suns(coefficients, sky)
     by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
     by_patch = [c[patches] for c in by_bin]
     L = sky["sky"].values.astype(np.float32)
     names = ("sky", "sun", "total")
-    out = {
-        n + s: np.empty((len(L), by_bin[0].shape[1]), np.float32)
-        for n in names
-        for s in ("", "_se")
-    }
-
-    step = max(1, BLOCK // by_bin[0].shape[1])
+    shape = (len(L), by_bin[0].shape[1])
+    out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
+    step = max(1, BLOCK // shape[1])
     # The matrices are small: threads of the library would wait for each other most of the time.
     with threadpool_limits(1, user_api="blas"):
         for start in range(0, len(L), step):
@@ -183,6 +179,34 @@ def _add_straight(out: dict[str, np.ndarray], coefficients: xr.Dataset, sky: xr.
     for name in ("sun", "total"):
         out[name] += straight["direct_sun"].values
         out[f"{name}_se"] = np.sqrt(out[f"{name}_se"] ** 2 + variance)
+
+
+def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -> np.ndarray:
+    """Illuminance in all of every replicate, at some sensors.
+
+    Parameters
+    ----------
+    coefficients, sky : xr.Dataset
+        As for `by_source`.
+    sensors : np.ndarray of int, shape (sensor,)
+
+    Returns
+    -------
+    np.ndarray, shape (replicate, time, sensor)
+        [lx].
+
+    Raises
+    ------
+    InputError
+        As `by_source`.
+    """
+    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    suns, L = _suns(coefficients, sky), sky["sky"].values.astype(np.float32)
+    by_bin = [c[sensors].T for c in coefficients["replicates"].values]
+    total = np.stack([L @ c[patches] + suns @ c for c in by_bin])
+    if "sun_straight" in coefficients:
+        total += direct_sun(coefficients.isel(sensor=sensors), sky)["direct_sun"].values
+    return total
 
 
 def illuminance(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
@@ -52,6 +53,13 @@ def _print_metrics(numbers: dict, title: str) -> None:
     console.print(months)
 
 
+def _print_undecided(undecided: list[dict]) -> None:
+    count = Counter(u["metric"] for u in undecided)
+    if undecided:
+        told = ", ".join(f"{count[name]} of {name}" for name in ("sDA", "ASE"))
+        print(f"points too close to call: {told} (metrics.json, undecided)")
+
+
 @app.command()
 def evaluate(
     case: CasePath,
@@ -74,6 +82,7 @@ def evaluate(
         result = run(loaded, stage, known)
         result.save(output, stage)
     _print_metrics(result.metrics, loaded.name)
+    _print_undecided(result.metrics["undecided"])
     for note in result.metrics["settings"]["notes"]:
         print(f"note: {note}")
     print(f"results are in {output}")
@@ -139,9 +148,14 @@ def metrics(
     ase_threshold: Annotated[float, typer.Option(help="ASE [lx].")] = 1000.0,
     ase_hours: Annotated[float, typer.Option(help="ASE [h].")] = 250.0,
 ) -> None:
-    """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file."""
-    from drcmitsuba import report, schema
+    """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file.
+
+    Its intervals are wider than those of evaluate: the file tells the error of every
+    illuminance, but not what these errors have in common.
+    """
+    from drcmitsuba import judgement, schema
     from drcmitsuba.case import Metrics, checked
+    from drcmitsuba.uncertainty import Rules
 
     thresholds = {
         "sda_threshold": sda_threshold,
@@ -150,13 +164,13 @@ def metrics(
         "ase_hours": ase_hours,
     }
     E = schema.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se").load()
-    numbers = report.summarise(
-        E,
+    rules = Rules(
         checked(Metrics, thresholds, "command line"),
         shade_threshold=E.attrs.get("shade_threshold", 1000.0),
         shade_area=E.attrs.get("shade_area", 0.02),
         step_hours=float(E.attrs.get("step_hours", 1.0)),
-    )  # fmt: skip
+    )
+    numbers = judgement.summarise(E, rules)
     _print_metrics(numbers, str(e))
     if output is not None:
         schema.save_json(numbers, output / "metrics.json")

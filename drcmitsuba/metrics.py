@@ -55,8 +55,7 @@ def sda(illuminance: xr.DataArray, threshold: float = 300.0, fraction: float = 0
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
     """
     E = _values(illuminance, "illuminance")
-    least = math.ceil(_fraction("fraction", fraction) * len(E))
-    return _share(_count(E, threshold) >= least)
+    return _share(_count(E, threshold) >= autonomous(fraction, len(E)))
 
 
 def ase(
@@ -88,7 +87,7 @@ def ase(
         As `sda`.
     """
     a_j = _count(_values(direct, "direct"), threshold)
-    return _share(a_j >= math.ceil(_stamps(hours, step_hours)))
+    return _share(a_j >= exposed(hours, step_hours))
 
 
 def msda(
@@ -116,8 +115,9 @@ def msda(
     InputError
         As `sda`; stamps that are not dates.
     """
-    tau = _fraction("fraction", fraction)
-    shares = _monthly(illuminance, "illuminance", threshold, lambda t_m, t_y: tau * t_m)
+    shares = _monthly(
+        illuminance, "illuminance", threshold, lambda t_m, t_y: autonomous(fraction, t_m)
+    )
     shares.attrs["long_name"] = "monthly spatial daylight autonomy"
     return shares.rename("msDA")
 
@@ -147,8 +147,9 @@ def mse(
     InputError
         As `msda`.
     """
-    T_y = _stamps(hours, step_hours)
-    shares = _monthly(direct, "direct", threshold, lambda t_m, t_y: T_y * t_m / t_y)
+    shares = _monthly(
+        direct, "direct", threshold, lambda t_m, t_y: exposed(hours, step_hours, t_m, t_y)
+    )
     shares.attrs["long_name"] = "monthly sunlight exposure"
     return shares.rename("MSE")
 
@@ -180,12 +181,37 @@ def shade_closed(
         As `sda`.
     """
     E = _values(direct, "direct")
-    least = math.ceil(_fraction("area", area) * E.shape[1])
+    least = closing_sensors(area, E.shape[1])
     limit = _not_negative("threshold", threshold)
-    exposed = [np.count_nonzero(block >= limit, axis=1) for block in _blocks(E)]
-    closed = direct.isel(sensor=0, drop=True).copy(data=np.concatenate(exposed) >= least)
+    count = [np.count_nonzero(block >= limit, axis=1) for block in _blocks(E)]
+    closed = direct.isel(sensor=0, drop=True).copy(data=np.concatenate(count) >= least)
     closed.name, closed.attrs = "shade_closed", {"long_name": "shade closed"}
     return closed
+
+
+def autonomous(fraction: float, stamps: int) -> int:
+    """Time stamps, of so many, at which a sensor has to have enough light for sDA or msDA."""
+    return math.ceil(_fraction("fraction", fraction) * stamps)
+
+
+def exposed(hours: float, step_hours: float, stamps: int = 1, of: int = 1) -> int:
+    """Time stamps in the sun at which a sensor counts for ASE, or for MSE of `stamps` of `of`."""
+    return math.ceil(_stamps(hours, step_hours) * stamps / of)
+
+
+def closing_sensors(area: float, sensors: int) -> int:
+    """Sensors in the sun, of so many, that close the shade."""
+    return math.ceil(_fraction("area", area) * sensors)
+
+
+def months(array: xr.DataArray, name: str = "illuminance") -> np.ndarray:
+    """Month 1 to 12 of each time stamp, by the clock that the hours are kept by."""
+    key = "clock" if "clock" in array.coords else "time"
+    if key not in array.coords or array[key].dims != ("time",) or array[key].dtype.kind != "M":
+        raise InputError(name, key, "no dates along time", "give a datetime64 for each time stamp")
+    if array[key].isnull().any():
+        raise InputError(name, key, "NaT", "give a datetime64 for each time stamp")
+    return array[key].dt.month.values
 
 
 @dataclass(frozen=True)
@@ -267,24 +293,13 @@ def _not_negative(name: str, value: float) -> float:
     return float(value)
 
 
-def _month(array: xr.DataArray, name: str) -> np.ndarray:
-    """Month 1 to 12 of each time stamp, by the clock that the hours are kept by."""
-    key = "clock" if "clock" in array.coords else "time"
-    if key not in array.coords or array[key].dims != ("time",) or array[key].dtype.kind != "M":
-        raise InputError(name, key, "no dates along time", "give a datetime64 for each time stamp")
-    if array[key].isnull().any():
-        raise InputError(name, key, "NaT", "give a datetime64 for each time stamp")
-    return array[key].dt.month.values
-
-
 def _monthly(
-    array: xr.DataArray, name: str, threshold: float, needed: Callable[[int, int], Fraction]
+    array: xr.DataArray, name: str, threshold: float, least: Callable[[int, int], int]
 ) -> xr.DataArray:
-    """Share [%] of the sensors that reach, in each month, `needed(t_m, t_y)` time stamps."""
-    E, month = _values(array, name), _month(array, name)
+    """Share [%] of the sensors that reach, in each month, `least(t_m, t_y)` time stamps."""
+    E, month = _values(array, name), months(array, name)
     shares = xr.DataArray(np.full(12, np.nan), {"month": np.arange(1, 13)}, attrs={"units": "%"})
     for m in np.unique(month):
         of_month = E[month == m]
-        least = math.ceil(needed(len(of_month), len(E)))
-        shares.loc[m] = _share(_count(of_month, threshold) >= least)
+        shares.loc[m] = _share(_count(of_month, threshold) >= least(len(of_month), len(E)))
     return shares

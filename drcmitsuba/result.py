@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,12 @@ import xarray as xr
 
 from drcmitsuba import backend, scene, schema
 from drcmitsuba.case import Case
+from drcmitsuba.judgement import judge
 from drcmitsuba.light import Daylight, daylight, luminances, save_luminances
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.progress import Stage, silent, timed
-from drcmitsuba.simulation import coefficients, illuminance
+from drcmitsuba.rounds import toward_target
+from drcmitsuba.simulation import coefficients
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,9 @@ class Result:
             figures = report.pictures(self.case, self.illuminance, self.metrics)
             for name, figure in figures.items():
                 plots.save(figure, folder / name)
+            for old in folder.glob("undecided_*_plan.png"):  # drawn only where there are any
+                if old.name not in figures:
+                    old.unlink()
             self.metrics["seconds"]["writing"] = round(time.perf_counter() - start, 3)
             self.metrics["peak_memory_bytes"] = peak_memory()
             schema.save_json(self.metrics, folder / "metrics.json")
@@ -110,8 +115,6 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     BackendError
         No fit LLVM or GPU.
     """
-    from drcmitsuba import report  # draws, so it brings matplotlib: not needed to import the rest
-
     variant = backend.select()
     seconds: dict[str, float] = {}
     with timed(stage, "sky", seconds):
@@ -120,14 +123,11 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
         light = daylight(case)
     found = coefficients(case, light, stage, seconds, known)
     with timed(stage, "accumulation and metrics", seconds):
-        E = illuminance(found, light.sky)
-        E.attrs["step_hours"] = light.step_hours
-        shading = case.shading
-        numbers = report.summarise(
-            E, case.metrics, step_hours=light.step_hours,
-            shade_threshold=shading.threshold if shading else 1000.0,
-            shade_area=shading.area if shading else 1.0,
-        )  # fmt: skip
+        now = judge(case, light, found)
+    reached = None
+    if case.accuracy.target is not None:
+        found, now, reached = toward_target(case, light, found, now, stage, seconds)
+    E, numbers = now.illuminance, now.metrics
     closed = int(E["shade_closed"].sum())
     suns = int((light.sky["sun_bin"].values != "").sum())
     effects = plan(case, suns, closed, E.sizes["time"], found.attrs)
@@ -139,6 +139,8 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
         "notes": [*light.notes, *told, *missing],
         **case.model_dump(mode="json", exclude_none=True),
     }
+    if reached is not None:
+        numbers["accuracy"] = asdict(reached)
     numbers["seconds"] = seconds
     numbers["peak_memory_bytes"] = peak_memory()
     return Result(case, numbers, E, found, light, effects)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import accumulate, metrics, scene, schema
+from drcmitsuba import accumulate, metrics, scene, schema, uncertainty
 from drcmitsuba.case import Adaptive, BsdfMaterial, Case
 from drcmitsuba.coefficients import compute
 from drcmitsuba.errors import InputError
@@ -22,13 +22,27 @@ from drcmitsuba.suns import Suns
 
 def transport(
     case: Case, state: scene.State, suns: Suns, latitude: float, *,
-    mesh: tuple[str, ...] = (), progress: Progress = lambda share: None,
+    mesh: tuple[str, ...] = (), sensors: np.ndarray | None = None,
+    progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of a case in one state of its shade, `channel` added where it is coloured.
 
-    `latitude` [deg north] and the nodes of a `mesh` that is known matter to an adaptive sun only.
+    Parameters
+    ----------
+    case : Case
+    state : {"open", "shaded"}
+    suns : Suns
+    latitude : float
+        [deg north]; matters to an adaptive sun only.
+    mesh : tuple of str
+        Suns of its mesh, where they are known.
+    sensors : np.ndarray of int, optional
+        Those of the case that are wanted.
+    progress : callable
     """
     points, normals = scene.sensor_points(case)
+    if sensors is not None:
+        points, normals = points[sensors], normals[sensors]
     channels = list(LUMINANCE_WEIGHTS) if scene.is_coloured(case) else [""]
     subdivision = case.sky.subdivision
     found: list[xr.Dataset] = []
@@ -74,11 +88,34 @@ def closing(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
 
     The thresholds are attributes of the coefficients; without a shade it never closes.
     """
-    direct = schema.luminance(by_channel(accumulate.direct_sun, coefficients, light)["direct_sun"])
+    direct = _direct(coefficients, light)["direct_sun"]
     if not coefficients.attrs.get("has_shade", 0):
         return xr.zeros_like(direct.isel(sensor=0, drop=True), dtype=bool)
     attrs = coefficients.attrs
     return metrics.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
+
+
+def _direct(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
+    """Direct sun and its standard error, in luminance."""
+    return by_channel(accumulate.direct_sun, coefficients, light).map(schema.luminance)
+
+
+def rules(case: Case, step_hours: float) -> uncertainty.Rules:
+    """What the metrics of a case ask for; the shade's part plays no role where there is none."""
+    shading = case.shading
+    return uncertainty.Rules(
+        metrics=case.metrics,
+        shade_threshold=shading.threshold if shading else 1000.0,
+        shade_area=shading.area if shading else 1.0,
+        step_hours=step_hours,
+    )
+
+
+def drawing(case: Case) -> dict[str, int]:
+    """Rays to most suns in all replicates, and the seed of the draws."""
+    a = case.accuracy
+    samples = 1 if isinstance(case.sun, Adaptive) else a.sensor_sun_samples
+    return {"rays": a.replicates * samples, "seed": a.seed}
 
 
 def by_channel(
@@ -122,6 +159,9 @@ def _check_suns(
 def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     """E from C (dims state, …) and the sky, with the shade that the coefficients name.
 
+    The 95 % interval of an entry is ± `interval_factor` standard errors, an attribute: Student's
+    t with as many degrees of freedom as there are replicates, less one.
+
     Raises
     ------
     InputError
@@ -136,6 +176,7 @@ def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     out = by_channel(accumulate.illuminance, is_open, shaded, light, closed)
     keep = ("has_shade", "shade_threshold", "shade_area")
     out.attrs = {k: v for k, v in coefficients.attrs.items() if k in keep}
+    out.attrs["interval_factor"] = uncertainty.t_factor(coefficients.sizes["replicate"])
     return out
 
 
@@ -155,7 +196,7 @@ def coefficients(
     case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None,
     known: xr.Dataset | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """C of both states; the shaded one only for the suns of hours in which the shade closes.
+    """C of both states; the shaded one only for the suns of hours in which the shade may close.
 
     Parameters
     ----------
@@ -183,10 +224,11 @@ def coefficients(
     with timed(stage, "open façade", seconds) as done:
         found["open"] = _state(case, "open", light.suns, latitude, found, done)
     if case.shading is not None:
-        alone = states({"open": found["open"]}, case).sel(state="open", drop=True)
-        closed = closing(alone, light.sky)
-        if closed.any():
-            needed = light.suns.only(sources(light.sky.isel(time=closed.values)))
+        closures = uncertainty.closures(
+            _direct(found["open"], light.sky), rules(case, light.step_hours), **drawing(case)
+        )
+        if closures.possible.any():
+            needed = light.suns.only(sources(light.sky.isel(time=closures.possible)))
             with timed(stage, "shaded façade", seconds) as done:
                 found["shaded"] = _state(case, "shaded", needed, latitude, found, done)
     joined = states(found, case)

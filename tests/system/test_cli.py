@@ -41,7 +41,7 @@ spacing = 0.6
 [shading]
 material = "shade"
 [accuracy]
-replicates = 2
+replicates = 4
 paths = 16
 cell_size = 0.6
 """

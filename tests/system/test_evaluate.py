@@ -119,7 +119,8 @@ def test_metrics_json_holds_what_is_promised(small):
     _, folder = small
     numbers = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
     yearly, monthly = {"sDA", "ASE", "shade_closed"}, {"msDA", "MSE", "shade_closed_monthly"}
-    assert set(numbers) == yearly | monthly | {"settings", "seconds", "peak_memory_bytes"}
+    others = {"undecided", "settings", "seconds", "peak_memory_bytes"}
+    assert set(numbers) == yearly | monthly | others
     assert all(bounds_are_fair(numbers[name]) for name in yearly)
     for name in monthly:
         assert len(numbers[name]) == 12
@@ -209,12 +210,14 @@ def test_illuminance_is_coefficients_times_luminances(on_disk):
     assert float(E["total"][shut].mean()) < 0.5 * float(E["total_open"][shut].mean())
 
 
-def test_suns_of_closed_hours_and_no_others_are_known_behind_the_shade(on_disk):
+def test_suns_of_hours_that_may_close_are_known_behind_the_shade(on_disk):
     E, C, L = on_disk
     known = C["direct"].sel(state="shaded").notnull().all("sensor")
     suns = known["bin"].str.startswith("sun_")
     shut = {str(label) for label in L["sun_bin"].values[E["shade_closed"].values]} - {""}
-    assert {str(label) for label in known["bin"].values[(known & suns).values]} == shut
+    behind = {str(label) for label in known["bin"].values[(known & suns).values]}
+    assert behind >= shut
+    assert len(behind - shut) < 0.05 * len(shut)  # closed by a sensor or two at a shadow's edge
     assert known[~suns].all()
 
 
@@ -274,8 +277,65 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
         np.testing.assert_allclose(chained[name], E[name], rtol=1e-4, atol=0.05, err_msg=name)
     np.testing.assert_array_equal(chained["shade_closed"], E["shade_closed"])
     numbers = json.loads((tmp_path / "metrics.json").read_text())
-    expected = ("sDA", "ASE", "msDA", "MSE", "shade_closed", "shade_closed_monthly")
-    assert numbers == {name: found.metrics[name] for name in expected}
+    annual = ("sDA", "ASE", "shade_closed")
+    monthly = ("msDA", "MSE", "shade_closed_monthly")
+    assert set(numbers) == {*annual, *monthly}  # who is undecided only replicates tell
+    for name in annual:
+        ours, theirs = found.metrics[name], numbers[name]
+        assert theirs["value"] == ours["value"]
+        assert theirs["low"] <= ours["low"] <= ours["high"] <= theirs["high"]
+    for name in monthly:
+        for ours, theirs in zip(found.metrics[name], numbers[name], strict=True):
+            assert (ours is None) == (theirs is None)
+            assert ours is None or theirs["value"] == ours["value"]
+
+
+def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeypatch, capsys):
+    thresholds = "[metrics]\nsda_threshold = 1500.0\nase_hours = 60.0\n[accuracy]"
+    (tmp_path / "case.toml").write_text(changed(("[accuracy]", thresholds)))
+    folder = tmp_path / "r"
+    folder.mkdir()
+    (folder / "undecided_ase_plan.png").write_text("of an evaluation before this one")
+    run(monkeypatch, "evaluate", tmp_path / "case.toml", "-o", folder)
+    numbers = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+    E = schema.open_dataset(folder / "illuminance.nc").load()
+    listed = numbers["undecided"]
+    assert 0 < len(listed) < 25
+    assert all(0.025 < one["probability"] < 0.975 for one in listed)
+    of_sda = [one["sensor"] for one in listed if one["metric"] == "sDA"]
+    count = (E["total"] >= 1500).sum("time").values
+    assert int(abs(count - 220).argmin()) in of_sda  # of 440 hours half are needed
+    assert float(E["x"][of_sda[0]]) == listed[0]["x"]
+    told = [line for line in capsys.readouterr().out.splitlines() if "too close to call" in line]
+    assert told == [
+        f"points too close to call: {len(of_sda)} of sDA, {len(listed) - len(of_sda)} of ASE "
+        "(metrics.json, undecided)"
+    ]
+    pictures = {p.name for p in folder.glob("undecided_*.png")}
+    assert pictures == {f"undecided_{one['metric'].lower()}_plan.png" for one in listed}
+    (folder / "undecided_sda_plan.png").unlink()
+    run(monkeypatch, "plot", folder)
+    assert (folder / "undecided_sda_plan.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_intervals_of_entries_are_students(small):
+    found, _ = small
+    assert found.illuminance.attrs["interval_factor"] == pytest.approx(3.1824, abs=1e-4)  # t(3)
+
+
+def test_an_hour_that_may_close_has_its_sun_behind_the_shade(evaluate):
+    """Few rays and a shade that one sensor closes: some hours close in some draws only."""
+    rough = "[accuracy]\nsensor_sun_samples = 1", '[shading]\nmaterial = "shade"\narea = 0.04'
+    found = evaluate(changed(("[accuracy]", rough[0]), (SHADING.rstrip(), rough[1])))
+    C = found.coefficients.sel(state="shaded")
+    suns = C["bin"].str.startswith("sun_")
+    known = set(C["bin"].values[(C["direct"].notnull().all("sensor") & suns).values])
+    shut = found.illuminance["shade_closed"].values
+    labels = {
+        f"sun_{t}" for t in np.datetime_as_string(found.illuminance["time"].values[shut], "m")
+    }
+    assert labels & known < known
+    assert found.metrics["shade_closed"]["low"] < found.metrics["shade_closed"]["high"]
 
 
 def test_coefficients_of_another_period_are_refused(small, tmp_path, monkeypatch, capsys):

@@ -15,8 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
     "case", "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
-    "coefficients", "refinement", "accumulate", "metrics", "design", "simulation", "plots",
-    "report", "result", "tradeoff", "terminal", "film_commands", "cli",
+    "coefficients", "refinement", "accumulate", "metrics", "uncertainty", "simulation",
+    "judgement", "rounds", "design", "plots", "report", "result", "tradeoff", "terminal",
+    "film_commands", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
