@@ -64,6 +64,17 @@ def test_the_error_is_that_of_the_mean_of_the_replicates():
     np.testing.assert_allclose(E["total_se"].values[:, 0], [1010, 20, 0], rtol=1e-5)
 
 
+def test_replicates_of_some_sensors_have_the_mean_and_error_of_all():
+    two = xr.concat([coefficients(), coefficients(2 * OPEN)], "sensor", data_vars="minimal")
+    two["replicates"] = two["replicates"].transpose("replicate", "sensor", "bin")
+    expected = accumulate.by_source(two, sky())
+    found = accumulate.replicates(two, sky(), np.array([1]))
+    assert found.shape == (2, 3, 1)
+    np.testing.assert_allclose(found.mean(axis=0)[:, 0], expected["total"][:, 1], rtol=1e-6)
+    error = found.std(axis=0, ddof=1) / np.sqrt(2)
+    np.testing.assert_allclose(error[:, 0], expected["total_se"][:, 1], rtol=1e-5)
+
+
 def test_direct_sun_takes_straight_coefficients_of_the_sun_only():
     E = accumulate.direct_sun(coefficients(), sky())
     np.testing.assert_allclose(E["direct_sun"], [[1000], [0], [0]], rtol=1e-6)

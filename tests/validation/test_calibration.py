@@ -6,8 +6,8 @@ each beside the truth, show whether its width is that of the error.
 Method: a room of 3 × 4 × 3 m with a south window and a diffusing shade, 24 sensors, every seventh
 working hour of the year (373). The truth is the plain path tracer `coefficient`, which shares with
 the program neither cells nor replicates, with 0.5 million (open) and 1.6 million (shaded) paths a
-sensor; its own error is added to that of an evaluation in the test of single entries, of which it
-is a seventh. One evaluation takes 8 replicates of 32 paths. Cells of 0.2 m are so small that what
+sensor; its own error, an eighth of that of an evaluation, is added to it in the test of single
+entries. One evaluation takes 8 replicates of 32 paths. Cells of 0.2 m are so small that what
 they smear is below a tenth of the spread of the evaluations (tested).
 
 Metrics move in steps, of one sensor or one hour, and one set of thresholds may lie where nothing
