@@ -34,7 +34,8 @@ class Target(NamedTuple):
         return cls(float(found[1]), found[2].removesuffix("s"))
 
     def __str__(self) -> str:
-        return f"{self.value:g} {self.unit}"
+        plural = "s" if self.unit == "point" and self.value != 1 else ""
+        return f"{self.value:g} {self.unit}{plural}"
 
 
 class Accuracy(Table):

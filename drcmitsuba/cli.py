@@ -53,6 +53,13 @@ def _print_metrics(numbers: dict, title: str) -> None:
     console.print(months)
 
 
+def _print_accuracy(accuracy: dict) -> None:
+    print(
+        f"{accuracy['reason']}: ±{accuracy['half_width']:.2g} after {accuracy['rounds']} rounds, "
+        f"wanted {accuracy['target']}"
+    )
+
+
 def _print_undecided(undecided: list[dict]) -> None:
     count = Counter(u["metric"] for u in undecided)
     if undecided:
@@ -82,6 +89,8 @@ def evaluate(
         result = run(loaded, stage, known)
         result.save(output, stage)
     _print_metrics(result.metrics, loaded.name)
+    if "accuracy" in result.metrics:
+        _print_accuracy(result.metrics["accuracy"])
     _print_undecided(result.metrics["undecided"])
     for note in result.metrics["settings"]["notes"]:
         print(f"note: {note}")

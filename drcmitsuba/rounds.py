@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,8 @@ from drcmitsuba.transport.deposit import launch_seed
 
 MOST_AT_ONCE = 8
 """Rounds between two looks at the intervals."""
+_KINDS = {"bin": "replicates", "sun": "sun_straight"}
+"""Dimensions of what is sampled, and what tells whether it was."""
 
 
 @dataclass(frozen=True)
@@ -51,40 +54,58 @@ class Reached:
 
 
 class Pool:
-    """Coefficients, averaged over the rounds that each of their entries was sampled in."""
+    """Coefficients of one state, averaged over the rounds that each entry was sampled in.
+
+    Parameters
+    ----------
+    found : xr.Dataset
+        From `simulation.transport`; it is not changed.
+    """
 
     def __init__(self, found: xr.Dataset):
         self.found = found.copy(deep=True)
         self._rounds = {
-            kind: np.ones((found.sizes["state"], found.sizes["sensor"], found.sizes[kind]))
-            for kind in ("bin", "sun")
+            kind: np.ones((found.sizes["sensor"], found.sizes[kind]))
+            for kind in _KINDS
             if kind in found.dims
         }
 
+    def missing(self, labels: Iterable[str], kind: str) -> list[str]:
+        """Labels that are not known."""
+        known = set(map(str, self.found[kind].values))
+        return [label for label in labels if label not in known]
+
+    def extend(self, more: xr.Dataset) -> None:
+        """Take bins or suns, of all sensors, that are not known so far."""
+        for kind, rounds in self._rounds.items():
+            new = self.missing(map(str, more[kind].values), kind)
+            beside = [n for n, v in self.found.items() if kind not in v.dims]
+            parts = [part.drop_vars(beside) for part in (self.found, more.sel({kind: new}))]
+            others = [k for k in self._rounds if k != kind]
+            parts = [part.drop_dims(others) for part in parts]
+            joined = xr.concat(parts, kind, coords="minimal", compat="override")
+            self.found = self.found.drop_dims(kind).merge(joined)
+            self._rounds[kind] = np.pad(rounds, ((0, 0), (0, len(new))), constant_values=1)
+
     def add(self, more: xr.Dataset, sensors: np.ndarray) -> None:
-        """Average one more round into the entries that it has; NaN marks those it has not."""
-        known = list(self.found["state"].values)
-        states = np.array([known.index(s) for s in more["state"].values])
+        """Average one more round into the entries that it has."""
         for kind, rounds in self._rounds.items():
             at = {str(label): i for i, label in enumerate(self.found[kind].values)}
             bins = np.array([at[str(label)] for label in more[kind].values], dtype=np.int64)
-            where = np.ix_(states, sensors, bins)
+            where = np.ix_(sensors, bins)
             share = 1 / (rounds[where] + 1)
-            for name, values in more.data_vars.items():
+            for name, values in more.items():
                 if kind not in values.dims:
                     continue
                 of_all = [d for d in ("replicate", "channel") if d in values.dims]
-                order = [*map(str, of_all), "state", "sensor", kind]
-                into = self.found[name].transpose(*order).values
-                here = (Ellipsis, *where)
+                order = [*map(str, of_all), "sensor", kind]
+                into, here = self.found[name].transpose(*order).values, (Ellipsis, *where)
                 old, new = into[here], values.transpose(*order).values
-                mixed = old + share * (new - old)
                 if str(name).endswith("_se"):
-                    mixed = np.hypot((1 - share) * old, share * new)
-                into[here] = np.where(np.isnan(new), old, mixed)
-                if name in ("replicates", "sun_straight"):
-                    sampled = ~np.isnan(new).reshape(-1, *share.shape)[0]
-            rounds[where] += sampled
+                    into[here] = np.hypot((1 - share) * old, share * new)
+                else:
+                    into[here] = old + share * (new - old)
+            rounds[where] += 1
 
 
 def toward_target(
@@ -120,7 +141,7 @@ def toward_target(
     def over() -> bool:
         return time.perf_counter() - start > most
 
-    pool = Pool(found)
+    pools = _pools(found)
     with timed(stage, f"toward {goal}", seconds) as done:
         while (width := now.half_width(goal.unit)) > goal.value and not over():
             done((goal.value / width) ** 2)
@@ -130,12 +151,29 @@ def toward_target(
             for _ in range(min(missing, rounds, MOST_AT_ONCE)):
                 if over():
                     break
-                pool.add(_round(case, light, now, pool.found, rounds, sensors, hours), sensors)
+                _sample(case, light, now, pools, rounds, sensors, hours)
                 rounds += 1
-            now = judge(case, light, pool.found)
+            _close(case, light, pools)
+            joined = simulation.states({s: pool.found for s, pool in pools.items()}, case)
+            found = joined.assign_attrs(found.attrs)
+            now = judge(case, light, found)
     reached = width <= goal.value
     reason = "target reached" if reached else f"limit of {most:g} s reached"
-    return pool.found, now, Reached(str(goal), width, reached, rounds, reason)
+    return found, now, Reached(str(goal), width, reached, rounds, reason)
+
+
+def _pools(found: xr.Dataset) -> dict[State, Pool]:
+    """Coefficients by state, without the suns that a state was not asked for."""
+    pools: dict[State, Pool] = {}
+    states: tuple[State, ...] = ("open", "shaded")
+    for state in states[: found.sizes["state"]]:
+        part = found.sel(state=state, drop=True)
+        for kind, name in _KINDS.items():
+            if kind in part.dims:
+                others = [d for d in part[name].dims if d != kind]
+                part = part.isel({kind: np.flatnonzero(part[name].notnull().all(others))})
+        pools[state] = Pool(part)
+    return pools
 
 
 def _worth_more(now: Judgement, unit: str) -> tuple[np.ndarray, np.ndarray]:
@@ -149,22 +187,37 @@ def _worth_more(now: Judgement, unit: str) -> tuple[np.ndarray, np.ndarray]:
     return (sensors, hours) if len(sensors) and len(hours) else everywhere
 
 
-def _round(
-    case: Case, light: Daylight, now: Judgement, known: xr.Dataset, number: int,
+def _sample(
+    case: Case, light: Daylight, now: Judgement, pools: dict[State, Pool], number: int,
     sensors: np.ndarray, hours: np.ndarray,
-) -> xr.Dataset:  # fmt: skip
-    """Coefficients of one more round, of some sensors and time stamps."""
+) -> None:  # fmt: skip
+    """Add one more round, of some sensors and time stamps."""
     seed = launch_seed(case.accuracy, 8, number) >> 2  # within what a case may name
     again = case.model_copy(update={"accuracy": case.accuracy.model_copy(update={"seed": seed})})
-    mesh = simulation.mesh_of(known)
-    states: tuple[State, ...] = ("open", "shaded")
-    found: dict[str, xr.Dataset] = {}
-    for state in states[: known.sizes["state"]]:
-        at = hours
-        if state == "shaded":  # only known for the hours that may close
-            at = hours[now.draws.may_close[hours]]
+    for state, pool in pools.items():
+        at = hours if state == "open" else hours[now.draws.may_close[hours]]
         suns = light.suns.only(sources(light.sky.isel(time=at)))
-        found[state] = simulation.transport(
-            again, state, suns, light.sky.attrs["latitude"], mesh=mesh, sensors=sensors
-        )
-    return simulation.states(found, case)
+        more = simulation.transport(
+            again, state, suns, light.sky.attrs["latitude"],
+            mesh=simulation.mesh_of(pool.found), sensors=sensors,
+        )  # fmt: skip
+        pool.add(more, sensors)
+
+
+def _close(case: Case, light: Daylight, pools: dict[State, Pool]) -> None:
+    """Find the shaded state of the hours that may close only by what was sampled since."""
+    if case.shading is None:
+        return
+    closing = simulation.may_close(case, light, pools["open"].found)
+    needed = light.suns.only(sources(light.sky.isel(time=closing)))
+    if "shaded" in pools:
+        kind = "sun" if "sun" in pools["shaded"].found.dims else "bin"
+        needed = needed.only(pools["shaded"].missing(needed.labels, kind))
+    if closing.any() and ("shaded" not in pools or needed.labels):
+        mesh = simulation.mesh_of(pools["open"].found)
+        latitude = light.sky.attrs["latitude"]
+        more = simulation.transport(case, "shaded", needed, latitude, mesh=mesh)
+        if "shaded" in pools:
+            pools["shaded"].extend(more)
+        else:
+            pools["shaded"] = Pool(more)

@@ -83,7 +83,7 @@ def states(found: dict[str, xr.Dataset], case: Case) -> xr.Dataset:
     return schema.describe(joined)
 
 
-def closing(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
+def is_closed(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
     """When the shade closes: bool by time, from the coefficients of the open state.
 
     The thresholds are attributes of the coefficients; without a shade it never closes.
@@ -98,6 +98,12 @@ def closing(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
 def _direct(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     """Direct sun and its standard error, in luminance."""
     return by_channel(accumulate.direct_sun, coefficients, light).map(schema.luminance)
+
+
+def may_close(case: Case, light: Daylight, is_open: xr.Dataset) -> np.ndarray:
+    """Time stamps at which the shade closes, as far as the open state's coefficients can tell."""
+    direct = _direct(is_open, light.sky)
+    return uncertainty.closures(direct, rules(case, light.step_hours), **drawing(case)).possible
 
 
 def rules(case: Case, step_hours: float) -> uncertainty.Rules:
@@ -169,7 +175,7 @@ def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     """
     _check_suns(coefficients, light)
     is_open = coefficients.sel(state="open", drop=True)
-    closed = closing(is_open, light)
+    closed = is_closed(is_open, light)
     shaded = None
     if "shaded" in coefficients["state"].values:
         shaded = coefficients.sel(state="shaded", drop=True)
@@ -224,11 +230,9 @@ def coefficients(
     with timed(stage, "open façade", seconds) as done:
         found["open"] = _state(case, "open", light.suns, latitude, found, done)
     if case.shading is not None:
-        closures = uncertainty.closures(
-            _direct(found["open"], light.sky), rules(case, light.step_hours), **drawing(case)
-        )
-        if closures.possible.any():
-            needed = light.suns.only(sources(light.sky.isel(time=closures.possible)))
+        closing = may_close(case, light, found["open"])
+        if closing.any():
+            needed = light.suns.only(sources(light.sky.isel(time=closing)))
             with timed(stage, "shaded façade", seconds) as done:
                 found["shaded"] = _state(case, "shaded", needed, latitude, found, done)
     joined = states(found, case)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,7 +44,7 @@ class Suns:
         """No sun at all."""
         return cls((), np.zeros((0, 3)))
 
-    def only(self, labels: np.ndarray) -> Suns:
+    def only(self, labels: Iterable[str]) -> Suns:
         """Keep the suns that are named."""
         wanted = set(map(str, labels))
         kept = [i for i, label in enumerate(self.labels) if label in wanted]

@@ -1,0 +1,154 @@
+"""Sampling until a target is reached: what the rounds come to, and when they end."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import drcmitsuba
+from drcmitsuba import load_case
+from drcmitsuba.accuracy import Accuracy, Target
+from drcmitsuba.errors import InputError
+from drcmitsuba.rounds import Pool
+from drcmitsuba.table import checked
+from tests.system.test_evaluate import changed
+
+RNG = np.random.default_rng(0)
+PATHS = "paths = 32\n"
+
+
+@pytest.fixture
+def evaluate(tmp_path):
+    def evaluate(*lines, model="true_sun", threshold=300.0):
+        text = changed((PATHS, PATHS + "\n".join(lines) + "\n"))
+        text += f'[sun]\nmodel = "{model}"\n[metrics]\nsda_threshold = {threshold}\n'
+        (tmp_path / "case.toml").write_text(text)
+        return drcmitsuba.evaluate(load_case(tmp_path / "case.toml"))
+
+    return evaluate
+
+
+# ---- target -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "target"),
+    [
+        ("1 point", Target(1, "point")),
+        ("0.5 points", Target(0.5, "point")),
+        (" 2% ", Target(2, "%")),
+    ],
+)
+def test_a_target_is_read(text, target):
+    assert checked(Accuracy, {"target": text}, "case").goal == target
+    assert Target.parse(str(target)) == target
+
+
+@pytest.mark.parametrize("text", ["", "1", "point", "0 points", "101 %", "-1 %", "1 point of sDA"])
+def test_a_target_that_is_none_is_told(text):
+    with pytest.raises(InputError, match=r'target: .*write "1 point"'):
+        checked(Accuracy, {"target": text}, "case")
+
+
+# ---- pool -------------------------------------------------------------------------------------
+
+
+def coefficients(sensors, bins):
+    values = RNG.random((4, sensors, len(bins))).astype(np.float32)
+    return xr.Dataset(
+        {
+            "replicates": (("replicate", "sensor", "bin"), values),
+            "direct": (("sensor", "bin"), values.mean(axis=0)),
+            "direct_se": (("sensor", "bin"), values.std(axis=0, ddof=1) / 2),
+        },
+        coords={"bin": np.array(list(bins), dtype=object)},
+    )
+
+
+def test_rounds_are_averaged_where_they_were_sampled():
+    first, second, third = coefficients(3, "abc"), coefficients(2, "cb"), coefficients(1, "b")
+    before = first.copy(deep=True)
+    pool = Pool(first)
+    pool.add(second, np.array([2, 0]))
+    pool.add(third, np.array([2]))
+    xr.testing.assert_identical(first, before)
+    a, b, c, found = (d["replicates"].values for d in (first, second, third, pool.found))
+    np.testing.assert_array_equal(found[:, 1], a[:, 1])
+    np.testing.assert_array_equal(found[..., 0], a[..., 0])
+    np.testing.assert_allclose(
+        found[:, 2, 1], (a[:, 2, 1] + b[:, 0, 1] + c[:, 0, 0]) / 3, rtol=1e-6
+    )
+    np.testing.assert_allclose(found[:, 0, 2], (a[:, 0, 2] + b[:, 1, 0]) / 2, rtol=1e-6)
+    np.testing.assert_allclose(pool.found["direct"], found.mean(axis=0), rtol=1e-5)
+
+
+def test_errors_of_rounds_add_up_as_those_of_means():
+    rounds = [coefficients(1, "a") for _ in range(3)]
+    pool = Pool(rounds[0])
+    for more in rounds[1:]:
+        pool.add(more, np.array([0]))
+    each = np.stack([r["direct_se"].values for r in rounds])
+    expected = np.sqrt((each**2).sum(axis=0)) / 3
+    np.testing.assert_allclose(pool.found["direct_se"], expected, rtol=1e-6)
+
+
+def test_bins_that_are_met_later_are_taken_as_they_come():
+    first, more = coefficients(2, "ab"), coefficients(2, "bc")
+    pool = Pool(first)
+    pool.extend(more)
+    assert list(pool.found["bin"].values) == list("abc")
+    np.testing.assert_array_equal(pool.found["replicates"][..., 1], first["replicates"][..., 1])
+    np.testing.assert_array_equal(pool.found["replicates"][..., 2], more["replicates"][..., 1])
+    again = coefficients(1, "c")
+    pool.add(again, np.array([1]))
+    mean = (more["replicates"][:, 1, 1] + again["replicates"][:, 0, 0]) / 2
+    np.testing.assert_allclose(pool.found["replicates"][:, 1, 2], mean, rtol=1e-6)
+
+
+# ---- evaluations ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["true_sun", "adaptive"])
+def test_more_rounds_narrow_the_intervals_and_seeds_fix_the_numbers(evaluate, model):
+    # Half of the hours of the middle sensor are beyond this threshold.
+    middle = evaluate(model=model).illuminance["total"].median("time")
+    kind = {"model": model, "threshold": float(np.sort(middle)[12])}
+    plain = evaluate(**kind)
+    width = max(plain.metrics[m]["high"] - plain.metrics[m]["low"] for m in ("sDA", "ASE")) / 2
+    assert width > 0, "the room is to have points that are too close to call"
+    target = f'target = "{max(width / 2, 2.1):.2f} points"'  # one of 25 sensors is 4 points
+    found, again = evaluate(target, **kind), evaluate(target, **kind)
+    told = found.metrics["accuracy"]
+    assert told["reached"]
+    assert told["reason"] == "target reached"
+    assert told["half_width"] <= max(width / 2, 2.1)
+    assert told["rounds"] > 1
+    assert found.metrics["sDA"] == again.metrics["sDA"]
+    np.testing.assert_allclose(found.illuminance["total"], again.illuminance["total"], rtol=1e-5)
+    se, before = (r.illuminance["total_open_se"].values for r in (found, plain))
+    sampled = (found.illuminance["total"] != plain.illuminance["total"]).any("time").values
+    assert np.median(se[:, sampled] / before[:, sampled]) < 0.95
+
+
+def test_a_target_of_the_mean_takes_all_sensors(evaluate):
+    plain = evaluate()
+    found = evaluate('target = "1 %"')
+    assert found.metrics["accuracy"]["reached"]
+    assert found.metrics["accuracy"]["half_width"] <= 1
+    if found.metrics["accuracy"]["rounds"] > 1:
+        assert (found.illuminance["total"] != plain.illuminance["total"]).any("time").all()
+
+
+def test_the_time_limit_ends_the_sampling(evaluate):
+    found = evaluate('target = "0.0001 %"', "time_limit = 0.5")
+    told = found.metrics["accuracy"]
+    assert not told["reached"]
+    assert told["reason"] == "limit of 0.5 s reached"
+    assert told["half_width"] > 0.0001
+    assert 1 < told["rounds"] < 200
+
+
+def test_a_target_that_is_met_at_once_costs_nothing(evaluate):
+    found = evaluate('target = "100 points"')
+    assert found.metrics["accuracy"]["rounds"] == 1
+    plain = evaluate().illuminance["total"]
+    np.testing.assert_allclose(found.illuminance["total"], plain, rtol=1e-5)
