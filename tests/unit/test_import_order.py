@@ -16,7 +16,7 @@ ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "table", "accuracy", "bsdf", "case",
     "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
     "coefficients", "accumulate", "metrics", "design", "plots", "report", "result", "tradeoff",
-    "terminal", "film_commands", "cli",
+    "terminal", "film_commands", "tradeoff_command", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
