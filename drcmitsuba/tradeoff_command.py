@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.errors import InputError
@@ -24,7 +26,7 @@ def tradeoff(
     """Show what accuracy costs in time: error and seconds of many settings of a case."""
     from drcmitsuba.case import load_case
     from drcmitsuba.tradeoff import tradeoff as measure
-    from drcmitsuba.tradeoff.table import HEADER, NOT_RUN
+    from drcmitsuba.tradeoff.row import HEADER, NOT_RUN
 
     if not 0 < minutes < 1e6:
         raise InputError("command line", "--minutes", f"{minutes:g}", "give minutes above 0")
@@ -32,9 +34,11 @@ def tradeoff(
     with stages() as stage:
         found = measure(loaded, minutes, stage, lambda so_far: so_far.save_csv(output))
         found.save(output)
-    table = Table(title=f"{found.name}: what accuracy costs", title_justify="left")
+    title = f"{escape(found.name)}: what accuracy costs"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False)
     for name in HEADER:
-        table.add_column(name, justify="left" if name == "setting" else "right")
+        first = name == "setting"
+        table.add_column(name, justify="left" if first else "right", no_wrap=first)
     for row in found.rows:
         if row.status != NOT_RUN:
             table.add_row(*row.cells())

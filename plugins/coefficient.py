@@ -55,7 +55,7 @@ class Coefficient(mi.CppADIntegrator):
     `max_depth`          int     largest number of scattering events, −1 (default) for no limit
     `rr_depth`           int     scattering events before Russian roulette begins, default 4
     `suns_per_vertex`    int     suns that are sampled at a diffuse vertex, default 4
-    `suns_per_pane`      int     suns that are sampled at a pane that scatters, default 2
+    `suns_per_pane`      int     suns that are sampled at a pane that scatters, default 4
     ===================  ======  ==================================================================
 
     As an integrator it renders a tensor (height, width, bin) [1] of ∂L/∂L_bin with a box filter.
@@ -66,8 +66,8 @@ class Coefficient(mi.CppADIntegrator):
     Sky: emitter sampling (uniform over the sphere) and BSDF sampling, combined by the balance
     heuristic. Suns: emitter sampling; after a perfectly specular event the disks themselves are
     tested. By way of a pane that scatters, they are sought from points on the panes and by BSDF
-    sampling, combined likewise. Shadow rays pass panes with a `Null` component by their transmittance. Every estimate
-    is unbiased; sums are kept in Float64.
+    sampling, combined likewise. Shadow rays pass panes with a `Null` component by their
+    transmittance. Every estimate is unbiased; sums are kept in Float64.
 
     Limits: first channel of the spectrum only; no participating media; light that reaches a pane
     only by mirrors is noisy for suns.
@@ -77,7 +77,7 @@ class Coefficient(mi.CppADIntegrator):
         super().__init__(props)
         for name, default, least in (
             ("max_depth", -1, -1), ("rr_depth", 4, 0), ("suns_per_vertex", 4, 1),
-            ("suns_per_pane", 2, 1),
+            ("suns_per_pane", 4, 1),
         ):  # fmt: skip
             value = checked("coefficient", name, props.get(name, default), least)
             setattr(self, name, int(value))
@@ -155,9 +155,7 @@ class Coefficient(mi.CppADIntegrator):
         self._pane_sampling(scene, panes, sampler, si, white, beta, out, base, everywhere)
         ray = mi.Ray3f(p, si.to_world(wo))
         pdf = mi.warp.square_to_cosine_hemisphere_pdf(wo)
-        self._trace(
-            scene, panes, sampler, ray, beta, pdf, mi.Bool(False), base, rows * bins, out
-        )
+        self._trace(scene, panes, sampler, ray, beta, pdf, mi.Bool(False), base, rows * bins, out)
         return mi.TensorXd(out, (2, rows, bins))
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
@@ -287,9 +285,9 @@ class Coefficient(mi.CppADIntegrator):
         """Follow paths and add what they collect to `out`.
 
         `pdf` is the density of the ray's direction at the last vertex that scatters, `delta` says
-        that no emitter sampling could have found it, `origin` is where that vertex is and `looked`
-        whether points on the panes were sampled from it; `base` is the first entry of the lane's row,
-        `part` the offset of the part that has met a diffuse surface.
+        that no emitter sampling could have found it; `base` is the first entry of the lane's row,
+        `part` the offset of the part that has met a diffuse surface. `origin` is that vertex, and
+        `looked` says whether points on the panes were sampled from it.
         """
         sky, suns = self._sources(scene)
         ctx = mi.BSDFContext()

@@ -10,13 +10,14 @@ deviation
     Errors without the reference's own noise.
 evaluation, process
     One setting, evaluated in a process of its own.
-table, picture
+row, table, picture
     What was found, for the eye.
 """
 
 from __future__ import annotations
 
+from drcmitsuba.tradeoff.row import Row
 from drcmitsuba.tradeoff.run import tradeoff
-from drcmitsuba.tradeoff.table import Row, Tradeoff
+from drcmitsuba.tradeoff.table import Tradeoff
 
 __all__ = ["Row", "Tradeoff", "tradeoff"]

@@ -144,7 +144,7 @@ class Yardstick:
 
     @cached_property
     def sda(self) -> Measured:
-        """sDA of the reference on its hours and sensors [%]."""
+        """Daylight autonomy, sDA, of the reference on its hours and sensors [%]."""
 
         def value(rounds: np.ndarray) -> float:
             return self._sda(self._rounds[rounds].mean(axis=0))
@@ -153,7 +153,7 @@ class Yardstick:
 
     @cached_property
     def ase(self) -> float:
-        """ASE of the reference on its hours, of all sensors [%]."""
+        """Sunlight exposure, ASE, of the reference on its hours, of all sensors [%]."""
         return self._ase(self.reference.direct_sun)
 
     def _sda(self, total: np.ndarray) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,9 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from drcmitsuba.plots import BLUE, GREY, INK, ORANGE
-
-if TYPE_CHECKING:
-    from drcmitsuba.tradeoff.table import Row, Tradeoff
+from drcmitsuba.tradeoff.row import Row
 
 COLOURS = {
     "default": INK,
@@ -41,12 +40,16 @@ def pareto(seconds: np.ndarray, error: np.ndarray) -> np.ndarray:
     return order[new]
 
 
-def frontier(found: Tradeoff) -> Figure:
+def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     """Draw seconds against the RMS error of E on logarithmic axes.
 
     Parameters
     ----------
-    found : Tradeoff
+    name : str
+        Of the case.
+    rows : sequence of Row
+    own_rms : float
+        RMS error of the reference itself [%].
 
     Returns
     -------
@@ -56,8 +59,8 @@ def frontier(found: Tradeoff) -> Figure:
     """
     figure = Figure(figsize=(9.0, 6.2), layout="constrained")
     ax = figure.add_subplot()
-    rows = [row for row in found.rows if row.is_on_plot]
-    ax.set_title(f"{found.name}: what accuracy costs", loc="left", weight="bold", fontsize=11)
+    rows = [row for row in rows if row.is_on_plot]
+    ax.set_title(f"{name}: what accuracy costs", loc="left", weight="bold", fontsize=11)
     ax.set_xlabel("seconds for the period, without start-up")
     ax.set_ylabel("RMS error of E [% of its mean]")
     if not rows:
@@ -65,14 +68,14 @@ def frontier(found: Tradeoff) -> Figure:
         return figure
     seconds = np.array([row.seconds for row in rows])
     error = np.array([_shown(row) for row in rows])
-    _axes(ax, seconds, np.append(error, found.own_rms))
-    ax.axhspan(ax.get_ylim()[0], found.own_rms, color="#E4E4E4", zorder=0, linewidth=0)
+    _axes(ax, seconds, np.append(error, own_rms))
+    ax.axhspan(ax.get_ylim()[0], own_rms, color="#E4E4E4", zorder=0, linewidth=0)
     at = pareto(seconds, error)
     ax.plot(seconds[at], error[at], color=GREY, linewidth=1.2, zorder=1)
     for row, x, y in zip(rows, seconds, error, strict=True):
         _point(ax, row, x, y)
-    _labels(ax, rows, seconds, error)
-    _legend(ax, rows, found)
+    _labels(figure, ax, rows, seconds, error)
+    _legend(figure, rows, own_rms)
     return figure
 
 
@@ -114,10 +117,8 @@ def _point(ax: Axes, row: Row, x: float, y: float) -> None:
     ax.scatter(x, y, size, marker=marker, edgecolor="white", linewidth=0.7, **style)
 
 
-def _labels(ax: Axes, rows: list[Row], x: np.ndarray, y: np.ndarray) -> None:
+def _labels(figure: Figure, ax: Axes, rows: Sequence[Row], x: np.ndarray, y: np.ndarray) -> None:
     """Label every point beside it, where no other label or point lies; a thin line leads there."""
-    figure = ax.get_figure()
-    assert isinstance(figure, Figure)
     figure.canvas.draw()  # sets the layout, which the places depend on
     dots = ax.transData.transform(np.column_stack([x, y]))
     scale = figure.dpi / 72
@@ -141,7 +142,7 @@ def _labels(ax: Axes, rows: list[Row], x: np.ndarray, y: np.ndarray) -> None:
 
 
 def _free(
-    dot: np.ndarray, width: float, height: float, taken: list[tuple[float, ...]],
+    dot: np.ndarray, width: float, height: float, taken: Sequence[tuple[float, ...]],
     frame: np.ndarray, scale: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Lower left corner [px] of the nearest place for a label that overlaps least."""
@@ -168,7 +169,7 @@ def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     return max(wide, 0.0) * max(high, 0.0)
 
 
-def _legend(ax: Axes, rows: list[Row], found: Tradeoff) -> None:
+def _legend(figure: Figure, rows: Sequence[Row], own_rms: float) -> None:
     varied = [name for name in COLOURS if name in {row.varied for row in rows}]
     keys: list[Any] = [
         Line2D(
@@ -178,8 +179,6 @@ def _legend(ax: Axes, rows: list[Row], found: Tradeoff) -> None:
         for name in varied
     ]  # fmt: skip
     keys.append(Line2D([], [], color=GREY, linewidth=1.2, label="frontier"))
-    own = f"reference's own error, {found.own_rms:.1f} %"
+    own = f"reference's own error, {own_rms:.1f} %"
     keys.append(Patch(color="#E4E4E4", label=own))
-    ax.get_figure().legend(
-        handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9
-    )
+    figure.legend(handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9)

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from drcmitsuba.errors import BackendError, InputError
 from drcmitsuba.progress import Progress
@@ -28,10 +28,11 @@ POLL = 0.05
 class Job(Protocol[T_co]):
     """Work that can be pickled, and so can what it returns."""
 
-    def __call__(self) -> T_co: ...
+    def __call__(self) -> T_co:
+        """Do it."""
 
 
-class JobFailed(RuntimeError):
+class JobError(RuntimeError):
     """A process ended without a result; the message says how in a few words."""
 
 
@@ -50,7 +51,7 @@ def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -
     ------
     TimeoutError
         The deadline came.
-    JobFailed
+    JobError
         The process ended otherwise.
     InputError, BackendError
         What the job raised of these.
@@ -79,13 +80,13 @@ def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -
         return _result(folder, process.returncode)
 
 
-def _result(folder: Path, code: int) -> T:
+def _result(folder: Path, code: int) -> Any:
     """What a process has left behind."""
     file = folder / "result"
     if not file.is_file():
         told = (folder / "stderr").read_text(errors="replace").strip().splitlines()
         ended = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        raise JobFailed(f"{ended}: {told[-1][:200]}" if told else ended)
+        raise JobError(f"{ended}: {told[-1][:200]}" if told else ended)
     kind, content = pickle.loads(file.read_bytes())
     if kind == "input":
         raise InputError(*content)

@@ -24,26 +24,29 @@ from drcmitsuba.transport.shadow_rays import sun_deposit
 
 SUBDIVISION = 6
 """Of the reference's sky: 5185 patches."""
-MOST_HOURS, MOST_SENSORS = 200, 600
+HOURS, MOST_SENSORS = 200, 600
 FEWEST_ROUNDS, ROUNDS = 4, 16
 """Rounds that are made at least, and that the time is cut into at least."""
+ENOUGH = 0.5
+"""RMS error [% of the mean E] of the reference below which it takes no more time."""
 LANES = 1 << 21
 """Paths of one launch."""
 PILOT = 1 << 16
 """Paths of the launch that the speed is measured with."""
-SUNS_PER_VERTEX = 16
-"""Suns sampled at every vertex; the least noise in a given time for some hundred suns."""
+SUNS_PER_VERTEX = 8
+"""Suns sampled at every vertex; about the least noise in a given time for some hundred suns."""
 DISK_SAMPLES, DISK_ROUNDS = 8, 32
 """Directions to every sun's disk in one launch, and launches, for light that comes straight."""
 
 
-def some_hours(times: np.ndarray, most: int = MOST_HOURS) -> np.ndarray:
+def some_hours(times: np.ndarray, about: int = HOURS) -> np.ndarray:
     """Every n-th time stamp, spread over the year and over the hours of the day.
 
     Parameters
     ----------
     times : np.ndarray of datetime64, shape (time,)
-    most : int
+    about : int
+        How many are wanted.
 
     Returns
     -------
@@ -56,9 +59,9 @@ def some_hours(times: np.ndarray, most: int = MOST_HOURS) -> np.ndarray:
     """
     _, of_day = np.unique(times.astype("datetime64[D]"), return_counts=True)
     per_day = int(np.median(of_day))
-    step = -(-len(times) // most)
-    while step > 1 and np.gcd(step, per_day) > 1:
-        step += 1
+    wanted = max(len(times) / about, 1.0)
+    steps = [n for n in range(1, 2 * per_day + int(wanted)) if np.gcd(n, per_day) == 1]
+    step = min(steps, key=lambda n: abs(n - wanted))
     return np.arange((step - 1) // 2, len(times), step)
 
 
@@ -120,6 +123,7 @@ class Light:
     diameter: float
 
     def only(self, hours: np.ndarray) -> Light:
+        """Keep some hours."""
         return Light(self.sky[hours], self.sun[hours], self.directions[hours], self.diameter)
 
     @property
@@ -154,6 +158,7 @@ class Referencing:
     until: float
 
     def __call__(self) -> Reference:
+        """Make it."""
         start = time.monotonic()
         backend.select()
         light = light_of(self.case, self.times)
@@ -186,8 +191,17 @@ class Referencing:
         spp = int(np.clip(left / pace, 1, max(1, LANES // states[0].size)))
         rounds: list[list[np.ndarray]] = []
         while len(rounds) < FEWEST_ROUNDS or time.monotonic() + spp * pace < self.until:
+            # Looked at now and then only, as it takes all rounds.
+            if len(rounds) % ROUNDS == 0 and len(rounds) > 0 and _spread(rounds) < ENOUGH:
+                break
             rounds.append([state.illuminance(spp, 2 + len(rounds)) for state in states])
         return spp, rounds
+
+
+def _spread(rounds: list[list[np.ndarray]]) -> float:
+    """RMS of the standard error of E with the shade open, over its mean [%]."""
+    E = np.stack([found[0] for found in rounds])
+    return 100 * float(np.sqrt(E.var(axis=0, ddof=1).mean() / len(E)) / E.mean())
 
 
 def _channels(case: Case) -> Iterator[tuple[int, float]]:
@@ -236,7 +250,13 @@ class _State:
 
     def illuminance(self, spp: int, seed: int) -> np.ndarray:
         """E (time, sensor) [lx] of `spp` paths from every sensor."""
-        plugin = mi.load_dict({"type": "coefficient", "suns_per_vertex": SUNS_PER_VERTEX})
+        plugin = mi.load_dict(
+            {
+                "type": "coefficient",
+                "suns_per_vertex": SUNS_PER_VERTEX,
+                "suns_per_pane": SUNS_PER_VERTEX,
+            }
+        )
         lit, bins = self.light.shining, self.light.sky.shape[1]
         E = np.zeros((len(self.light.sun), self.size))
         for channel, (world, weight) in enumerate(zip(self.scenes, self.weights, strict=True)):

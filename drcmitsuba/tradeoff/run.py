@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,9 @@ from drcmitsuba.tradeoff import process
 from drcmitsuba.tradeoff.deviation import Yardstick
 from drcmitsuba.tradeoff.evaluation import Evaluation
 from drcmitsuba.tradeoff.reference import Referencing, some_hours
+from drcmitsuba.tradeoff.row import Row
 from drcmitsuba.tradeoff.settings import Setting, design
-from drcmitsuba.tradeoff.table import Row, Tradeoff
+from drcmitsuba.tradeoff.table import Tradeoff
 
 SHARE_OF_REFERENCE = 0.5
 """Part of the time that the reference may take."""
@@ -110,7 +111,7 @@ def _row(
         found = process.run(Evaluation(setting.case, times), deadline)
     except TimeoutError:
         return Row(setting.name, setting.varied)
-    except process.JobFailed as failure:
+    except process.JobError as failure:
         return Row(setting.name, setting.varied, status=f"failed: {failure}")
     errors = yardstick.errors(found, same_sensors=setting.same_sensors(case))
     return Row(setting.name, setting.varied, "done", errors, found.seconds, found.memory)

@@ -2,95 +2,19 @@
 
 from __future__ import annotations
 
-import math
+import base64
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from drcmitsuba import plots, schema
 from drcmitsuba.case import Case
-from drcmitsuba.tradeoff.deviation import Errors, Yardstick
-
-NOT_RUN = "not run"
-
-
-@dataclass(frozen=True)
-class Row:
-    """A setting: what was changed, whether it ran, and what it cost.
-
-    Parameters
-    ----------
-    name, varied : str
-        As in `settings.Setting`.
-    status : str
-        "done", "not run", or "failed: …".
-    errors : Errors or None
-    seconds : float
-        Of the whole period.
-    memory : int
-        [bytes].
-    """
-
-    name: str
-    varied: str
-    status: str = NOT_RUN
-    errors: Errors | None = None
-    seconds: float = math.nan
-    memory: int = 0
-
-    @property
-    def is_on_plot(self) -> bool:
-        """Whether its E could be compared."""
-        return self.errors is not None and not math.isnan(self.errors.square.value)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The row of the CSV file."""
-        out: dict[str, Any] = {"setting": self.name, "varied": self.varied, "status": self.status}
-        if self.errors is not None:
-            e = self.errors
-            out |= {
-                "E_rms_percent": e.rms,
-                "E_rms_se": e.rms_error,
-                "E_rms_below": e.rms_below,
-                "E_mean_percent": e.mean.value,
-                "E_mean_se": e.mean.error,
-                "sDA_points": e.sda.value,
-                "ASE_points": e.ase.value,
-                "direct_sun_wrong_percent": e.direct_sun.value,
-                "shade_wrong_percent": e.shade.value,
-                "seconds": round(self.seconds, 3),
-                "memory_MiB": round(self.memory / 2**20),
-            }
-        return out
-
-    def cells(self) -> tuple[str, ...]:
-        """The row of the table on a terminal."""
-        if self.errors is None:
-            return self.name, self.status, *[""] * 6
-        e = self.errors
-        rms = f"< {e.rms_below:.1f}" if e.is_hidden else f"{e.rms:.1f}"
-        return (
-            self.name,
-            _number(e.square.value, rms),
-            _number(e.mean.value, f"{e.mean.value:+.1f}"),
-            f"{e.sda.value:+.1f}",
-            f"{e.ase.value:+.1f}",
-            _number(e.direct_sun.value, f"{e.direct_sun.value:.2f}"),
-            f"{self.seconds:.1f}",
-            f"{self.memory / 2**30:.1f}",
-        )
-
-
-def _number(value: float, text: str) -> str:
-    return "–" if math.isnan(value) else text
-
-
-HEADER = (
-    "setting", "E RMS %", "E mean %", "sDA points", "ASE points", "direct sun %", "seconds", "GiB",
-)  # fmt: skip
+from drcmitsuba.tradeoff.deviation import Yardstick
+from drcmitsuba.tradeoff.picture import frontier
+from drcmitsuba.tradeoff.row import HEADER, Row
 
 
 @dataclass(frozen=True)
@@ -102,10 +26,19 @@ class Tradeoff:
     name : str
         Of the case.
     rows : tuple of Row
-    own : Row-like numbers of the reference
-        `own_rms`, `own_mean` [%], `sda`, `sda_error`, `ase` [%], `paths`, `seconds`.
+    own_rms, own_mean : float
+        Errors of the reference itself: RMS of E, and of the mean E [%].
+    mean : float
+        Mean E of the reference [lx].
+    sda, sda_error, ase : float
+        Of the reference, on its hours [%].
+    paths, rounds : int
+        From every sensor, and the rounds that they were made in.
+    reference_seconds : float
     hours, year : int
         Time stamps of the reference, and of the period.
+    sensors : int
+        Of the reference.
     """
 
     name: str
@@ -182,18 +115,15 @@ class Tradeoff:
         text = self.frame.to_csv(index=False, float_format="%.6g")
         schema.save_text(text, Path(folder) / "tradeoff.csv")
 
-    def figure(self) -> Any:
+    def figure(self) -> Figure:
         """The frontier: seconds against the RMS error of E."""
-        from drcmitsuba.tradeoff.picture import frontier
-
-        return frontier(self)
-
-    def _repr_png_(self) -> bytes:
-        buffer = BytesIO()
-        self.figure().savefig(buffer, format="png", dpi=100)
-        return buffer.getvalue()
+        return frontier(self.name, self.rows, self.own_rms)
 
     def _repr_html_(self) -> str:
+        buffer = BytesIO()
+        self.figure().savefig(buffer, format="png", dpi=100)
+        picture = base64.b64encode(buffer.getvalue()).decode()
         shown = pd.DataFrame([row.cells() for row in self.rows], columns=HEADER)
         told = "".join(f"<p>{note}</p>" for note in self.notes())
-        return f"{shown.to_html(index=False, border=0)}{told}"
+        image = f'<img alt="seconds against error" src="data:image/png;base64,{picture}">'
+        return f"{shown.to_html(index=False, border=0)}{told}{image}"
