@@ -74,7 +74,7 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     ax.plot(seconds[at], error[at], color=GREY, linewidth=1.2, zorder=1)
     for row, x, y in zip(rows, seconds, error, strict=True):
         _point(ax, row, x, y)
-    _labels(figure, ax, rows, seconds, error)
+    _labels(figure, ax, rows, np.column_stack([seconds, error]), at)
     _legend(figure, rows, own_rms)
     return figure
 
@@ -109,24 +109,37 @@ def _point(ax: Axes, row: Row, x: float, y: float) -> None:
     style: dict[str, Any] = {"color": COLOURS[row.varied], "zorder": 3}
     if row.errors.is_hidden:
         ax.scatter(x, y, size, marker=marker, facecolor="white", edgecolor=style["color"], zorder=3)
-        arrow = {"arrowstyle": "->", "color": style["color"], "linewidth": 1.1}
-        ax.annotate("", (x, y), (0, -20), textcoords="offset points", arrowprops=arrow | {})
+        arrow = {"arrowstyle": "<-", "color": style["color"], "linewidth": 1.1, "shrinkB": 4}
+        ax.annotate("", (x, y), (0, -20), textcoords="offset points", arrowprops=arrow)
         return
     bar = min(row.errors.rms_error, 0.9 * y)
     ax.errorbar(x, y, bar, elinewidth=0.8, alpha=0.6, **style)
     ax.scatter(x, y, size, marker=marker, edgecolor="white", linewidth=0.7, **style)
 
 
-def _labels(figure: Figure, ax: Axes, rows: Sequence[Row], x: np.ndarray, y: np.ndarray) -> None:
-    """Label every point beside it, where no other label or point lies; a thin line leads there."""
+def _labels(
+    figure: Figure, ax: Axes, rows: Sequence[Row], points: np.ndarray, best: np.ndarray
+) -> None:
+    """Label every point where nothing else lies, the frontier through `best` included.
+
+    A thin line leads from a label that is not close to its point.
+    """
     figure.canvas.draw()  # sets the layout, which the places depend on
-    dots = ax.transData.transform(np.column_stack([x, y]))
+    dots = ax.transData.transform(points)
     scale = figure.dpi / 72
-    taken = [(px - 6 * scale, py - 6 * scale, px + 6 * scale, py + 6 * scale) for px, py in dots]
+    steps = np.linspace(0, 1, 60)[:, None, None]
+    on_line = (dots[best[:-1]] * (1 - steps) + dots[best[1:]] * steps).reshape(-1, 2)
+    taken = [
+        (x - half * scale, y - half * scale, x + half * scale, y + half * scale)
+        for places, half in ((dots, 6), (on_line, 2))
+        for x, y in places
+    ]
     frame = ax.get_window_extent()
-    for i in np.argsort(x):
+    for i in np.argsort(points[:, 0]):
         text = rows[i].name
-        width, height = 0.52 * FONT * scale * len(text), 1.25 * FONT * scale
+        bold = rows[i].varied in MARKED
+        width = (0.62 if bold else 0.54) * FONT * scale * len(text)
+        height = 1.25 * FONT * scale
         left, bottom = _free(dots[i], width, height, taken, frame.extents, scale)
         taken.append((left, bottom, left + width, bottom + height))
         shift = (np.array([left, bottom + height / 2]) - dots[i]) / scale
@@ -134,9 +147,9 @@ def _labels(figure: Figure, ax: Axes, rows: Sequence[Row], x: np.ndarray, y: np.
         far = np.hypot(*centre) > width / 2 / scale + 16
         line = {"arrowstyle": "-", "color": "#AAAAAA", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 4}
         ax.annotate(
-            text, (x[i], y[i]), tuple(shift), textcoords="offset points", va="center",
-            fontsize=FONT, color=COLOURS[rows[i].varied], zorder=4,
-            weight="bold" if rows[i].varied in MARKED else "normal",
+            text, points[i], tuple(shift), textcoords="offset points", va="center",
+            fontsize=FONT, color=INK, zorder=4,
+            weight="bold" if bold else "normal",
             arrowprops=line if far else None,
         )  # fmt: skip
 
@@ -179,6 +192,6 @@ def _legend(figure: Figure, rows: Sequence[Row], own_rms: float) -> None:
         for name in varied
     ]  # fmt: skip
     keys.append(Line2D([], [], color=GREY, linewidth=1.2, label="frontier"))
-    own = f"reference's own error, {own_rms:.1f} %"
+    own = f"own error of the reference, {own_rms:.1f} %"
     keys.append(Patch(color="#E4E4E4", label=own))
     figure.legend(handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
