@@ -28,6 +28,8 @@ COLOURS = {
 """Told apart by colour-blind readers, as in `plots`."""
 MARKED = {"default": ("*", 260), "yours": ("D", 80)}
 """Marker and size [pt²] of the settings that are not one of many."""
+OWN, HIDDEN = "#ECECEC", "#DADADA"
+"""Of the bands of the reference's error."""
 FONT = 8.0
 """Size of the labels [pt]."""
 
@@ -55,7 +57,7 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     -------
     Figure
         Settings whose error the noise of the reference hides stand at its upper bound, with an
-        arrow down. The grey band is the reference's own error.
+        arrow down. The grey bands are the reference's own error, and how much of an error it hides.
     """
     figure = Figure(figsize=(9.0, 6.2), layout="constrained")
     ax = figure.add_subplot()
@@ -69,14 +71,22 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     seconds = np.array([row.seconds for row in rows])
     error = np.array([_shown(row) for row in rows])
     _axes(ax, seconds, np.append(error, own_rms))
-    ax.axhspan(ax.get_ylim()[0], own_rms, color="#E4E4E4", zorder=0, linewidth=0)
+    hidden = _hidden(rows)
+    for error_of_reference, grey in ((own_rms, OWN), (hidden, HIDDEN)):
+        ax.axhspan(ax.get_ylim()[0], error_of_reference, color=grey, zorder=0, linewidth=0)
     at = pareto(seconds, error)
     ax.plot(seconds[at], error[at], color=GREY, linewidth=1.2, zorder=1)
     for row, x, y in zip(rows, seconds, error, strict=True):
         _point(ax, row, x, y)
     _labels(figure, ax, rows, np.column_stack([seconds, error]), at)
-    _legend(figure, rows, own_rms)
+    _legend(figure, rows, own_rms, hidden)
     return figure
+
+
+def _hidden(rows: Sequence[Row]) -> float:
+    """Smallest RMS error [%] that could be told from none."""
+    spread = min(row.errors.square.error for row in rows if row.errors is not None)
+    return 100 * float(np.sqrt(2 * spread))
 
 
 def _shown(row: Row) -> float:
@@ -182,7 +192,7 @@ def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     return max(wide, 0.0) * max(high, 0.0)
 
 
-def _legend(figure: Figure, rows: Sequence[Row], own_rms: float) -> None:
+def _legend(figure: Figure, rows: Sequence[Row], own_rms: float, hidden: float) -> None:
     varied = [name for name in COLOURS if name in {row.varied for row in rows}]
     keys: list[Any] = [
         Line2D(
@@ -193,5 +203,6 @@ def _legend(figure: Figure, rows: Sequence[Row], own_rms: float) -> None:
     ]  # fmt: skip
     keys.append(Line2D([], [], color=GREY, linewidth=1.2, label="frontier"))
     own = f"own error of the reference, {own_rms:.1f} %"
-    keys.append(Patch(color="#E4E4E4", label=own))
+    keys.append(Patch(color=OWN, label=own))
+    keys.append(Patch(color=HIDDEN, label=f"what of it cannot be taken off, {hidden:.1f} %"))
     figure.legend(handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9)

@@ -69,13 +69,19 @@ class Row:
         return (
             self.name,
             _number(e.square.value, rms),
-            _number(e.mean.value, f"{e.mean.value:+.1f}"),
-            f"{e.sda.value:+.1f}",
-            f"{e.ase.value:+.1f}",
+            _number(e.mean.value, _signed(e.mean.value)),
+            _signed(e.sda.value),
+            _signed(e.ase.value),
             _number(e.direct_sun.value, f"{e.direct_sun.value:.2f}"),
             f"{self.seconds:.1f}",
             f"{self.memory / 2**30:.1f}",
         )
+
+
+def _signed(value: float) -> str:
+    """One decimal with its sign; nothing is 0.0."""
+    text = f"{value:+.1f}"
+    return "0.0" if float(text) == 0 else text
 
 
 def _number(value: float, text: str) -> str:
