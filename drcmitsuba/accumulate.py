@@ -1,20 +1,26 @@
 """Coefficients × luminances = illuminance: E[time, sensor] = Σ_bin C[sensor, bin] · L[time, bin].
 
-Bins are matched by label, exactly. Every time stamp has at most one sun, so its part of the sum is
-one product; the sky's is a matrix product. Replicates of C are carried through, and their scatter
-is the standard error of E: entries of C share samples, so their errors do not simply add.
+Bins are matched by label, exactly. The sun of a time stamp is one bin, or a few in place of it, so
+its part of the sum is a product for each; the sky's is a matrix product. Replicates of C are
+carried through, and their scatter is the standard error of E: entries of C share samples, so their
+errors do not simply add.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
+from scipy.sparse import csr_matrix
+from threadpoolctl import threadpool_limits
 
 from drcmitsuba.errors import InputError
-from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.schema import describe
+from drcmitsuba.suns import Blend, mesh
 
-BLOCK = 256
-"""Sensors that are taken at once: the replicates of a block stay small."""
+BLOCK = 1 << 16
+"""Entries (time, sensor) that are taken at once: they stay in the cache from sum to sum."""
 
 
 def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
@@ -34,11 +40,29 @@ def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.
     return np.array([known[str(label)] for label in labels], dtype=np.int64)
 
 
-def _sun_positions(coefficients: xr.Dataset, sky: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Time stamps at which the sun shines, and their bins."""
-    shining = np.flatnonzero(sky["sun"].values > 0)
-    remedy = "compute coefficients for the time stamps of this sky"
-    return shining, _positions(coefficients, sky["sun_bin"].values[shining], remedy)
+def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
+    """Luminances (time, bin) of the bins that stand for the sun, after the sky's sun model."""
+    times = np.flatnonzero(sky["sun"].values > 0)
+    known = list(map(str, coefficients["bin"].values))
+    if sky.attrs.get("sun_model") == "adaptive":
+        directions = sky["sun_direction"].values[times]
+        blend = mesh.blend(directions, np.ones(len(times), bool), known)
+        lost = int((blend.weights.sum(axis=1) < 0.5).sum())
+        if lost:
+            raise InputError(
+                "coefficients", "bin", f"no mesh of suns about {lost} of the sky's suns",
+                "compute coefficients with the adaptive sun model",
+            )  # fmt: skip
+    elif "blend_bin" in sky:
+        blend = Blend(sky["blend_bin"].values[times], sky["blend_weight"].values[times])
+    else:
+        blend = Blend.own(sky["sun_bin"].values[times])
+    rows, k = np.nonzero(blend.weights)
+    remedy = "compute coefficients for the time stamps and the sun model of this sky"
+    bins = _positions(coefficients, blend.bins[rows, k], remedy)
+    values = blend.weights[rows, k] * sky["sun"].values[times[rows]]
+    shape = (sky.sizes["time"], len(known))
+    return csr_matrix((values.astype(np.float32), (times[rows], bins)), shape)
 
 
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
@@ -57,13 +81,6 @@ def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
     return xr.DataArray(values, coords, dims=("time", "sensor"))
 
 
-def _by_sun(c: np.ndarray, sky: xr.Dataset, shining: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Illuminance by the sun, (time, sensor), from C (sensor, bin) and the bins of the suns."""
-    out = np.zeros((sky.sizes["time"], len(c)), np.float32)
-    out[shining] = c.T[at] * sky["sun"].values[shining].astype(np.float32)[:, None]
-    return out
-
-
 def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     """Illuminance by sun that comes straight, for ASE and the shade.
 
@@ -72,31 +89,38 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     coefficients : xr.Dataset
         Of the open state: `straight`, `straight_se` (sensor, bin) [sr].
     sky : xr.Dataset
-        From `sky.radiance`: `sun`, `sun_bin`.
+        Of `light.Daylight`: `sun`, `sun_bin`, `sun_direction` and its blend.
 
     Returns
     -------
     xr.Dataset
         `direct_sun` and `direct_sun_se`, dims (time, sensor) [lx].
     """
-    shining, at = _sun_positions(coefficients, sky)
+    names = ("straight", "straight_se")
+    if "sun_straight" in coefficients:  # the time stamps' own suns, beside those of the mesh
+        own = coefficients[["sun_straight", "sun_straight_se"]]
+        coefficients = own.rename(sun="bin", sun_straight=names[0], sun_straight_se=names[1])
+        sky = sky.assign_attrs(sun_model="true_sun")
+    suns = _suns(coefficients, sky)
     out = {}
-    for name in ("straight", "straight_se"):
-        values = _by_sun(coefficients[name].values, sky, shining, at)
+    for name in names:
+        values = suns @ coefficients[name].values.T
         _refuse_gaps(values, sky)
         out[name.replace("straight", "direct_sun")] = _array(sky, values)
     return describe(xr.Dataset(out))
 
 
-def _of_replicate(
-    c: np.ndarray, sky: xr.Dataset, patches: np.ndarray, shining: np.ndarray, at: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Illuminance by sky, by sun and in all, (time, sensor) each, of one replicate's C."""
-    by_sky = sky["sky"].values.astype(np.float32) @ c[:, patches].T
-    by_sun = _by_sun(c, sky, shining, at)
-    total = by_sky + by_sun
-    _refuse_gaps(total, sky)
-    return by_sky, by_sun, total
+def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`schema.mean_and_error` of arrays, in few passes; differences from the first keep digits."""
+    n, first = len(replicates), replicates[0]
+    total, squares = np.zeros_like(first), np.zeros_like(first)
+    for values in replicates[1:]:
+        difference = values - first
+        total += difference
+        squares += difference * difference
+    total /= n
+    squares -= n * total * total
+    return first + total, np.sqrt(np.maximum(squares, 0) / (n * (n - 1)))
 
 
 def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
@@ -121,17 +145,44 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     """
     remedy = "compute sky and coefficients with the same subdivision"
     patches = _positions(coefficients, sky["bin"].values, remedy)
-    suns = _sun_positions(coefficients, sky)
-    replicates = coefficients["replicates"].values
-    shape = (sky.sizes["time"], replicates.shape[1])
+    suns = _suns(coefficients, sky)
+    by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
+    by_patch = [c[patches] for c in by_bin]
+    L = sky["sky"].values.astype(np.float32)
     names = ("sky", "sun", "total")
-    out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
-    for start in range(0, shape[1], BLOCK):
-        here = slice(start, start + BLOCK)
-        found = [_of_replicate(c[here], sky, patches, *suns) for c in replicates]
-        for name, values in zip(names, zip(*found, strict=True), strict=True):
-            out[name][:, here], out[f"{name}_se"][:, here] = mean_and_error(np.stack(values))
+    out = {
+        n + s: np.empty((len(L), by_bin[0].shape[1]), np.float32)
+        for n in names
+        for s in ("", "_se")
+    }
+
+    step = max(1, BLOCK // by_bin[0].shape[1])
+    # The matrices are small: threads of the library would wait for each other most of the time.
+    with threadpool_limits(1, user_api="blas"):
+        for start in range(0, len(L), step):
+            here = slice(start, start + step)
+            by_sky = [L[here] @ c for c in by_patch]
+            by_sun = [suns[here] @ c for c in by_bin]
+            total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
+            for name, values in zip(names, (by_sky, by_sun, total), strict=True):
+                out[name][here], out[f"{name}_se"][here] = _mean_and_error(values)
+    _refuse_gaps(out["total"], sky)
+    if "sun_straight" in coefficients:
+        _add_straight(out, coefficients, sky)
     return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
+
+
+def _add_straight(out: dict[str, np.ndarray], coefficients: xr.Dataset, sky: xr.Dataset) -> None:
+    """Add the suns that sensors see themselves where the mesh of suns has only all other light.
+
+    Their errors, and what is lost between the suns of the mesh, are independent of the replicates.
+    """
+    straight = direct_sun(coefficients, sky)
+    between = np.outer(sky["sun"].values, coefficients["mesh_error"].values).astype(np.float32)
+    variance = straight["direct_sun_se"].values ** 2 + between**2
+    for name in ("sun", "total"):
+        out[name] += straight["direct_sun"].values
+        out[f"{name}_se"] = np.sqrt(out[f"{name}_se"] ** 2 + variance)
 
 
 def illuminance(

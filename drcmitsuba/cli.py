@@ -53,14 +53,25 @@ def _print_metrics(numbers: dict, title: str) -> None:
 
 
 @app.command()
-def evaluate(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
+def evaluate(
+    case: CasePath,
+    output: Output = Path("results"),
+    weather: Weather = None,
+    coefficients: Annotated[
+        Path | None,
+        typer.Option(help="coefficients.zarr of this case, computed for another weather."),
+    ] = None,
+) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
     from drcmitsuba import evaluate as run
-    from drcmitsuba import load_case
+    from drcmitsuba import load_case, schema
 
     loaded = load_case(case).with_weather(weather)
+    known = None
+    if coefficients is not None:
+        known = schema.open_dataset(coefficients, "replicates", "straight", "state").load()
     with stages() as stage:
-        result = run(loaded, stage)
+        result = run(loaded, stage, known)
         result.save(output, stage)
     _print_metrics(result.metrics, loaded.name)
     for note in result.metrics["settings"]["notes"]:
@@ -71,26 +82,26 @@ def evaluate(case: CasePath, output: Output = Path("results"), weather: Weather 
 @app.command()
 def sky(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the luminances L of sky and suns: sky.zarr."""
-    from drcmitsuba import light, load_case, schema
+    from drcmitsuba import light, load_case
 
     loaded = load_case(case).with_weather(weather)
     with stages() as stage, stage("sky"):
-        L = light.luminances(light.daylight(loaded))
-        schema.save_zarr(L, output / "sky.zarr")
-    print(f"{L.sizes['time']} time stamps × {L.sizes['bin']} bins are in {output / 'sky.zarr'}")
+        found = light.daylight(loaded)
+        light.save_luminances(found, output / "sky.zarr")
+    print(f"{found.sky.sizes['time']} time stamps are in {output / 'sky.zarr'}")
 
 
 @app.command()
 def coefficients(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the coefficients C of both states of the shade: coefficients.zarr."""
-    from drcmitsuba import backend, light, load_case, result, schema
+    from drcmitsuba import backend, light, load_case, schema, simulation
 
     loaded = load_case(case).with_weather(weather)
     backend.select()
     with stages() as stage:
         with stage("sky"):
             found = light.daylight(loaded)
-        C = result.coefficients(loaded, found, stage)
+        C = simulation.coefficients(loaded, found, stage)
         with stage("writing"):
             schema.save_zarr(C, output / "coefficients.zarr")
     path = output / "coefficients.zarr"
@@ -104,13 +115,13 @@ def illuminance(
     output: Output = Path("results"),
 ) -> None:
     """Multiply C and L to the illuminance E: illuminance.nc."""
-    from drcmitsuba import light, result, schema
+    from drcmitsuba import light, schema, simulation
 
     C = schema.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
-    L = schema.open_dataset(l, "L", "bin", "sun_bin", "clock")
+    L = schema.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
         found = light.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
-        E = result.illuminance(C.load(), found)
+        E = simulation.illuminance(C.load(), found)
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         schema.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")

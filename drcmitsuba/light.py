@@ -5,15 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import schema, sky, weather
-from drcmitsuba.case import Case, CieTable, PerezSky, PeriodTable, SunshineTable
+from drcmitsuba import schema, sky, suns, weather
+from drcmitsuba.case import (
+    Adaptive,
+    Case,
+    CieTable,
+    Daysim,
+    FivePhase,
+    PerezSky,
+    PeriodTable,
+    SunshineTable,
+    ThreePhase,
+)
 from drcmitsuba.errors import InputError
 from drcmitsuba.period import EVALDRC, LM83, Period, read_timestamps
+from drcmitsuba.suns import Blend, Suns
 
 
 @dataclass(frozen=True)
@@ -23,9 +35,12 @@ class Daylight:
     Parameters
     ----------
     sky : xr.Dataset
-        From `sky.radiance`, with the coordinate `clock`.
+        From `sky.radiance`, with the coordinate `clock`; `sun_direction` (time, axis), and, unless
+        the sun is adaptive, `blend_bin` and `blend_weight` (time, blend): a `suns.Blend`.
     sun : xr.Dataset
         From `sky.sun_position`.
+    suns : Suns
+        That coefficients are needed for; those of the time stamps themselves where it is adaptive.
     step_hours : float
         Length of the intervals [h].
     source : str
@@ -36,6 +51,7 @@ class Daylight:
 
     sky: xr.Dataset
     sun: xr.Dataset
+    suns: Suns
     step_hours: float
     source: str
     notes: tuple[str, ...] = ()
@@ -137,40 +153,111 @@ def daylight(case: Case) -> Daylight:
         "longitude": w.site.longitude,
         "timezone": w.site.timezone,
         "sun_time": sun_time,
+        "sun_model": case.sun.model,
     }
-    return Daylight(light, sun, w.step, w.source, w.notes)
+    light["sun_direction"] = (("time", "axis"), sun["direction"].values)
+    sources, blend = _sun_sources(case, light)
+    if blend is not None:
+        light["blend_bin"] = (("time", "blend"), blend.bins)
+        light["blend_weight"] = (("time", "blend"), blend.weights)
+    return Daylight(light, sun, sources, w.step, w.source, w.notes)
+
+
+def _sun_sources(case: Case, light: xr.Dataset) -> tuple[Suns, Blend | None]:
+    """Suns that a case's sun model calls for, and their blend at each time stamp."""
+    directions, labels = light["sun_direction"].values, light["sun_bin"].values
+    up, diameter = labels != "", case.outside.sun_diameter
+    own = Suns(tuple(map(str, labels[up])), directions[up], diameter)
+    if isinstance(case.sun, ThreePhase):
+        patches = Patches(case.sky.subdivision)
+        return Suns.none(), suns.spread_over_patches(directions, up, patches, diameter)
+    if isinstance(case.sun, FivePhase):
+        return suns.moved_to_patch(directions, up, diameter)
+    if isinstance(case.sun, Daysim):
+        return suns.between_daysim_suns(directions, up, light.attrs["latitude"], diameter)
+    if isinstance(case.sun, Adaptive):
+        return own, None
+    return own, Blend.own(labels)
+
+
+def sources(light: xr.Dataset) -> np.ndarray:
+    """Labels of all bins that stand for the suns of some time stamps, their own among them."""
+    return np.unique([*blended(light).bins.ravel(), *light["sun_bin"].values.astype(object)])
+
+
+BLOCK = 1024
+"""Time stamps of L that are held at once where it is written."""
+
+
+def blended(light: xr.Dataset) -> Blend:
+    """Blend of each time stamp's sun; none where it is adaptive: that depends on C."""
+    if "blend_bin" in light:
+        return Blend(light["blend_bin"].values, light["blend_weight"].values)
+    return Blend(*np.zeros((2, light.sizes["time"], 0), object))
 
 
 def luminances(light: Daylight) -> xr.Dataset:
-    """L[time, bin] with every sun as a bin of its own, as it lies on disk."""
-    dense = light.sky["sky"].values.astype(np.float32)
-    up = np.flatnonzero(light.sky["sun_bin"].values != "")
-    suns = np.zeros((len(dense), len(up)), np.float32)
-    suns[up, np.arange(len(up))] = light.sky["sun"].values[up]
-    labels = [*light.sky["bin"].values, *light.sky["sun_bin"].values[up]]
+    """L[time, bin] with suns as bins, so that E = C·L.
+
+    Where the sun is adaptive, it has no bin: there is only its luminance `sun` and `sun_direction`.
+    """
+    return _luminances(light, slice(None))
+
+
+def _luminances(light: Daylight, part: slice) -> xr.Dataset:
+    """Some time stamps of `luminances`."""
+    found = light.sky.isel(time=part)
+    suns = light.suns.labels if "blend_bin" in found else ()
+    labels = np.array([*map(str, found["bin"].values), *suns], dtype=object)
+    L = np.zeros((found.sizes["time"], len(labels)), np.float32)
+    L[:, : found.sizes["bin"]] = found["sky"].values
+    at = {label: i for i, label in enumerate(labels)}
+    blend = blended(found)
+    for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
+        rows = np.flatnonzero(weights)
+        L[rows, [at[b] for b in bins[rows]]] += (weights * found["sun"].values)[rows]
     data = xr.Dataset(
-        {"L": (("time", "bin"), np.concatenate([dense, suns], axis=1))},
-        coords={"time": light.sky["time"].values, "bin": np.array(labels, dtype=object)},
-        attrs={**light.sky.attrs, "step_hours": light.step_hours, "weather": light.source},
+        {"L": (("time", "bin"), L)}, coords={"time": found["time"].values, "bin": labels}
     )
+    names = ("sun", "sun_direction", "blend_bin", "blend_weight")
+    data = data.assign({name: found[name] for name in names if name in found})
+    data.attrs = {**light.sky.attrs, "step_hours": light.step_hours, "weather": light.source}
     data = data.assign_coords(
-        clock=("time", light.sky["clock"].values),
-        sun_bin=("time", light.sky["sun_bin"].values.astype(object)),
+        clock=("time", found["clock"].values),
+        sun_bin=("time", found["sun_bin"].values.astype(object)),
     )
     return schema.describe(data)
 
 
+def save_luminances(light: Daylight, path: Path, channels: xr.DataArray | None = None) -> None:
+    """Write `luminances` as a zarr folder, some time stamps after another; never half of it.
+
+    Parameters
+    ----------
+    light : Daylight
+    path : Path
+    channels : DataArray, optional
+        Names of the colour channels; L is the same in all.
+    """
+    blocks = range(0, light.sky.sizes["time"], BLOCK)
+    parts = (_luminances(light, slice(start, start + BLOCK)) for start in blocks)
+    if channels is not None:
+        parts = (part.assign(L=part["L"].expand_dims(channel=channels)) for part in parts)
+    schema.save_zarr(parts, path)
+
+
 def from_luminances(data: xr.Dataset) -> xr.Dataset:
-    """Invert `luminances`: sky (time, bin), sun (time) and sun_bin (time)."""
+    """Invert `luminances`: sky (time, bin), sun (time), sun_bin (time) and the blend."""
     labels = data["bin"].values.astype(str)
-    is_sun = np.char.startswith(labels, "sun_")
-    position = {label: i for i, label in enumerate(labels)}
-    bins = data["sun_bin"].values.astype(str)
-    L = data["L"].values
-    sun = np.array([L[i, position[b]] if b else 0.0 for i, b in enumerate(bins)])
-    out = xr.Dataset(
-        {"sky": (("time", "bin"), L[:, ~is_sun]), "sun": ("time", sun)},
-        coords={"time": data["time"].values, "bin": labels[~is_sun]},
-        attrs=data.attrs,
-    )
-    return out.assign_coords(clock=("time", data["clock"].values), sun_bin=("time", bins))
+    is_sky = ~np.char.startswith(labels, "sun_")
+    L = data["L"].isel(bin=is_sky).values
+    names = ("sun", "sun_direction", "blend_bin", "blend_weight")
+    out = data[[name for name in names if name in data]].drop_vars("bin", errors="ignore").load()
+    blend = blended(out)
+    at = {label: i for i, label in enumerate(labels[is_sky])}
+    for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
+        rows = np.flatnonzero((weights != 0) & np.isin(bins.astype(str), labels[is_sky]))
+        # The sun that is spread over patches is taken out of them again.
+        L[rows, [at[b] for b in bins[rows]]] -= (weights * out["sun"].values)[rows]
+    out["sky"] = (("time", "bin"), np.maximum(L, 0))
+    return out.assign_coords(bin=labels[is_sky])

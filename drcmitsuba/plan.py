@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
+
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.materials import film, lets_through
 from drcmitsuba.scene import is_coloured
 
 
-def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, Any]]:
+def plan(
+    case: Case, suns: int, closed: int, hours: int, mesh: Mapping[str, float]
+) -> dict[str, dict[str, Any]]:
     """List the effects with whether each is simulated and the reason in words.
 
     Parameters
@@ -19,6 +24,8 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
         Suns above the horizon in the period.
     closed, hours : int
         Time stamps with the shade closed, and in all.
+    mesh : dict
+        `mesh_suns` and `mesh_miss` of an adaptive sun, see `refinement.meshed`.
 
     Returns
     -------
@@ -54,9 +61,9 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
     if case.shading is not None:
         shaded = f"the shade closes in {closed} of {hours} time stamps"
     return {
-        "sky": {"on": True, "reason": "145 patches"},
+        "sky": {"on": True, "reason": f"{len(Patches(case.sky.subdivision)) - 1} patches"},
         "ground": {"on": ground > 0, "reason": f"its reflectance is {ground:g}"},
-        "suns": {"on": suns > 0, "reason": f"{suns} suns above the horizon in the period"},
+        "suns": {"on": suns > 0, "reason": _sun_model(case, suns, mesh)},
         "clear_panes": {"on": clear > 0, "reason": f"{clear} clear strips in the façades"},
         "scattering_panes": {"on": scattering > 0, "reason": f"{scattering} diffusing strips"},
         "films": {
@@ -90,6 +97,23 @@ def plan(case: Case, suns: int, closed: int, hours: int) -> dict[str, dict[str, 
             else "no mirroring glass across from another opening",
         },
     }
+
+
+def _sun_model(case: Case, suns: int, mesh: Mapping[str, float]) -> str:
+    """What stands for the suns of a period."""
+    told = {
+        "true_sun": "each of them simulated",
+        "three_phase": "spread over the four nearest patches of the sky",
+        "five_phase": "moved to the centres of patches of Reinhart's MF 6",
+        "daysim": "between the four nearest of DAYSIM's suns",
+    }
+    count = f"{suns} suns above the horizon in the period, "
+    if case.sun.model != "adaptive":
+        return count + told[case.sun.model]
+    return (
+        f"{count}each of them straight; all other light between {mesh['mesh_suns']:g} suns of a "
+        f"mesh, which misses suns in between by {100 * mesh['mesh_miss']:.1f} % (RMS)"
+    )
 
 
 def _films(case: Case) -> dict[str, BsdfMaterial]:

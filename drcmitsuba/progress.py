@@ -2,7 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 
 Progress = Callable[[float], None]
 """Called with the share of the work that is done, 0 to 1."""
+Stage = Callable[[str], AbstractContextManager[Progress]]
+"""Opens a named stage of the work; what it yields is told the share that is done."""
+
+
+def part(progress: Progress, begin: float, end: float) -> Progress:
+    """Progress of a part of the work, between two shares of the whole."""
+    return lambda share: progress(begin + share * (end - begin))
+
+
+@contextmanager
+def silent(name: str) -> Iterator[Progress]:
+    """Show nothing of a stage."""
+    yield lambda share: None
+
+
+@contextmanager
+def timed(stage: Stage, name: str, seconds: dict[str, float]) -> Iterator[Progress]:
+    """Show a stage and note its seconds."""
+    start = time.perf_counter()
+    with stage(name) as done:
+        yield done
+        done(1.0)
+    seconds[name] = round(time.perf_counter() - start, 3)

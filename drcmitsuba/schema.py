@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import uuid
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "straight": ("sr", "coefficient of light that comes straight, through clear panes only"),
     "direct": ("sr", "coefficient of light that met no diffuse surface"),
     "interreflected": ("sr", "coefficient of light that met a diffuse surface"),
+    "sun_straight": ("sr", "coefficient of each time stamp's own sun, straight"),
+    "mesh_error": ("sr", "standard error of interpolation between the suns of the mesh"),
     "replicates": ("sr", "direct + interreflected of each independent replicate"),
     "total": ("lx", "illuminance, shade applied"),
     "total_open": ("lx", "illuminance, shade open"),
@@ -77,15 +80,20 @@ def save_netcdf(data: xr.Dataset, path: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def save_zarr(data: xr.Dataset, path: Path) -> None:
+def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path) -> None:
     """Write a dataset as a zarr folder; never leaves half a folder at `path`.
+
+    A dataset that would not fit in memory is given in parts, one after another along `time`.
 
     Format 2, whose consolidated metadata and strings are standard: `xarray.open_zarr` warns of
     format 3 without them, `to_zarr` of format 3 with them.
     """
     temporary = _temporary(path)
     try:
-        data.to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
+        parts = iter([data] if isinstance(data, xr.Dataset) else data)
+        next(parts).to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
+        for part in parts:
+            part.to_zarr(temporary, append_dim="time", zarr_format=2, consolidated=True)
         _replace(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -129,8 +137,10 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
     if missing:
         raise InputError(path, "results", f"has no {missing[0]!r}", "give a file of this program")
     # Labels come back as NumPy's variable-width strings, which few of its functions take.
-    texts = {k: v.astype(object) for k, v in data.coords.items() if v.dtype.kind in "TU"}
-    return data.assign_coords(texts)
+    texts = {k: v.astype(object) for k, v in data.variables.items() if v.dtype.kind in "TU"}
+    return data.assign({k: v for k, v in texts.items() if k in data.data_vars}).assign_coords(
+        {k: v for k, v in texts.items() if k in data.coords}
+    )
 
 
 def mean_and_error(replicates: np.ndarray, axis: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from drcmitsuba import progress
 from drcmitsuba.errors import InputError
-from drcmitsuba.result import Stage
+from drcmitsuba.progress import Stage
 
 
 def writable(folder: Path | None) -> Path | None:

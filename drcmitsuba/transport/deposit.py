@@ -35,13 +35,20 @@ class Irradiance(NamedTuple):
         """Append the receivers of another one."""
         if other is None:
             return self
-        both = Irradiance(*(dr.concat(pair, axis=0) for pair in zip(self, other, strict=True)))
+        both = Irradiance(*(_stacked(*pair) for pair in zip(self, other, strict=True)))
         dr.eval(both.sky, both.sun)
         return both
 
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""
         return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
+
+
+def _stacked(a: mi.TensorXf, b: mi.TensorXf) -> mi.TensorXf:
+    """Rows of two tensors, which Dr.Jit does not stack where they are empty."""
+    if a.shape[1] == 0:
+        return dr.zeros(mi.TensorXf, (a.shape[0] + b.shape[0], 0))
+    return dr.concat((a, b), axis=0)
 
 
 def launch_seed(accuracy: Accuracy, *key: int) -> int:
@@ -60,8 +67,8 @@ class Deposit:
         Unit vectors.
     diameter : float
         Angle across a sun [deg].
-    subdivision : int
-        Reinhart's factor MF of the sky.
+    subdivision : int or None
+        Reinhart's factor MF of the sky; None leaves out ground and sky.
     accuracy : Accuracy
     patches : PanePatches or None
         The panes that scatter evenly.
@@ -76,7 +83,7 @@ class Deposit:
     scene: Scene
     suns: np.ndarray
     diameter: float
-    subdivision: int
+    subdivision: int | None
     accuracy: Accuracy
     patches: PanePatches | None
     films: Films | None = None
@@ -86,20 +93,24 @@ class Deposit:
     @property
     def bins(self) -> tuple[int, int]:
         """Number of sky bins, the ground among them, and of suns."""
-        return len(Patches(self.subdivision)), len(self.suns)
+        return len(Patches(self.subdivision)) if self.subdivision else 0, len(self.suns)
 
     def straight(
         self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1
     ) -> Irradiance:
-        """Light that comes straight."""
-        sky = sky_deposit(
-            self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
-            seed=launch_seed(self.accuracy, *key, 0),
-        )  # fmt: skip
-        sun = sun_deposit(
-            self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
-            seed=launch_seed(self.accuracy, *key, 1),
-        )  # fmt: skip
+        """Light that comes straight; that of the suns is left out with 0 samples."""
+        count = dr.width(p) // 3
+        sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
+        if self.subdivision:
+            sky = sky_deposit(
+                self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
+                seed=launch_seed(self.accuracy, *key, 0),
+            )  # fmt: skip
+        if sun_samples:
+            sun = sun_deposit(
+                self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
+                seed=launch_seed(self.accuracy, *key, 1),
+            )  # fmt: skip
         return Irradiance(sky, sun)
 
     def _transfer(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> mi.TensorXf:

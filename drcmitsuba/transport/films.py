@@ -112,7 +112,7 @@ class Films:
                 rows += mount.rows
         return np.array([*first, rows])
 
-    def answer_to_sky(self, subdivision: int, samples: int, seed: int) -> mi.TensorXf:
+    def answer_to_sky(self, subdivision: int | None, samples: int, seed: int) -> mi.TensorXf:
         """Estimate the answer to ground and sky patches by `samples` directions for every cell.
 
         Returns
@@ -120,8 +120,10 @@ class Films:
         mi.TensorXf, shape (row, bin)
             See `Lit.to_sky`.
         """
-        bins = len(Patches(subdivision))
         first = self._first_sky_rows()
+        if not subdivision:
+            return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
+        bins = len(Patches(subdivision))
         out = dr.zeros(mi.Float, int(first[-1]) * bins)
         for patch in np.unique(first[:-1], return_index=True)[1]:
             mount = self.mounts[self.patches.owner[patch]]
@@ -216,7 +218,8 @@ class Films:
             dr.eval(weight, sun_row, sky_row, kept[1])
             if len(self.suns):
                 by_sun += _sum(first, weight, sun_row, lit.to_suns, kept[1], shone, len(self.suns))
-            by_sky += _sum(first, weight, sky_row, lit.to_sky.array, None, None, bins)
+            if bins:
+                by_sky += _sum(first, weight, sky_row, lit.to_sky.array, None, None, bins)
             dr.eval(by_sun, by_sky)
         out = dr.zeros(mi.Float, count * n_suns)
         if len(self.suns):
@@ -240,15 +243,16 @@ def _sum(
 ) -> mi.Float:  # fmt: skip
     """Σ weight · table[row, bin] (· shone[patch, bin]) over the entries of every receiver."""
     lane = dr.arange(mi.UInt32, (dr.width(first) - 1) * bins)
-    receiver, bin_ = lane // bins, lane % bins
+    count = dr.opaque(mi.UInt32, bins)
+    receiver, bin_ = lane // count, lane % count
     at = dr.gather(mi.UInt32, first, receiver)
     end = dr.gather(mi.UInt32, first, receiver + 1)
     total = mi.Float(0)
     while dr.hint(at < end, exclude=[first, weight, row, table, patch, shone]):
         value = dr.gather(mi.Float, weight, at)
-        value *= dr.gather(mi.Float, table, dr.gather(mi.UInt32, row, at) * bins + bin_)
+        value *= dr.gather(mi.Float, table, dr.gather(mi.UInt32, row, at) * count + bin_)
         if dr.hint(shone is not None, mode="scalar"):
-            value *= dr.gather(mi.Float, shone, dr.gather(mi.UInt32, patch, at) * bins + bin_)
+            value *= dr.gather(mi.Float, shone, dr.gather(mi.UInt32, patch, at) * count + bin_)
         total += value
         at += 1
     return total
@@ -260,10 +264,11 @@ def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float, seed: int) 
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     ctx = mi.BSDFContext()
     samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
+    count = dr.opaque(mi.UInt32, len(suns))  # a literal would have the kernel compiled anew
     for start in range(0, dr.width(out), LANES):
         lane = dr.arange(mi.UInt32, min(LANES, dr.width(out) - start))
         pair = lane + dr.opaque(mi.UInt32, start)
-        row, sun = pair // len(suns), pair % len(suns)
+        row, sun = pair // count, pair % count
         centre = dr.gather(mi.Vector3f, directions, sun)
         total, cosines = mi.Float(0), mi.Float(0)
         for i in range(samples):

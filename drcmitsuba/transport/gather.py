@@ -90,7 +90,7 @@ def _trace(
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, lanes)
     lane = dr.arange(mi.UInt32, lanes)
-    sensor = (lane // paths) % len(points)
+    sensor = (lane // paths) % dr.opaque(mi.UInt32, len(points))  # a literal: compiled anew
     p = dr.gather(mi.Point3f, mi.Float(points.astype(np.float32).ravel()), sensor)
     n = dr.gather(mi.Normal3f, mi.Float(normals.astype(np.float32).ravel()), sensor)
     row, index = lane // paths, lane % paths
@@ -107,7 +107,8 @@ def _trace(
     depth = mi.UInt32(0)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    while dr.hint(active, exclude=[grid, scene]):
+    count, room = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, capacity)
+    while dr.hint(active, exclude=[grid, scene, count, room]):
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
@@ -124,11 +125,11 @@ def _trace(
         )
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         slot = dr.scatter_inc(counter, mi.UInt32(0), is_cell)
-        kept = is_cell & (slot < capacity)
+        kept = is_cell & (slot < room)
         dr.scatter(row_of, row, slot, kept)
         dr.scatter(weight_of, beta * (1 / paths), slot, kept)
         dr.scatter(key_of, grid.key(si.p, facing), slot, kept)
-        dr.scatter(tag_of, depth * mi.UInt32(lanes) + lane, slot, kept)
+        dr.scatter(tag_of, depth * count + lane, slot, kept)
         origin = si.spawn_ray(facing).o
         for c in range(3):
             dr.scatter(p_of, origin[c], slot * 3 + c, kept)

@@ -214,8 +214,8 @@ def sun_deposit(
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     row_of, group_of = mi.UInt32(rows.astype(np.uint32)), mi.UInt32(groups.astype(np.uint32))
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())
-    scale = disk_solid_angle(diameter) / samples
     block = LANES // CLUSTER
+    stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
     for start in range(0, len(rows), block):
         lane = dr.arange(mi.UInt32, min(block, len(rows) - start) * CLUSTER)
         candidate = lane // CLUSTER + dr.opaque(mi.UInt32, start)
@@ -225,15 +225,59 @@ def sun_deposit(
         sun, exists = mi.UInt32(member), member >= 0
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, sun, exists)
-        pair = row * n_suns + sun
-        total = mi.Float(0)
-        for i in range(samples):
-            numbers = random_bits(pair, seed + i)
-            uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in numbers))
-            d = sample_disk(centre, diameter, uv)
-            cosine = dr.dot(n, d)
-            tau = straight(scene, openings, p, d, exists & (cosine > 0))
-            total += dr.select(tau > 0, tau * cosine, 0)
-        dr.scatter(out, total * scale, pair, exists)
+        pair = row * stride + sun
+        value = _seen(scene, openings, p, n, centre, exists, pair, diameter, samples, seed)
+        dr.scatter(out, value, pair, exists)
         dr.eval(out)
     return mi.TensorXf(out, (count, n_suns))
+
+
+def _seen(
+    scene: Scene, openings: Openings | None, p: mi.Point3f, n: mi.Normal3f, centre: mi.Vector3f,
+    active: mi.Bool, pair: mi.UInt32, diameter: float, samples: int, seed: int,
+) -> mi.Float:  # fmt: skip
+    """D [sr] of points by suns about `centre`, from directions on their disks; `pair` is a number
+    of its own for every point and sun.
+    """
+    total = mi.Float(0)
+    for i in range(samples):
+        numbers = random_bits(pair, seed + i)
+        uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in numbers))
+        d = sample_disk(centre, diameter, uv)
+        cosine = dr.dot(n, d)
+        tau = straight(scene, openings, p, d, active & (cosine > 0))
+        total += dr.select(tau > 0, tau * cosine, 0)
+    return total * (disk_solid_angle(diameter) / samples)
+
+
+def pair_deposit(
+    scene: Scene, points: mi.Float, normals: mi.Float, pairs: mi.UInt32, *,
+    suns: np.ndarray, diameter: float, samples: int, seed: int,
+) -> mi.Float:  # fmt: skip
+    """`sun_deposit` of chosen entries only.
+
+    Parameters
+    ----------
+    pairs : mi.UInt32
+        Entries, numbered point · suns + sun.
+    scene, points, normals, suns, diameter, samples, seed
+        As for `sun_deposit`.
+
+    Returns
+    -------
+    mi.Float
+        D [sr] of each pair.
+    """
+    openings = Openings.of(scene, points)
+    directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
+    parts = []
+    for start in range(0, dr.width(pairs), LANES):
+        lane = dr.arange(mi.UInt32, min(LANES, dr.width(pairs) - start))
+        pair = dr.gather(mi.UInt32, pairs, lane + dr.opaque(mi.UInt32, start))
+        row = pair // len(suns)
+        p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
+        centre = dr.gather(mi.Vector3f, directions, pair % len(suns))
+        active = dr.full(mi.Bool, True, dr.width(lane))
+        parts.append(_seen(scene, openings, p, n, centre, active, pair, diameter, samples, seed))
+        dr.eval(parts[-1])
+    return dr.concat(parts) if parts else mi.Float()

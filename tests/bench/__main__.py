@@ -40,7 +40,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend
-from drcmitsuba.coefficients import Suns
+from drcmitsuba.suns import Suns
 from tests import radiance
 from tests.bench import films
 from tests.bench.classroom import BINS, CASE, NO_SUNS, Classroom, Errors, Reference, reference

@@ -16,7 +16,8 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import light, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import Suns, compute
+from drcmitsuba.coefficients import compute
+from drcmitsuba.suns import Suns
 from tests import radiance
 
 CASE = "classroom/reference/existing"

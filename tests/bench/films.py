@@ -15,7 +15,8 @@ import xarray as xr
 from drcmitsuba import scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import Suns, compute
+from drcmitsuba.coefficients import compute
+from drcmitsuba.suns import Suns
 from tests import radiance
 from tests.bench.classroom import BINS, Classroom, Reference
 

@@ -292,7 +292,7 @@ cli.main()
 @pytest.mark.parametrize(
     ("module", "name", "delay", "written"),
     [
-        ("result", "compute", 0.3, set()),
+        ("simulation", "compute", 0.3, set()),
         ("schema", "save_zarr", 0.0, {"illuminance.nc"}),
     ],
 )

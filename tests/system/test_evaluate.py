@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 
 import drcmitsuba
-from drcmitsuba import cli, load_case, metrics, result, schema
+from drcmitsuba import cli, load_case, metrics, schema, simulation
 from drcmitsuba import light as light_module
 from drcmitsuba.case import Case
-from drcmitsuba.coefficients import Suns
 from drcmitsuba.errors import InputError
+from drcmitsuba.suns import Suns
 
 WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
 CASE = """
@@ -306,12 +306,12 @@ def test_suns_of_another_place_are_refused(small, tmp_path, site, told):
     light = light_module.daylight(load_case(tmp_path / "case.toml"))
     if told:
         with pytest.raises(InputError, match=told):
-            result.illuminance(found.coefficients, light.sky)
+            simulation.illuminance(found.coefficients, light.sky)
     else:
         with pytest.raises(InputError, match=r"no numbers for|no 'sun_"):  # other hours close
-            result.illuminance(found.coefficients, light.sky)
+            simulation.illuminance(found.coefficients, light.sky)
         bare = found.coefficients.assign_attrs(has_shade=0)
-        assert np.isfinite(result.illuminance(bare, light.sky)["total"]).all()
+        assert np.isfinite(simulation.illuminance(bare, light.sky)["total"]).all()
 
 
 def test_the_same_seed_gives_the_same_numbers_and_another_one_others(evaluate, stamps):

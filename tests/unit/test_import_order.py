@@ -13,10 +13,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 # fmt: off
 ORDER = [
-    "errors", "progress", "schema", "weather", "period", "sky", "table", "accuracy", "bsdf", "case",
-    "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
-    "coefficients", "accumulate", "metrics", "design", "plots", "report", "result", "tradeoff",
-    "terminal", "film_commands", "tradeoff_command", "cli",
+    "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
+    "case", "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
+    "coefficients", "refinement", "accumulate", "metrics", "design", "simulation", "plots",
+    "report", "result", "tradeoff", "terminal", "film_commands", "tradeoff_command",
+    "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

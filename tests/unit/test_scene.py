@@ -242,10 +242,14 @@ def test_a_surface_has_the_reflectance_of_its_case():
 
 def test_light_mirrored_between_facades_is_named_as_missing():
     data = load_case("classroom/existing").model_dump(mode="json", exclude_none=True)
-    effect = plan.plan(Case.model_validate(data), suns=1, closed=0, hours=1)["mirrored_light"]
+    effect = plan.plan(Case.model_validate(data), suns=1, closed=0, hours=1, mesh={})[
+        "mirrored_light"
+    ]
     assert not effect["missing"]
     strips = [{"bottom": 0.9, "top": 2.0, "material": "open"}]
     data["facade"]["north"] = {"strips": strips}
-    effect = plan.plan(Case.model_validate(data), suns=1, closed=0, hours=1)["mirrored_light"]
+    effect = plan.plan(Case.model_validate(data), suns=1, closed=0, hours=1, mesh={})[
+        "mirrored_light"
+    ]
     assert effect["missing"]
     assert "south" in effect["reason"]

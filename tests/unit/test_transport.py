@@ -17,9 +17,10 @@ from drcmitsuba import backend, coefficients
 from drcmitsuba import scene as scenes
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial
-from drcmitsuba.coefficients import Suns, compute
+from drcmitsuba.coefficients import compute
 from drcmitsuba.materials import Lambertian, bsdf
 from drcmitsuba.scene import Surface, quad_mesh
+from drcmitsuba.suns import Suns
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.gather import even_numbers, gather
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle

@@ -21,7 +21,8 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import backend, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case
-from drcmitsuba.coefficients import Suns, compute
+from drcmitsuba.coefficients import compute
+from drcmitsuba.suns import Suns
 
 BINS = len(Patches())
 SCENES = Path(__file__).resolve().parents[2] / "scenes"

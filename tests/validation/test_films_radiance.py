@@ -42,7 +42,8 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import backend, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import BsdfMaterial, Case, load_case
-from drcmitsuba.coefficients import Suns, compute
+from drcmitsuba.coefficients import compute
+from drcmitsuba.suns import Suns
 from tests import radiance
 
 pytest.importorskip("pyradiance")

@@ -27,7 +27,8 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import backend, scene, sky, weather
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, GlazingMaterial, load_case
-from drcmitsuba.coefficients import Suns, compute
+from drcmitsuba.coefficients import compute
+from drcmitsuba.suns import Suns
 from tests import radiance
 
 pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")

@@ -1,0 +1,228 @@
+"""From a case and its light to coefficients and illuminance: where weather and transport meet."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import accumulate, metrics, scene, schema
+from drcmitsuba.case import Adaptive, BsdfMaterial, Case
+from drcmitsuba.coefficients import compute
+from drcmitsuba.errors import InputError
+from drcmitsuba.light import Daylight, sources
+from drcmitsuba.progress import Progress, Stage, part, silent, timed
+from drcmitsuba.refinement import mesh_of, meshed, with_straight
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.suns import Suns
+
+
+def transport(
+    case: Case, state: scene.State, suns: Suns, latitude: float, *,
+    mesh: tuple[str, ...] = (), progress: Progress = lambda share: None,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients of a case in one state of its shade, `channel` added where it is coloured.
+
+    `latitude` [deg north] and the nodes of a `mesh` that is known matter to an adaptive sun only.
+    """
+    points, normals = scene.sensor_points(case)
+    channels = list(LUMINANCE_WEIGHTS) if scene.is_coloured(case) else [""]
+    subdivision = case.sky.subdivision
+    found: list[xr.Dataset] = []
+    for i in range(len(channels)):
+        done = part(progress, i / len(channels), (i + 1) / len(channels))
+        world = scene.load(case, state, i)
+        if isinstance(case.sun, Adaptive):
+            known = mesh or (mesh_of(found[0]) if found else ())
+            of_channel = meshed(
+                world, points, normals, suns.diameter, case.accuracy, latitude=latitude,
+                tolerance=case.sun.tolerance, finest=case.sun.finest, subdivision=subdivision,
+                known=known, progress=done,
+            )  # fmt: skip
+            of_channel = with_straight(of_channel, world, points, normals, suns, case.accuracy)
+        else:
+            of_channel = compute(
+                world, points, normals, suns, case.accuracy, subdivision=subdivision, progress=done
+            )
+        found.append(of_channel)
+    if len(channels) == 1:
+        return found[0]
+    return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))
+
+
+def states(found: dict[str, xr.Dataset], case: Case) -> xr.Dataset:
+    """Join the states along `state`; suns that were not computed in the shaded state are NaN."""
+    is_open = found["open"]
+    names = xr.DataArray(np.array(list(found), dtype=object), dims="state", name="state")
+    labels = {name: is_open[name] for name in ("bin", "sun") if name in is_open.coords}
+    whole = [data.reindex(labels) for data in found.values()]
+    joined = xr.concat(whole, names, coords="minimal", compat="override", join="exact")
+    joined.attrs = {**is_open.attrs, "case": case.name, "has_shade": int(case.shading is not None)}
+    if case.shading is not None:
+        joined.attrs |= {
+            "shade_threshold": case.shading.threshold,
+            "shade_area": case.shading.area,
+        }
+    return schema.describe(joined)
+
+
+def closing(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
+    """When the shade closes: bool by time, from the coefficients of the open state.
+
+    The thresholds are attributes of the coefficients; without a shade it never closes.
+    """
+    direct = schema.luminance(by_channel(accumulate.direct_sun, coefficients, light)["direct_sun"])
+    if not coefficients.attrs.get("has_shade", 0):
+        return xr.zeros_like(direct.isel(sensor=0, drop=True), dtype=bool)
+    attrs = coefficients.attrs
+    return metrics.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
+
+
+def by_channel(
+    function: Callable[..., xr.Dataset], *arrays: xr.Dataset | xr.DataArray | None
+) -> xr.Dataset:
+    """Apply an accumulation to each colour channel of the coefficients, or once to grey ones."""
+    first = arrays[0]
+    assert first is not None
+    if "channel" not in first.dims:
+        return function(*arrays)
+    found = [
+        function(
+            *(
+                a.isel(channel=i, drop=True) if a is not None and "channel" in a.dims else a
+                for a in arrays
+            )
+        )
+        for i in range(first.sizes["channel"])
+    ]
+    return xr.concat(found, first["channel"], coords="minimal", compat="override")
+
+
+SUN_OF = {"latitude": 0.5, "longitude": 0.5, "timezone": 0, "sun_diameter": 0, "sun_time": None}
+"""What a sun's place follows from beside its label, and how far C and L may differ in it [deg]."""
+
+
+def _check_suns(
+    coefficients: xr.Dataset, light: xr.Dataset, names: Iterable[str] = tuple(SUN_OF)
+) -> None:
+    """Refuse suns of another place: labels tell only their time."""
+    for name in names:
+        margin = SUN_OF[name]
+        ours, theirs = coefficients.attrs.get(name), light.attrs.get(name)
+        if ours is None or theirs is None or ours == theirs:
+            continue  # arrays that the user made himself may not tell
+        if not margin or abs(ours - theirs) > margin:
+            got = f"{ours}, but {theirs} in the sky"
+            raise InputError("coefficients", name, got, "compute coefficients for this weather")
+
+
+def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
+    """E from C (dims state, …) and the sky, with the shade that the coefficients name.
+
+    Raises
+    ------
+    InputError
+        A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
+    """
+    _check_suns(coefficients, light)
+    is_open = coefficients.sel(state="open", drop=True)
+    closed = closing(is_open, light)
+    shaded = None
+    if "shaded" in coefficients["state"].values:
+        shaded = coefficients.sel(state="shaded", drop=True)
+    out = by_channel(accumulate.illuminance, is_open, shaded, light, closed)
+    keep = ("has_shade", "shade_threshold", "shade_area")
+    out.attrs = {k: v for k, v in coefficients.attrs.items() if k in keep}
+    return out
+
+
+def fingerprint(case: Case) -> str:
+    """Digest of all that coefficients follow from, the contents of BSDF files among it."""
+    names = {"room", "facade", "materials", "furniture", "sensors", "shading", "sun", "accuracy"}
+    told = case.model_dump(mode="json", include=names)
+    told |= {"subdivision": case.sky.subdivision, "diameter": case.outside.sun_diameter}
+    for name, material in case.materials.items():
+        if isinstance(material, BsdfMaterial):
+            content = material.file.read_bytes()
+            told["materials"][name]["file"] = hashlib.sha256(content).hexdigest()
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def coefficients(
+    case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None,
+    known: xr.Dataset | None = None,
+) -> xr.Dataset:  # fmt: skip
+    """C of both states; the shaded one only for the suns of hours in which the shade closes.
+
+    Parameters
+    ----------
+    case : Case
+    light : Daylight
+    stage : callable, optional
+    seconds : dict, optional
+        Takes the seconds of the stages.
+    known : xr.Dataset, optional
+        Coefficients of this case for another weather: what they hold is not computed again.
+
+    Returns
+    -------
+    xr.Dataset
+        Dims state, sensor, bin, replicate.
+
+    Raises
+    ------
+    InputError
+        The known coefficients are those of another case.
+    """
+    seconds = {} if seconds is None else seconds
+    latitude = light.sky.attrs["latitude"]
+    found: dict[str, xr.Dataset] = {} if known is None else _known(known, case, light)
+    with timed(stage, "open façade", seconds) as done:
+        found["open"] = _state(case, "open", light.suns, latitude, found, done)
+    if case.shading is not None:
+        alone = states({"open": found["open"]}, case).sel(state="open", drop=True)
+        closed = closing(alone, light.sky)
+        if closed.any():
+            needed = light.suns.only(sources(light.sky.isel(time=closed.values)))
+            with timed(stage, "shaded façade", seconds) as done:
+                found["shaded"] = _state(case, "shaded", needed, latitude, found, done)
+    joined = states(found, case)
+    joined.attrs |= {name: light.sky.attrs[name] for name in SUN_OF}
+    joined.attrs["fingerprint"] = fingerprint(case)
+    return joined
+
+
+def _known(known: xr.Dataset, case: Case, light: Daylight) -> dict[str, xr.Dataset]:
+    """States of coefficients that were computed before, checked."""
+    if known.attrs.get("fingerprint") != fingerprint(case):
+        raise InputError(
+            "coefficients", "case", "they were computed for another case or accuracy",
+            "compute them anew",
+        )  # fmt: skip
+    _check_suns(known, light.sky, SUN_OF if case.sun.model != "adaptive" else ("latitude",))
+    return {str(s): known.sel(state=s, drop=True) for s in known["state"].values}
+
+
+def _state(
+    case: Case, state: scene.State, suns: Suns, latitude: float, known: dict[str, xr.Dataset],
+    progress: Progress,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients of one state, taken from what is known as far as that goes."""
+    if state not in known:
+        mesh = mesh_of(known["open"]) if "open" in known else ()
+        return transport(case, state, suns, latitude, mesh=mesh, progress=progress)
+    if not isinstance(case.sun, Adaptive):
+        return known[state]
+    points, normals = scene.sensor_points(case)
+    channels = known[state].sizes.get("channel", 0)
+    found = [
+        with_straight(
+            known[state].isel(channel=i) if channels else known[state],
+            scene.load(case, state, i), points, normals, suns, case.accuracy,
+        )
+        for i in range(max(1, channels))
+    ]  # fmt: skip
+    return xr.concat(found, known[state]["channel"]) if channels else found[0]

@@ -1,0 +1,74 @@
+"""Suns with their labels, and how they are blended into the sun of each time stamp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.sky import sun_labels
+
+
+@dataclass(frozen=True)
+class Suns:
+    """Suns that coefficients are wanted for.
+
+    Parameters
+    ----------
+    labels : tuple of str
+    directions : np.ndarray, shape (sun, 3)
+        Unit vectors towards them.
+    diameter : float
+        Angle across a sun [deg].
+    straight : bool
+        Whether sensors take the light that comes straight from them; what they light takes it in
+        any case.
+    """
+
+    labels: tuple[str, ...]
+    directions: np.ndarray
+    diameter: float = 0.5
+    straight: bool = True
+
+    @classmethod
+    def of(cls, sun: xr.Dataset, diameter: float) -> Suns:
+        """All suns above the horizon, from the result of `sky.sun_position`."""
+        labels = sun_labels(sun)
+        up = labels != ""
+        return cls(tuple(map(str, labels[up])), sun["direction"].values[up], diameter)
+
+    @classmethod
+    def none(cls) -> Suns:
+        """No sun at all."""
+        return cls((), np.zeros((0, 3)))
+
+    def only(self, labels: np.ndarray) -> Suns:
+        """Keep the suns that are named."""
+        wanted = set(map(str, labels))
+        kept = [i for i, label in enumerate(self.labels) if label in wanted]
+        names = tuple(self.labels[i] for i in kept)
+        return replace(self, labels=names, directions=self.directions[kept])
+
+
+@dataclass(frozen=True)
+class Blend:
+    """Bins that stand together for the sun of each time stamp.
+
+    With a sun of luminance L, the bin has w·L: E = L Σ_k w[k] C[bin[k]].
+
+    Parameters
+    ----------
+    bins : np.ndarray of str, shape (time, k)
+        Labels; "" where fewer bins are blended.
+    weights : np.ndarray, shape (time, k)
+        0 where there is no bin.
+    """
+
+    bins: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def own(cls, labels: np.ndarray) -> Blend:
+        """Every time stamp has a sun of its own, or none where the label is ""."""
+        return cls(labels.astype(object)[:, None], (labels != "").astype(float)[:, None])

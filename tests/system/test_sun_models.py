@@ -1,0 +1,142 @@
+"""A case with each of the sun models: what it gives, what lies on disk, what can be used again."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import drcmitsuba
+from drcmitsuba import light as light_module
+from drcmitsuba import load_case, schema, simulation
+from drcmitsuba.errors import InputError
+from tests.system.test_evaluate import CASE, DAYS, changed
+
+MODELS = ["true_sun", "three_phase", "five_phase", "daysim", "adaptive"]
+
+
+def case_of(folder, model, *changes, subdivision=1):
+    text = changed(*changes) + f'\n[sun]\nmodel = "{model}"\n[sky]\nsubdivision = {subdivision}\n'
+    file = folder / f"{model}.toml"
+    file.write_text(text)
+    return load_case(file)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Result of each model."""
+    folder = tmp_path_factory.mktemp("models")
+    return {model: drcmitsuba.evaluate(case_of(folder, model)) for model in MODELS}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
+    found = results[model]
+    schema.save_zarr(found.coefficients, tmp_path / "C.zarr")
+    light_module.save_luminances(found.light, tmp_path / "L.zarr")
+    C = schema.open_dataset(tmp_path / "C.zarr", "replicates").load()
+    L = light_module.from_luminances(schema.open_dataset(tmp_path / "L.zarr", "L", "sun"))
+    E = simulation.illuminance(C, L)
+    for name, expected in found.illuminance.data_vars.items():
+        np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)
+
+
+@pytest.mark.parametrize("model", MODELS[:-1])
+def test_illuminance_is_coefficients_times_luminances(results, model):
+    found = results[model]
+    L = found.sky["L"]
+    C = found.coefficients["replicates"].sel(state="open").mean("replicate")
+    assert list(C["bin"].values) == list(L["bin"].values)
+    E = L.values.astype(float) @ C.values.T.astype(float)
+    np.testing.assert_allclose(found.illuminance["total_open"], E, rtol=1e-4, atol=0.05)
+
+
+def test_the_adaptive_sun_has_no_bin_in_the_sky(results):
+    sky = results["adaptive"].sky
+    assert sky.sizes["bin"] == 146
+    assert {"sun", "sun_direction", "sun_bin"} <= set(sky.variables)
+
+
+def test_all_models_give_much_the_same_light_and_only_some_the_same_sun(results):
+    exact = results["true_sun"].illuminance
+    direct = exact["direct_sun"] >= 1000
+    wrong = {}
+    for model in MODELS[1:]:
+        E = results[model].illuminance
+        assert float(E["total_open"].mean()) == pytest.approx(
+            float(exact["total_open"].mean()), rel=0.12
+        )
+        wrong[model] = float(((E["direct_sun"] >= 1000) != direct).mean())
+    assert wrong["adaptive"] < 0.002 < wrong["five_phase"] < 0.02
+    assert wrong["three_phase"] > 0.02
+    assert wrong["daysim"] > 0.02
+
+
+def test_the_adaptive_sun_tells_its_error(results):
+    C = results["adaptive"].coefficients
+    assert 0 <= C.attrs["mesh_miss"] < 0.1
+    assert C.attrs["mesh_suns"] == sum(str(b).startswith("sun_mesh") for b in C["bin"].values)
+    E, exact = (results[m].illuminance for m in ("adaptive", "true_sun"))
+    error = np.hypot(E["sun_open_se"], exact["sun_open_se"]) + 1
+    z = (E["sun_open"] - exact["sun_open"]) / error
+    assert float((z**2).mean()) < 4
+
+
+def test_a_finer_sky_is_a_setting(tmp_path):
+    case = case_of(tmp_path, "three_phase", (DAYS, "months = [3]"), subdivision=2)
+    found = drcmitsuba.evaluate(case)
+    assert found.coefficients.sizes["bin"] == 578
+    np.testing.assert_allclose(
+        found.illuminance["sky_open"] + found.illuminance["sun_open"],
+        found.illuminance["total_open"],
+        rtol=1e-4,
+    )
+
+
+# ---- use again --------------------------------------------------------------------------------
+
+
+def test_a_mesh_serves_another_weather(results, tmp_path, monkeypatch):
+    mesh = results["adaptive"].coefficients
+    other = case_of(tmp_path, "adaptive", (DAYS, "months = [4]"))
+    fresh = drcmitsuba.evaluate(other)
+
+    def refuse(*args, **options):
+        raise AssertionError("nothing is gathered anew")
+
+    monkeypatch.setattr("drcmitsuba.simulation.meshed", refuse)
+    again = drcmitsuba.evaluate(other, known=mesh)
+    for name in fresh.illuminance.data_vars:
+        xr.testing.assert_allclose(again.illuminance[name], fresh.illuminance[name], rtol=1e-4)
+    assert again.metrics["sDA"] == fresh.metrics["sDA"]
+
+
+def test_coefficients_of_another_case_are_not_used(results, tmp_path):
+    known = results["adaptive"].coefficients
+    other = case_of(tmp_path, "adaptive", ("transmittance = 0.65", "transmittance = 0.66"))
+    with pytest.raises(InputError, match="another case or accuracy; compute them anew"):
+        drcmitsuba.evaluate(other, known=known)
+
+
+def test_a_mesh_of_another_latitude_is_not_used(results, tmp_path):
+    known = results["adaptive"].coefficients
+    moved = known.assign_attrs(latitude=known.attrs["latitude"] + 5)
+    with pytest.raises(InputError, match="latitude"):
+        drcmitsuba.evaluate(case_of(tmp_path, "adaptive"), known=moved)
+
+
+def test_true_suns_of_other_hours_are_told(results, tmp_path):
+    known = results["true_sun"].coefficients
+    other = case_of(tmp_path, "true_sun", (DAYS, "months = [5]"))
+    with pytest.raises(InputError, match=r"no 'sun_2015-05-.*compute coefficients"):
+        drcmitsuba.evaluate(other, known=known)
+
+
+def test_an_unknown_model_is_told(tmp_path):
+    (tmp_path / "case.toml").write_text(CASE + '\n[sun]\nmodel = "true"\n')
+    with pytest.raises(InputError, match=r"sun: got .*'adaptive'"):
+        load_case(tmp_path / "case.toml")
+
+
+def test_sky_and_sun_may_leave_out_their_model(tmp_path):
+    (tmp_path / "case.toml").write_text(CASE + "\n[sky]\nsubdivision = 4\n[sun]\n")
+    case = load_case(tmp_path / "case.toml")
+    assert (case.sky.model, case.sky.subdivision, case.sun.model) == ("perez", 4, "true_sun")
