@@ -88,8 +88,8 @@ class Errors:
 
     @property
     def is_hidden(self) -> bool:
-        """Whether the RMS error cannot be told from none."""
-        return not self.square.value > 2 * self.square.error
+        """Whether the RMS error is lost in the noise of the reference."""
+        return not self.square.value > self.square.error
 
     @property
     def rms_error(self) -> float:

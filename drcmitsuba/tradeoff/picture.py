@@ -84,9 +84,9 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
 
 
 def _hidden(rows: Sequence[Row]) -> float:
-    """Smallest RMS error [%] that could be told from none."""
+    """Smallest RMS error [%] that is not lost in the noise of the reference."""
     spread = min(row.errors.square.error for row in rows if row.errors is not None)
-    return 100 * float(np.sqrt(2 * spread))
+    return 100 * float(np.sqrt(spread))
 
 
 def _shown(row: Row) -> float:
