@@ -102,9 +102,14 @@ def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path) -> None:
 def save_json(data: object, path: Path) -> None:
     """Write JSON; never leaves half a file at `path`. NaN has no place in it and raises."""
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=str)
+    save_text(text + "\n", path)
+
+
+def save_text(text: str, path: Path) -> None:
+    """Write text; never leaves half a file at `path`."""
     temporary = _temporary(path)
     try:
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
         _replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -9,6 +9,39 @@ from drcmitsuba_plugins.checks import checked
 from drcmitsuba_plugins.sampling import on_disk, sample_disk, transmittance
 
 
+class _Panes:
+    """The panes of a scene that scatter what they let through, as one area to draw points on."""
+
+    def __init__(self, scene):
+        def scatters(flags):
+            smooth = mi.has_flag(flags, mi.BSDFFlags.Smooth)
+            return smooth and mi.has_flag(flags, mi.BSDFFlags.Transmission)
+
+        shapes = [s for s in scene.shapes() if s.bsdf() is not None and scatters(s.bsdf().flags())]
+        self.shapes = [mi.ShapePtr(shape) for shape in shapes]
+        # Asked for here, as a mesh makes its table of areas at the first call.
+        areas = [float(np.ravel(shape.surface_area())[0]) for shape in shapes]
+        self.area = sum(areas)
+        self.shares = np.cumsum(areas) / self.area if shapes else []
+
+    def __bool__(self) -> bool:
+        return bool(self.shapes)
+
+    def sample(self, which, uv, active):
+        """Pane and point on it, evenly by area, from random numbers."""
+        shape = mi.ShapePtr(self.shapes[-1])
+        for share, earlier in zip(self.shares[-2::-1], self.shapes[-2::-1], strict=True):
+            shape = dr.select(which < float(share), earlier, shape)
+        return shape, shape.sample_position(0.0, uv, active)
+
+    def density(self, origin, p, n):
+        """Density, by solid angle seen from `origin`, of the points `p` with normals `n` [1/sr]."""
+        d = p - origin
+        r2 = dr.squared_norm(d)
+        cosine = dr.abs(dr.dot(n, d)) * dr.rsqrt(r2)
+        return dr.select(cosine > 0, r2 / (cosine * self.area), dr.inf)
+
+
 class Coefficient(mi.CppADIntegrator):
     r"""Path tracer that keeps the light of every bin of the scene's sky and suns apart.
 
@@ -21,7 +54,8 @@ class Coefficient(mi.CppADIntegrator):
     ===================  ======  ==================================================================
     `max_depth`          int     largest number of scattering events, −1 (default) for no limit
     `rr_depth`           int     scattering events before Russian roulette begins, default 4
-    `suns_per_vertex`    int     suns that are sampled at a vertex, default 4
+    `suns_per_vertex`    int     suns that are sampled at a diffuse vertex, default 4
+    `suns_per_pane`      int     suns that are sampled at a pane that scatters, default 4
     ===================  ======  ==================================================================
 
     As an integrator it renders a tensor (height, width, bin) [1] of ∂L/∂L_bin with a box filter.
@@ -31,8 +65,9 @@ class Coefficient(mi.CppADIntegrator):
 
     Sky: emitter sampling (uniform over the sphere) and BSDF sampling, combined by the balance
     heuristic. Suns: emitter sampling; after a perfectly specular event the disks themselves are
-    tested. Shadow rays pass panes with a `Null` component by their transmittance. Every estimate
-    is unbiased; sums are kept in Float64.
+    tested. By way of a pane that scatters, they are sought from points on the panes and by BSDF
+    sampling, combined likewise. Shadow rays pass panes with a `Null` component by their
+    transmittance. Every estimate is unbiased; sums are kept in Float64.
 
     Limits: first channel of the spectrum only; no participating media; light that reaches a pane
     only by mirrors is noisy for suns.
@@ -42,6 +77,7 @@ class Coefficient(mi.CppADIntegrator):
         super().__init__(props)
         for name, default, least in (
             ("max_depth", -1, -1), ("rr_depth", 4, 0), ("suns_per_vertex", 4, 1),
+            ("suns_per_pane", 4, 1),
         ):  # fmt: skip
             value = checked("coefficient", name, props.get(name, default), least)
             setattr(self, name, int(value))
@@ -95,7 +131,8 @@ class Coefficient(mi.CppADIntegrator):
         rows = len(points)
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, rows * spp)
-        row = dr.arange(mi.UInt32, rows * spp) // spp
+        lane = dr.arange(mi.UInt32, rows * spp)
+        row = lane // dr.opaque(mi.UInt32, spp)  # other counts need no other kernel
         p = dr.gather(mi.Point3f, mi.Float(np.asarray(points, np.float32).ravel()), row)
         n = dr.gather(mi.Normal3f, mi.Float(np.asarray(normals, np.float32).ravel()), row)
         # The sensor is a white Lambertian vertex: E = π L of what it would reflect.
@@ -106,12 +143,19 @@ class Coefficient(mi.CppADIntegrator):
         si.wi = mi.Vector3f(0, 0, 1)
         bins = self.bin_count(scene)
         out = dr.zeros(mi.Float64, 2 * rows * bins)
-        beta = mi.Float(np.pi / spp)
+        beta = dr.opaque(mi.Float, np.pi / spp)
         everywhere = dr.full(mi.Bool, True, rows * spp)
-        self._emitter_sampling(scene, sampler, si, white, beta, out, row * bins, everywhere)
+        first = np.random.default_rng(seed).integers(1 << 31)
+        base, panes = row * bins, _Panes(scene)
+        self._sky_sampling(scene, sampler, si, white, beta, out, base, everywhere)
+        self._sun_sampling(
+            scene, sampler, si, white, beta, out, base, everywhere,
+            turn=lane * self.suns_per_vertex + dr.opaque(mi.UInt32, int(first)),
+        )  # fmt: skip
+        self._pane_sampling(scene, panes, sampler, si, white, beta, out, base, everywhere)
         ray = mi.Ray3f(p, si.to_world(wo))
         pdf = mi.warp.square_to_cosine_hemisphere_pdf(wo)
-        self._trace(scene, sampler, ray, beta, pdf, mi.Bool(False), row * bins, rows * bins, out)
+        self._trace(scene, panes, sampler, ray, beta, pdf, mi.Bool(False), base, rows * bins, out)
         return mi.TensorXd(out, (2, rows, bins))
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
@@ -130,39 +174,100 @@ class Coefficient(mi.CppADIntegrator):
         )
         out = dr.zeros(mi.Float64, 2 * pixels * bins)
         self._trace(
-            scene, sampler, mi.Ray3f(ray), weight[0] / spp, mi.Float(1), mi.Bool(True),
-            row * bins, pixels * bins, out,
+            scene, _Panes(scene), sampler, mi.Ray3f(ray), weight[0] / spp, mi.Float(1),
+            mi.Bool(True), row * bins, pixels * bins, out,
         )  # fmt: skip
         parts = dr.reshape(mi.TensorXd(out, (2, pixels * bins)), (2, -1))
         image = mi.TensorXf(dr.sum(parts, axis=0))
         return dr.reshape(image, (int(height), int(width), bins))
 
-    def _emitter_sampling(self, scene, sampler, si, bsdf, beta, out, base, active):
-        """Add the light that reaches a vertex straight from sampled directions of sky and suns."""
+    def _sky_sampling(self, scene, sampler, si, bsdf, beta, out, base, active):
+        """Add the light that reaches a vertex straight from a sampled direction of the sky."""
+        sky, _ = self._sources(scene)
+        if sky is None:
+            return
+        d = mi.warp.square_to_uniform_sphere(sampler.next_2d(active))
+        value, pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(d), active)
+        lit = active & (value[0] > 0)
+        tau = transmittance(scene, si.spawn_ray(d), lit)
+        # value / pdf_sky · pdf_sky / (pdf_sky + pdf_bsdf)
+        at, radiance = self._sky_bin(sky, d, lit)
+        light = beta * value[0] * tau * radiance / (dr.inv_four_pi + pdf)
+        dr.scatter_add(out, mi.Float64(light), base + at, lit)
+
+    def _sun_sampling(self, scene, sampler, si, bsdf, beta, out, base, active, turn=None):
+        """Add the light that reaches a vertex straight from sampled suns.
+
+        They are drawn at random, or, from a number `turn` on that is random itself, in turn: then
+        each of them has its share of the lanes.
+        """
         sky, suns = self._sources(scene)
-        ctx = mi.BSDFContext()
-        if sky is not None:
-            d = mi.warp.square_to_uniform_sphere(sampler.next_2d(active))
-            value, pdf = bsdf.eval_pdf(ctx, si, si.to_local(d), active)
-            lit = active & (value[0] > 0)
-            tau = transmittance(scene, si.spawn_ray(d), lit)
-            # value / pdf_sky · pdf_sky / (pdf_sky + pdf_bsdf)
-            at, radiance = self._sky_bin(sky, d, lit)
-            light = beta * value[0] * tau * radiance / (dr.inv_four_pi + pdf)
-            dr.scatter_add(out, mi.Float64(light), base + at, lit)
-        if suns is not None:
-            first = self._sky_bins(sky)
-            share = suns.bin_count * suns.solid_angle / self.suns_per_vertex
-            for _ in range(self.suns_per_vertex):
+        if suns is None:
+            return
+        ctx, first = mi.BSDFContext(), self._sky_bins(sky)
+        share = suns.bin_count * suns.solid_angle / self.suns_per_vertex
+        for i in range(self.suns_per_vertex):
+            if turn is None:
                 u = sampler.next_1d(active) * suns.bin_count
                 sun = dr.minimum(mi.UInt32(u), suns.bin_count - 1)
-                centre = suns.direction_of(sun, active)
-                d = sample_disk(centre, suns.diameter, sampler.next_2d(active))
-                value = bsdf.eval(ctx, si, si.to_local(d), active)[0]
-                lit = active & (value > 0)
-                tau = transmittance(scene, si.spawn_ray(d), lit)
-                light = beta * value * tau * share
-                dr.scatter_add(out, mi.Float64(light), base + first + sun, lit)
+            else:
+                sun = (turn + i) % suns.bin_count
+            centre = suns.direction_of(sun, active)
+            d = sample_disk(centre, suns.diameter, sampler.next_2d(active))
+            value = bsdf.eval(ctx, si, si.to_local(d), active)[0]
+            lit = active & (value > 0)
+            tau = transmittance(scene, si.spawn_ray(d), lit)
+            light = beta * value * tau * share
+            dr.scatter_add(out, mi.Float64(light), base + first + sun, lit)
+
+    def _pane_sampling(self, scene, panes, sampler, si, bsdf, beta, out, base, active):
+        """Add the suns' light that reaches a diffuse vertex from a point on the panes.
+
+        BSDF sampling finds the panes too: each counts by its share of both densities.
+        """
+        if not panes or self._sources(scene)[1] is None:
+            return
+        shape, ps = panes.sample(sampler.next_1d(active), sampler.next_2d(active), active)
+        ray = si.spawn_ray_to(ps.p)
+        value, pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(ray.d), active)
+        seen = active & (value[0] > 0)
+        tau = transmittance(scene, ray, seen)
+        # value / pdf_pane · pdf_pane / (pdf_pane + pdf_bsdf)
+        weight = beta * value[0] * tau / (panes.density(si.p, ps.p, ps.n) + pdf)
+        on_pane = dr.zeros(mi.SurfaceInteraction3f, dr.width(ps.p))
+        on_pane.p, on_pane.n, on_pane.sh_frame = ps.p, ps.n, mi.Frame3f(ps.n)
+        on_pane.wi = on_pane.to_local(-ray.d)
+        seen &= weight > 0
+        self._suns_on_pane(scene, sampler, on_pane, shape.bsdf(), weight, out, base, seen)
+
+    @dr.syntax
+    def _suns_on_pane(self, scene, sampler, si, bsdf, beta, out, base, active):
+        """Add the suns' light that a pane scatters at a vertex on it.
+
+        A pane may send a sun into few directions only: suns are drawn in proportion to what they
+        send into this one, so that what is added is the sum over all suns, or nothing in shadow.
+        """
+        sky, suns = self._sources(scene)
+        ctx, first = mi.BSDFContext(), self._sky_bins(sky)
+        total = mi.Float(0)
+        drawn = [mi.UInt32(0) for _ in range(self.suns_per_pane)]
+        towards = [mi.Vector3f(0, 0, 1) for _ in range(self.suns_per_pane)]
+        sun, searching = mi.UInt32(0), mi.Bool(active)
+        while searching & (sun < suns.bin_count):
+            centre = suns.direction_of(sun, searching)
+            d = sample_disk(centre, suns.diameter, sampler.next_2d(searching))
+            value = bsdf.eval(ctx, si, si.to_local(d), searching)[0]
+            total += value
+            for i in range(len(drawn)):
+                takes = sampler.next_1d(searching) * total < value
+                drawn[i] = dr.select(takes, sun, drawn[i])
+                towards[i] = dr.select(takes, d, towards[i])
+            sun += 1
+        share = suns.solid_angle / self.suns_per_pane
+        for sun, d in zip(drawn, towards, strict=True):
+            lit = active & (total > 0)
+            tau = transmittance(scene, si.spawn_ray(d), lit)
+            dr.scatter_add(out, mi.Float64(beta * total * tau * share), base + first + sun, lit)
 
     @staticmethod
     @dr.syntax
@@ -176,17 +281,19 @@ class Coefficient(mi.CppADIntegrator):
             sun += 1
 
     @dr.syntax
-    def _trace(self, scene, sampler, ray, beta, pdf, delta, base, part, out):
+    def _trace(self, scene, panes, sampler, ray, beta, pdf, delta, base, part, out):
         """Follow paths and add what they collect to `out`.
 
         `pdf` is the density of the ray's direction at the last vertex that scatters, `delta` says
         that no emitter sampling could have found it; `base` is the first entry of the lane's row,
-        `part` the offset of the part that has met a diffuse surface.
+        `part` the offset of the part that has met a diffuse surface. `origin` is that vertex, and
+        `looked` says whether points on the panes were sampled from it.
         """
         sky, suns = self._sources(scene)
         ctx = mi.BSDFContext()
         first = self._sky_bins(sky)
         beta, pdf, delta, base = mi.Float(beta), mi.Float(pdf), mi.Bool(delta), mi.UInt32(base)
+        origin, looked = mi.Point3f(ray.o), ~delta
         start = mi.Float(beta)
         depth = mi.UInt32(0)
         active = mi.Bool(True)
@@ -206,7 +313,17 @@ class Coefficient(mi.CppADIntegrator):
             is_pane = mi.has_flag(flags, mi.BSDFFlags.Transmission)
             meets_diffuse = scatters & ~is_pane
             base = dr.select(meets_diffuse & (base < part), base + part, base)
-            self._emitter_sampling(scene, sampler, si, bsdf, beta, out, base, scatters)
+            self._sky_sampling(scene, sampler, si, bsdf, beta, out, base, scatters)
+            self._sun_sampling(scene, sampler, si, bsdf, beta, out, base, meets_diffuse)
+            if dr.hint(bool(panes) and suns is not None, mode="scalar"):
+                other = panes.density(origin, si.p, si.n)
+                share = dr.select(looked, pdf / (pdf + other), 1)
+                at_pane = scatters & is_pane
+                self._suns_on_pane(scene, sampler, si, bsdf, beta * share, out, base, at_pane)
+            goes_on = mi.Bool(meets_diffuse)
+            if dr.hint(self.max_depth >= 0, mode="scalar"):
+                goes_on &= depth + 1 < self.max_depth
+            self._pane_sampling(scene, panes, sampler, si, bsdf, beta, out, base, goes_on)
             bs, weight = bsdf.sample(
                 ctx, si, sampler.next_1d(active), sampler.next_2d(active), active
             )
@@ -218,6 +335,8 @@ class Coefficient(mi.CppADIntegrator):
             # is out of reach of emitter sampling.
             pdf = dr.select(null | mirrored, pdf, bs.pdf)
             delta = dr.select(null, delta, mirrored)
+            origin = dr.select(null | mirrored, origin, si.p)
+            looked = dr.select(null, looked, meets_diffuse & ~mirrored)
             depth += 1
             survival = dr.clip(beta / start, 0.05, 0.95)
             roulette = depth >= self.rr_depth

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from drcmitsuba.table import read_toml
+
 ROOT = Path(__file__).resolve().parents[2]
 # fmt: off
 ORDER = [
@@ -17,7 +19,7 @@ ORDER = [
     "case", "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
     "coefficients", "refinement", "accumulate", "metrics", "uncertainty", "simulation",
     "judgement", "rounds", "design", "plots", "report", "result", "tradeoff", "terminal",
-    "film_commands", "cli",
+    "film_commands", "tradeoff_command", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
@@ -68,3 +70,11 @@ def test_plugins_import_nothing_but_mitsuba_drjit_numpy_and_each_other(module):
 def test_no_import_cycle():
     graph = {module: imports(module) & MODULES.keys() - {module} for module in MODULES}
     TopologicalSorter(graph).prepare()
+
+
+def test_every_package_is_installed():
+    """An installation beside this folder has only the packages that pyproject.toml names."""
+    named = set(read_toml(ROOT / "pyproject.toml", 1 << 20)["tool"]["setuptools"]["packages"])
+    folders = {file.parent for file in FOLDERS["drcmitsuba"].rglob("__init__.py")}
+    there = {".".join(folder.relative_to(ROOT).parts) for folder in folders}
+    assert there == named - {"drcmitsuba.scenes", "drcmitsuba_plugins"}

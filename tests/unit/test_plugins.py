@@ -1,5 +1,7 @@
 """Emitters, panes and the unbiased integrator against exact answers and Mitsuba's own."""
 
+from pathlib import Path
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -10,6 +12,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba import backend
 from drcmitsuba.scene import quad_mesh
 
+PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
 UP = [0.0, 0.0, 1.0]
 ORIGIN = [0.0, 0.0, 0.0]
 SUNS = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.96, 0.28], [-0.8, 0.6, 0]])
@@ -265,6 +268,46 @@ def test_c_times_l_is_what_the_built_in_path_tracer_finds(same, plain_coefficien
     same(here @ L, other=there, within=0.003)
     loud = plain_coefficients(scene, ORIGIN, UP, spp=64, seed=5)
     assert np.array_equal(loud, plain_coefficients(plain, ORIGIN, UP, spp=64, seed=5))
+
+
+def test_a_pane_that_scatters_gives_the_suns_by_its_form_factor(same, plain_coefficients):
+    """Under the middle of a lit square pane: E = τ L Ω cos θ · F; the other pane adds nothing.
+
+    F of a square of half width a at height h is 4/π · a/√(a² + h²) · atan(a/√(a² + h²)).
+    """
+    pane = {"type": "diffuser", "transmittance": 0.4, "reflectance_front": 0.0}
+    panes = {
+        "above": plate(1.0, pane, half=1.0),
+        "below": plate(-1.0, pane, half=2.0),
+        "between": plate(-0.5, matt(0.0), half=3.0),
+    }
+    high = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.5, np.sqrt(0.75)]])
+    c = plain_coefficients(load(suns=suns(high), **panes), ORIGIN, UP, spp=1 << 13)[0]
+    x = np.sqrt(0.5)
+    factor = 4 / np.pi * x * np.arctan(x)
+    exact = 0.4 * factor * disk_solid_angle(0.5) * high[:, 2]
+    same(c, exact=exact, within=0.003)
+
+
+def test_points_on_panes_change_no_mean(same, plain_coefficients, monkeypatch):
+    """Suns by way of a film and a diffusing pane, with points on them and by BSDF sampling alone.
+
+    Both panes lie above furniture that is lit through them and by the sun itself.
+    """
+    panes = {
+        "film": plate(1.6, {"type": "tensor_tree", "filename": str(PRISM)}, at=(-0.5, 0.0)),
+        "shade": plate(1.6, {"type": "diffuser", "transmittance": 0.3}, at=(0.6, 0.1), half=0.4),
+    }
+    scene = load(suns=suns(), **panes, **furnished())
+    both = plain_coefficients(scene, [[0, 0, 0.2], [0.2, -1.0, 0.1]], [UP, [0, 0.6, 0.8]], seed=1)
+    code = type(mi.load_dict({"type": "coefficient"})).sensors.__globals__
+    monkeypatch.setattr(code["Coefficient"], "_pane_sampling", lambda *arguments: None)
+    monkeypatch.setattr(code["_Panes"], "density", lambda *arguments: mi.Float(0))
+    one = plain_coefficients(
+        scene, [[0, 0, 0.2], [0.2, -1.0, 0.1]], [UP, [0, 0.6, 0.8]], seed=2, spp=1 << 14
+    )
+    for with_points, without in zip(both, one, strict=True):
+        same(with_points, other=without, within=0.03)
 
 
 def test_scene_and_sky_turned_together_leave_coefficients_unchanged(same, plain_coefficients):
