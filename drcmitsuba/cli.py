@@ -54,10 +54,8 @@ def _print_metrics(numbers: dict, title: str) -> None:
 
 
 def _print_accuracy(accuracy: dict) -> None:
-    print(
-        f"{accuracy['reason']}: ±{accuracy['half_width']:.2g} after {accuracy['rounds']} rounds, "
-        f"wanted {accuracy['target']}"
-    )
+    told = f"rounds: {accuracy['rounds']}, ±{accuracy['half_width']:.2g}"
+    print(f"{accuracy['reason']}: {told}, wanted ±{accuracy['target']}")
 
 
 def _print_undecided(undecided: list[dict]) -> None:

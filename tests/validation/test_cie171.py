@@ -219,15 +219,17 @@ def traced(room, kind, glazed=False):
             np.array([a.std(ddof=1) / np.sqrt(len(a)) for a in each]))  # fmt: skip
 
 
-def by_patches(room, kind):
-    """SC [%] with 145 patches of the sky's mean luminance: C·L as in a yearly run."""
+def by_patches(room, kind, subdivision=1):
+    """SC [%] with patches of the sky's mean luminance: C·L as in a yearly run."""
     azimuth = 0.0 if room.sun[1] > 0 else 180.0
     sun = xr.Dataset({"solar_zenith": ("time", [30.0]), "solar_azimuth": ("time", [azimuth])})
-    patches = Patches()
+    patches = Patches(subdivision)
     L = CieSky(kind, diffuse_horizontal_illuminance=1.0).luminances(xr.Dataset(), sun, patches).sky
     surface = scenes.Surface("box", Lambertian(0.0), black_box(room))
     p, n = (mi.Float(np.asarray(a, np.float32).ravel()) for a in (room.at, room.normals))
-    c = sky_deposit(scenes.build([surface]), p, n, subdivision=1, rays=1 << 19, seed=0).numpy()
+    c = sky_deposit(
+        scenes.build([surface]), p, n, subdivision=subdivision, rays=1 << 19, seed=0
+    ).numpy()
     return 100 * (c @ np.append(GROUND, L[0]))
 
 
@@ -250,12 +252,12 @@ def check(room, kind, glazed=False):
     return sc, off
 
 
-def check_patches(room, kind):
-    """Relative errors that 145 patches of constant luminance make."""
-    off = by_patches(room, kind) / quadrature(room, kind) - 1
+def check_patches(room, kind, subdivision=1):
+    """Relative errors that patches of constant luminance make."""
+    off = by_patches(room, kind, subdivision) / quadrature(room, kind) - 1
     worst = list(room.points)[int(abs(off).argmax())]
     print(
-        f"{room.name} sky {kind:2d}: 145 patches: worst {abs(off).max():.2%} (point {worst}), "
+        f"{room.name} sky {kind:2d}: MF {subdivision}: worst {abs(off).max():.2%} (point {worst}), "
         f"rms {np.sqrt(np.mean(off**2)):.2%}"
     )
     return off
@@ -315,6 +317,19 @@ def test_quadrature_has_converged_and_fills_a_uniform_sky():
     assert quadrature(middle, 5)[0] == pytest.approx(100 * factor, rel=1e-6)
     assert horizontal(5) == pytest.approx(np.pi, rel=1e-9)
     assert horizontal(16) == pytest.approx(7 * np.pi / 9, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DEFAULT)
+def test_finer_patches_come_closer_to_the_continuous_sky(name):
+    kinds = [kind for kind in SKIES if kind != 5]  # the uniform one has nothing to lose
+    worst = {
+        mf: max(abs(check_patches(ROOMS[name], kind, mf)).max() for kind in kinds)
+        for mf in (1, 2, 4)
+    }
+    print(f"{name}: " + ", ".join(f"MF {mf}: {off:.2%}" for mf, off in worst.items()))
+    assert worst[2] < worst[1]
+    assert worst[4] < worst[1] / 2
 
 
 @pytest.mark.parametrize("name", DEFAULT)
