@@ -285,9 +285,7 @@ class Room:
         values = np.frombuffer(output, np.float32).reshape(repeats, len(self.points), -1, 3)
         return values[..., 0].astype(float)
 
-    def sky(
-        self, options: Sequence[str], repeats: int = 1, subdivision: int = 1
-    ) -> np.ndarray:
+    def sky(self, options: Sequence[str], repeats: int = 1, subdivision: int = 1) -> np.ndarray:
         """Coefficients of ground and patches by `rcontrib`, (repeat, sensor, bin)."""
         octree = self._octree("sky", SKY)
         command = [

@@ -1,4 +1,4 @@
-"""One sunny hour behind the prism film of O3, by an exact sun and by models that stand for it.
+"""One sunny hour in O3, with clear glass below a prism film, by an exact sun and by sun models.
 
     python -m tests.bench.sun_models OUT.png [--weather FILE] [--time 2015-03-21T08:00]
 
@@ -19,7 +19,14 @@ from matplotlib.figure import Figure
 from drcmitsuba import accumulate, backend, light, plots, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import (
-    Adaptive, Case, Daysim, FivePhase, PeriodTable, ThreePhase, TrueSun, load_case,
+    Adaptive,
+    Case,
+    Daysim,
+    FivePhase,
+    PeriodTable,
+    ThreePhase,
+    TrueSun,
+    load_case,
 )  # fmt: skip
 from drcmitsuba.coefficients import compute
 from drcmitsuba.refinement import meshed, with_straight
@@ -34,7 +41,7 @@ SAMPLES: dict[str, Any] = {
     "replicates": 16, "paths": 128, "pane_points": 128, "film_sky_samples": 128,
 }  # fmt: skip
 SHOWN = {
-    "true_sun": "exact sun of 0.5°",
+    "true_sun": "exact sun,\n0.5° across",
     "three_phase": "three-phase, MF 1:\nspread over four patches",
     "five_phase": "moved to the nearest\npatch of MF 6",
 }
@@ -79,14 +86,13 @@ def picture(case: Case, hour: str, accuracy: Accuracy) -> Figure:
     norm = LogNorm(*np.percentile(values, [0, 100]))
     width, depth, _ = case.room.size
     room = np.array([[0, 0], [width, 0], [width, depth], [0, depth], [0, 0]])
-    figure = Figure(figsize=(6, 2.95))
+    figure = Figure(figsize=(6, 2.7))
     when = np.datetime64(hour).item()
-    figure.text(
-        0.02, 0.975, f"Illuminance at desk height, {when:%d %B, %H} to {when.hour + 1} h [lx]",
-        fontsize=9, weight="bold", va="top",
-    )  # fmt: skip
+    span = f"{when.day} {when:%B}, {when.hour} to {when.hour + 1} h"
+    title = f"Illuminance at desk height, {span} [lx]"
+    figure.text(0.02, 0.975, title, fontsize=9, weight="bold", va="top")
     for i, (model, plan) in enumerate(plans.items()):
-        ax = figure.add_axes((0.02 + 0.295 * i, 0.09, 0.28, 0.28 * 6 / 2.95 * depth / width))
+        ax = figure.add_axes((0.02 + 0.295 * i, 0.09, 0.28, 0.28 * 6 / 2.7 * depth / width))
         grid = plan.values.reshape(case.sensors.count[::-1])
         x, y = (np.unique(plan[axis].values.round(6)) for axis in "xy")
         shown: Any = ax.pcolormesh(x, y, grid, cmap="viridis", norm=norm, rasterized=True)
@@ -98,7 +104,7 @@ def picture(case: Case, hour: str, accuracy: Accuracy) -> Figure:
         ax.set_title(SHOWN[model], fontsize=8, loc="left", x=0.02, pad=3)
         text = f"mean {plan.values.mean():.0f}, {plan.values.min():.0f} to {plan.values.max():.0f}"
         ax.text(0.02, -0.02, text, fontsize=8, transform=ax.transAxes, va="top")
-    bar = figure.add_axes((0.912, 0.11, 0.018, 0.66))
+    bar = figure.add_axes((0.912, 0.11, 0.018, 0.62))
     figure.colorbar(shown, cax=bar)
     ticks = [t for t in (200, 500, 1000, 2000, 5000, 10_000, 20_000) if norm.vmin < t < norm.vmax]
     bar.set_yticks(ticks, [f"{t:g}" for t in ticks], fontsize=8)
