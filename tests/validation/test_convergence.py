@@ -50,6 +50,7 @@ DIRECTIONS = np.array(
     [towards(25, 170), towards(40, 200), towards(55, 150), towards(15, 215), towards(62, 185)]
 )
 SUNS = Suns(tuple(f"sun_{i}" for i in range(len(DIRECTIONS))), DIRECTIONS)
+Fit = tuple[float, float]
 PARTS = {"sky": slice(0, BINS), "suns": slice(BINS, None)}
 
 
@@ -102,13 +103,19 @@ def plain(case: Case, spp: int, rounds: int, *, sky: bool = True) -> np.ndarray:
     return np.stack([plugin.sensors(world, *points, spp, 500 + k).numpy() for k in range(rounds)])
 
 
-def slope(n: list[float], error: list[float]) -> tuple[float, float]:
-    """Least-squares slope of log error over log n, and its standard error."""
+def slope(n: list[float], error: list[float], share: list[float] | None = None) -> Fit:
+    """Least-squares slope of log error over log n, and its standard error.
+
+    The latter is from the scatter about the line, and no less than what `share`, the relative
+    errors of the errors, make of it.
+    """
     x, y = np.log(n), np.log(error)
     x = x - x.mean()
     fitted = float((x @ y) / (x @ x))
     rest = y - y.mean() - fitted * x
-    return fitted, float(np.sqrt(rest @ rest / (len(x) - 2) / (x @ x)))
+    scatter = np.sqrt(rest @ rest / (len(x) - 2) / (x @ x))
+    told = np.sqrt((x**2) @ np.square(share)) / (x @ x) if share else 0.0
+    return fitted, float(max(scatter, told))
 
 
 # Samples
@@ -300,12 +307,12 @@ def test_bias_of_cells_falls_by_an_order_between_one_and_two(name, paths, rounds
             f"| {name} | {size} m | {bias:.2%} ± {error:.2%} | with the grid of compute {own:.2%}, "
             f"sum {of_round.mean():+.2%} ± {noise:.2%} |"
         )
-    clear = [(size, bias) for size, bias, error in rows if bias > 4 * error]
+    clear = [(size, bias, error / bias) for size, bias, error in rows if bias > 4 * error]
     assert len(clear) >= 3
     order, error = slope(*map(list, zip(*clear, strict=True)))
     print(f"{name}: order {order:.2f} ± {error:.2f} from {clear[0][0]} to {clear[-1][0]} m")
     assert least < order < 2.3
-    values = [bias for _, bias in clear]
+    values = [bias for _, bias, _ in clear]
     assert values == sorted(values)
 
 
@@ -314,7 +321,8 @@ def test_bias_is_that_of_compute(same):
     """Cells of 1.2 m, replicates of `compute` against the plain path tracer and the bias."""
     case = furnished(False)
     loaded, (points, normals) = scene.load(case), scene.sensor_points(case)
-    bias = bias_of_cells(case, [1.2], 1 << 13, 8)[0, 0].mean(axis=0)
+    of_round = bias_of_cells(case, [1.2], 1 << 13, 8)[0, 0]
+    bias = of_round.mean(axis=0)
     theirs = plain(case, 1 << 15, 24, sky=False)[:, 1]
     hidden = replace(SUNS, straight=False)
     mine = []
@@ -325,6 +333,7 @@ def test_bias_is_that_of_compute(same):
     mine = np.concatenate(mine)
     apart = mine.mean(axis=0) - theirs.mean(axis=0)
     noise = mine.var(axis=0, ddof=1) / len(mine) + theirs.var(axis=0, ddof=1) / len(theirs)
+    noise += of_round.var(axis=0, ddof=1) / len(of_round)
     share = float((apart * bias / noise).sum() / (bias**2 / noise).sum())
     error = float(1 / np.sqrt((bias**2 / noise).sum()))
     print(
