@@ -33,7 +33,7 @@ SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"
 RECEIVERS = """#@rfluxmtx h=u u=Y
 void glow groundglow 0 0 4 1 1 1 0
 groundglow source ground 0 0 4 0 0 -1 180
-#@rfluxmtx h=r1 u=Y
+#@rfluxmtx h=r{subdivision} u=Y
 void glow skyglow 0 0 4 1 1 1 0
 skyglow source sky 0 0 4 0 0 1 180
 """
@@ -84,13 +84,10 @@ def glass(cos_theta: np.ndarray, transmissivity: float) -> tuple[np.ndarray, np.
     return tau, rho
 
 
-def perez(
+def _write_hours(
     times: np.ndarray, dni: np.ndarray, dhi: np.ndarray, site: Site, folder: Path
-) -> tuple[np.ndarray, np.ndarray]:
-    """Sky by `gendaymtx`: radiance (time, bin), and its sun (time, 3), for hours with sunshine.
-
-    `times` are starts of hours; Radiance has the sun at their middle.
-    """
+) -> None:
+    """Write `hours.wea`; `times` are starts of hours, Radiance has the sun at their middle."""
     head = {
         "place": site.name.replace(" ", "_"), "latitude": site.latitude,
         "longitude": -site.longitude, "time_zone": -15 * site.timezone,
@@ -102,14 +99,57 @@ def perez(
         _, month, day = date.split("-")
         lines.append(f"{int(month)} {int(day)} {int(clock[:2]) + 0.5} {direct:.9g} {diffuse:.9g}")
     (folder / "hours.wea").write_text("\n".join(lines) + "\n")
-    command = ["gendaymtx", "-h", "-m", "1", "-s", "-c", "1", "1", "1", "-of"]
-    command += ["-D", "suns.rad", "-M", "suns.txt", "hours.wea"]
-    values = np.frombuffer(run(command, folder), np.float32).reshape(-1, len(times), 3)
+
+
+def _sky_matrix(count: int, options: Sequence[str], folder: Path) -> np.ndarray:
+    """Radiance (time, bin) of ground and patches by `gendaymtx` for the hours written before."""
+    command = ["gendaymtx", "-h", "-c", "1", "1", "1", "-of", *options, "hours.wea"]
+    values = np.frombuffer(run(command, folder), np.float32).reshape(-1, count, 3)
+    return values[..., 0].T.astype(float)
+
+
+def perez(
+    times: np.ndarray, dni: np.ndarray, dhi: np.ndarray, site: Site, folder: Path
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sky by `gendaymtx`: radiance (time, bin), and its sun (time, 3), for hours with sunshine.
+
+    `times` are starts of hours; Radiance has the sun at their middle.
+    """
+    _write_hours(times, dni, dhi, site, folder)
+    options = ["-m", "1", "-s", "-D", "suns.rad", "-M", "suns.txt"]
+    values = _sky_matrix(len(times), options, folder)
     text = (folder / "suns.rad").read_text().split()
     starts = [i for i, word in enumerate(text) if word == "source"]
     suns = np.array([[float(v) for v in text[i + 5 : i + 8]] for i in starts])
     assert len(suns) == len(times), "gendaymtx prints a sun only where there is direct light"
-    return values[..., 0].T.astype(float), suns
+    return values, suns
+
+
+def sun_in_patches(
+    times: np.ndarray, dni: np.ndarray, dhi: np.ndarray, site: Site, subdivision: int, folder: Path
+) -> np.ndarray:
+    """Radiance (time, bin) that `gendaymtx` gives patches for the sun: with it less without it."""
+    _write_hours(times, dni, dhi, site, folder)
+    options = ["-m", f"{subdivision}"]
+    with_sun, without = (_sky_matrix(len(times), [*options, *s], folder) for s in ([], ["-s"]))
+    return with_sun - without
+
+
+def sun_moved_to_patch(
+    times: np.ndarray, dni: np.ndarray, dhi: np.ndarray, site: Site, diameter: float, folder: Path
+) -> np.ndarray:
+    """Radiance (time, bin) of the sun's disk where the five-phase method has it: MF 6."""
+    _write_hours(times, dni, dhi, site, folder)
+    return _sky_matrix(len(times), ["-m", "6", "-d", "-5", f"{diameter:.9g}"], folder)
+
+
+def patch_centres(subdivision: int, folder: Path) -> np.ndarray:
+    """Centres (patch, 3) of Reinhart's patches by `reinsrc.cal`."""
+    mf = ["-e", f"MF:{subdivision}", "-f", "reinsrc.cal"]
+    last = float(run(["rcalc", "-n", *mf, "-e", "$1=Rmax"], folder))
+    bins = "".join(f"{i}\n" for i in range(1, int(last) + 1)).encode()
+    command = ["rcalc", *mf, "-e", "Rbin=$1", "-of", "-e", "$1=Dx;$2=Dy;$3=Dz"]
+    return np.frombuffer(run(command, folder, bins), np.float32).reshape(-1, 3).astype(float)
 
 
 def opened(case: Case) -> Case:
@@ -245,19 +285,21 @@ class Room:
         values = np.frombuffer(output, np.float32).reshape(repeats, len(self.points), -1, 3)
         return values[..., 0].astype(float)
 
-    def sky(self, options: Sequence[str], repeats: int = 1) -> np.ndarray:
-        """Coefficients of ground and 145 patches by `rcontrib`, (repeat, sensor, bin)."""
+    def sky(self, options: Sequence[str], repeats: int = 1, subdivision: int = 1) -> np.ndarray:
+        """Coefficients of ground and patches by `rcontrib`, (repeat, sensor, bin)."""
         octree = self._octree("sky", SKY)
         command = [
-            "rcontrib", "-h", "-faf", "-I+", *options, "-e", "MF:1", "-f", "reinhart.cal",
-            "-b", "rbin", "-bn", "Nrbins", "-m", "skyglow", octree,
+            "rcontrib", "-h", "-faf", "-I+", *options, "-e", f"MF:{subdivision}",
+            "-f", "reinhart.cal", "-b", "rbin", "-bn", "Nrbins", "-m", "skyglow", octree,
         ]  # fmt: skip
         return self._matrix(run(command, self.folder, self._rays(repeats)), repeats)
 
-    def sky_by_rfluxmtx(self, options: Sequence[str], repeats: int = 1) -> np.ndarray:
+    def sky_by_rfluxmtx(
+        self, options: Sequence[str], repeats: int = 1, subdivision: int = 1
+    ) -> np.ndarray:
         """The same by `rfluxmtx`, whose bins come from another function file."""
         octree = self._octree("room", "")
-        (self.folder / "receivers.rad").write_text(RECEIVERS)
+        (self.folder / "receivers.rad").write_text(RECEIVERS.format(subdivision=subdivision))
         command = [
             "rfluxmtx", "-h", "-faf", "-I+", *options, "-", "receivers.rad", "-i", octree,
         ]  # fmt: skip
