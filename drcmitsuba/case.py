@@ -119,7 +119,7 @@ class Adaptive(Table):
     """Straight sun exact at every time stamp; the rest between suns of a mesh, refined by need."""
 
     model: Literal["adaptive"]
-    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.05
+    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.1
     """Largest error between the mesh's suns, RMS over the sensors, relative to the sun's mean."""
     finest: Annotated[int, Field(ge=2, le=7)] = 5
     """Halvings of the mesh at most; 5 sets its suns 2.8° apart."""

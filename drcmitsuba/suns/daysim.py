@@ -13,8 +13,9 @@ import numpy as np
 from drcmitsuba.suns.blend import Blend, Suns
 from drcmitsuba.suns.equator import declination_and_hour, direction
 
-DECLINATIONS = np.array([-23.45, -10.6, 0.0, 11.6, 23.45])
-"""Of the sun [deg] on 21 December, 21 February, 21 March, 21 April and 21 June."""
+_DAYS = np.array([355, 52, 80, 111, 172])
+DECLINATIONS = np.degrees(0.4093 * np.sin(2 * np.pi / 368 * (_DAYS - 81)))
+"""Of the sun [deg] on 21 December, 21 February, 21 March, 21 April and 21 June, as in DAYSIM."""
 LOWEST = 2.0
 """Suns stand at least this high [deg]; the first and last of a day are moved there."""
 
