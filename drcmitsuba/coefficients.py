@@ -26,7 +26,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches
-from drcmitsuba.transport.shadow_rays import pair_deposit, sun_deposit
+from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
 
 BLOCK = 1024
 """Sensors that are gathered at once, at most."""
@@ -129,32 +129,33 @@ def straight_suns(
 
     Notes
     -----
-    Most sensors see all of a sun or nothing. Where the single directions of all replicates agree,
-    that is taken for the answer; where they do not, an edge crosses the disk and its part is
-    estimated anew with `EDGE_SAMPLES` directions in each replicate. A disk of which a part f shows
-    is taken for all or nothing with the odds fⁿ and (1 − f)ⁿ: over an edge that passes by, the
-    errors of up to 0.04 of a sun cancel.
+    Most sensors see all of a sun or nothing. Where `RIM` directions around the disk's edge agree,
+    that is taken for the answer; where they do not, a shadow's edge crosses the disk and what it
+    leaves is estimated with `EDGE_SAMPLES` directions in each replicate. A straight edge that takes
+    or leaves less than 1.5 % of the disk, or a bar across it of less than a tenth of its width, may
+    go unnoticed.
     """
     if not suns.labels:
         return (np.zeros((len(points), 0), np.float32),) * 2
     p, n = _flat(points), _flat(normals)
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
-    replicates, shape = range(accuracy.replicates), (len(points), len(suns.labels))
+    shape = (len(points), len(suns.labels))
     total, seen = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.UInt32, int(np.prod(shape)))
-    for r in replicates:
-        d = sun_deposit(scene, p, n, **kind, samples=1, seed=launch_seed(accuracy, r, 2)).array
+    for i in range(RIM):
+        seed = launch_seed(accuracy, 0, 2)
+        d = sun_deposit(scene, p, n, **kind, samples=1, seed=seed, rim=i).array
         total += d
         seen += dr.select(d > 0, mi.UInt32(1), 0)
         dr.eval(total, seen)
-    edges = dr.compress((seen > 0) & (seen < accuracy.replicates))
-    mean, error = total.numpy() / accuracy.replicates, np.zeros(total.shape, np.float32)
+    edges = dr.compress((seen > 0) & (seen < RIM))
+    mean, error = total.numpy() / RIM, np.zeros(total.shape, np.float32)
     if dr.width(edges):
         again = [
             pair_deposit(
                 scene, p, n, edges, **kind, samples=EDGE_SAMPLES,
                 seed=launch_seed(accuracy, r, 3),
             ).numpy()
-            for r in replicates
+            for r in range(accuracy.replicates)
         ]  # fmt: skip
         mean[edges.numpy()], error[edges.numpy()] = mean_and_error(np.stack(again))
     return mean.reshape(shape), error.reshape(shape)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -117,11 +118,11 @@ def rules(case: Case, step_hours: float) -> uncertainty.Rules:
     )
 
 
-def drawing(case: Case) -> dict[str, int]:
-    """Rays to most suns in all replicates, and the seed of the draws."""
+def drawing(case: Case) -> dict[str, Any]:
+    """Rays to every sun in all replicates, None where rims were searched; the draws' seed."""
     a = case.accuracy
-    samples = 1 if isinstance(case.sun, Adaptive) else a.sensor_sun_samples
-    return {"rays": a.replicates * samples, "seed": a.seed}
+    rays = None if isinstance(case.sun, Adaptive) else a.replicates * a.sensor_sun_samples
+    return {"rays": rays, "seed": a.seed}
 
 
 def by_channel(

@@ -54,7 +54,12 @@ def sample_disk(centre, diameter: float, uv):
     uv : mi.Point2f
         Uniform numbers in [0, 1)².
     """
-    p = mi.warp.square_to_uniform_disk_concentric(uv) * (2 * np.sin(np.radians(diameter) / 4))
+    return from_disk(centre, diameter, mi.warp.square_to_uniform_disk_concentric(uv))
+
+
+def from_disk(centre, diameter: float, p):
+    """Direction to a point `p` of the unit disk, which is laid over the disk on the sky."""
+    p = p * (2 * np.sin(np.radians(diameter) / 4))
     r2 = dr.squared_norm(p)  # chord², = 2 (1 - cos θ)
     xy = p * dr.sqrt(1 - 0.25 * r2)
     return mi.Frame3f(centre).to_world(mi.Vector3f(xy.x, xy.y, 1 - 0.5 * r2))

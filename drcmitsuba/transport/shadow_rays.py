@@ -15,6 +15,7 @@ from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import (
     TO_UNIT,
     disk_solid_angle,
+    from_disk,
     random_bits,
     sample_disk,
     transmittance,
@@ -25,6 +26,8 @@ from drcmitsuba.transport.gather import first_directions
 
 LANES = 1 << 23
 """Lanes of one launch: large enough to fill a GPU, small enough for memory."""
+RIM = 8
+"""Directions around a disk's edge: any straight edge that leaves or takes 1.5 % is noticed."""
 CLUSTER = 32
 """Neighbouring suns that are taken or left together."""
 
@@ -182,7 +185,7 @@ def sky_deposit(
 
 def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
-    suns: np.ndarray, diameter: float, samples: int, seed: int,
+    suns: np.ndarray, diameter: float, samples: int, seed: int, rim: int | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -198,6 +201,8 @@ def sun_deposit(
     samples : int
         Directions drawn from the disk for every point and sun.
     seed : int
+    rim : int, optional
+        Take one direction instead, the rim-th of `RIM` around the disk's edge.
 
     Returns
     -------
@@ -226,28 +231,44 @@ def sun_deposit(
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, sun, exists)
         pair = row * stride + sun
-        value = _seen(scene, openings, p, n, centre, exists, pair, diameter, samples, seed)
+        drawn = _anywhere(centre, diameter, pair, samples, seed)
+        if rim is not None:
+            drawn = [_on_rim(centre, diameter, pair, rim, seed)]
+        value = _seen(scene, openings, p, n, exists, diameter, drawn)
         dr.scatter(out, value, pair, exists)
         dr.eval(out)
     return mi.TensorXf(out, (count, n_suns))
 
 
+def _anywhere(
+    centre: mi.Vector3f, diameter: float, pair: mi.UInt32, samples: int, seed: int
+) -> list[mi.Vector3f]:
+    """Directions drawn from disks; `pair` is a number of its own for every point and sun."""
+    numbers = (random_bits(pair, seed + i) for i in range(samples))
+    uv = (mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in each)) for each in numbers)
+    return [sample_disk(centre, diameter, each) for each in uv]
+
+
+def _on_rim(
+    centre: mi.Vector3f, diameter: float, pair: mi.UInt32, rim: int, seed: int
+) -> mi.Vector3f:
+    """One of `RIM` directions evenly around the edge of each disk, turned at random together."""
+    turn = mi.Float(random_bits(pair, seed)[0] >> 8) * TO_UNIT
+    s, c = dr.sincos(2 * dr.pi / RIM * (turn + dr.opaque(mi.Float, rim)))
+    return from_disk(centre, diameter, 0.99 * mi.Point2f(c, s))
+
+
 def _seen(
-    scene: Scene, openings: Openings | None, p: mi.Point3f, n: mi.Normal3f, centre: mi.Vector3f,
-    active: mi.Bool, pair: mi.UInt32, diameter: float, samples: int, seed: int,
+    scene: Scene, openings: Openings | None, p: mi.Point3f, n: mi.Normal3f, active: mi.Bool,
+    diameter: float, drawn: list[mi.Vector3f],
 ) -> mi.Float:  # fmt: skip
-    """D [sr] of points by suns about `centre`, from directions on their disks; `pair` is a number
-    of its own for every point and sun.
-    """
+    """D [sr] of points by suns, from directions on their disks."""
     total = mi.Float(0)
-    for i in range(samples):
-        numbers = random_bits(pair, seed + i)
-        uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in numbers))
-        d = sample_disk(centre, diameter, uv)
+    for d in drawn:
         cosine = dr.dot(n, d)
         tau = straight(scene, openings, p, d, active & (cosine > 0))
         total += dr.select(tau > 0, tau * cosine, 0)
-    return total * (disk_solid_angle(diameter) / samples)
+    return total * (disk_solid_angle(diameter) / len(drawn))
 
 
 def pair_deposit(
@@ -278,6 +299,7 @@ def pair_deposit(
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, pair % len(suns))
         active = dr.full(mi.Bool, True, dr.width(lane))
-        parts.append(_seen(scene, openings, p, n, centre, active, pair, diameter, samples, seed))
+        drawn = _anywhere(centre, diameter, pair, samples, seed)
+        parts.append(_seen(scene, openings, p, n, active, diameter, drawn))
         dr.eval(parts[-1])
     return dr.concat(parts) if parts else mi.Float()

@@ -34,7 +34,7 @@ def _exposure(mean: np.ndarray, sun: SunDraws, threshold: float, needed: Needed)
     return tally
 
 
-def closures(direct: xr.Dataset, rules: Rules, rays: int, seed: int) -> Closures:
+def closures(direct: xr.Dataset, rules: Rules, rays: int | None, seed: int) -> Closures:
     """Draw when the shade closes.
 
     Parameters
@@ -42,8 +42,9 @@ def closures(direct: xr.Dataset, rules: Rules, rays: int, seed: int) -> Closures
     direct : xr.Dataset
         `direct_sun`, `direct_sun_se` (time, sensor) [lx], of luminance.
     rules : Rules
-    rays : int
-        Directions that were drawn from the disk of every sun, in all replicates.
+    rays : int or None
+        Directions that were drawn from the disk of every sun, in all replicates; None where its
+        rim was searched for edges, so that none is hidden.
     seed : int
 
     Returns
@@ -57,7 +58,7 @@ def closures(direct: xr.Dataset, rules: Rules, rays: int, seed: int) -> Closures
 
 def draw(
     coefficients: xr.Dataset, sky: xr.Dataset, illuminance: xr.Dataset, rules: Rules, *,
-    rays: int, seed: int,
+    rays: int | None, seed: int,
 ) -> Draws:  # fmt: skip
     """Draw all metrics.
 
@@ -70,8 +71,9 @@ def draw(
     illuminance : xr.Dataset
         From `accumulate.illuminance`, of the same coefficients and sky; attribute `has_shade`.
     rules : Rules
-    rays : int
-        Directions that were drawn from the disk of every sun, in all replicates.
+    rays : int or None
+        Directions that were drawn from the disk of every sun, in all replicates; None where its
+        rim was searched for edges, so that none is hidden.
     seed : int
         The same seed, the same draws.
 

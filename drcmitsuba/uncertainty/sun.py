@@ -64,7 +64,7 @@ class SunDraws:
 
 
 def draw_sun(
-    mean: np.ndarray, error: np.ndarray, limits: tuple[float, float], rays: int, seed: int
+    mean: np.ndarray, error: np.ndarray, limits: tuple[float, float], rays: int | None, seed: int
 ) -> SunDraws:
     """Draw the direct sun near its thresholds.
 
@@ -74,8 +74,9 @@ def draw_sun(
         Direct sun and its standard error [lx].
     limits : (float, float)
         Thresholds of ASE and of the shade [lx].
-    rays : int
-        Directions that were drawn from the disk of every sun, in all replicates.
+    rays : int or None
+        Directions that were drawn from the disk of every sun, in all replicates; None where its
+        rim was searched for edges, so that none is hidden.
     seed : int
 
     Returns
@@ -94,8 +95,9 @@ def draw_sun(
         u = rng.random(exposed[here].shape, np.float32)
         exposed[here], closing[here] = (u < row[here, None] for row in p)
     # One miss makes s = μ / rays; the height of the sun within its disk makes far less of it.
-    edges = int((mu < 1.2 * rays * s).sum())
-    found = _hidden(mean, limits, rays, edges, rng)
+    found = None
+    if rays is not None:
+        found = _hidden(mean, limits, rays, int((mu < 1.2 * rays * s).sum()), rng)
     if found is not None:
         hidden_time, hidden_sensor, hidden = found
         time, sensor = np.append(time, hidden_time), np.append(sensor, hidden_sensor)

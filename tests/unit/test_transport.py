@@ -17,7 +17,7 @@ from drcmitsuba import backend, coefficients
 from drcmitsuba import scene as scenes
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial
-from drcmitsuba.coefficients import compute
+from drcmitsuba.coefficients import compute, straight_suns
 from drcmitsuba.materials import Lambertian, bsdf
 from drcmitsuba.scene import Surface, quad_mesh
 from drcmitsuba.suns import Suns
@@ -132,6 +132,34 @@ def test_free_receiver_gets_omega_cos_of_every_sun(same):
     # Facing squarely or not at all, none is cut by a horizon: E = L π sin² h cos θ.
     exact = np.pi * np.sin(np.radians(0.25)) ** 2 * np.maximum(normals @ DIRECTIONS.T, 0)
     same(by_replicate(d, n), exact=exact, within=0.001)
+
+
+def test_suns_behind_an_edge_show_the_segment_that_is_left():
+    """A screen whose edge cuts the disks of suns at the zenith, seen from points beside it.
+
+    Of a disk of radius R that an edge passes at distance x from its centre, the part
+    (arccos(x/R) − x/R √(1 − x²/R²)) / π shows beyond it.
+    """
+    height, diameter = 10.0, 2.0
+    radius = height * np.tan(np.radians(diameter / 2))
+    screen = surface(0.0, quad([-8, -8, height], [8, 0, 0], [0, 16, 0]))  # ends at x = 0
+    x = np.concatenate([np.linspace(-1.2, 1.2, 49), np.linspace(-1.2, 1.2, 49)]) * radius
+    points = np.stack([x, np.linspace(-1, 1, len(x)), 0 * x], axis=1)
+    zenith = Suns(("sun",), np.array([[0, 0, 1.0]]), diameter)
+    mean, error = straight_suns(
+        scenes.build([screen]), points, np.tile(UP, (len(x), 1)), zenith, Accuracy()
+    )
+    cut = np.clip(-x / radius, -1, 1)
+    part = (np.arccos(cut) - cut * np.sqrt(1 - cut**2)) / np.pi
+    seen = mean[:, 0] / (disk_solid_angle(diameter) * np.cos(np.radians(diameter / 4)))
+    on_edge = error[:, 0] > 0
+    # From 1.5 % on an edge is noticed; the 64 directions may still miss a part of up to 8 %.
+    assert on_edge[(part > 0.08) & (part < 0.92)].all(), "an edge went unnoticed"
+    assert (error[(part == 0) | (part == 1)] == 0).all()
+    np.testing.assert_allclose(seen[~on_edge], part[~on_edge], atol=0.08)
+    z = (seen - part)[on_edge] / (error[on_edge, 0] / disk_solid_angle(diameter))
+    assert abs(z).max() < 5  # Student's t with 7 degrees of freedom, some 80 points
+    assert 0.5 < (z**2).mean() < 2.5
 
 
 def test_sun_on_the_horizon_gives_half_a_disk(same):
