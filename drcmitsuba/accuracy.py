@@ -59,7 +59,7 @@ class Accuracy(Table):
     target: str | None = None
     """Half the width of the 95 % intervals to reach: "1 point" of sDA and ASE, "2 %" of mean E."""
     time_limit: Annotated[float, Field(gt=0, le=1e6)] = 600.0
-    """Seconds after which no further samples are added for the target."""
+    """Seconds that may be spent on further samples for the target; the round in flight ends."""
 
     @model_validator(mode="after")
     def _target_is_readable(self) -> Accuracy:

@@ -120,8 +120,8 @@ class Adaptive(Table):
 
     model: Literal["adaptive"]
     tolerance: Annotated[float, Field(gt=0, le=1)] = 0.1
-    """Largest error between the mesh's suns, RMS over the sensors, relative to the sun's mean."""
-    finest: Annotated[int, Field(ge=2, le=7)] = 5
+    """Largest error between the mesh's suns, RMS over the sensors, of the RMS over all suns."""
+    finest: Annotated[int, Field(ge=4, le=7)] = 5
     """Halvings of the mesh at most; 5 sets its suns 2.8° apart."""
 
 

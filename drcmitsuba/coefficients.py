@@ -36,6 +36,9 @@ LANES = 1 << 21
 EDGE_SAMPLES = 8
 """Directions on a sun's disk that the edge of a shadow crosses, in each replicate."""
 
+ALIKE = 0.1
+"""Share by which directions around a disk may differ, as their cosines do, without an edge."""
+
 _PARTS = ("straight", "direct", "interreflected")
 
 
@@ -135,25 +138,40 @@ def straight_suns(
     or leaves less than 1.5 % of the disk, or a bar across it of less than a tenth of its width, may
     go unnoticed.
     """
-    if not suns.labels:
-        return (np.zeros((len(points), 0), np.float32),) * 2
+    shape = (len(points), len(suns.labels))
+    mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    if suns.labels:
+        for block, start in enumerate(range(0, len(points), BLOCK)):
+            here = slice(start, start + BLOCK)
+            mean[here], error[here] = _straight_suns(
+                scene, points[here], normals[here], suns, accuracy, block
+            )
+    return mean, error
+
+
+def _straight_suns(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
+    block: int,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """`straight_suns` of a block of sensors."""
     p, n = _flat(points), _flat(normals)
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
     shape = (len(points), len(suns.labels))
-    total, seen = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.UInt32, int(np.prod(shape)))
+    seed = launch_seed(accuracy, 0, 2, block)
+    total, most = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.Float, int(np.prod(shape)))
+    least = dr.full(mi.Float, dr.inf, int(np.prod(shape)))
     for i in range(RIM):
-        seed = launch_seed(accuracy, 0, 2)
         d = sun_deposit(scene, p, n, **kind, samples=1, seed=seed, rim=i).array
         total += d
-        seen += dr.select(d > 0, mi.UInt32(1), 0)
-        dr.eval(total, seen)
-    edges = dr.compress((seen > 0) & (seen < RIM))
+        least, most = dr.minimum(least, d), dr.maximum(most, d)
+        dr.eval(total, least, most)
+    edges = dr.compress(most - least > ALIKE * most)
     mean, error = total.numpy() / RIM, np.zeros(total.shape, np.float32)
     if dr.width(edges):
         again = [
             pair_deposit(
                 scene, p, n, edges, **kind, samples=EDGE_SAMPLES,
-                seed=launch_seed(accuracy, r, 3),
+                seed=launch_seed(accuracy, r, 3, block),
             ).numpy()
             for r in range(accuracy.replicates)
         ]  # fmt: skip

@@ -27,6 +27,9 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.period import EVALDRC, LM83, Period, read_timestamps
 from drcmitsuba.suns import Blend, Suns
 
+BLOCK = 1024
+"""Time stamps of L that are held at once where it is written."""
+
 
 @dataclass(frozen=True)
 class Daylight:
@@ -156,18 +159,18 @@ def daylight(case: Case) -> Daylight:
         "sun_model": case.sun.model,
     }
     light["sun_direction"] = (("time", "axis"), sun["direction"].values)
-    sources, blend = _sun_sources(case, light)
+    sources, blend = _sun_sources(case, light, sun)
     if blend is not None:
         light["blend_bin"] = (("time", "blend"), blend.bins)
         light["blend_weight"] = (("time", "blend"), blend.weights)
     return Daylight(light, sun, sources, w.step, w.source, w.notes)
 
 
-def _sun_sources(case: Case, light: xr.Dataset) -> tuple[Suns, Blend | None]:
+def _sun_sources(case: Case, light: xr.Dataset, sun: xr.Dataset) -> tuple[Suns, Blend | None]:
     """Suns that a case's sun model calls for, and their blend at each time stamp."""
     directions, labels = light["sun_direction"].values, light["sun_bin"].values
     up, diameter = labels != "", case.outside.sun_diameter
-    own = Suns(tuple(map(str, labels[up])), directions[up], diameter)
+    own = Suns.of(sun, diameter)
     if isinstance(case.sun, ThreePhase):
         patches = Patches(case.sky.subdivision)
         return Suns.none(), suns.spread_over_patches(directions, up, patches, diameter)
@@ -183,10 +186,6 @@ def _sun_sources(case: Case, light: xr.Dataset) -> tuple[Suns, Blend | None]:
 def sources(light: xr.Dataset) -> np.ndarray:
     """Labels of all bins that stand for the suns of some time stamps, their own among them."""
     return np.unique([*blended(light).bins.ravel(), *light["sun_bin"].values.astype(object)])
-
-
-BLOCK = 1024
-"""Time stamps of L that are held at once where it is written."""
 
 
 def blended(light: xr.Dataset) -> Blend:

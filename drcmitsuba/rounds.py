@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,14 +19,13 @@ from drcmitsuba import simulation
 from drcmitsuba.case import Case
 from drcmitsuba.judgement import Judgement, judge
 from drcmitsuba.light import Daylight, sources
+from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Stage, timed
 from drcmitsuba.scene import State
 from drcmitsuba.transport.deposit import launch_seed
 
 MOST_AT_ONCE = 8
 """Rounds between two looks at the intervals."""
-_KINDS = {"bin": "replicates", "sun": "sun_straight"}
-"""Dimensions of what is sampled, and what tells whether it was."""
 
 
 @dataclass(frozen=True)
@@ -51,61 +49,6 @@ class Reached:
     reached: bool
     rounds: int
     reason: str
-
-
-class Pool:
-    """Coefficients of one state, averaged over the rounds that each entry was sampled in.
-
-    Parameters
-    ----------
-    found : xr.Dataset
-        From `simulation.transport`; it is not changed.
-    """
-
-    def __init__(self, found: xr.Dataset):
-        self.found = found.copy(deep=True)
-        self._rounds = {
-            kind: np.ones((found.sizes["sensor"], found.sizes[kind]))
-            for kind in _KINDS
-            if kind in found.dims
-        }
-
-    def missing(self, labels: Iterable[str], kind: str) -> list[str]:
-        """Labels that are not known."""
-        known = set(map(str, self.found[kind].values))
-        return [label for label in labels if label not in known]
-
-    def extend(self, more: xr.Dataset) -> None:
-        """Take bins or suns, of all sensors, that are not known so far."""
-        for kind, rounds in self._rounds.items():
-            new = self.missing(map(str, more[kind].values), kind)
-            beside = [n for n, v in self.found.items() if kind not in v.dims]
-            parts = [part.drop_vars(beside) for part in (self.found, more.sel({kind: new}))]
-            others = [k for k in self._rounds if k != kind]
-            parts = [part.drop_dims(others) for part in parts]
-            joined = xr.concat(parts, kind, coords="minimal", compat="override")
-            self.found = self.found.drop_dims(kind).merge(joined)
-            self._rounds[kind] = np.pad(rounds, ((0, 0), (0, len(new))), constant_values=1)
-
-    def add(self, more: xr.Dataset, sensors: np.ndarray) -> None:
-        """Average one more round into the entries that it has."""
-        for kind, rounds in self._rounds.items():
-            at = {str(label): i for i, label in enumerate(self.found[kind].values)}
-            bins = np.array([at[str(label)] for label in more[kind].values], dtype=np.int64)
-            where = np.ix_(sensors, bins)
-            share = 1 / (rounds[where] + 1)
-            for name, values in more.items():
-                if kind not in values.dims:
-                    continue
-                of_all = [d for d in ("replicate", "channel") if d in values.dims]
-                order = [*map(str, of_all), "sensor", kind]
-                into, here = self.found[name].transpose(*order).values, (Ellipsis, *where)
-                old, new = into[here], values.transpose(*order).values
-                if str(name).endswith("_se"):
-                    into[here] = np.hypot((1 - share) * old, share * new)
-                else:
-                    into[here] = old + share * (new - old)
-            rounds[where] += 1
 
 
 def toward_target(
@@ -136,44 +79,31 @@ def toward_target(
     """
     goal = case.accuracy.goal
     assert goal is not None
-    start, rounds, most = time.perf_counter(), 1, case.accuracy.time_limit
+    start, most = time.perf_counter(), case.accuracy.time_limit
+    first = rounds = int(found.attrs.get("rounds", 1))
 
     def over() -> bool:
         return time.perf_counter() - start > most
 
-    pools = _pools(found)
+    pools = by_state(found)
     with timed(stage, f"toward {goal}", seconds) as done:
         while (width := now.half_width(goal.unit)) > goal.value and not over():
             done((goal.value / width) ** 2)
             sensors, hours = _worth_more(now, goal.unit)
             # The error falls with the root of the rounds; look again when they have doubled.
-            missing = math.ceil(rounds * ((width / goal.value) ** 2 - 1))
-            for _ in range(min(missing, rounds, MOST_AT_ONCE)):
+            missing = math.ceil((rounds - first + 1) * ((width / goal.value) ** 2 - 1))
+            for _ in range(min(missing, rounds - first + 1, MOST_AT_ONCE)):
                 if over():
                     break
                 _sample(case, light, now, pools, rounds, sensors, hours)
                 rounds += 1
             _close(case, light, pools)
             joined = simulation.states({s: pool.found for s, pool in pools.items()}, case)
-            found = joined.assign_attrs(found.attrs)
+            found = joined.assign_attrs({**found.attrs, "rounds": rounds})
             now = judge(case, light, found)
     reached = width <= goal.value
     reason = "target reached" if reached else f"limit of {most:g} s reached"
     return found, now, Reached(str(goal), width, reached, rounds, reason)
-
-
-def _pools(found: xr.Dataset) -> dict[State, Pool]:
-    """Coefficients by state, without the suns that a state was not asked for."""
-    pools: dict[State, Pool] = {}
-    states: tuple[State, ...] = ("open", "shaded")
-    for state in states[: found.sizes["state"]]:
-        part = found.sel(state=state, drop=True)
-        for kind, name in _KINDS.items():
-            if kind in part.dims:
-                others = [d for d in part[name].dims if d != kind]
-                part = part.isel({kind: np.flatnonzero(part[name].notnull().all(others))})
-        pools[state] = Pool(part)
-    return pools
 
 
 def _worth_more(now: Judgement, unit: str) -> tuple[np.ndarray, np.ndarray]:

@@ -11,10 +11,11 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import accumulate, metrics, scene, schema, uncertainty
-from drcmitsuba.case import Adaptive, BsdfMaterial, Case
+from drcmitsuba.case import Adaptive, BsdfMaterial, Case, ThreePhase
 from drcmitsuba.coefficients import compute
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight, sources
+from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Progress, Stage, part, silent, timed
 from drcmitsuba.refinement import mesh_of, meshed, with_straight
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
@@ -119,9 +120,14 @@ def rules(case: Case, step_hours: float) -> uncertainty.Rules:
 
 
 def drawing(case: Case) -> dict[str, Any]:
-    """Rays to every sun in all replicates, None where rims were searched; the draws' seed."""
+    """Rays to every sun in all replicates, and the seed of the draws.
+
+    None where rims were searched, or where patches stand for the sun. Rounds that were added are
+    not counted: their entries are taken to hide a little more than they do.
+    """
     a = case.accuracy
-    rays = None if isinstance(case.sun, Adaptive) else a.replicates * a.sensor_sun_samples
+    without = isinstance(case.sun, Adaptive | ThreePhase)
+    rays = None if without else a.replicates * a.sensor_sun_samples
     return {"rays": rays, "seed": a.seed}
 
 
@@ -191,6 +197,8 @@ def fingerprint(case: Case) -> str:
     """Digest of all that coefficients follow from, the contents of BSDF files among it."""
     names = {"room", "facade", "materials", "furniture", "sensors", "shading", "sun", "accuracy"}
     told = case.model_dump(mode="json", include=names)
+    for name in ("target", "time_limit"):
+        del told["accuracy"][name]
     told |= {"subdivision": case.sky.subdivision, "diameter": case.outside.sun_diameter}
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
@@ -250,7 +258,7 @@ def _known(known: xr.Dataset, case: Case, light: Daylight) -> dict[str, xr.Datas
             "compute them anew",
         )  # fmt: skip
     _check_suns(known, light.sky, SUN_OF if case.sun.model != "adaptive" else ("latitude",))
-    return {str(s): known.sel(state=s, drop=True) for s in known["state"].values}
+    return {state: pool.found for state, pool in by_state(known).items()}
 
 
 def _state(
@@ -262,7 +270,11 @@ def _state(
         mesh = mesh_of(known["open"]) if "open" in known else ()
         return transport(case, state, suns, latitude, mesh=mesh, progress=progress)
     if not isinstance(case.sun, Adaptive):
-        return known[state]
+        pool = Pool(known[state])
+        missing = suns.only(pool.missing(suns.labels, "bin"))
+        if missing.labels:
+            pool.extend(transport(case, state, missing, latitude, progress=progress))
+        return pool.found
     points, normals = scene.sensor_points(case)
     channels = known[state].sizes.get("channel", 0)
     found = [

@@ -58,7 +58,8 @@ def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationE
         for key in path[:-1]:
             data = data[key]
         siblings = set(data) - {path[-1]}
-        hint = choose(str(path[-1]), _known_keys(siblings), otherwise="remove it")
+        known = [key for key in _known_keys(siblings) if key != path[-1]]
+        hint = choose(str(path[-1]), known, otherwise="remove it")
         return InputError(source, field, "unknown key", hint)
     got = "nothing" if chosen["type"] == "missing" else shortened(chosen.get("input"))
     wanted = dict.fromkeys(_in_toml(complaints[i]["msg"]) for i in same if paths[i] == path)

@@ -24,6 +24,8 @@ _STEPS = 1 << FINEST
 PREFIX = "sun_mesh_"
 OBLIQUITY = 23.45
 """Of the ecliptic [deg]: no sun stands further north or south of the celestial equator."""
+MARGIN = 2.5
+"""Wider than that [deg] is the mesh, so that no triangle at its border is missed."""
 
 
 def label(node: np.ndarray) -> str:
@@ -65,7 +67,8 @@ def triangles(directions: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarra
     at = abs(uv) * (1 << level)
     low = np.minimum(np.floor(at).astype(int), (1 << level) - 1)
     rest = at - low
-    beyond = rest.sum(axis=1) > 1  # the half of its square away from the zenith
+    # The half of its square away from the zenith; below the horizon there is none.
+    beyond = (rest.sum(axis=1) > 1) & (low.sum(axis=1) < (1 << level) - 1)
     a, b = rest.T
     # The square's corners (0,0) or (1,1), then (1,0) and (0,1).
     offsets = np.array([[[0, 0], [1, 0], [0, 1]], [[1, 1], [1, 0], [0, 1]]])[beyond.astype(int)]
@@ -98,9 +101,13 @@ def midpoints(corners: np.ndarray) -> np.ndarray:
 
 
 def possible_suns(latitude: float) -> np.ndarray:
-    """Directions of suns at a latitude [deg] about 1° apart, over all hours and the whole year."""
-    declination = np.linspace(-OBLIQUITY, OBLIQUITY, 48)[:, None]
-    d = direction(latitude, declination, np.arange(-180.0, 180.0)).reshape(-1, 3)
+    """Directions of suns at a latitude [deg], over all hours and the whole year, and a little more.
+
+    They are 1° apart at most.
+    """
+    furthest = OBLIQUITY + MARGIN
+    declination = np.linspace(-furthest, furthest, 70)[:, None]
+    d = direction(latitude, declination, np.arange(-180.0, 180.0, 0.75)).reshape(-1, 3)
     return d[d[:, 2] >= 0]
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
+from scipy.spatial import KDTree
 
 from drcmitsuba.suns.blend import Blend, Suns
 
@@ -23,9 +24,8 @@ FIVE_PHASE = 6
 
 def _nearest(directions: np.ndarray, patches: Patches, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Bins of the patches whose centres lie nearest, and the cosines to these."""
-    cosines = directions @ patches.directions[1:].T
-    nearest = np.argsort(-cosines, axis=1, kind="stable")[:, :count]
-    return nearest + 1, np.take_along_axis(cosines, nearest, axis=1)
+    chord, nearest = KDTree(patches.directions[1:]).query(directions, k=np.arange(1, count + 1))
+    return nearest + 1, 1 - chord**2 / 2
 
 
 def spread_over_patches(

@@ -14,7 +14,7 @@ from drcmitsuba import backend, scene
 from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import daylight
-from drcmitsuba.result import Stage, silent
+from drcmitsuba.progress import Stage, silent
 from drcmitsuba.tradeoff import process
 from drcmitsuba.tradeoff.deviation import Yardstick
 from drcmitsuba.tradeoff.evaluation import Evaluation
@@ -85,6 +85,9 @@ def tradeoff(
         except TimeoutError:
             remedy = "give more --minutes"
             raise InputError("tradeoff", "minutes", f"{minutes:g}: no reference", remedy) from None
+    if not found.is_open.any():
+        got = f"no light at the {len(times)} that are compared"
+        raise InputError(case.source, "period, time stamps", got, "take some with daylight")
     yardstick = Yardstick(found, case.metrics, len(times) / len(year), light.step_hours)
     with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as folder:
         settings = design(case, Path(folder))

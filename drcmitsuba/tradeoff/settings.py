@@ -24,6 +24,9 @@ RAYS = (
 )  # fmt: skip
 """Counts of [accuracy] that are multiplied together."""
 
+LONGEST = 120.0
+"""Seconds that the case's own target may take beyond the first round."""
+
 SUN_MODELS: tuple[tuple[Sun, int], ...] = (
     (Adaptive(model="adaptive"), 1),
     (ThreePhase(model="three_phase"), 1),
@@ -122,7 +125,10 @@ def design(case: Case, folder: Path) -> list[Setting]:
     own = (case.accuracy, case.sky, case.sun) == (base.accuracy, base.sky, base.sun)
     found = [Setting("default, yours" if own else "default", "default", base)]
     if not own:
-        found.append(Setting("yours", "yours", case))
+        limit = min(case.accuracy.time_limit, LONGEST)
+        accuracy = case.accuracy.model_copy(update={"time_limit": limit})
+        mine = case.model_copy(update={"accuracy": accuracy})
+        found.append(Setting("yours", "yours", mine))
     found += [
         Setting("samples × 1/4", "samples", changed(samples(1 / 4))),
         Setting("cells 0.9 m", "cell size", changed(cells(0.9))),

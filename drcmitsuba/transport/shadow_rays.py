@@ -291,13 +291,14 @@ def pair_deposit(
     """
     openings = Openings.of(scene, points)
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
+    stride = dr.opaque(mi.UInt32, len(suns))
     parts = []
     for start in range(0, dr.width(pairs), LANES):
         lane = dr.arange(mi.UInt32, min(LANES, dr.width(pairs) - start))
         pair = dr.gather(mi.UInt32, pairs, lane + dr.opaque(mi.UInt32, start))
-        row = pair // len(suns)
+        row = pair // stride
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
-        centre = dr.gather(mi.Vector3f, directions, pair % len(suns))
+        centre = dr.gather(mi.Vector3f, directions, pair % stride)
         active = dr.full(mi.Bool, True, dr.width(lane))
         drawn = _anywhere(centre, diameter, pair, samples, seed)
         parts.append(_seen(scene, openings, p, n, active, diameter, drawn))

@@ -95,12 +95,12 @@ def draw(
         mean, sun, t.ase_threshold,
         Needed(month, np.array(of_ase), metrics.exposed(t.ase_hours, rules.step_hours)),
     )  # fmt: skip
-    by_luminance = coefficients.assign(replicates=luminance(coefficients["replicates"]))
-    weights = multipliers(coefficients.sizes["replicate"], seed)
+    by_luminance = coefficients.map(luminance)
+    drawn = multipliers(coefficients.sizes["replicate"], seed)
     of_sda = [metrics.autonomous(t.sda_fraction, n) for n in stamps]
     needed = Needed(month, np.array(of_sda), metrics.autonomous(t.sda_fraction, len(mean)))
     states = _states(by_luminance, sky, E, shut)
-    autonomy = draw_autonomy(*states, shut, t.sda_threshold, needed, weights)
+    autonomy = draw_autonomy(*states, shut, t.sda_threshold, needed, drawn)
     (sda, msda), (ase, mse) = autonomy.shares(), exposure.shares()
     closed, closed_monthly = shut.shares(month)
     return Draws(
@@ -118,8 +118,9 @@ def _mean_illuminance(coefficients: xr.Dataset, sky: xr.Dataset, closed: np.ndar
     total = np.zeros(coefficients.sizes["replicate"])
     for state, hours in (("open", ~closed), ("shaded", closed)):
         if hours.any():
-            C = coefficients[["replicates"]].sel(state=state, drop=True)
-            C = C.mean("sensor", keepdims=True, skipna=False)
+            names = ("replicates", "sun_straight", "sun_straight_se")
+            C = coefficients[[name for name in names if name in coefficients]]
+            C = C.sel(state=state, drop=True).mean("sensor", keepdims=True, skipna=False)
             at = sky.isel(time=np.flatnonzero(hours))
             E = accumulate.replicates(C, at, np.zeros(1, np.int64))
             total += E.sum(axis=(1, 2), dtype=float)

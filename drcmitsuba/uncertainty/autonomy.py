@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -25,17 +26,35 @@ from drcmitsuba.uncertainty.tally import Needed, Tally
 
 BLOCK = 256
 """Sensors whose replicates are in memory at once."""
+GROUPS = 64
+"""Of sensors whose errors beside the replicates are independent of each other's."""
 ENTRIES = 128
 """Entries drawn at once: they stay in the cache, and no threads are started for so few."""
 
 
-def multipliers(replicates: int, seed: int) -> np.ndarray:
-    """Weights q·w / √(n (n − 1)) of the replicates in every draw, shape (replicate, draw)."""
+class Multipliers(NamedTuple):
+    """Random numbers of the draws.
+
+    Parameters
+    ----------
+    replicates : np.ndarray, shape (replicate, draw)
+        Weights q·w / √(n (n − 1)).
+    others : np.ndarray, shape (group, draw)
+        Normal numbers for errors that are in no replicate; a sensor has those of its group.
+    """
+
+    replicates: np.ndarray
+    others: np.ndarray
+
+
+def multipliers(replicates: int, seed: int) -> Multipliers:
+    """Draw the random numbers."""
     rng = np.random.default_rng([seed, 2])
     n = replicates
     w = rng.standard_normal((n, DRAWS))
     q = np.sqrt((n - 1) / rng.chisquare(n - 1, DRAWS))
-    return (q * w / math.sqrt(n * (n - 1))).astype(np.float32)
+    others = rng.standard_normal((GROUPS, DRAWS)).astype(np.float32)
+    return Multipliers((q * w / math.sqrt(n * (n - 1))).astype(np.float32), others)
 
 
 @dataclass(frozen=True)
@@ -86,12 +105,21 @@ class State:
         return accumulate.replicates(self.coefficients, self.sky, sensors)
 
     def passes(
-        self, replicates: np.ndarray, time: np.ndarray, weights: np.ndarray, threshold: float
-    ) -> np.ndarray:
-        """Whether E* ≥ threshold, (entry, draw), from one sensor's replicates (replicate, row)."""
+        self, replicates: np.ndarray, sensor: int, time: np.ndarray, drawn: Multipliers,
+        threshold: float,
+    ) -> np.ndarray:  # fmt: skip
+        """Whether E* ≥ threshold, (entry, draw), from one sensor's replicates (replicate, row).
+
+        What an adaptive sun's mesh misses, and its straight light, is in no replicate: that part of
+        the error moves all hours of a sensor the same way, which is more than it may do.
+        """
         E = replicates[:, self.row[time]]
         mean = E.mean(axis=0)
-        off, missing = (E - mean).T, (threshold - mean)[:, None]
+        off, missing, weights = (E - mean).T, (threshold - mean)[:, None], drawn.replicates
+        if "sun_straight" in self.coefficients:
+            own = self.error[self.row[time], sensor] ** 2 - E.var(axis=0, ddof=1) / len(E)
+            off = np.column_stack([off, np.sqrt(np.maximum(own, 0))])
+            weights = np.vstack([weights, drawn.others[sensor % GROUPS]])
         passed = np.empty((len(time), DRAWS), bool)
         for start in range(0, len(time), ENTRIES):
             here = slice(start, start + ENTRIES)
@@ -101,10 +129,10 @@ class State:
 
 def draw_autonomy(
     is_open: State, shaded: State | None, closures: Closures, threshold: float, needed: Needed,
-    weights: np.ndarray,
+    drawn: Multipliers,
 ) -> Tally:  # fmt: skip
     """Draw sDA and msDA; an hour takes the state that its closure was drawn to."""
-    beyond = t_factor(len(weights), 1 - 2 * BEYOND)
+    beyond = t_factor(len(drawn.replicates), 1 - 2 * BEYOND)
     sure, may = is_open.classes(threshold, beyond)
     if shaded is not None:
         sure_shaded, may_shaded = shaded.classes(threshold, beyond)
@@ -126,11 +154,13 @@ def draw_autonomy(
             at, shut = hour[time], closures.closed[time]
             passed = np.empty((len(time), DRAWS), bool)
             one = (at >= 0) | ~shut
-            passed[one] = is_open.passes(E_open[:, :, i], time[one], weights, threshold)
+            passed[one] = is_open.passes(E_open[:, :, i], sensor, time[one], drawn, threshold)
             if shaded is not None and E_shaded is not None:
                 other = (at >= 0) | shut
                 behind = np.empty_like(passed)
-                behind[other] = shaded.passes(E_shaded[:, :, i], time[other], weights, threshold)
+                behind[other] = shaded.passes(
+                    E_shaded[:, :, i], sensor, time[other], drawn, threshold
+                )
                 closed = np.where((at >= 0)[:, None], closes[at], shut[:, None])
                 passed = np.where(closed, behind, passed)
             tally.add(sensor, time, passed)

@@ -198,8 +198,11 @@ def draw_closures(mean: np.ndarray, sun: SunDraws, rules: Rules) -> Closures:
     doubtful = np.bincount(sun.time, minlength=len(mean))
     hours = np.flatnonzero((sure < least) & (sure + doubtful >= least))
     drawn = np.empty((len(hours), DRAWS), bool)
+    order = np.argsort(sun.time, kind="stable")
+    first, end = (np.searchsorted(sun.time[order], hours, side) for side in ("left", "right"))
     for i, hour in enumerate(hours):
-        drawn[i] = sure[hour] + sun.closing[sun.time == hour].sum(axis=0) >= least
+        entries = order[first[i] : end[i]]
+        drawn[i] = sure[hour] + sun.closing[entries].sum(axis=0) >= least
     varies = drawn.any(axis=1) != drawn.all(axis=1)
     varies |= drawn[:, 0] != (count[hours] >= least)
     return Closures(count >= least, hours[varies], drawn[varies])

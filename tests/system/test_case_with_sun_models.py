@@ -5,8 +5,8 @@ import pytest
 import xarray as xr
 
 import drcmitsuba
+from drcmitsuba import judgement, load_case, schema, simulation
 from drcmitsuba import light as light_module
-from drcmitsuba import load_case, schema, simulation
 from drcmitsuba.errors import InputError
 from tests.system.test_evaluate import CASE, DAYS, changed
 
@@ -123,11 +123,37 @@ def test_a_mesh_of_another_latitude_is_not_used(results, tmp_path):
         drcmitsuba.evaluate(case_of(tmp_path, "adaptive"), known=moved)
 
 
-def test_true_suns_of_other_hours_are_told(results, tmp_path):
+def test_true_suns_of_other_hours_are_added_to_those_that_are_known(results, tmp_path):
     known = results["true_sun"].coefficients
-    other = case_of(tmp_path, "true_sun", (DAYS, "months = [5]"))
-    with pytest.raises(InputError, match=r"no 'sun_2015-05-.*compute coefficients"):
-        drcmitsuba.evaluate(other, known=known)
+    other = case_of(tmp_path, "true_sun", (DAYS, "months = [5, 6]"))
+    again, fresh = drcmitsuba.evaluate(other, known=known), drcmitsuba.evaluate(other)
+    E, exact = again.illuminance, fresh.illuminance
+    june = E["time"].dt.month == 6
+    np.testing.assert_allclose(E["total"][june], exact["total"][june], rtol=1e-4, atol=0.05)
+    np.testing.assert_allclose(E["sky_open"], exact["sky_open"], rtol=1e-4, atol=0.05)
+    error = np.hypot(E["sun_open_se"], exact["sun_open_se"]) + 1
+    assert float((((E["sun_open"] - exact["sun_open"]) / error) ** 2).mean()) < 4
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_mean_illuminance_is_that_of_the_year(results, model):
+    found = results[model]
+    case, light = found.case, found.light
+    draws = judgement.judge(case, light, found.coefficients).draws
+    E = found.illuminance["total"]
+    assert draws.mean_illuminance.value == pytest.approx(float(E.mean()), rel=1e-4)
+
+
+@pytest.mark.parametrize("model", ["adaptive", "daysim"])
+def test_a_coloured_case_has_a_mesh_as_well(tmp_path, model):
+    room = ("size = [4.0, 5.0, 3.0]", "size = [4.0, 5.0, 3.0]\nwalls = [0.6, 0.5, 0.3]")
+    case = case_of(tmp_path, model, room, (DAYS, "months = [3]"))
+    found = drcmitsuba.evaluate(case)
+    again = drcmitsuba.evaluate(case, known=found.coefficients)
+    np.testing.assert_allclose(again.illuminance["total"], found.illuminance["total"], rtol=1e-4)
+    assert found.illuminance["total"].sizes["channel"] == 3
+    for numbers in (found.metrics, again.metrics):
+        assert numbers["sDA"]["low"] <= numbers["sDA"]["value"] <= numbers["sDA"]["high"]
 
 
 def test_an_unknown_model_is_told(tmp_path):

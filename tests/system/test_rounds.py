@@ -8,7 +8,7 @@ import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.accuracy import Accuracy, Target
 from drcmitsuba.errors import InputError
-from drcmitsuba.rounds import Pool
+from drcmitsuba.pool import Pool
 from drcmitsuba.table import checked
 from tests.system.test_evaluate import changed
 

@@ -183,8 +183,19 @@ def test_no_mesh_no_bins():
 def test_possible_suns_stay_between_the_tropics(latitude):
     d = mesh.possible_suns(latitude)
     declination, _ = declination_and_hour(latitude, d)
-    assert abs(declination).max() <= mesh.OBLIQUITY + 1e-9
+    assert abs(declination).max() <= mesh.OBLIQUITY + mesh.MARGIN + 1e-9
     assert d[:, 2].min() >= 0
+
+
+@pytest.mark.parametrize("latitude", [-90.0, -35.0, 0.0, 12.0, 39.0, 40.42, 55.5, 62.0, 66.0, 90.0])
+def test_the_mesh_holds_every_sun_of_a_place(latitude):
+    nodes = mesh.nodes_of(mesh.possible_suns(latitude), mesh.COARSEST)
+    assert abs(nodes).sum(axis=1).max() <= 128  # none below the horizon
+    declination = RNG.uniform(-mesh.OBLIQUITY, mesh.OBLIQUITY, 100_000)
+    d = direction(latitude + RNG.uniform(-0.5, 0.5), declination, RNG.uniform(-180, 180, 100_000))
+    d = d[d[:, 2] > 0]
+    blend = mesh.blend(d, np.ones(len(d), bool), list(map(mesh.label, nodes)))
+    np.testing.assert_allclose(blend.weights.sum(axis=1), 1)
 
 
 # ---- labels -----------------------------------------------------------------------------------

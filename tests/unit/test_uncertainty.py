@@ -97,7 +97,7 @@ def test_draws_of_an_entry_cover_its_truth_as_students_t_does(n):
     covered = np.zeros(0)
     for seed in range(8):  # entries share the draws, so these have to differ, too
         part = slice(seed * 500, (seed + 1) * 500)
-        d = mean[part] + multipliers(n, seed).T @ (E[:, part] - mean[part])
+        d = mean[part] + multipliers(n, seed).replicates.T @ (E[:, part] - mean[part])
         low, high = np.quantile(d, [0.025, 0.975], axis=0)
         covered = np.append(covered, (low <= 0) & (high >= 0))
         if n == 8:  # the spread of t with 7 degrees of freedom
