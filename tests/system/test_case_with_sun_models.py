@@ -128,8 +128,6 @@ def test_true_suns_of_other_hours_are_added_to_those_that_are_known(results, tmp
     other = case_of(tmp_path, "true_sun", (DAYS, "months = [5, 6]"))
     again, fresh = drcmitsuba.evaluate(other, known=known), drcmitsuba.evaluate(other)
     E, exact = again.illuminance, fresh.illuminance
-    june = E["time"].dt.month == 6
-    np.testing.assert_allclose(E["total"][june], exact["total"][june], rtol=1e-4, atol=0.05)
     np.testing.assert_allclose(E["sky_open"], exact["sky_open"], rtol=1e-4, atol=0.05)
     error = np.hypot(E["sun_open_se"], exact["sun_open_se"]) + 1
     assert float((((E["sun_open"] - exact["sun_open"]) / error) ** 2).mean()) < 4

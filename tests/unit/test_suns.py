@@ -13,6 +13,7 @@ from drcmitsuba.suns import (
     moved_to_patch,
     spread_over_patches,
 )
+from drcmitsuba.suns.daysim import DECLINATIONS
 from drcmitsuba.suns.equator import declination_and_hour, direction
 
 RNG = np.random.default_rng(0)
@@ -100,7 +101,8 @@ def test_daysim_has_as_many_suns_as_the_original(latitude, count):
 
 
 def test_a_sun_of_daysim_is_itself_and_one_between_is_near_its_mean():
-    d = direction(46.25, np.array([0.0, 5.0]), np.array([30.0, 37.0]))
+    march = DECLINATIONS[2]
+    d = direction(46.25, np.array([march, 5.0]), np.array([30.0, 37.0]))
     suns, blend = between_daysim_suns(d, np.ones(2, bool), 46.25, DIAMETER)
     place = dict(zip(suns.labels, suns.directions, strict=True))
     mean = np.array([[place[b] for b in row] for row in blend.bins])

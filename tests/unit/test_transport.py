@@ -152,7 +152,7 @@ def test_suns_behind_an_edge_show_the_segment_that_is_left():
     cut = np.clip(-x / radius, -1, 1)
     part = (np.arccos(cut) - cut * np.sqrt(1 - cut**2)) / np.pi
     seen = mean[:, 0] / (disk_solid_angle(diameter) * np.cos(np.radians(diameter / 4)))
-    on_edge = error[:, 0] > 0
+    on_edge = error[:, 0] > 1e-3 * disk_solid_angle(diameter)  # cosines alone make less
     # From 1.5 % on an edge is noticed; the 64 directions may still miss a part of up to 8 %.
     assert on_edge[(part > 0.08) & (part < 0.92)].all(), "an edge went unnoticed"
     assert (error[(part == 0) | (part == 1)] == 0).all()
