@@ -23,7 +23,7 @@ from drcmitsuba.tradeoff.deviation import Errors, Measured, Yardstick, jackknife
 from drcmitsuba.tradeoff.evaluation import Evaluated
 from drcmitsuba.tradeoff.picture import frontier, pareto
 from drcmitsuba.tradeoff.reference import Reference, some_hours, some_sensors
-from drcmitsuba.tradeoff.settings import RAYS, default, design, spaced, times_samples
+from drcmitsuba.tradeoff.settings import LONGEST, RAYS, default, design, spaced, times_samples
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -68,7 +68,9 @@ def test_the_own_setting_is_listed_where_it_differs(tmp_path):
     assert (first.varied, second.varied) == ("default", "yours")
     assert first.case.accuracy == Accuracy(seed=7)
     assert first.case.sky.subdivision == 1
-    assert second.case is case
+    limited = second.case.accuracy
+    assert limited == case.accuracy.model_copy(update={"time_limit": LONGEST})
+    assert second.case.model_copy(update={"accuracy": case.accuracy}) == case
 
 
 def test_samples_are_multiplied_within_bounds():
