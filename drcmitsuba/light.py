@@ -29,6 +29,8 @@ from drcmitsuba.suns import Blend, Suns
 
 BLOCK = 1024
 """Time stamps of L that are held at once where it is written."""
+SUN_VARIABLES = ("sun", "sun_direction", "blend_bin", "blend_weight")
+"""What tells of the sun beside L on disk; the blend is not there where the sun is adaptive."""
 
 
 @dataclass(frozen=True)
@@ -218,8 +220,7 @@ def _luminances(light: Daylight, part: slice) -> xr.Dataset:
     data = xr.Dataset(
         {"L": (("time", "bin"), L)}, coords={"time": found["time"].values, "bin": labels}
     )
-    names = ("sun", "sun_direction", "blend_bin", "blend_weight")
-    data = data.assign({name: found[name] for name in names if name in found})
+    data = data.assign({name: found[name] for name in SUN_VARIABLES if name in found})
     data.attrs = {**light.sky.attrs, "step_hours": light.step_hours, "weather": light.source}
     data = data.assign_coords(
         clock=("time", found["clock"].values),
@@ -250,8 +251,11 @@ def from_luminances(data: xr.Dataset) -> xr.Dataset:
     labels = data["bin"].values.astype(str)
     is_sky = ~np.char.startswith(labels, "sun_")
     L = data["L"].isel(bin=is_sky).values
-    names = ("sun", "sun_direction", "blend_bin", "blend_weight")
-    out = data[[name for name in names if name in data]].drop_vars("bin", errors="ignore").load()
+    out = (
+        data[[name for name in SUN_VARIABLES if name in data]]
+        .drop_vars("bin", errors="ignore")
+        .load()
+    )
     blend = blended(out)
     at = {label: i for i, label in enumerate(labels[is_sky])}
     for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):

@@ -21,6 +21,7 @@ from drcmitsuba.judgement import Judgement, judge
 from drcmitsuba.light import Daylight, sources
 from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Stage, timed
+from drcmitsuba.refinement import mesh_of
 from drcmitsuba.scene import State
 from drcmitsuba.transport.deposit import launch_seed
 
@@ -129,7 +130,7 @@ def _sample(
         suns = light.suns.only(sources(light.sky.isel(time=at)))
         more = simulation.transport(
             again, state, suns, light.sky.attrs["latitude"],
-            mesh=simulation.mesh_of(pool.found), sensors=sensors,
+            mesh=mesh_of(pool.found), sensors=sensors,
         )  # fmt: skip
         pool.add(more, sensors)
 
@@ -144,7 +145,7 @@ def _close(case: Case, light: Daylight, pools: dict[State, Pool]) -> None:
         kind = "sun" if "sun" in pools["shaded"].found.dims else "bin"
         needed = needed.only(pools["shaded"].missing(needed.labels, kind))
     if closing.any() and ("shaded" not in pools or needed.labels):
-        mesh = simulation.mesh_of(pools["open"].found)
+        mesh = mesh_of(pools["open"].found)
         latitude = light.sky.attrs["latitude"]
         more = simulation.transport(case, "shaded", needed, latitude, mesh=mesh)
         if "shaded" in pools:
