@@ -96,6 +96,8 @@ class Vertices:
         Number of the vertex in an order that does not depend on threads.
     p, n : mi.Float
         Position [m] and facing normal, three numbers a vertex.
+    mark : mi.UInt32 or None
+        What the path remembers of its way, see `gather.Marks`.
     """
 
     row: mi.UInt32
@@ -104,6 +106,7 @@ class Vertices:
     tag: mi.UInt32
     p: mi.Float
     n: mi.Float
+    mark: mi.UInt32 | None = None
 
     def __len__(self) -> int:
         """Count the vertices."""

@@ -16,6 +16,8 @@ References
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -50,9 +52,40 @@ def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f
     return mi.warp.square_to_cosine_hemisphere(even_numbers(index, row, seed, 0))
 
 
+class Marks(Protocol):
+    """What a path remembers of the surfaces that it met, in one number; 0 at its start."""
+
+    context: mi.BSDFContext
+    """Lobes that are followed."""
+
+    def meet(
+        self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
+    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool]:
+        """Scatter at a surface.
+
+        Parameters
+        ----------
+        si : mi.SurfaceInteraction3f
+        mark : mi.UInt32
+            Of the path so far.
+        number : mi.Float
+            Uniform in [0, 1).
+
+        Returns
+        -------
+        bsdf : mi.BSDFPtr
+            That the path is scattered by.
+        mark : mi.UInt32
+        weight : mi.Float
+            Factor for the path; 0 ends it.
+        is_cell : mi.Bool
+            Whether the surface may be one that light is deposited on.
+        """
+
+
 def gather(
     scene: Scene, points: np.ndarray, normals: np.ndarray, *,
-    replicates: int, paths: int, grid: Grid, seed: int,
+    replicates: int, paths: int, grid: Grid, seed: int, marks: Marks | None = None,
 ) -> Vertices:  # fmt: skip
     """Trace the paths of all sensors and replicates and keep their diffuse vertices.
 
@@ -67,6 +100,8 @@ def gather(
     grid : Grid
         Numbers the cells.
     seed : int
+    marks : Marks, optional
+        Has every vertex tell where its path has been.
 
     Returns
     -------
@@ -75,7 +110,7 @@ def gather(
     lanes = replicates * len(points) * paths
     capacity = 5 * lanes
     while True:
-        vertices, met = _trace(scene, points, normals, lanes, paths, grid, seed, capacity)
+        vertices, met = _trace(scene, points, normals, lanes, paths, grid, seed, capacity, marks)
         if met <= capacity:
             return vertices
         capacity = met  # very white rooms: the same paths once more with room for all vertices
@@ -84,7 +119,7 @@ def gather(
 @dr.syntax
 def _trace(
     scene: Scene, points: np.ndarray, normals: np.ndarray,
-    lanes: int, paths: int, grid: Grid, seed: int, capacity: int,
+    lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop; returns the vertices and how many were met."""
     sampler = mi.load_dict({"type": "independent"})
@@ -98,21 +133,26 @@ def _trace(
 
     counter = dr.zeros(mi.UInt32, 1)
     row_of, key_of, tag_of = (dr.zeros(mi.UInt32, capacity) for _ in range(3))
+    mark_of = dr.zeros(mi.UInt32, 1 if marks is None else capacity)
     weight_of = dr.zeros(mi.Float, capacity)
     p_of, n_of = dr.zeros(mi.Float, 3 * capacity), dr.zeros(mi.Float, 3 * capacity)
 
-    ctx = mi.BSDFContext()
+    ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)
     beta = mi.Float(1)
-    depth = mi.UInt32(0)
+    depth, mark = mi.UInt32(0), mi.UInt32(0)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     count, room = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, capacity)
-    while dr.hint(active, exclude=[grid, scene, count, room]):
+    while dr.hint(active, exclude=[grid, scene, count, room, marks]):
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
-        bsdf = si.bsdf()
+        bsdf, may_be_cell = si.bsdf(), mi.Bool(True)
+        if dr.hint(marks is not None, mode="scalar"):
+            bsdf, mark, factor, may_be_cell = marks.meet(si, mark, sampler.next_1d(active))
+            beta *= factor
+            active &= beta > 0
         uv = dr.select(depth == 0, even_numbers(index, row, seed, 1), sampler.next_2d(active))
         bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), uv, active)
         beta *= weight[0]
@@ -120,6 +160,7 @@ def _trace(
         lobes = bsdf.flags()
         is_cell = (
             active
+            & may_be_cell
             & mi.has_flag(lobes, mi.BSDFFlags.DiffuseReflection)
             & ~mi.has_flag(lobes, mi.BSDFFlags.Transmission)
         )
@@ -130,6 +171,8 @@ def _trace(
         dr.scatter(weight_of, beta * (1 / paths), slot, kept)
         dr.scatter(key_of, grid.key(si.p, facing), slot, kept)
         dr.scatter(tag_of, depth * count + lane, slot, kept)
+        if dr.hint(marks is not None, mode="scalar"):
+            dr.scatter(mark_of, mark, slot, kept)
         origin = si.spawn_ray(facing).o
         for c in range(3):
             dr.scatter(p_of, origin[c], slot * 3 + c, kept)
@@ -142,13 +185,15 @@ def _trace(
         survives = ~roulette | (sampler.next_1d(active) < survival)
         beta = dr.select(roulette, beta / survival, beta)
         active &= survives
-    dr.eval(counter, row_of, weight_of, key_of, tag_of, p_of, n_of)
+    dr.eval(counter, row_of, weight_of, key_of, tag_of, mark_of, p_of, n_of)
     met = int(counter[0])
     size = min(met, capacity)
     vertices = Vertices(
         *(dr.gather(type(a), a, dr.arange(mi.UInt32, size)) for a in (row_of, weight_of)),
         *(dr.gather(mi.UInt32, a, dr.arange(mi.UInt32, size)) for a in (key_of, tag_of)),
         *(dr.gather(mi.Float, a, dr.arange(mi.UInt32, 3 * size)) for a in (p_of, n_of)),
+        None if marks is None else dr.gather(mi.UInt32, mark_of, dr.arange(mi.UInt32, size)),
     )
     dr.eval(vertices.row, vertices.weight, vertices.key, vertices.tag, vertices.p, vertices.n)
+    dr.eval(vertices.mark)
     return vertices, met
