@@ -205,6 +205,26 @@ def _wall(
     return wall, frame, panes
 
 
+def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
+    """Quadrilaterals (rectangle, 4, 3) in the world of rectangles on a side, fronts inward [m].
+
+    Parameters
+    ----------
+    case : Case
+    side : {"south", "east", "north", "west"}
+    rectangles : np.ndarray, shape (rectangle, 4)
+        Left, right, bottom and top from the foot of the side [m].
+    """
+    assert case.room is not None
+    foot, along = _side(case.room, side)
+    along, up = along / np.linalg.norm(along), np.array([0.0, 0.0, 1.0])
+    quads = [
+        _quad(foot + along * left + up * bottom, up * (top - bottom), along * (right - left))
+        for left, right, bottom, top in rectangles
+    ]
+    return np.reshape(quads, (-1, 4, 3)) @ rotation(case).T
+
+
 def rotation(case: Case) -> np.ndarray:
     """Matrix that turns the room's frame into the world's."""
     angle = np.radians(case.room.rotation) if case.room else 0.0
