@@ -95,6 +95,10 @@ class Deposit:
         """Number of sky bins, the ground among them, and of suns."""
         return len(Patches(self.subdivision)) if self.subdivision else 0, len(self.suns)
 
+    def seed(self, *key: int) -> int:
+        """Seed of one launch."""
+        return launch_seed(self.accuracy, *key)
+
     def straight(
         self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1
     ) -> Irradiance:
@@ -104,21 +108,21 @@ class Deposit:
         if self.subdivision:
             sky = sky_deposit(
                 self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
-                seed=launch_seed(self.accuracy, *key, 0),
+                seed=self.seed(*key, 0),
             )  # fmt: skip
         if sun_samples:
             sun = sun_deposit(
                 self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
-                seed=launch_seed(self.accuracy, *key, 1),
+                seed=self.seed(*key, 1),
             )  # fmt: skip
         return Irradiance(sky, sun)
 
-    def _transfer(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> mi.TensorXf:
+    def transfer(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> mi.TensorXf:
         """K from the faces of the panes to receivers, shape (receiver, face)."""
         assert self.patches is not None
         return pane_transfer(
             self.scene, self.patches, p, n,
-            rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 2),
+            rays=self.accuracy.pane_points, seed=self.seed(*key, 2),
         )  # fmt: skip
 
     def lit(self, key: tuple[int, ...]) -> Deposit:
@@ -129,27 +133,25 @@ class Deposit:
         films = self._with_films_lit((*key, 0))
         if films.patches is None:
             return films
-        rng = np.random.default_rng(launch_seed(self.accuracy, *key, 3))
+        rng = np.random.default_rng(self.seed(*key, 3))
         p, n = films.patches.face_points(rng)
         received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
         received = received.plus(films.by_films(p, n, (*key, 1)))
-        between = films._transfer(p, n, key)
+        between = films.transfer(p, n, key)
         return replace(films, faces=Irradiance(*(settle(between, part) for part in received)))
 
     def _with_films_lit(self, key: tuple[int, ...]) -> Deposit:
         if self.films is None:
             return self
-        rng = np.random.default_rng(launch_seed(self.accuracy, *key, 3))
+        rng = np.random.default_rng(self.seed(*key, 3))
         p, n = self.films.patches.face_points(rng)
         sun = sun_deposit(
             self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=1,
-            seed=launch_seed(self.accuracy, *key, 1),
+            seed=self.seed(*key, 1),
         )  # fmt: skip
-        to_suns = self.films.answer_to_suns(
-            self.suns, self.diameter, launch_seed(self.accuracy, *key, 6)
-        )
+        to_suns = self.films.answer_to_suns(self.suns, self.diameter, self.seed(*key, 6))
         to_sky = self.films.answer_to_sky(
-            self.subdivision, self.accuracy.film_sky_samples, launch_seed(self.accuracy, *key, 0)
+            self.subdivision, self.accuracy.film_sky_samples, self.seed(*key, 0)
         )
         return replace(self, on_films=Lit(sun, to_suns, to_sky))
 
@@ -157,16 +159,13 @@ class Deposit:
         """Light by way of films; None where there are none."""
         if self.films is None or self.on_films is None:
             return None
-        sky, sun = self.films.scattered(
-            p, n, self.on_films,
-            rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 5),
-        )  # fmt: skip
-        return Irradiance(sky, sun)
+        looked = self.films.looked(p, n, rays=self.accuracy.pane_points, seed=self.seed(*key, 5))
+        return Irradiance(*self.films.sent(looked, self.on_films))
 
     def scattered(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance | None:
         """Light by way of panes that scatter; None where there are none."""
         films = self.by_films(p, n, key)
         if self.faces is None:
             return films
-        transfer = self._transfer(p, n, key)
+        transfer = self.transfer(p, n, key)
         return Irradiance(*(transfer @ part for part in self.faces)).plus(films)

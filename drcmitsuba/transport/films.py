@@ -56,6 +56,41 @@ class Lit(NamedTuple):
     to_sky: mi.TensorXf
 
 
+class Directions(NamedTuple):
+    """Directions from receivers to films, sorted by receiver.
+
+    Parameters
+    ----------
+    receiver, patch : mi.UInt32
+    row : mi.UInt32
+        Outgoing cell of the direction back, counted within the patch's mount.
+    weight : mi.Float
+        cos θ / density.
+    """
+
+    receiver: mi.UInt32
+    patch: mi.UInt32
+    row: mi.UInt32
+    weight: mi.Float
+
+
+class Looked(NamedTuple):
+    """What some receivers see of films: directions of two kinds, see `panes.looks`."""
+
+    receivers: int
+    kinds: tuple[Directions, ...]
+
+    def of(self, patches: np.ndarray) -> Looked:
+        """Leave all patches but some, a mask (patch,), out of sight."""
+        wanted = mi.Bool(patches)
+        kinds = []
+        for kind in self.kinds:
+            seen = dr.compress(dr.gather(mi.Bool, wanted, kind.patch))
+            kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in kind)))
+            dr.eval(*kinds[-1])
+        return Looked(self.receivers, tuple(kinds))
+
+
 @dataclass(frozen=True)
 class Films:
     """The films of a scene, cut into patches.
@@ -178,26 +213,41 @@ class Films:
             known |= mine & (front | (len(mount.sides) > 1))
         return row, known
 
-    def scattered(
-        self, p: mi.Float, n: mi.Float, lit: Lit, *, rays: int, seed: int
-    ) -> tuple[mi.TensorXf, mi.TensorXf]:  # fmt: skip
-        """Irradiance of receivers by way of the films.
+    def looked(self, p: mi.Float, n: mi.Float, *, rays: int, seed: int) -> Looked:
+        """Find which cells of which patches receivers look into.
 
         Parameters
         ----------
         p, n : mi.Float
             Receivers, three numbers each.
-        lit : Lit
         rays : int
             Directions of each of two kinds from a receiver, see `looks`.
         seed : int
+        """
+        kinds = []
+        for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed):
+            row, known = self._rows(look.patch, look.d, look.front)
+            seen = dr.compress((look.weight > 0) & known)
+            kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
+            weight = dr.pi * dr.gather(mi.Float, look.weight, seen)
+            dr.eval(kept, weight)
+            kinds.append(Directions(*kept, weight))
+        return Looked(dr.width(p) // 3, tuple(kinds))
+
+    def sent(self, looked: Looked, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
+        """Irradiance of receivers by way of the films.
+
+        Parameters
+        ----------
+        looked : Looked
+        lit : Lit
 
         Returns
         -------
         sky, sun : mi.TensorXf, shape (receiver, bin) and (receiver, sun)
             D [sr].
         """
-        count, n_suns, bins = dr.width(p) // 3, lit.faces.shape[1], lit.to_sky.shape[1]
+        count, n_suns, bins = looked.receivers, lit.faces.shape[1], lit.to_sky.shape[1]
         first_sky = mi.UInt32(self._first_sky_rows().astype(np.uint32))
         first_sun = np.cumsum([0, *(m.rows for m in self.mounts)])[self.patches.owner]
         first_sun = mi.UInt32(first_sun.astype(np.uint32))
@@ -205,19 +255,18 @@ class Films:
         shone = mi.Float(np.ascontiguousarray(shone, np.float32).ravel())
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
         by_sky = dr.zeros(mi.Float, count * bins)
-        for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed):
-            row, known = self._rows(look.patch, look.d, look.front)
-            seen = dr.compress((look.weight > 0) & known)
-            if dr.width(seen) == 0:
+        for kind in looked.kinds:
+            if dr.width(kind.weight) == 0:
                 continue
-            kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
-            weight = dr.pi * dr.gather(mi.Float, look.weight, seen)
-            first = _first_of_rows(kept[0], count)
-            sun_row = kept[2] + dr.gather(mi.UInt32, first_sun, kept[1])
-            sky_row = kept[2] + dr.gather(mi.UInt32, first_sky, kept[1])
-            dr.eval(weight, sun_row, sky_row, kept[1])
+            first = _first_of_rows(kind.receiver, count)
+            sun_row = kind.row + dr.gather(mi.UInt32, first_sun, kind.patch)
+            sky_row = kind.row + dr.gather(mi.UInt32, first_sky, kind.patch)
+            dr.eval(sun_row, sky_row)
+            weight = kind.weight
             if len(self.suns):
-                by_sun += _sum(first, weight, sun_row, lit.to_suns, kept[1], shone, len(self.suns))
+                by_sun += _sum(
+                    first, weight, sun_row, lit.to_suns, kind.patch, shone, len(self.suns)
+                )
             if bins:
                 by_sky += _sum(first, weight, sky_row, lit.to_sky.array, None, None, bins)
             dr.eval(by_sun, by_sky)
