@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
     "case", "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
-    "coefficients", "refinement", "accumulate", "metrics", "uncertainty", "pool", "simulation",
+    "coefficients", "basis", "refinement", "accumulate", "metrics", "uncertainty", "pool", "simulation",
     "judgement", "rounds", "design", "plots", "report", "result", "tradeoff", "terminal",
     "film_commands", "tradeoff_command", "cli",
 ]

@@ -1,0 +1,270 @@
+r"""From a room to its façade basis: the coefficients of every element, in one simulation.
+
+.. math:: C(a) = \sum_e a_e \, (S_e + G_0 D_e) + G_r(a) \sum_e a_e D_e
+
+with a the composition (the share that every element e, one tile filled with one material, has of
+its tile), S and D the deposit on sensors and cells that came in by the element, and G₀ the paths
+that never met the façade from inside. Those that did, G_r, know which elements they met, and their
+weight is a product of shares (`facade.Meetings`). They carry some per cent of the light, so they
+take D as the mean over blocks of cells of `BLOCK` edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba import scene
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.basis.basis import Basis, Returned
+from drcmitsuba.basis.facade import Meetings, Palette, Tiles
+from drcmitsuba.basis.tiling import Wall, wall_around
+from drcmitsuba.basis.views import Glow, Room, Spread, Straight, mean
+from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial
+from drcmitsuba.errors import InputError
+from drcmitsuba.materials import Lambertian
+from drcmitsuba.progress import Progress
+from drcmitsuba.scene import Enclosure, Surface
+from drcmitsuba.suns import Suns
+from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
+from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.gather import gather
+
+BLOCK = 3
+"""Edge of the blocks of cells that light which the façade sends back is taken from."""
+MOST_BYTES = 8 << 30
+
+
+def compute(
+    wall: Wall, tiles: Tiles, palette: Palette, suns: Suns, accuracy: Accuracy, *,
+    groups: int | None = None, subdivision: int = 1, progress: Progress = lambda share: None,
+) -> Basis:  # fmt: skip
+    """Compute the basis of a façade.
+
+    Parameters
+    ----------
+    wall : Wall
+    tiles : Tiles
+    palette : Palette
+        What the tiles may be filled with.
+    suns : Suns
+    accuracy : Accuracy
+    groups : int, optional
+        Independent results that are kept apart, for standard errors; a divisor of the replicates,
+        all of which are used. Without it each replicate is kept.
+    subdivision : int
+        Reinhart's factor MF.
+    progress : callable
+
+    Returns
+    -------
+    Basis
+
+    Raises
+    ------
+    InputError
+        The case is coloured, has surfaces outside its room, or is too large.
+
+    Notes
+    -----
+    Light that a film gets from the room's side is not in D (there is none behind one façade).
+    """
+    case = wall.case
+    groups = accuracy.replicates if groups is None else groups
+    assert accuracy.replicates % groups == 0
+    points, normals = scene.sensor_points(case)
+    room, walls = _room(wall, tiles, palette)
+    facing = suns.directions @ -_inward(tiles) > -np.sin(np.radians(suns.diameter) / 2)
+    reaching = suns.only(np.array(suns.labels, dtype=object)[facing])
+    bins = len(Patches(subdivision)) + len(reaching.labels)
+    elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
+    _check_size(case, len(elements) * groups * bins * len(points))
+    meetings = Meetings(tiles, palette)
+    world = replace(walls, full=room.scene(meetings.mesh))
+    grid = Grid.of(world, accuracy.cell_size)
+    vertices = gather(
+        world, points, normals, replicates=accuracy.replicates, paths=accuracy.paths, grid=grid,
+        seed=launch_seed(accuracy, 0, 4), marks=meetings,
+    )  # fmt: skip
+    cells = Cells.none(grid).extended(vertices)
+    paths = _Paths(vertices, cells, len(points), accuracy.replicates // groups)
+    base = Deposit(walls, reaching.directions, suns.diameter, subdivision, accuracy, None)
+    shape = (len(elements), groups, bins, len(points))
+    straight = np.flatnonzero(palette.straight[elements % len(palette.names)])
+    out = {
+        "total": np.empty(shape, np.float32),
+        "direct": np.empty(shape, np.float32) if groups > 1 else None,
+        "straight": np.empty((len(straight), *shape[1:]), np.float32),
+        "grouped": np.empty((*shape[:3], paths.blocks), np.float32),
+    }
+    where = {int(e): i for i, e in enumerate(elements)}
+    where_straight = {int(elements[i]): j for j, i in enumerate(straight)}
+    done = 0
+    for group in range(groups):
+        matrix = paths.matrix(group)
+        for element, seen, lit in _elements(room, base, paths, group, points, normals):
+            i = where[element]
+            inner = np.concatenate([(matrix @ part).numpy() for part in lit], axis=1)
+            direct = seen[0] if len(seen) == 1 else seen[0].plus(seen[1])
+            out["total"][i, group] = (direct.numpy() + inner[: len(points)]).T
+            out["grouped"][i, group] = inner[len(points) :].T
+            if out["direct"] is not None:
+                out["direct"][i, group] = direct.numpy().T
+            if element in where_straight:
+                out["straight"][where_straight[element], group] = seen[0].numpy().T
+            done += 1
+            progress(done / (groups * len(elements)))
+    return Basis(
+        tiles=tiles,
+        palette=palette,
+        points=points,
+        labels=(*Patches(subdivision).labels, *reaching.labels),
+        suns=suns.labels,
+        elements=elements,
+        straight_elements=elements[straight],
+        returned=paths.returned(),
+        **out,
+    )
+
+
+def _inward(tiles: Tiles) -> np.ndarray:
+    """Normal of the façade into the room."""
+    quad = tiles.quads[0]
+    n = np.cross(quad[1] - quad[0], quad[3] - quad[0])
+    return n / np.linalg.norm(n)
+
+
+def _check_size(case: Case, entries: int) -> None:
+    """Refuse a basis that would not fit in memory."""
+    if 4 * entries > MOST_BYTES:
+        got = f"{4 * entries / 2**30:.0f} GiB of coefficients by tile"
+        raise InputError(case.source, "sensors", got, "take fewer sensors, tiles or time stamps")
+
+
+def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene]:
+    """The room without its tiles, for views, and as a scene."""
+    case, room = wall.case, wall.case.room
+    assert room is not None
+    if scene.is_coloured(case):
+        got = "a reflectance differs between channels"
+        raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
+    bare = case.model_copy(update={"facade": {}})
+    name = f"wall {wall.side}"
+    parts = [s for s in scene.surfaces(bare) if s.name != name]
+    around = wall_around(wall, tiles)
+    if len(around):
+        parts.append(Surface(name, Lambertian(room.walls), around))
+    corners = np.concatenate([s.quads.reshape(-1, 3) for s in parts] + [tiles.quads.reshape(-1, 3)])
+    turn, size = scene.rotation(case), np.array(room.size)
+    inside = corners @ turn
+    if ((inside < -1e-3) | (inside > size + 1e-3)).any():
+        got = "stands outside of the room"
+        remedy = "leave it out, or evaluate each case"
+        raise InputError(case.source, "furniture", got, remedy)
+    enclosure = Enclosure(size, turn, np.zeros((0, 4, 3)))
+    walls = replace(scene.build(parts, 0, enclosure), corners=corners)
+    return Room(tuple(walls.full.shapes()), corners, enclosure, tiles, palette), walls
+
+
+class _Paths:
+    """Gather paths of all groups, sorted into those that met the façade and those that did not."""
+
+    def __init__(self, vertices: Vertices, cells: Cells, sensors: int, draws: int) -> None:
+        self.vertices, self.cells, self.sensors, self.draws = vertices, cells, sensors, draws
+        self.cell = cells.of(vertices)
+        block, self.blocks = _blocks(cells)
+        met = vertices.mark > 0
+        # How often paths that met the façade came to each cell tells how much of its block it is.
+        visits = dr.zeros(mi.Float, cells.count)
+        dr.scatter_add(visits, vertices.weight, self.cell, met)
+        of_block = dr.zeros(mi.Float, self.blocks)
+        dr.scatter_add(of_block, visits, block)
+        whole = dr.gather(mi.Float, of_block, block)
+        self.block = block
+        self.share = dr.select(whole > 0, visits / whole, 0)
+
+    def matrix(self, group: int) -> mi.TensorXf:
+        """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
+        v, count = self.vertices, dr.opaque(mi.UInt32, self.cells.count)
+        out = dr.zeros(mi.Float, (self.sensors + self.blocks) * self.cells.count)
+        sensors = dr.opaque(mi.UInt32, self.sensors)
+        replicate, sensor = v.row // sensors, v.row % sensors
+        mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (v.mark == 0)
+        dr.scatter_add(out, v.weight / self.draws, sensor * count + self.cell, mine)
+        cell = dr.arange(mi.UInt32, self.cells.count)
+        dr.scatter(out, self.share, (sensors + self.block) * count + cell)
+        dr.eval(out)
+        return mi.TensorXf(out, (self.sensors + self.blocks, self.cells.count))
+
+    def returned(self) -> Returned:
+        """Vertices of paths that met the façade."""
+        v = self.vertices
+        at = dr.compress(v.mark > 0)
+        row = dr.gather(mi.UInt32, v.row, at).numpy()
+        return Returned(
+            row // (self.draws * self.sensors) * self.sensors + row % self.sensors,
+            dr.gather(mi.UInt32, self.block, dr.gather(mi.UInt32, self.cell, at)).numpy(),
+            dr.gather(mi.UInt32, v.mark, at).numpy(),
+            dr.gather(mi.Float, v.weight, at).numpy() / self.draws,
+        )
+
+
+def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
+    """Block of every cell, and their number."""
+    grid = cells.grid
+    key = dr.compress(cells.index < cells.count)
+    nx, ny, _ = grid.count
+    facing, cube = key % 6, key // 6
+    i, j, k = (x // BLOCK for x in (cube % nx, cube // nx % ny, cube // (nx * ny)))
+    coarse = (((k * ny) + j) * nx + i) * 6 + facing
+    kinds, number = np.unique(coarse.numpy(), return_inverse=True)
+    block = dr.zeros(mi.UInt32, cells.count)
+    at = dr.gather(mi.UInt32, cells.index, key)
+    dr.scatter(block, mi.UInt32(np.asarray(number).ravel().astype(np.uint32)), at)
+    dr.eval(block)
+    return block, len(kinds)
+
+
+def _elements(
+    room: Room, base: Deposit, paths: _Paths, group: int, points: np.ndarray, normals: np.ndarray
+) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:
+    """Deposit of a group by way of every element: on sensors, straight first, and on cells."""
+    draws = range(group * paths.draws, (group + 1) * paths.draws)
+    p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
+    on_cells = [draw_points(paths.vertices, paths.cell, 0, paths.cells.count, d) for d in draws]
+    a = base.accuracy
+    for m, kind in enumerate(room.palette.materials.values()):
+        if isinstance(kind, Lambertian) or not room.palette.allowed[:, m].any():
+            continue
+        straight = Straight.of(room, m, base) if room.palette.straight[m] else None
+        view: Any = {BsdfMaterial: Glow, DiffuserMaterial: Spread}.get(type(kind))
+        lit = [view.lit(room, m, base, (d, 0, m)) for d in draws] if view else []
+        seen = (
+            [[view.seen(room, x, p, n, (d, 1, m, 1)) for d, x in zip(draws, lit)]] if view else []
+        )
+        if view:
+            seen.append(
+                [view.seen(room, x, *q, (d, 1, m, 0)) for d, x, q in zip(draws, lit, on_cells)]
+            )
+        for tile in map(int, np.flatnonzero(room.palette.allowed[:, m])):
+            sensors, cells = [], []
+            if straight is not None:
+                sensors.append(mean([
+                    straight.part(tile, p, n, (d, 1, m, 1), a.sensor_sky_rays, a.sensor_sun_samples)
+                    for d in draws
+                ]))  # fmt: skip
+                cells.append(mean([
+                    straight.part(tile, *q, (d, 1, m, 0), a.cell_sky_rays, 1)
+                    for d, q in zip(draws, on_cells)
+                ]))  # fmt: skip
+            if view:
+                sensors.append(mean([v.part(tile) for v in seen[0]]))
+                cells.append(mean([v.part(tile) for v in seen[1]]))
+            on = cells[0] if len(cells) == 1 else cells[0].plus(cells[1])
+            yield tile * len(room.palette.names) + m, sensors, on
