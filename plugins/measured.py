@@ -158,6 +158,20 @@ class Measured(mi.BSDF):
         w = self.mounted(self._make(mi.TransportMode.Radiance).out_direction(cell, uv))
         return mi.Vector3f(w.x, w.y, dr.select(front, 1, -1) * dr.abs(w.z))
 
+    def leaf(self, si, wo):
+        """Number, from 1, of the leaf that holds f of light from `wo` to `si.wi`; 0 for none.
+
+        The straight-through peak, where it is a view, is no leaf's. Limits: 2²⁴ leaves.
+        """
+        axes = self._to_file(si)
+        wi, wo = self._seen(si.wi, axes), self._seen(wo, axes)
+        # Looked up like values; as numbers they are exact in float32 up to 2²⁴.
+        numbers = dr.arange(mi.Float, dr.width(self.leaves)) + 1
+        component = self._component(mi.BSDFContext(), wi, wo)
+        lobes = self._make(mi.TransportMode.Radiance)
+        active = (wi.z != 0) & (wo.z != 0)
+        return mi.UInt32(lobes.value(numbers, component, wi, wo, active))
+
     @staticmethod
     def _component(ctx, wi, wo):
         """Number of the component that joins two directions."""

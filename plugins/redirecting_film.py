@@ -1,4 +1,4 @@
-"""`redirecting_film`: a daylight redirecting film with few parameters, all of them differentiable."""
+"""`redirecting_film`: a daylight redirecting film of five numbers, all of them differentiable."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ class RedirectingFilm(mi.BSDF):
         return _mirrored(mi.Frame3f(centre).to_world(mi.Vector3f(r * c, r * s, 1 - q)))
 
     def _value(self, ctx, wi, wo):
-        """f · |cos θ| of directions in the pane's frame."""
+        """BSDF times |cos θ| for directions in the pane's frame."""
         reflection, lobe, even = self._albedos(ctx, wi)
         light, leaving = (wo, wi) if ctx.mode == mi.TransportMode.Radiance else (wi, wo)
         centre = redirected(_mirrored(light), self.tilt)
@@ -217,7 +217,7 @@ class RedirectingFilm(mi.BSDF):
     def sample(self, ctx, si, sample1, sample2, active=True):
         axes = pane_axes(si, self.up)
         wi = to_pane(si.wi, axes)
-        reflection, lobe, even = self._probabilities(ctx, wi)
+        reflection, lobe, _ = self._probabilities(ctx, wi)
         reflected, in_lobe = sample1 < reflection, sample1 >= 1 - lobe
         u = dr.select(in_lobe, (sample1 - (1 - lobe)) / dr.maximum(lobe, 1e-30), 0)
         wo = mi.warp.square_to_cosine_hemisphere(sample2)
