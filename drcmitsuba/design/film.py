@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.redirecting_film import concentration, redirected
+from drcmitsuba_plugins.redirection import concentration, redirected
 
 from drcmitsuba import materials
 from drcmitsuba.case import BsdfMaterial
@@ -56,6 +56,7 @@ def _parameter(name: str, value: Any, low: float, high: float) -> mi.Float:
     if dr.width(found) != 1 or not low <= float(dr.detach(found)[0]) <= high:
         got = str(dr.detach(found))
         raise InputError("film", name, got, f"give one number from {low:g} to {high:g}")
+    dr.make_opaque(found)  # a literal would have kernels compiled anew for each value
     return found
 
 
@@ -98,7 +99,7 @@ class ParametricFilm:
         tilt = _parameter("tilt", self.tilt, -90, 90)
         spread = _parameter("spread", self.spread, LEAST_SPREAD, 90)
         cells, count = bins.cells, len(bins)
-        arriving, leaving = bins.arriving(WITHIN, 1), bins.leaving(WITHIN)
+        arriving, leaving = bins.arriving(WITHIN, 1), bins.parts(WITHIN)
         x, y, z = (_floats(c) for c in (arriving.d * [1, 1, -1]).T)
         centre = redirected(mi.Vector3f(x, y, z), tilt)
         # A centre behind the pane has the same lobe as its fold, which is the nearer one.
@@ -157,8 +158,8 @@ class MeasuredFilm:
 
     @property
     def values(self) -> mi.Float:
-        """Values of all leaves, f [1/sr]."""
-        return dr.detach(self.bsdf.leaves)
+        """Values of all leaves, f [1/sr]; a copy, since NumPy's view of an array can change it."""
+        return mi.Float(self.bsdf.leaves.numpy().copy())
 
     def answer(self, bins: Bins) -> mi.TensorXf:
         """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
@@ -179,7 +180,7 @@ def _bsdf(film: MeasuredFilm, variant: str) -> Any:
 
 @lru_cache(maxsize=4)
 def _answer_once(film: MeasuredFilm, bins: Bins) -> mi.TensorXf:
-    answer = leaves_of(film, bins).answer(film.values)
+    answer = leaves_of(film, bins).answer(film.bsdf.leaves)
     dr.eval(answer)
     return answer
 
@@ -227,7 +228,7 @@ class Leaves:
 
     def answer(self, bins: Bins) -> mi.TensorXf:
         """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
-        count = dr.width(self.film.values)
+        count = dr.width(self.film.bsdf.leaves)
         if dr.width(self.values) != count:
             got = f"{dr.width(self.values)} values"
             raise InputError("film", "values", got, f"give one for each of the {count} leaves")
@@ -275,15 +276,16 @@ class LeavesOfAnswer:
 def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
     """Look up the leaves that a film's answer is made of, once for all their values.
 
-    A patch of the sky has 64 directions, a sun 4, an outgoing cell 1 point where the file's cells
-    hold it whole and 4 elsewhere.
+    Where the file's cells hold the outgoing ones whole, these have 1 point, and a patch of the sky
+    has 64 directions, a sun 4 on its disk; for other files 16, 16 and 1.
     """
     bsdf = film.bsdf
     fits = bsdf.out_even and bsdf.out_cells in [1 << 2 * k for k in range(bins.depth + 1)]
-    within = 1 if fits else 2
-    arriving, leaving = bins.arriving(8, 4), bins.leaving(within)
-    per_direction = len(leaving.d)
-    from_, to = _floats(arriving.d), _floats(leaving.d)
+    points = 1 if fits else WITHIN**2
+    arriving = bins.arriving(8, 4) if fits else bins.arriving(WITHIN, 1)
+    to = bins.points(points)
+    per_direction = len(to)
+    from_, to = _floats(arriving.d), _floats(to)
     parts, total = [], len(arriving.d) * per_direction
     si = dr.zeros(mi.SurfaceInteraction3f)
     # A horizontal pane: its y axis is the world's, so that local directions are the pane's.
@@ -295,6 +297,6 @@ def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
         si.wi = dr.gather(mi.Vector3f, to, lane % stride)
         parts.append(bsdf.leaf(si, dr.gather(mi.Vector3f, from_, lane // stride)))
         dr.eval(parts[-1])
-    weight = _floats(arriving.weight / within**2)
+    weight = _floats(arriving.weight / points)
     shape = (bins.cells, len(bins))
-    return LeavesOfAnswer(dr.concat(parts), weight, _indices(arriving.bin), within**2, shape)
+    return LeavesOfAnswer(dr.concat(parts), weight, _indices(arriving.bin), points, shape)

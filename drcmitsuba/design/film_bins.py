@@ -18,9 +18,6 @@ from drcmitsuba_plugins.tensor import to_direction, unpack
 
 from drcmitsuba.suns import Suns
 
-FINER = 8
-"""Points along each side of a square that its solid angle is integrated with."""
-
 
 class Arriving(NamedTuple):
     """Directions that stand for the bins, in the pane's frame (+z into the room, +y up).
@@ -39,15 +36,15 @@ class Arriving(NamedTuple):
     bin: np.ndarray
 
 
-class Leaving(NamedTuple):
-    """Points of the outgoing cells, as many for each, those of a cell after each other.
+class Parts(NamedTuple):
+    """Parts of the outgoing cells, as many for each, those of a cell after each other.
 
     Parameters
     ----------
-    d : np.ndarray, shape (cell · point, 3)
-        Unit vectors into the room, in the pane's frame.
-    solid_angle : np.ndarray, shape (cell · point,)
-        Of the part of the cell that the point stands for [sr].
+    d : np.ndarray, shape (cell · part, 3)
+        Unit vectors to their middles, into the room, in the pane's frame.
+    solid_angle : np.ndarray, shape (cell · part,)
+        [sr].
     """
 
     d: np.ndarray
@@ -109,26 +106,51 @@ class Bins:
         kept = (weight > 0) & (d @ self.frame[2] < 0)
         return Arriving(d[kept] @ self.frame.T, weight[kept], bins[kept])
 
-    def leaving(self, per_side: int) -> Leaving:
-        """Points of the outgoing cells, per_side² in each; even by projected solid angle."""
-        return _leaving(self.depth, per_side)
+    def points(self, count: int) -> np.ndarray:
+        """Points of the outgoing cells (cell · point, 3); their middles, or so many in each.
+
+        Even by projected solid angle; unit vectors into the room, in the pane's frame.
+        """
+        return _points(self.depth, count)
+
+    def parts(self, per_side: int) -> Parts:
+        """Parts of the outgoing cells, per_side² in each, even by angle from the normal."""
+        return _parts(self.depth, per_side)
 
 
 @lru_cache(maxsize=8)
-def _leaving(depth: int, per_side: int) -> Leaving:
-    def points(within: int) -> np.ndarray:
-        """Directions (cell, within, within, 3)."""
-        i, j = (a[:, None, None] for a in unpack(np.arange(1 << 2 * depth), 2, depth))
-        part = (np.arange(within) + 0.5) / within
-        s, t = np.broadcast_arrays(i + part[:, None], j + part)
-        return to_direction(s / (1 << depth), t / (1 << depth))
+def _points(depth: int, count: int) -> np.ndarray:
+    cells = 1 << 2 * depth
+    # Points of Roberts' sequence, shifted in each cell: rows of a lattice would have one radius and
+    # fall on one side of a border all around.
+    steps = np.outer(np.arange(count), [0.7548776662466927, 0.5698402909980532])
+    shift = np.random.default_rng(0).random((cells, 1, 2)) if count > 1 else np.full((1, 1, 2), 0.5)
+    within = (steps + shift) % 1
+    corner = np.stack(unpack(np.arange(cells), 2, depth), axis=-1)[:, None]
+    s, t = np.moveaxis((corner + within) / (1 << depth), -1, 0)
+    return to_direction(s, t).reshape(-1, 3)
 
-    # dΩ = (projected solid angle) / cos θ, integrated: at the rim of the hemisphere it grows fast.
-    finer = 1 / points(per_side * FINER)[..., 2]
-    cells = len(finer)
-    mean = finer.reshape(cells, per_side, FINER, per_side, FINER).mean(axis=(2, 4))
-    each = np.pi / (cells * per_side**2)
-    return Leaving(points(per_side).reshape(-1, 3), (mean * each).ravel())
+
+@lru_cache(maxsize=8)
+def _parts(depth: int, per_side: int) -> Parts:
+    # The larger of a square's coordinates a, b in [−1, 1] is the radius, the other one, times
+    # π/4 / a, the azimuth: dΩ = r dr dφ / cos θ is π/4 db d(asin a). So the radius is cut evenly in
+    # its angle; 1/cos θ is infinite at the rim, this is not.
+    low = np.stack(unpack(np.arange(1 << 2 * depth), 2, depth)) / (1 << depth) * 2 - 1
+    high = low + 2 * 0.5**depth
+    part = np.arange(2 * per_side + 1)[:, None, None] / (2 * per_side)
+    even = low + part * (high - low)
+    by_angle = np.sin(np.arcsin(low) + part * (np.arcsin(high) - np.arcsin(low)))
+    middle = abs(low + high)
+    cuts = np.where(middle >= middle[::-1], by_angle, even)  # (cut, axis, cell)
+    s, t = cuts[1::2, 0, :].T[:, :, None], cuts[1::2, 1, :].T[:, None, :]
+    size = np.diff(cuts[::2], axis=0), np.diff(np.arcsin(cuts[::2]), axis=0)
+    (ds, dt), (angle_s, angle_t) = (
+        (d[:, 0, :].T[:, :, None], d[:, 1, :].T[:, None, :]) for d in size
+    )
+    solid_angle = np.pi / 4 * np.where(abs(s) >= abs(t), dt * angle_s, ds * angle_t)
+    s, t = np.broadcast_arrays(s, t)
+    return Parts(to_direction((s + 1) / 2, (t + 1) / 2).reshape(-1, 3), solid_angle.ravel())
 
 
 @lru_cache(maxsize=8)

@@ -18,8 +18,8 @@ from drcmitsuba.design.film_year import FilmYear
 from drcmitsuba.errors import InputError
 from drcmitsuba.progress import Progress
 
-Objective = Callable[[mi.TensorXf], mi.Float]
-"""From illuminances (time, sensor) [lx] to one number, smooth in them."""
+Objective = Callable[[Any], Any]
+"""From illuminances, mi.TensorXf (time, sensor) [lx], to one number, mi.Float, smooth in them."""
 RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"tilt": (-30.0, 45.0), "spread": (LEAST_SPREAD, 45.0)}
 )
