@@ -143,8 +143,8 @@ class MeasuredFilm:
 
     Notes
     -----
-    A straight-through peak counts as scattered light within its cells, not as a view. Files are read
-    once.
+    A straight-through peak counts as scattered light within its cells, not as a view. A file is
+    read once.
     """
 
     file: Path

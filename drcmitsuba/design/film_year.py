@@ -13,7 +13,7 @@ errors are those of `coefficients`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import drjit as dr
@@ -117,7 +117,7 @@ def _mount(case: Case, films: Films | None) -> Mount:
     return found[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FilmYear:
     """Illuminances of a year behind any film.
 
@@ -206,7 +206,7 @@ class FilmYear:
         rests = accumulate.replicates(rest, light.sky, everyone).astype(np.float32)
         L = luminances(light)["L"].values
         return cls(
-            Bins(mount.frame, subdivision, replace(suns), depth), _tensor(transfers.mean(axis=0)),
+            Bins(mount.frame, subdivision, suns, depth), _tensor(transfers.mean(axis=0)),
             transfers, _tensor(L.T), _tensor(rests.mean(axis=0)), rests, rest,
         )  # fmt: skip
 
