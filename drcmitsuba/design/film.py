@@ -272,7 +272,7 @@ class LeavesOfAnswer:
         return mi.TensorXf(out, self.shape)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)  # some 50 to 200 MB for a year of hours
 def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
     """Look up the leaves that a film's answer is made of, once for all their values.
 

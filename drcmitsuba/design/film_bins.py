@@ -92,7 +92,8 @@ class Bins:
         Parameters
         ----------
         per_side : int
-            A patch of the sky has per_side² directions, the ground 32 times as many.
+            One of Tregenza's patches has per_side² directions, the ground 32 times as many, and
+            patches of a finer sky as many fewer as they are smaller.
         per_sun : int
             Directions on a sun's disk: its centre, or so many on a ring of half its area.
         """
@@ -161,7 +162,8 @@ def _sky(subdivision: int, per_side: int) -> tuple[np.ndarray, np.ndarray, np.nd
     """
     d, vector, number = [], [], []
     for b, (low, high, west, east) in enumerate(Patches(subdivision).bounds):
-        rows, columns = (4 * per_side, 8 * per_side) if b == 0 else (per_side, per_side)
+        own = -(-per_side // subdivision)
+        rows, columns = (4 * per_side, 8 * per_side) if b == 0 else (own, own)
         sines = np.linspace(np.sin(low), np.sin(high), 2 * rows + 1)[:, None]
         turn = np.linspace(west, east, 2 * columns + 1)
         c = np.sqrt(np.maximum(0, 1 - sines**2))

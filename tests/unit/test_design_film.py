@@ -115,6 +115,17 @@ PRISM_FILM = MeasuredFilm(PRISM)
 # Bins and cells
 
 
+def test_a_finer_sky_gives_the_same_irradiance(bins):
+    fine = Bins(SOUTH, 3, bins.suns).irradiance
+    assert fine[0] == pytest.approx(np.pi / 2, rel=1e-6)
+    # Parts that the pane's plane cuts count whole, by what is before it less what is behind.
+    assert fine[:-4].sum() == pytest.approx(np.pi, rel=1e-4)
+    # Rows of the finer sky, three for each of Tregenza's, hold as much.
+    for start, end in ((1, 31), (31, 61), (61, 85)):
+        rows = slice(1 + (start - 1) * 9, 1 + (end - 1) * 9)
+        assert fine[rows].sum() == pytest.approx(bins.irradiance[start:end].sum(), rel=0.06)
+
+
 def test_irradiance_of_the_bins(bins, same):
     found = bins.irradiance
     assert found[:146].sum() == pytest.approx(np.pi, rel=1e-6)
