@@ -12,7 +12,7 @@ from nbclient import NotebookClient
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 SLOWEST_CELL = 300
-"""Seconds, on a machine that does other work besides; an idle one takes a tenth of it."""
+"""Seconds; on 2 cores shared with other work the slowest took a tenth of it."""
 METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"name": "python"},
