@@ -224,13 +224,24 @@ class Strip(Table):
     bottom: Annotated[float, Field(ge=0)]
     top: Length
     material: str
+    segments: (
+        Annotated[tuple[Annotated[int, Field(ge=0, lt=200)], ...], Field(min_length=1)] | None
+    ) = None
+    """Segments that it covers, counted from 0 at the left, seen from outside; without it, all."""
 
     @model_validator(mode="after")
     def _order(self) -> Strip:
         if self.top <= self.bottom:
             got = f"{self.top:g} m is not above the bottom, {self.bottom:g} m"
             raise InputError("strip", "top", got, "give the higher edge as top")
+        if self.segments is not None and len(set(self.segments)) < len(self.segments):
+            got = f"{shortened(self.segments)} names one twice"
+            raise InputError("strip", "segments", got, "name each segment once")
         return self
+
+    def covers(self, segment: int) -> bool:
+        """Whether it lies in a segment of the façade."""
+        return self.segments is None or segment in self.segments
 
 
 class Facade(Table):
@@ -240,7 +251,18 @@ class Facade(Table):
     frame: Annotated[float, Field(ge=0)] = 0.0
     """Width of opaque frame around every pane [m]; neighbours share it half and half."""
     frame_reflectance: Reflectance = 0.5
-    strips: Annotated[tuple[Strip, ...], Field(max_length=200)] = ()
+    strips: Annotated[tuple[Strip, ...], Field(max_length=2000)] = ()
+
+    def columns(self) -> list[tuple[range, tuple[Strip, ...]]]:
+        """Neighbouring segments under the same strips, with these strips from the bottom up."""
+        found: list[tuple[range, tuple[Strip, ...]]] = []
+        for i in range(self.segments):
+            stack = sorted((s for s in self.strips if s.covers(i)), key=lambda s: s.bottom)
+            if found and found[-1][1] == tuple(stack):
+                found[-1] = range(found[-1][0].start, i + 1), found[-1][1]
+            else:
+                found.append((range(i, i + 1), tuple(stack)))
+        return found
 
 
 class Room(Table):
@@ -355,20 +377,26 @@ class Case(Table):
             where = f"facade.{side}.strips, {strip.bottom:g} to {strip.top:g} m"
             raise InputError("case", where, got, remedy)
 
-        top = 0.0
         for strip in sorted(facade.strips, key=lambda s: s.bottom):
             if strip.material not in known:
                 got = f"unknown material {shortened(strip.material)}"
                 refuse(strip, got, choose(strip.material, known))
             if strip.top > height:
                 refuse(strip, f"the room is {height:g} m high", "lower the top")
-            if strip.bottom < top:
-                refuse(strip, "overlaps the strip below it", f"start at {top:g} m or above")
+            beyond = max(strip.segments or (0,))
+            if beyond >= facade.segments:
+                got = f"there is no segment {beyond} of {facade.segments}"
+                refuse(strip, got, f"count from 0 to {facade.segments - 1}")
             pane = min(segment, strip.top - strip.bottom) - facade.frame
             if pane < THINNEST and strip.material != "wall":
                 got = f"a frame of {facade.frame:g} m leaves no pane"
                 refuse(strip, got, "give a narrower frame, fewer segments or a higher strip")
-            top = strip.top
+        for _, strips in facade.columns():
+            top = 0.0
+            for strip in strips:
+                if strip.bottom < top:
+                    refuse(strip, "overlaps the strip below it", f"start at {top:g} m or above")
+                top = strip.top
 
     def path(self, file: Path) -> Path:
         """Resolve a file that the case names: relative ones lie beside the case file."""

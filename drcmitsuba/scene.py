@@ -181,27 +181,29 @@ def _wall(
     frame: list[np.ndarray] = []
     panes: dict[str, list[np.ndarray]] = {}
     segment, half = length / facade.segments, facade.frame / 2
-    top = 0.0
-    for strip in sorted(facade.strips, key=lambda s: s.bottom):
-        if strip.bottom > top:
-            wall.append(rectangle(0, length, top, strip.bottom))
-        top = strip.top
-        if strip.material == "wall":
-            wall.append(rectangle(0, length, strip.bottom, strip.top))
-            continue
-        for i in range(facade.segments):
-            left, right = i * segment, (i + 1) * segment
-            inner = (left + half, right - half, strip.bottom + half, strip.top - half)
-            panes.setdefault(strip.material, []).append(rectangle(*inner))
-            if half > 0:
-                frame += [
-                    rectangle(left, right, strip.bottom, inner[2]),
-                    rectangle(left, right, inner[3], strip.top),
-                    rectangle(left, inner[0], inner[2], inner[3]),
-                    rectangle(inner[1], right, inner[2], inner[3]),
-                ]
-    if top < room.size[2]:
-        wall.append(rectangle(0, length, top, room.size[2]))
+    for column, strips in facade.columns():
+        begin, end = column.start * segment, column.stop * segment
+        top = 0.0
+        for strip in strips:
+            if strip.bottom > top:
+                wall.append(rectangle(begin, end, top, strip.bottom))
+            top = strip.top
+            if strip.material == "wall":
+                wall.append(rectangle(begin, end, strip.bottom, strip.top))
+                continue
+            for i in column:
+                left, right = i * segment, (i + 1) * segment
+                inner = (left + half, right - half, strip.bottom + half, strip.top - half)
+                panes.setdefault(strip.material, []).append(rectangle(*inner))
+                if half > 0:
+                    frame += [
+                        rectangle(left, right, strip.bottom, inner[2]),
+                        rectangle(left, right, inner[3], strip.top),
+                        rectangle(left, inner[0], inner[2], inner[3]),
+                        rectangle(inner[1], right, inner[2], inner[3]),
+                    ]
+        if top < room.size[2]:
+            wall.append(rectangle(begin, end, top, room.size[2]))
     return wall, frame, panes
 
 
@@ -337,8 +339,11 @@ def _enclosure(case: Case, state: State) -> Enclosure | None:
         clear = [strip for strip in facade.strips if _is_opening(case, strip.material, state)]
         if clear:
             foot, along = _side(case.room, side)
+            inside = [i for i in range(facade.segments) if any(s.covers(i) for s in clear)]
+            left, right = inside[0] / facade.segments, (inside[-1] + 1) / facade.segments
             bottom, top = min(s.bottom for s in clear), max(s.top for s in clear)
-            openings.append(_quad(foot + [0, 0, bottom], [0, 0, top - bottom], along))
+            start = foot + left * along + [0, 0, bottom]
+            openings.append(_quad(start, [0, 0, top - bottom], (right - left) * along))
     turn = rotation(case)
     return Enclosure(np.array(case.room.size), turn, np.reshape(openings, (-1, 4, 3)) @ turn.T)
 

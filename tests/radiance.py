@@ -158,7 +158,8 @@ def opened(case: Case) -> Case:
         side: Facade(
             segments=f.segments, frame=f.frame, frame_reflectance=f.frame_reflectance,
             strips=tuple(
-                Strip(bottom=s.bottom, top=s.top, material="open") for s in f.strips
+                Strip(bottom=s.bottom, top=s.top, material="open", segments=s.segments)
+                for s in f.strips
             ),
         )
         for side, f in case.facade.items()
