@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drcmitsuba import film_commands, tradeoff_command
-from drcmitsuba.errors import BackendError, InputError
+from drcmitsuba.errors import BackendError, InputError, was_stopped
 from drcmitsuba.terminal import Output, stages, writable
 
 app = typer.Typer(
@@ -239,7 +239,7 @@ def main() -> None:
     except BackendError as error:
         _exit(str(error), 1)
     except Exception as error:
-        if _was_stopped(error):
+        if was_stopped(error):
             _exit("stopped", STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
             message = error.format_message().rstrip(".")
@@ -248,13 +248,6 @@ def main() -> None:
             where, what = error.filename or "files", error.strerror or error
             _exit(f"{where}: {what}; check the path, its rights and the space that is left", 2)
         raise
-
-
-def _was_stopped(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: within a loop Dr.Jit makes a RuntimeError of it."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _exit(line: str, code: int) -> None:
