@@ -41,11 +41,11 @@ def heights(tiles):
                    ("sill", "head", "film_bottom", "film_top")))  # fmt: skip
 
 
-def window(tiles, wwr=(0.1, 0.5)):
+def window(tiles, wwr=(0.1, 0.5), sill=(0.9, 1.5)):
     return Window(
         panes(tiles),
         WALL,
-        Parameter("sill", 0.9, 1.5, 0.9),
+        Parameter("sill", *sill, sill[0]),
         Parameter("wwr", *wwr, wwr[0]),
         Parameter("dwr", 0.0, 1.0, 0.5),
         Parameter("position", 0.0, 1.0, 1.0),
@@ -122,16 +122,20 @@ def problem(year, facade, aim="sDA", factors=()):
 
 
 def slopes(problem, x, k, axis, h):
-    """Differences of value, ASE and window area by x[axis], one-sided at a bound."""
-    up, down = x.copy(), x.copy()
-    up[axis], down[axis] = min(x[axis] + h, 1.0), max(x[axis] - h, 0.0)
-    a, b = problem.evaluate(up, k).smooth, problem.evaluate(down, k).smooth
-    gap = up[axis] - down[axis]
-    return [(getattr(a, n) - getattr(b, n)) / gap for n in ("value", "ase", "window_area")]
+    """Differences of value, ASE and window area by x[axis], of second order at a bound too."""
+    ahead = {0.0: (0, h, 2 * h), 1.0: (0, -h, -2 * h)}.get(x[axis])
+    moves, weights = ((-h, h), (-1, 1)) if ahead is None else (ahead, (-3, 4, -1))
+    total = np.zeros(3)
+    for move, weight in zip(moves, weights, strict=True):
+        moved = x.copy()
+        moved[axis] += move
+        score = problem.evaluate(moved, k).smooth
+        total += weight * np.array([score.value, score.ase, score.window_area])
+    return total / (2 * (h if ahead is None else moves[1]))
 
 
-def check(problem, x, k=4.0, h=2e-3, axes=None):
-    """Every gradient is within 2 % of the difference, or of the largest one of its kind."""
+def check(problem, x, k=4.0, h=1e-3, axes=None):
+    """Every gradient is the difference within 2 %, or within 0.2 % of the largest of its kind."""
     found = problem.evaluate(x, k)
     reverse = np.array([found.gradient, found.ase_gradient, found.area_gradient])
     assert np.isfinite(reverse).all()
@@ -140,36 +144,52 @@ def check(problem, x, k=4.0, h=2e-3, axes=None):
     for axis in axes:
         at = slopes(problem, x, k, axis, h)
         for got, wanted, most in zip(reverse[:, axis], at, scale, strict=True):
-            assert got == pytest.approx(wanted, rel=0.02, abs=0.004 * most + 2e-3)
+            assert got == pytest.approx(wanted, rel=0.02, abs=0.002 * most + 2e-3)
+
+
+def clear_of_kinks(window, x):
+    """Whether no edge lies within 5 mm of one between tiles, where a difference sees two slopes."""
+    sill, wwr, dwr, position = (
+        p.low + v * (p.high - p.low) for p, v in zip(window.parameters, x, strict=True)
+    )
+    height = wwr * 3.6
+    foot = sill + position * height * (1 - dwr)
+    edges = np.array([sill, sill + height, foot, foot + dwr * height])
+    return np.abs(edges[:, None] - np.arange(0.9, 2.8, 0.3)).min() > 5e-3
 
 
 @pytest.mark.parametrize("aim", ["sDA", "worst month"])
 def test_gradients_of_a_window_are_the_differences(year, aim):
     rng = np.random.default_rng(1)
-    for _ in range(4):
-        check(problem(year, window(year.tiles), aim), rng.uniform(0.1, 0.9, 4))
+    tried = 0
+    while tried < 4:
+        x, given = rng.uniform(0.1, 0.9, 4), window(year.tiles)
+        if clear_of_kinks(given, x):
+            check(problem(year, given, aim), x)
+            tried += 1
 
 
 @pytest.mark.parametrize("bound", [0.0, 1.0])
 @pytest.mark.parametrize("axis", range(4))
 def test_gradients_of_a_window_at_its_bounds_are_those_towards_the_inside(year, axis, bound):
-    x = np.array([0.31, 0.43, 0.57, 0.37])
+    x = np.array([0.33, 0.47, 0.61, 0.27])
     x[axis] = bound
-    check(problem(year, window(year.tiles)), x, axes=[axis], h=1e-3)
+    check(problem(year, window(year.tiles)), x, axes=[axis])
 
 
 @pytest.mark.parametrize("corner", range(16))
 def test_gradients_in_the_corners_are_finite_and_one_sided(year, corner):
     x = np.array([(corner >> i) & 1 for i in range(4)], float)
-    flat = window(year.tiles, wwr=(0.05, 0.3))  # ends below the highest tile wherever it stands
-    check(problem(year, flat), x, h=1e-3)
+    # No corner lies where an edge of the window meets one between tiles.
+    given = window(year.tiles, wwr=(0.05, 0.3), sill=(0.9, 1.45))
+    check(problem(year, given), x)
 
 
 def test_gradients_of_heights_are_the_differences(year):
     h = heights(year.tiles)
     check(problem(year, h), np.array([0.11, 0.93, 0.42, 0.77]))
-    # The film ends with the window, and the window with the tiles: towards the inside.
-    check(problem(year, h), np.array([0.0, 1.0, 0.52, 1.0]), h=1e-3)
+    # The window begins and ends with the tiles: towards the inside.
+    check(problem(year, h), np.array([0.0, 1.0, 0.52, 0.9]))
 
 
 def test_gradients_of_strips_are_the_differences(year):
@@ -185,12 +205,12 @@ def test_gradients_of_transmittances_are_the_differences(year):
         Factor("glass", Parameter("glazing_transmittance", 0.5, 1.5, 1.0)),
         Factor("film", Parameter("film_transmittance", 0.5, 1.5, 1.0)),
     )
-    x = np.array([0.31, 0.43, 0.57, 0.37, 0.5, 0.5])
+    x = np.array([0.33, 0.47, 0.61, 0.27, 0.5, 0.5])
     given = problem(year, window(year.tiles), factors=factors)
     check(given, x)
     for bound in (0.0, 1.0):
         x[4:] = bound
-        check(given, x, axes=[4, 5], h=1e-3)
+        check(given, x, axes=[4, 5])
 
 
 def test_a_scale_multiplies_the_light_through_its_material(year):
