@@ -1,4 +1,4 @@
-"""A year in which illuminance is linear in the composition by formula: no simulation, known answers.
+"""A year in which E is linear in the composition by formula: no simulation, exact gradients.
 
 Not a room, but shaped like one: glass lets sun in to a depth that rises with the pane and falls
 with the sun, film throws the sun deep and evenly and lets no sun through, and the sky comes in near
@@ -25,7 +25,10 @@ class Tiles:
 
     @property
     def area(self):
-        width, height = (self.bounds[:, 1] - self.bounds[:, 0], self.bounds[:, 3] - self.bounds[:, 2])
+        width, height = (
+            self.bounds[:, 1] - self.bounds[:, 0],
+            self.bounds[:, 3] - self.bounds[:, 2],
+        )
         return width * height
 
     @classmethod

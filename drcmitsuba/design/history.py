@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from drcmitsuba import schema
-from drcmitsuba.design.problem import Evaluation, Problem
+from drcmitsuba.design.problem import AREA_TOLERANCE, Evaluation, Problem
 
 
 @dataclass(frozen=True)
@@ -70,21 +70,17 @@ class History:
         limit = np.inf if limit is None else limit + 1e-9
 
         def merit(found: Evaluation) -> tuple[float, ...]:
-            kept = abs(self._missing_area(found)) <= 2e-3
+            missing = self.problem.missing_area(found.hard)
+            area = missing if missing > AREA_TOLERANCE else 0.0
             over = max(found.hard.ase - limit, 0.0)
-            area = 0.0 if kept else -abs(self._missing_area(found))
-            return area, -over, found.hard.value, found.sharpness, found.smooth.value
+            return -area, -over, found.hard.value, found.sharpness, found.smooth.value
 
         return max((step.found for step in self.steps), key=merit)
 
-    def _missing_area(self, found: Evaluation) -> float:
-        """What the panes lack of the area asked for, of it."""
-        area = self.problem.goal.window_area
-        return 0.0 if area is None else found.hard.window_area / area - 1
-
     def front(self) -> list[Evaluation]:
         """Evaluations that no other one beats in both what is to be large and ASE, by ASE."""
-        kept = [s.found for s in self.steps if abs(self._missing_area(s.found)) <= 2e-3]
+        missing = self.problem.missing_area
+        kept = [s.found for s in self.steps if missing(s.found.hard) <= AREA_TOLERANCE]
         kept.sort(key=lambda e: (e.hard.ase, -e.hard.value, -e.sharpness))
         front: list[Evaluation] = []
         for found in kept:

@@ -232,13 +232,11 @@ def _continue(
     limit = history.problem.goal.ase_limit if ase_limit is None else ase_limit
     stages = search.sharpness
     for i, k in enumerate(stages):
-        begin = len(history.steps)
         x = _stage(history, x, k, limit, search.iterations, label)
-        if len(history.steps) > begin and i + 1 == len(stages) and limit is not None:
-            # The twins' limit was that of the stage's start; where the end is beyond the hard one,
-            # the stage is taken once more from there.
-            if history.steps[-1].found.hard.ase > limit:
-                _stage(history, x, k, limit, search.iterations, label)
+        beyond = limit is not None and history.steps[-1].found.hard.ase > limit
+        if beyond and i + 1 == len(stages):
+            # The twins' limit was that of the stage's start: once more, with that of its end.
+            _stage(history, x, k, limit, search.iterations, label)
         progress((i + 1) / len(stages))
 
 
@@ -257,13 +255,16 @@ def _stage(
     constraints = []
     area = history.problem.goal.window_area
     if area is not None:
-        constraints.append(
-            {
-                "type": "eq",
-                "fun": lambda p: at(p).smooth.window_area / area - 1,
-                "jac": lambda p: at(p).area_gradient / area,
-            }
-        )
+        low, high = area
+        for kind, sign, edge in (("ineq", 1, low), ("ineq", -1, high)):
+            constraints.append(
+                {
+                    "type": "eq" if low == high else kind,
+                    "fun": lambda p, s=sign, e=edge: s * (at(p).smooth.window_area - e) / high,
+                    "jac": lambda p, s=sign: s * at(p).area_gradient / high,
+                }
+            )
+        constraints = constraints[:1] if low == high else constraints
     if limit is not None:
         first = at(x)
         shift = first.hard.ase - first.smooth.ase

@@ -3,7 +3,7 @@
 Objective and constraints of one composition, all in per cent:
 
     maximise   A − cost · (area of the film / area of the tiles)
-    subject to ASE ≤ limit,  area of the panes = given
+    subject to ASE ≤ limit,  area of the panes given or within bounds
 
 with A the sDA or the msDA of the worst month, shade applied. The optimiser sees the smooth twins
 and their gradients by reverse mode; every evaluation has the hard numbers of `metrics` beside them,
@@ -29,6 +29,8 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.uncertainty.rules import Rules
 
 Aim = Literal["sDA", "worst month"]
+AREA_TOLERANCE = 2e-3
+"""Of the window's area: what it may be off by."""
 SOFTEST = 50.0
 """Points of msDA over the sharpness: how near months count as the worst together."""
 
@@ -49,8 +51,8 @@ class Goal:
         Points that a façade full of film has to bring.
     ase_limit : float, optional
         Largest ASE [%].
-    window_area : float, optional
-        All panes together [m²]; without it, it is free.
+    window_area : (float, float), optional
+        Least and most of all panes together [m²], equal where it is given; else it is free.
     """
 
     rules: Rules
@@ -58,7 +60,7 @@ class Goal:
     aim: Aim = "sDA"
     film_cost: float = 0.0
     ase_limit: float | None = None
-    window_area: float | None = None
+    window_area: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -233,12 +235,18 @@ class Problem:
         return self._hard(self.year.illuminance(given), film, window)
 
     def is_feasible(self, score: Score) -> bool:
-        """Whether the constraints hold; areas to 0.2 %."""
+        """Whether the constraints hold; areas to `AREA_TOLERANCE`."""
         goal = self.goal
         if goal.ase_limit is not None and score.ase > goal.ase_limit + 1e-9:
             return False
-        area = goal.window_area
-        return area is None or abs(score.window_area - area) <= 2e-3 * area
+        return self.missing_area(score) <= AREA_TOLERANCE
+
+    def missing_area(self, score: Score) -> float:
+        """How far the panes are from the area asked for, of that."""
+        if self.goal.window_area is None:
+            return 0.0
+        low, high = self.goal.window_area
+        return max(low - score.window_area, score.window_area - high, 0.0) / max(high, 1e-9)
 
     @staticmethod
     def _gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
