@@ -109,7 +109,7 @@ def _aim(found: Optimum) -> str:
 
 def _print(found: Optimum, front: Front | None, fresh: Any) -> None:
     table = Table("", "found", "simulated afresh (95 %)", title="best façade", title_justify="left")
-    again = {name: "–" for name in ("sDA", "ASE")}
+    again = dict.fromkeys(("sDA", "ASE"), "–")
     if fresh is not None:
         for name in again:
             v = fresh.metrics[name]

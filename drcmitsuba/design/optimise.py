@@ -148,7 +148,10 @@ class Front:
 
 
 def optimise(
-    problem: Problem, search: Search = Search(), progress: Progress = lambda share: None
+    problem: Problem,
+    search: Search = Search(),
+    progress: Progress = lambda share: None,
+    known: Sequence[np.ndarray] = (),
 ) -> Optimum:
     """Find the best values of a problem.
 
@@ -158,6 +161,8 @@ def optimise(
     search : Search
     progress : callable
         Told the share that is done.
+    known : sequence of np.ndarray, shape (free,)
+        Further starts, such as named variants: what is found is no worse than they are.
 
     Returns
     -------
@@ -172,10 +177,11 @@ def optimise(
     history = History(problem)
     rng = np.random.default_rng(search.seed)
     with _until_stopped(history) as stopped:
-        for i in range(search.starts):
-            x = problem.start if i == 0 else rng.random(problem.size)
-            told = part(progress, 0.95 * i / search.starts, 0.95 * (i + 1) / search.starts)
-            _continue(history, x, search, f"start {i + 1}", told)
+        random = [rng.random(problem.size) for _ in range(search.starts - 1)]
+        starts = [*known, problem.start, *random]
+        for i, x in enumerate(starts):
+            told = part(progress, 0.95 * i / len(starts), 0.95 * (i + 1) / len(starts))
+            _continue(history, np.asarray(x, float), search, f"start {i + 1}", told)
         if problem.size <= FEW:
             _pattern(history, part(progress, 0.95, 1.0))
         progress(1.0)

@@ -12,6 +12,8 @@ from drcmitsuba.design.year import Tiles
 from drcmitsuba.errors import InputError
 
 MOST_SEGMENTS = 200
+ALIGNED = 0.01
+"""Tiles end this near to the segments' edges [m]."""
 
 Piece = tuple[float, float, str]
 """Bottom, top [m] and material."""
@@ -82,17 +84,13 @@ def _columns(tiles: Tiles, length: float, facade: Facade) -> tuple[int, list[np.
     for count in range(facade.segments, MOST_SEGMENTS + 1, facade.segments):
         centre = (np.arange(count) + 0.5) * length / count
         inside = (left < centre[:, None]) & (centre[:, None] < right)
-        if inside.any(axis=0).all() and _cover(inside, tiles, length / count):
+        # Tiles may be as wide as their segments, or as the panes within the frames there.
+        spare = inside.sum(axis=0) * length / count - (right - left)
+        if ((spare > -ALIGNED) & (spare < facade.frame + ALIGNED)).all():
             rows = [np.flatnonzero(row) for row in inside]
             return count, [row[np.argsort(bottom[row])] for row in rows]
     got = f"tiles of {(right - left).min():.3g} m in a façade of {length:g} m"
     raise InputError("design", "tiles", got, f"let them end between {facade.segments} segments")
-
-
-def _cover(inside: np.ndarray, tiles: Tiles, segment: float) -> bool:
-    """Whether the segments in each tile are as wide as it, but for frames."""
-    wide = inside.sum(axis=0) * segment
-    return bool((np.abs(wide - (tiles.bounds[:, 1] - tiles.bounds[:, 0])) < 0.5 * segment).all())
 
 
 def _pieces(

@@ -19,7 +19,8 @@ ORDER = [
     "design_table", "case", "light", "backend", "materials", "scene", "goniophotometer", "plan",
     "transport", "coefficients", "refinement", "accumulate", "metrics", "smooth", "uncertainty",
     "pool", "simulation", "judgement", "rounds", "design", "plots", "design_pictures", "report",
-    "result", "tradeoff", "terminal", "film_commands", "tradeoff_command", "optimise_command", "cli",
+    "result", "tradeoff", "terminal", "film_commands", "tradeoff_command", "optimise_command",
+    "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
