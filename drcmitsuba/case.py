@@ -8,6 +8,7 @@ origin in the south-west corner of the floor, x to the east, y to the north, z u
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
@@ -442,6 +443,12 @@ class Case(Table):
         """
         self._check_facade(side, facade)
         changed = self.model_copy(update={"facade": {**self.facade, side: facade}})
+        changed._source, changed._folder = self._source, self._folder
+        return changed
+
+    def with_materials(self, materials: Mapping[str, Material]) -> Case:
+        """Replace the materials; their names stay the same."""
+        changed = self.model_copy(update={"materials": dict(materials)})
         changed._source, changed._folder = self._source, self._folder
         return changed
 

@@ -65,7 +65,8 @@ def front(
         text = f"limit {goal.ase_limit:g} %"
         ax.axvline(goal.ase_limit, color=GREY, linewidth=1, linestyle=(0, (4, 3)), label=text)
     _tidy(ax)
-    ax.set_xlim(left=min(-1.0, *ax.get_xlim()))
+    left, right = ax.get_xlim()
+    ax.set_xlim(min(-1.0, left), right + 0.08 * (right - left))  # room for the names
     ax.legend(loc="lower right", frameon=False, fontsize=9)
     return figure
 

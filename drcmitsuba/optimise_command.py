@@ -59,8 +59,7 @@ def optimise(
             with stage("Pareto front") as done:
                 front = pareto(found, _limits(layout), layout.search, done)
             front.save(output / "pareto.csv")
-        built = _built(layout, found)
-        fresh = evaluate(built, stage) if built is not None and found.finished else None
+        fresh = evaluate(layout.built(found), stage) if found.finished else None
         with stage("writing"):
             _save(layout, found, front, fresh, output)
     _print(found, front, fresh)
@@ -72,17 +71,6 @@ def _limits(layout: Layout) -> list[float]:
     most = min(100.0, LOOSEST * max(layout.design.ase_limit, 5.0))
     count = layout.design.pareto
     return [most * i / max(count - 1, 1) for i in range(count)]
-
-
-def _built(layout: Layout, found: Optimum) -> Case | None:
-    """The case that the optimum is; None where a transmittance was turned, which no file has."""
-    from drcmitsuba.design.realise import realise
-
-    if found.problem.factors:
-        return None
-    year = found.problem.year
-    share = found.best.share
-    return realise(layout.case, layout.side, year.tiles, share, year.materials, layout.film)
 
 
 def _save(layout: Layout, found: Optimum, front: Front | None, fresh: Any, output: Path) -> None:

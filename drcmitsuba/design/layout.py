@@ -8,12 +8,14 @@ import numpy as np
 
 from drcmitsuba import simulation
 from drcmitsuba.case import Case, DiffuserMaterial, Facade, GlazingMaterial, Side
-from drcmitsuba.design.optimise import Search
+from drcmitsuba.design.optimise import Optimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
+from drcmitsuba.design.realise import realise
 from drcmitsuba.design.year import Year
 from drcmitsuba.design_table import Design
 from drcmitsuba.errors import InputError
+from drcmitsuba.table import checked
 
 ROWS = 6
 
@@ -102,6 +104,23 @@ class Layout:
         """How to search."""
         d = self.design
         return Search(d.starts, d.sharpness, d.iterations, d.seed)
+
+    def built(self, found: Optimum) -> Case:
+        """Make the case that an optimum is, with its transmittances where these were turned."""
+        year, values = found.problem.year, found.problem.named(found.best.x)
+        case = realise(
+            self.case, self.side, year.tiles, found.best.share, year.materials, self.film
+        )
+        materials = dict(case.materials)
+        turned = {"glazing_transmittance": self.clear}
+        if case.shading is not None:
+            turned["shade_vlt"] = case.shading.material
+        for factor in found.problem.factors:
+            name, times = turned[factor.parameter.key], values[factor.parameter.key][0]
+            table = materials[name].model_dump()
+            table["transmittance"] *= float(times)
+            materials[name] = checked(type(materials[name]), table, case.source)
+        return case.with_materials(materials)
 
     def problem(self, year: Year) -> Problem:
         """Pose the problem of a year.

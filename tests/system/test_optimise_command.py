@@ -84,12 +84,16 @@ def test_a_search_leaves_its_files_and_tells_what_it_found(run, case, tmp_path):
     assert film * 8.8 == pytest.approx(told["film_m2"], abs=0.05)
 
 
-def test_turned_transmittances_are_not_simulated_afresh(run, case, tmp_path):
+def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
     case.write_text(CASE + "shade_vlt = [0.05, 0.2]\n")
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")
     assert code == 0
     assert "shade_vlt" in out
-    assert {f.name for f in (tmp_path / "d").iterdir()} == FILES - {"fresh_metrics.json"}
+    told = json.loads((tmp_path / "d" / "optimum.json").read_text())
+    fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
+    materials = fresh["settings"]["materials"]
+    assert materials["shade"]["transmittance"] == pytest.approx(0.1 * told["shade_vlt"])
+    assert materials["glass"]["transmittance"] == 0.65
 
 
 def test_a_case_without_design_ends_with_one_line(run, case, tmp_path):
