@@ -116,9 +116,9 @@ class Layout:
         if case.shading is not None:
             turned["shade_vlt"] = case.shading.material
         for factor in found.problem.factors:
-            name, times = turned[factor.parameter.key], values[factor.parameter.key][0]
-            table = materials[name].model_dump()
-            table["transmittance"] *= float(times)
+            name = turned[factor.parameter.key]
+            value = float(values[factor.parameter.key][0])
+            table = materials[name].model_dump() | {"transmittance": value}
             materials[name] = checked(type(materials[name]), table, case.source)
         return case.with_materials(materials)
 
@@ -188,9 +188,8 @@ class Layout:
                 raise InputError(self.case.source, f"design.{key}", got, remedy)
             now = material.transmittance  # type: ignore[union-attr]
             column = name if name in year.materials else "shade"
-            low, high = (v / now for v in limits)
-            start = min(max(1.0, low), high)
-            found.append(Factor(str(column), Parameter(key, low, high, start)))
+            start = min(max(now, limits[0]), limits[1])
+            found.append(Factor(str(column), Parameter(key, *limits, start), now))
         return tuple(found)
 
 

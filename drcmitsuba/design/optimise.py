@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -253,9 +254,11 @@ def _stage(
     known: dict[bytes, Evaluation] = {}
 
     def at(point: np.ndarray) -> Evaluation:
-        key = np.clip(point, 0, 1).tobytes()  # SLSQP asks for value and gradients one by one
+        # Where limits contradict each other, SLSQP may ask for NaN: it is shown its start.
+        inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
+        key = inside.tobytes()  # value and gradients are asked for one by one
         if key not in known:
-            known[key] = history.evaluate(np.clip(point, 0, 1), k, label)
+            known[key] = history.evaluate(inside, k, label)
         return known[key]
 
     constraints = []
@@ -281,16 +284,19 @@ def _stage(
                 "jac": lambda p: -at(p).ase_gradient / 100,
             }
         )
-    found = minimize(
-        lambda p: -at(p).smooth.value / 100,
-        x,
-        jac=lambda p: -at(p).gradient / 100,
-        method="SLSQP",
-        bounds=[(0.0, 1.0)] * len(x),
-        constraints=constraints,
-        options={"maxiter": iterations, "ftol": 1e-5},
-    )
-    return np.clip(found.x, 0, 1)
+    with warnings.catch_warnings():
+        # SLSQP tells of points outside the bounds by rounding; they are clipped above.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found = minimize(
+            lambda p: -at(p).smooth.value / 100,
+            x,
+            jac=lambda p: -at(p).gradient / 100,
+            method="SLSQP",
+            bounds=[(0.0, 1.0)] * len(x),
+            constraints=constraints,
+            options={"maxiter": iterations, "ftol": 1e-5},
+        )
+    return at(found.x).x
 
 
 def _pattern(history: History, progress: Progress) -> None:

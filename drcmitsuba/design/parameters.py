@@ -295,11 +295,14 @@ class Factor:
     ----------
     material : str
     parameter : Parameter
-        Transmittance over the one that the year was computed with.
+        Transmittance.
+    now : float
+        The one that the year was computed with.
     """
 
     material: str
     parameter: Parameter
+    now: float = 1.0
 
 
 def inward(values: Values, parameters: Sequence[Parameter]) -> dict[str, Any]:

@@ -84,7 +84,7 @@ class Score:
     window_area: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Evaluation:
     """A composition, smooth and hard.
 
@@ -193,7 +193,7 @@ class Problem:
         share = self.facade.share(values)
         if not self.factors:
             return share, self.year.illuminance(share)
-        scale = {f.material: values[f.parameter.key] for f in self.factors}
+        scale = {f.material: values[f.parameter.key] / f.now for f in self.factors}
         return share, self.year.illuminance(share, scale=scale)
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> Evaluation:

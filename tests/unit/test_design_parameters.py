@@ -203,7 +203,7 @@ def test_gradients_of_strips_are_the_differences(year):
 def test_gradients_of_transmittances_are_the_differences(year):
     factors = (
         Factor("glass", Parameter("glazing_transmittance", 0.5, 1.5, 1.0)),
-        Factor("film", Parameter("film_transmittance", 0.5, 1.5, 1.0)),
+        Factor("film", Parameter("film_transmittance", 0.3, 0.9, 0.6), now=0.6),
     )
     x = np.array([0.33, 0.47, 0.61, 0.27, 0.5, 0.5])
     given = problem(year, window(year.tiles), factors=factors)
