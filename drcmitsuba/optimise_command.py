@@ -52,7 +52,7 @@ def optimise(
         year = _year(loaded, stage)
         problem = layout.problem(year)
         with stage("search") as done:
-            found = search(problem, layout.search, done)
+            found = search(problem, layout.search, done, layout.known(problem))
         found.save(output)
         front = None
         if layout.design.pareto > 0 and found.finished:

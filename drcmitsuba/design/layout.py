@@ -148,6 +148,26 @@ class Layout:
         facade = self._strips(panes, fills) if by_strips else self._window(panes, wall)
         return Problem(year, facade, goal, self._factors(year))
 
+    def known(self, problem: Problem) -> list[np.ndarray]:
+        """Films that a designer would try first: none, all, above, below, in the middle.
+
+        For tiles of their own; a window with one film has these in reach of any start.
+        """
+        if self.design.parameters == "window":
+            return []
+        bottom, top = problem.year.tiles.bounds[:, 2:].T
+        at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
+        films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
+        found = []
+        for film in films:
+            given = {"film": film.astype(float)}
+            parts = [
+                given.get(p.key, np.full(p.count, (p.start - p.low) / (p.high - p.low)))
+                for p in problem.free
+            ]
+            found.append(np.concatenate(parts))
+        return found
+
     def _strips(self, panes: Panes, fills: bool) -> Map:
         assert self.case.room is not None
         part = self.wwr[0] * self.case.room.size[2] / (self.band[1] - self.band[0])

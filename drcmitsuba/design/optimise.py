@@ -163,7 +163,8 @@ def optimise(
     progress : callable
         Told the share that is done.
     known : sequence of np.ndarray, shape (free,)
-        Further starts, such as named variants: what is found is no worse than they are.
+        Such as named variants. They are evaluated first, and the best of them is a further start:
+        what is found is no worse than they are.
 
     Returns
     -------
@@ -179,10 +180,13 @@ def optimise(
     rng = np.random.default_rng(search.seed)
     with _until_stopped(history) as stopped:
         random = [rng.random(problem.size) for _ in range(search.starts - 1)]
-        starts = [*known, problem.start, *random]
+        for x in known:
+            history.evaluate(np.asarray(x, float), search.sharpness[-1], "known")
+        first = history.best()
+        starts = [*([] if first is None else [first.x]), problem.start, *random]
         for i, x in enumerate(starts):
             told = part(progress, 0.95 * i / len(starts), 0.95 * (i + 1) / len(starts))
-            _continue(history, np.asarray(x, float), search, f"start {i + 1}", told)
+            _continue(history, x, search, f"start {i + 1}", told)
         if problem.size <= FEW:
             _pattern(history, part(progress, 0.95, 1.0))
         progress(1.0)
