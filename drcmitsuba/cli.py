@@ -12,8 +12,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drcmitsuba import film_commands, tradeoff_command
-from drcmitsuba.errors import BackendError, InputError
+from drcmitsuba import film_commands, optimise_command, tradeoff_command
+from drcmitsuba.errors import BackendError, InputError, was_stopped
 from drcmitsuba.terminal import Output, stages, writable
 
 app = typer.Typer(
@@ -204,6 +204,7 @@ def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")
 app.command(name="bsdf")(film_commands.bsdf)
 app.command(name="goniophotometer")(film_commands.goniophotometer)
 app.command(name="tradeoff")(tradeoff_command.tradeoff)
+app.command(name="optimise")(optimise_command.optimise)
 
 
 @app.command()
@@ -239,7 +240,7 @@ def main() -> None:
     except BackendError as error:
         _exit(str(error), 1)
     except Exception as error:
-        if _was_stopped(error):
+        if was_stopped(error):
             _exit("stopped", STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
             message = error.format_message().rstrip(".")
@@ -248,13 +249,6 @@ def main() -> None:
             where, what = error.filename or "files", error.strerror or error
             _exit(f"{where}: {what}; check the path, its rights and the space that is left", 2)
         raise
-
-
-def _was_stopped(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: within a loop Dr.Jit makes a RuntimeError of it."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _exit(line: str, code: int) -> None:

@@ -61,7 +61,10 @@ class Tiles:
         """Left, right, bottom and top of every tile, shape (tile, 4) [m]."""
         return np.array(
             [
-                [of(column[self.tile == t]) for of, column in zip(_OUTER, self.rectangles.T, strict=True)]
+                [
+                    of(column[self.tile == t])
+                    for of, column in zip(_OUTER, self.rectangles.T, strict=True)
+                ]
                 for t in range(len(self))
             ]
         )

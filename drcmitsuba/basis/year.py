@@ -249,7 +249,9 @@ class Year:
         time, sensor = at // sensors, at % sensors
         total = dr.zeros(mi.Float, times * self.shape[2])
         for bin_, L in self.suns:
-            C = dr.gather(mi.Float, coefficients, dr.gather(mi.UInt32, bin_, time) * sensors + sensor)
+            C = dr.gather(
+                mi.Float, coefficients, dr.gather(mi.UInt32, bin_, time) * sensors + sensor
+            )
             total += C * dr.gather(mi.Float, L, time)
         return mi.TensorXf(total, (times, self.shape[2]))
 
