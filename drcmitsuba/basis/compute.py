@@ -11,9 +11,8 @@ take D as the mean over blocks of cells of `BLOCK` edges.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -237,34 +236,61 @@ def _elements(
     """Deposit of a group by way of every element: on sensors, straight first, and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
     p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
+    on_sensors = [(p, n)] * len(draws)
     on_cells = [draw_points(paths.vertices, paths.cell, 0, paths.cells.count, d) for d in draws]
-    a = base.accuracy
     for m, kind in enumerate(room.palette.materials.values()):
-        if isinstance(kind, Lambertian) or not room.palette.allowed[:, m].any():
+        if not (room.palette.lets_in[m] and room.palette.allowed[:, m].any()):
             continue
-        straight = Straight.of(room, m, base) if room.palette.straight[m] else None
-        view: Any = {BsdfMaterial: Glow, DiffuserMaterial: Spread}.get(type(kind))
-        lit = [view.lit(room, m, base, (d, 0, m)) for d in draws] if view else []
-        seen = (
-            [[view.seen(room, x, p, n, (d, 1, m, 1)) for d, x in zip(draws, lit)]] if view else []
-        )
-        if view:
-            seen.append(
-                [view.seen(room, x, *q, (d, 1, m, 0)) for d, x, q in zip(draws, lit, on_cells)]
-            )
+        sources: list[Callable[[int], tuple[Irradiance, Irradiance]]] = []
+        if room.palette.straight[m]:
+            sources.append(_straight(room, m, base, draws, on_sensors, on_cells))
+        if isinstance(kind, BsdfMaterial | DiffuserMaterial):
+            sources.append(_scattered(room, m, base, draws, on_sensors, on_cells))
         for tile in map(int, np.flatnonzero(room.palette.allowed[:, m])):
-            sensors, cells = [], []
-            if straight is not None:
-                sensors.append(mean([
-                    straight.part(tile, p, n, (d, 1, m, 1), a.sensor_sky_rays, a.sensor_sun_samples)
-                    for d in draws
-                ]))  # fmt: skip
-                cells.append(mean([
-                    straight.part(tile, *q, (d, 1, m, 0), a.cell_sky_rays, 1)
-                    for d, q in zip(draws, on_cells)
-                ]))  # fmt: skip
-            if view:
-                sensors.append(mean([v.part(tile) for v in seen[0]]))
-                cells.append(mean([v.part(tile) for v in seen[1]]))
+            sensors, cells = zip(*(source(tile) for source in sources), strict=True)
             on = cells[0] if len(cells) == 1 else cells[0].plus(cells[1])
-            yield tile * len(room.palette.names) + m, sensors, on
+            yield tile * len(room.palette.names) + m, list(sensors), on
+
+
+Receivers = list[tuple[mi.Float, mi.Float]]
+"""Points and normals of receivers in each draw."""
+
+
+def _straight(
+    room: Room, m: int, base: Deposit, draws: range, sensors: Receivers, cells: Receivers
+) -> Callable[[int], tuple[Irradiance, Irradiance]]:
+    """Straight light by one tile of a material, to sensors and cells."""
+    view, a = Straight.of(room, m, base), base.accuracy
+
+    def of(tile: int) -> tuple[Irradiance, Irradiance]:
+        kinds = (
+            (1, sensors, a.sensor_sky_rays, a.sensor_sun_samples),
+            (0, cells, a.cell_sky_rays, 1),
+        )
+        return tuple(  # type: ignore[return-value]
+            mean([
+                view.part(tile, *q, (d, 1, m, kind), rays, samples)
+                for d, q in zip(draws, receivers, strict=True)
+            ])
+            for kind, receivers, rays, samples in kinds
+        )  # fmt: skip
+
+    return of
+
+
+def _scattered(
+    room: Room, m: int, base: Deposit, draws: range, sensors: Receivers, cells: Receivers
+) -> Callable[[int], tuple[Irradiance, Irradiance]]:
+    """Light that one tile of a material scatters, to sensors and cells."""
+    film = isinstance(tuple(room.palette.materials.values())[m], BsdfMaterial)
+    view: type[Glow] | type[Spread] = Glow if film else Spread
+    scene = view.scene(room, m)
+    lit = [view.lit(scene, base, (d, 0, m)) for d in draws]
+    seen = [
+        [
+            view.seen(room, x, *q, (d, 1, m, kind))
+            for d, x, q in zip(draws, lit, receivers, strict=True)
+        ]
+        for kind, receivers in ((1, sensors), (0, cells))
+    ]
+    return lambda tile: tuple(mean([v.part(tile) for v in s]) for s in seen)  # type: ignore[return-value]
