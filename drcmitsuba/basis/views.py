@@ -110,7 +110,7 @@ class Straight:
         kind = tuple(room.palette.materials.values())[material]
         pane = None if kind is None else mi.load_dict(bsdf(kind, room.channel))
         scenes = {}
-        for tile in np.flatnonzero(room.palette.allowed[:, material]):
+        for tile in map(int, np.flatnonzero(room.palette.allowed[:, material])):
             quads = room.tiles.of(tile)
             clear = None
             if pane is not None:
