@@ -43,7 +43,7 @@ class Illuminances(NamedTuple):
 def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
     """Σ weight · array, each of its own memory: read in one pass, as fast as that allows.
 
-    A matrix product and a loop over one long array do the same, six times slower (Dr.Jit 1.5, LLVM).
+    A matrix product, or a loop over one long array, takes six times as long (Dr.Jit 1.5, LLVM).
     """
     total = mi.Float(0)
     for start in range(0, len(arrays), AT_ONCE):
