@@ -1,0 +1,1 @@
+"""Design: façades and surfaces as parameters, and their gradients."""
