@@ -45,15 +45,31 @@ class Hits:
             counted = dr.select(more, mark + (1 << shift), counted)
         return si.bsdf(), counted, mi.Float(1), mi.Bool(True)
 
-    def bits_set(self, marks: np.ndarray) -> list[list[mi.Bool]]:
+    def digits(self, marks: mi.UInt32) -> list[list[mi.Bool]]:
         """Binary digits of the counts of some marks, for each kind, the lowest first."""
-        fields = [
-            marks >> (k * self.bits) & ((1 << self.bits) - 1) for k in range(len(self.shapes))
-        ]
-        return [
-            [mi.Bool((n >> j & 1).astype(bool)) for j in range(int(n.max(initial=0)).bit_length())]
-            for n in fields
-        ]
+        found = []
+        for k in range(len(self.shapes)):
+            n = (marks >> (k * self.bits)) & ((1 << self.bits) - 1)
+            most = int(dr.max(n)[0]) if dr.width(n) else 0
+            found.append([((n >> j) & 1) == 1 for j in range(most.bit_length())])
+        dr.eval(found)
+        return found
+
+
+def numbered(marks: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
+    """Different ones among some marks, and the number of each of the marks among these."""
+    if dr.width(marks) == 0:
+        return marks, marks
+    order = dr.argsort(marks)
+    ranked = dr.gather(mi.UInt32, marks, order)
+    at = dr.arange(mi.UInt32, dr.width(marks))
+    new = (at == 0) | (ranked != dr.gather(mi.UInt32, ranked, dr.maximum(at, 1) - 1))
+    rank = dr.cumsum(dr.select(new, mi.UInt32(1), 0)) - 1
+    number = dr.zeros(mi.UInt32, dr.width(marks))
+    dr.scatter(number, rank, order)
+    kinds = dr.gather(mi.UInt32, ranked, dr.compress(new))
+    dr.eval(number, kinds)
+    return kinds, number
 
 
 def powers(ratios: list[mi.Float], digits: list[list[mi.Bool]]) -> mi.Float:
@@ -99,7 +115,7 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
 
 @dataclass(frozen=True)
 class Sums:
-    """Path weights at the reflectances that were traced, added up by place and mark.
+    """Path weights at the reflectances that were traced, that are added up by place.
 
     Parameters
     ----------
@@ -117,13 +133,12 @@ class Sums:
     size: int
 
     @classmethod
-    def of(cls, place: np.ndarray, mark: np.ndarray, value: np.ndarray, size: int) -> Sums:
-        """Add up entries that are alike in place and mark."""
-        key = place.astype(np.int64) << 32 | mark
-        alike, entry = np.unique(key, return_inverse=True)
-        total = np.bincount(np.ravel(entry), value, len(alike)).astype(np.float32)
-        where = (alike >> 32).astype(np.uint32)
-        return cls(mi.UInt32(where), mi.UInt32(alike.astype(np.uint32)), mi.Float(total), size)
+    def of(cls, place: mi.UInt32, mark: mi.UInt32, value: mi.Float, size: int) -> Sums:
+        """Put entries into the order of their places, which are then added up faster."""
+        order = dr.argsort(place)
+        parts = [dr.gather(type(x), x, order) for x in (place, mark, value)]
+        dr.eval(parts)
+        return cls(*parts, size)
 
     def weighed(self, factor: mi.Float) -> mi.Float:
         """Sums by place, marks weighed by a factor each."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from drcmitsuba import scene
 from drcmitsuba.case import Case
-from drcmitsuba.design.hits import FRAMES, WALLS, Sums, marked, powers
+from drcmitsuba.design.hits import FRAMES, WALLS, Sums, marked, numbered, powers
 from drcmitsuba.design.lit import Year
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight
@@ -181,18 +181,17 @@ class _State:
         before, direct, cells = (x / a.replicates for x in parts[0])
         dr.eval(before, direct, cells)
         assert vertices.mark is not None
-        met = (vertices.row, cell, vertices.mark, vertices.weight)
-        row, at, mark, weight = (x.numpy() for x in met)
-        kinds, mark = np.unique(mark, return_inverse=True)
-        count, place = len(points), row % len(points)
-        light_there = np.stack(means_of_cells)[row // count, at]
-        size = known.count * count
+        kinds, mark = numbered(vertices.mark)
+        row, weight, count = vertices.row, vertices.weight, dr.opaque(mi.UInt32, len(points))
+        at = row // count * dr.opaque(mi.UInt32, known.count) + cell
+        mean_there = dr.gather(mi.Float, mi.Float(np.concatenate(means_of_cells)), at)
+        size, rows = known.count * len(points), a.replicates * len(points)
         return cls(
             before, direct, cells,
-            Sums.of(at.astype(np.int64) * count + place, mark, weight / a.replicates, size),
+            Sums.of(cell * count + row % count, mark, weight / a.replicates, size),
             np.stack(means_before),
-            Sums.of(row, mark, weight * light_there, a.replicates * count),
-            marks.bits_set(kinds),
+            Sums.of(row, mark, weight * mean_there, rows),
+            marks.digits(kinds),
         )  # fmt: skip
 
     def interreflected(self, ratios: list[mi.Float]) -> mi.TensorXf:
