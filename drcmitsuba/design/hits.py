@@ -136,9 +136,10 @@ class Sums:
     def of(cls, place: mi.UInt32, mark: mi.UInt32, value: mi.Float, size: int) -> Sums:
         """Put entries into the order of their places, which are then added up faster."""
         order = dr.argsort(place)
-        parts = [dr.gather(type(x), x, order) for x in (place, mark, value)]
-        dr.eval(parts)
-        return cls(*parts, size)
+        place, mark = (dr.gather(mi.UInt32, x, order) for x in (place, mark))
+        value = dr.gather(mi.Float, value, order)
+        dr.eval(place, mark, value)
+        return cls(place, mark, value, size)
 
     def weighed(self, factor: mi.Float) -> mi.Float:
         """Sums by place, marks weighed by a factor each."""

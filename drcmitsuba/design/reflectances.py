@@ -149,11 +149,15 @@ class _State:
         a, suns, year = case.accuracy, light.suns, Year.of(light)
         world, marks = marked(case, state, reflectances(case))
         points, normals = scene.sensor_points(case)
+        grid = Grid.of(world, a.cell_size)
         vertices = gather(
             world, points, normals, replicates=a.replicates, paths=a.paths,
-            grid=Grid.of(world, a.cell_size), seed=launch_seed(a, 0, 4), marks=marks,
+            grid=grid, seed=launch_seed(a, 0, 4), marks=marks,
         )  # fmt: skip
-        known = Cells.none(Grid.of(world, a.cell_size)).extended(vertices)
+        known = Cells.none(grid).extended(vertices)
+        if not known.count:
+            got = "no path from them meets a surface"
+            raise InputError(case.source, "sensors", got, "move them, or add a [room]")
         cell = known.of(vertices)
         panes = [panes.quads for panes in world.scattering]
         size = 2 * a.cell_size

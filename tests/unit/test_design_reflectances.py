@@ -12,7 +12,7 @@ from drcmitsuba import accumulate, backend, light
 from drcmitsuba import scene as scenes
 from drcmitsuba.case import Case
 from drcmitsuba.coefficients import compute
-from drcmitsuba.design.hits import Hits
+from drcmitsuba.design.hits import Hits, numbered
 from drcmitsuba.design.reflectances import (
     BOUNDS,
     Interior,
@@ -121,10 +121,18 @@ def gradient(interior, rho, function=mean_of):
     return np.array([values[key].grad[0] for key in rho])
 
 
+def precise_mean_of(interior, rho):
+    """The same, its sums in float64."""
+    found = interior.illuminance(rho)
+    sums = [part.numpy().astype(float).ravel() for part in found]
+    weight = 1 + np.arange(len(sums[0])) / len(sums[0])
+    return (sums[0] * weight).mean() + 3 * (sums[1] * weight).mean()
+
+
 def differences(interior, rho, key, steps, weights):
     """Weighed sum of function values at steps of one reflectance."""
     return sum(
-        w * float(mean_of(interior, rho | {key: mi.Float(rho[key] + step)})[0])
+        w * precise_mean_of(interior, rho | {key: mi.Float(rho[key] + step)})
         for step, w in zip(steps, weights, strict=True)
     )
 
@@ -257,6 +265,13 @@ def test_counts_stay_where_they_are_full():
         assert is_cell[0]
 
 
+def test_marks_are_numbered_as_they_differ():
+    marks = np.random.default_rng(1).integers(0, 50, 1000).astype(np.uint32) << 20
+    kinds, number = (x.numpy() for x in numbered(mi.UInt32(marks)))
+    assert np.array_equal(kinds, np.unique(marks))
+    assert np.array_equal(kinds[number], marks)
+
+
 def test_gradients_cost_little_more_than_illuminances(interiors):
     rho = reflectances(case_of())
     seconds = []
@@ -305,3 +320,9 @@ def test_a_wall_of_glass_leaves_the_key(year):
     facade = {side: {"strips": strips} for side in ("south", "east", "north", "west")}
     interior = Interior.of(case_of(facade=facade, shading=None), year)
     assert np.array_equal(at(interior, {"walls": 0.1}), at(interior, {"walls": 0.9}))
+
+
+def test_sensors_that_see_no_surface_are_refused(year):
+    table = [{"name": "table", "corner": (1.0, 1.0, 0.0), "size": (1.0, 1.0, 0.5)}]
+    with pytest.raises(InputError, match="no path"):
+        Interior.of(case_of(room=None, facade={}, furniture=table, shading=None), year)
