@@ -8,6 +8,7 @@ origin in the south-west corner of the floor, x to the east, y to the north, z u
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,6 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.design_table import Design
 from drcmitsuba.errors import InputError
 from drcmitsuba.table import Table, checked, choose, read_toml, shortened
 
@@ -332,6 +334,7 @@ class Case(Table):
     shading: Shading | None = None
     metrics: Metrics = Metrics()
     accuracy: Accuracy = Accuracy()
+    design: Design | None = None
 
     _source: str = PrivateAttr("case")
     _folder: Path = PrivateAttr(Path())
@@ -364,7 +367,35 @@ class Case(Table):
                 known = [k for k, m in self.materials.items() if isinstance(m, scatters)]
                 got = f"{shortened(name)} is no diffuser or bsdf in [materials]"
                 raise InputError("case", "shading.material", got, choose(name, known))
+        if self.design is not None:
+            self._check_design(self.design)
         return self
+
+    def _check_design(self, design: Design) -> None:
+        """Refuse a design of unknown materials, or of a façade that is not there."""
+        if self.room is None:
+            raise InputError("case", "design", "there is no room", "add a [room]")
+        clear = [k for k, m in self.materials.items() if isinstance(m, GlazingMaterial)]
+        for key, name, known in (
+            ("film", design.film, [k for k in self.materials if k not in clear]),
+            ("clear", design.clear, clear),
+        ):
+            if name is not None and name not in known:
+                got = f"{shortened(name)} is no such material in [materials]"
+                raise InputError("case", f"design.{key}", got, choose(name, known))
+        if design.film == design.clear:
+            raise InputError("case", "design.film", "it is the clear one", "name another material")
+        if design.band is not None and design.band[1] > self.room.size[2]:
+            got = f"the room is {self.room.size[2]:g} m high"
+            raise InputError("case", "design.band", got, "lower its upper edge")
+        glazed = [s for s, f in self.facade.items() if any(t.material != "wall" for t in f.strips)]
+        if design.side is None and len(glazed) != 1:
+            got = f"{len(glazed)} sides have panes"
+            raise InputError("case", "design.side", got, 'name one, side = "south"')
+        bare = design.side is not None and design.side not in glazed
+        if bare and (design.band is None or design.wwr == "fixed"):
+            got = f"the {design.side} side has no panes"
+            raise InputError("case", "design.side", got, "give band and wwr = [low, high]")
 
     def _check_facade(self, side: str, facade: Facade) -> None:
         """Refuse strips that do not fit into their wall, or of an unknown material."""
@@ -401,6 +432,25 @@ class Case(Table):
     def path(self, file: Path) -> Path:
         """Resolve a file that the case names: relative ones lie beside the case file."""
         return file if file.is_absolute() else self._folder / file
+
+    def with_facade(self, side: Side, facade: Facade) -> Case:
+        """Replace one façade.
+
+        Raises
+        ------
+        InputError
+            It does not fit into the room.
+        """
+        self._check_facade(side, facade)
+        changed = self.model_copy(update={"facade": {**self.facade, side: facade}})
+        changed._source, changed._folder = self._source, self._folder
+        return changed
+
+    def with_materials(self, materials: Mapping[str, Material]) -> Case:
+        """Replace the materials; their names stay the same."""
+        changed = self.model_copy(update={"materials": dict(materials)})
+        changed._source, changed._folder = self._source, self._folder
+        return changed
 
     def with_weather(self, file: Path | None) -> Case:
         """Replace the weather file; None keeps the case's own."""

@@ -6,15 +6,18 @@ import json
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from drcmitsuba import film_commands, tradeoff_command
-from drcmitsuba.errors import BackendError, InputError
+from drcmitsuba import film_commands, optimise_command, tradeoff_command
+from drcmitsuba.errors import BackendError, InputError, was_stopped
 from drcmitsuba.terminal import Output, stages, writable
+
+if TYPE_CHECKING:
+    from drcmitsuba.result import Result
 
 app = typer.Typer(
     name="drcmitsuba",
@@ -74,8 +77,18 @@ def evaluate(
         Path | None,
         typer.Option(help="coefficients.zarr of this case, computed for another weather."),
     ] = None,
+    variants: Annotated[
+        str | None,
+        typer.Option(help="Other façades: cases beside this one, as o1,o2; a folder for each."),
+    ] = None,
 ) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
+    if variants is not None:
+        if coefficients is not None:
+            remedy = "give one of them"
+            raise InputError("command line", "--coefficients", "beside --variants", remedy)
+        _evaluate_variants(case, variants.split(","), output, weather)
+        return
     from drcmitsuba import evaluate as run
     from drcmitsuba import load_case, schema
 
@@ -86,13 +99,37 @@ def evaluate(
     with stages() as stage:
         result = run(loaded, stage, known)
         result.save(output, stage)
-    _print_metrics(result.metrics, loaded.name)
+    _print_result(result, output)
+
+
+def _print_result(result: Result, output: Path) -> None:
+    _print_metrics(result.metrics, result.case.name)
     if "accuracy" in result.metrics:
         _print_accuracy(result.metrics["accuracy"])
     _print_undecided(result.metrics["undecided"])
     for note in result.metrics["settings"]["notes"]:
         print(f"note: {note}")
     print(f"results are in {output}")
+
+
+def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:
+    """Evaluate façades of one room by one simulation."""
+    from drcmitsuba.variants import evaluate_variants, load_variants
+
+    cases = [c.with_weather(weather) for c in load_variants(case, names)]
+    results = []
+    with stages() as stage:
+        found = evaluate_variants(cases, stage)
+        for name, result in zip([Path(case).stem, *names], found, strict=True):
+            result.save(output / name, stage)
+            results.append((name, result.metrics))
+    table = Table("façade", *(f"{n} % (95 %)" for n in ("sDA", "ASE", "shade closed")))
+    for name, numbers in results:
+        table.add_row(name, *(_percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
+    Console().print(table)
+    for note in dict.fromkeys(n for _, r in results for n in r["settings"]["notes"]):
+        print(f"note: {note}")
+    print(f"results are in the folders of {output}")
 
 
 @app.command()
@@ -204,6 +241,7 @@ def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")
 app.command(name="bsdf")(film_commands.bsdf)
 app.command(name="goniophotometer")(film_commands.goniophotometer)
 app.command(name="tradeoff")(tradeoff_command.tradeoff)
+app.command(name="optimise")(optimise_command.optimise)
 
 
 @app.command()
@@ -239,7 +277,7 @@ def main() -> None:
     except BackendError as error:
         _exit(str(error), 1)
     except Exception as error:
-        if _was_stopped(error):
+        if was_stopped(error):
             _exit("stopped", STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
             message = error.format_message().rstrip(".")
@@ -248,13 +286,6 @@ def main() -> None:
             where, what = error.filename or "files", error.strerror or error
             _exit(f"{where}: {what}; check the path, its rights and the space that is left", 2)
         raise
-
-
-def _was_stopped(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: within a loop Dr.Jit makes a RuntimeError of it."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _exit(line: str, code: int) -> None:

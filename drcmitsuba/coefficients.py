@@ -216,9 +216,35 @@ def compute(
     patches = PanePatches.of(panes, size) if panes else None
     films = Films.of(scene, size, suns.directions, suns.diameter)
     base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
-    replicates = [_Replicate(r, base.lit((r, 0))) for r in range(accuracy.replicates)]
     labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
     sun_samples = accuracy.sensor_sun_samples if suns.straight else 0
+    return estimate(base, labels, points, normals, sun_samples=sun_samples, progress=progress)
+
+
+def estimate(
+    base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
+    sun_samples: int, progress: Progress = lambda share: None,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients of sensors for all bins of a deposit.
+
+    Parameters
+    ----------
+    base : Deposit
+        Not lit yet.
+    labels : list of str
+        Of its bins.
+    points, normals : np.ndarray, shape (sensor, 3)
+    sun_samples : int
+        Directions from a sensor to every sun; 0 leaves out the light that comes straight.
+    progress : callable
+
+    Returns
+    -------
+    xr.Dataset
+        As of `compute`.
+    """
+    scene, accuracy = base.scene, base.accuracy
+    replicates = [_Replicate(r, base.lit((r, 0))) for r in range(accuracy.replicates)]
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)

@@ -26,3 +26,10 @@ class InputError(ValueError):
 
 class BackendError(RuntimeError):
     """No fit compiler backend (LLVM or CUDA) for Dr.Jit on this machine."""
+
+
+def was_stopped(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: within a loop Dr.Jit makes a RuntimeError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None

@@ -13,6 +13,7 @@ name                    kind        what it is
 `diffuser`              BSDF        thin Lambertian pane: sun shade, fabric, opal glass
 `tensor_tree`           BSDF        measured pane or film: LBNL tensor tree, rank 3 or 4
 `klems`                 BSDF        measured pane or film: LBNL Klems matrix
+`redirecting_film`      BSDF        redirecting film of a few differentiable parameters
 `coefficient`           integrator  unbiased path tracing of daylight coefficients
 ======================  ==========  ===============================================================
 """
@@ -35,6 +36,7 @@ _MODULES = (
     "measured",
     "tensor_tree",
     "klems",
+    "redirecting_film",
     "coefficient",
 )
 

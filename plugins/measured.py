@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins import bsdf_file, energy, peak
 from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane
 
 COMPONENTS = ("tf", "tb", "rf", "rb")
 
@@ -124,12 +125,7 @@ class Measured(mi.BSDF):
 
     def _to_file(self, si):
         """Axes x and y of the pane in the local frame; z is the same."""
-        up = si.to_local(self.up)
-        flat = dr.abs(up.x) + dr.abs(up.y) < 1e-4
-        other = si.to_local(mi.Vector3f(0, 1, 0))
-        y = dr.select(flat, mi.Vector2f(other.x, other.y), mi.Vector2f(up.x, up.y))
-        y = dr.normalize(y)
-        return mi.Vector2f(y.y, -y.x), y
+        return pane_axes(si, self.up)
 
     def mounted(self, w):
         """Direction of the pane's frame (+z into the room, +y up) in the file's; or back again."""
@@ -137,13 +133,11 @@ class Measured(mi.BSDF):
 
     def _seen(self, w, axes):
         """Local direction in the file's frame."""
-        x, y = axes
-        return self.mounted(mi.Vector3f(w.x * x.x + w.y * x.y, w.x * y.x + w.y * y.y, w.z))
+        return self.mounted(to_pane(w, axes))
 
     def _unseen(self, w, axes):
         """Direction of the file's frame in the local one."""
-        (x, y), w = axes, self.mounted(w)
-        return mi.Vector3f(w.x * x.x + w.y * y.x, w.x * x.y + w.y * y.y, w.z)
+        return pane_to_local(self.mounted(w), axes)
 
     @property
     def out_cells(self) -> int:
@@ -163,6 +157,20 @@ class Measured(mi.BSDF):
         """Direction of the pane's frame in a cell, evenly by projected solid angle."""
         w = self.mounted(self._make(mi.TransportMode.Radiance).out_direction(cell, uv))
         return mi.Vector3f(w.x, w.y, dr.select(front, 1, -1) * dr.abs(w.z))
+
+    def leaf(self, si, wo):
+        """Number, from 1, of the leaf that holds f of light from `wo` to `si.wi`; 0 for none.
+
+        The straight-through peak, where it is a view, is no leaf's. Limits: 2²⁴ leaves.
+        """
+        axes = self._to_file(si)
+        wi, wo = self._seen(si.wi, axes), self._seen(wo, axes)
+        # Looked up like values; as numbers they are exact in float32 up to 2²⁴.
+        numbers = dr.arange(mi.Float, dr.width(self.leaves)) + 1
+        component = self._component(mi.BSDFContext(), wi, wo)
+        lobes = self._make(mi.TransportMode.Radiance)
+        active = (wi.z != 0) & (wo.z != 0)
+        return mi.UInt32(lobes.value(numbers, component, wi, wo, active))
 
     @staticmethod
     def _component(ctx, wi, wo):

@@ -1,4 +1,4 @@
-"""Random numbers, a sun's disk, radiances, panes in line: what plugins and transport share."""
+"""Random numbers, a sun's disk, radiances, panes: what plugins and transport share."""
 
 from __future__ import annotations
 
@@ -68,6 +68,39 @@ def from_disk(centre, diameter: float, p):
 def on_disk(d, centre, diameter: float):
     """Whether a direction lies on a disk, by the chord between unit vectors (exact in float32)."""
     return dr.squared_norm(d - centre) <= 4 * np.sin(np.radians(diameter) / 4) ** 2
+
+
+def pane_axes(si, up):
+    """Axes x and y of a pane in the local frame; z is the same.
+
+    Parameters
+    ----------
+    si : mi.SurfaceInteraction3f
+    up : mi.Vector3f
+        World direction whose projection on the pane is y; +y where the pane is horizontal.
+
+    Returns
+    -------
+    x, y : mi.Vector2f
+    """
+    up = si.to_local(up)
+    flat = dr.abs(up.x) + dr.abs(up.y) < 1e-4
+    other = si.to_local(mi.Vector3f(0, 1, 0))
+    y = dr.select(flat, mi.Vector2f(other.x, other.y), mi.Vector2f(up.x, up.y))
+    y = dr.normalize(y)
+    return mi.Vector2f(y.y, -y.x), y
+
+
+def to_pane(w, axes):
+    """Local direction in the frame of a pane's axes."""
+    x, y = axes
+    return mi.Vector3f(w.x * x.x + w.y * x.y, w.x * y.x + w.y * y.y, w.z)
+
+
+def pane_to_local(w, axes):
+    """Direction of the frame of a pane's axes in the local one."""
+    x, y = axes
+    return mi.Vector3f(w.x * x.x + w.y * y.x, w.x * x.y + w.y * y.y, w.z)
 
 
 @dr.syntax

@@ -61,7 +61,10 @@ class Tiles:
         """Left, right, bottom and top of every tile, shape (tile, 4) [m]."""
         return np.array(
             [
-                [of(column[self.tile == t]) for of, column in zip(_OUTER, self.rectangles.T)]
+                [
+                    of(column[self.tile == t])
+                    for of, column in zip(_OUTER, self.rectangles.T, strict=True)
+                ]
                 for t in range(len(self))
             ]
         )
@@ -86,11 +89,14 @@ class Palette:
         The one that stands before clear tiles where the shade is closed.
     allowed : np.ndarray of bool, shape (tile, material)
         Which of them a tile may be filled with.
+    own_shade : bool
+        Whether that material may fill a tile also where the shade is open.
     """
 
     materials: Mapping[str, SurfaceMaterial | None]
     shade: str | None
     allowed: np.ndarray
+    own_shade: bool = False
 
     @classmethod
     def of(cls, case: Case, names: tuple[str, ...], allowed: np.ndarray) -> Palette:
@@ -108,6 +114,7 @@ class Palette:
             found[name] = _material(case, name)
         shade = case.shading.material if case.shading is not None else None
         clear = np.array([_is_clear(m) for m in found.values()])
+        own_shade = shade in found
         if shade is not None and allowed[:, clear].any():
             behind = allowed[:, clear].any(axis=1)
             if shade not in found:
@@ -122,7 +129,7 @@ class Palette:
             got = f"{allowed.shape[0]} tiles × {allowed.shape[1]} materials"
             remedy = f"take fewer tiles: at most {MOST_ELEMENTS} products"
             raise InputError(case.source, "facade", got, remedy)
-        return cls(found, shade, allowed)
+        return cls(found, shade, allowed, own_shade)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,1 +1,1 @@
-"""Design: façades and surfaces as parameters, and their gradients."""
+"""Design: what a designer can turn, and how the light of a year answers to it."""

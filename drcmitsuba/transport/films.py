@@ -231,7 +231,8 @@ class Films:
             kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
             weight = dr.gather(mi.Float, dr.pi * look.weight, seen)  # may be none
             dr.eval(kept, weight)
-            kinds.append(Directions(*kept, weight))
+            receiver, patch, cell = kept
+            kinds.append(Directions(receiver, patch, cell, weight))
         return Looked(dr.width(p) // 3, tuple(kinds))
 
     def sent(self, looked: Looked, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:

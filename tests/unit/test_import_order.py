@@ -16,10 +16,11 @@ ROOT = Path(__file__).resolve().parents[2]
 # fmt: off
 ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
-    "case", "light", "backend", "materials", "scene", "goniophotometer", "plan", "transport",
-    "coefficients", "basis", "refinement", "accumulate", "metrics", "uncertainty", "pool", "simulation",
-    "judgement", "rounds", "design", "plots", "report", "result", "tradeoff", "terminal",
-    "film_commands", "tradeoff_command", "cli",
+    "design_table", "case", "light", "backend", "materials", "scene", "goniophotometer", "plan",
+    "transport", "coefficients", "basis", "refinement", "accumulate", "metrics", "smooth",
+    "uncertainty", "pool", "simulation", "judgement", "rounds", "design", "plots",
+    "design_pictures", "report", "result", "variants", "tradeoff", "terminal", "film_commands",
+    "tradeoff_command", "optimise_command", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

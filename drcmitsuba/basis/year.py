@@ -1,0 +1,279 @@
+"""A basis under a sky: the illuminance of a period by any composition, with gradients.
+
+The plain form of what happens here is `Basis.totals`, followed by `accumulate.by_source`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.basis.basis import Basis
+from drcmitsuba.basis.facade import Palette, Tiles, elements
+from drcmitsuba.errors import InputError
+from drcmitsuba.light import Daylight, blended
+
+
+class Illuminances(NamedTuple):
+    """Illuminance of a period, tensors (time, sensor) [lx].
+
+    Parameters
+    ----------
+    open, shaded : mi.TensorXf
+        With the shade open, and before all clear tiles.
+    direct : mi.TensorXf
+        By sun that comes straight, the shade open.
+    """
+
+    open: mi.TensorXf
+    shaded: mi.TensorXf
+    direct: mi.TensorXf
+
+
+@dr.syntax
+def _sum(arrays: mi.Float, weights: mi.Float) -> mi.Float:
+    """Σ weight · array over arrays that lie one after another."""
+    count = dr.opaque(mi.UInt32, dr.width(weights))
+    length = dr.width(arrays) // dr.width(weights)
+    stride = dr.opaque(mi.UInt32, length)
+    at = dr.arange(mi.UInt32, length)
+    i, total = mi.UInt32(0), mi.Float(0)
+    while dr.hint(i < count, exclude=[arrays, weights, count, stride]):
+        total += dr.gather(mi.Float, weights, i) * dr.gather(mi.Float, arrays, at)
+        at += stride
+        i += 1
+    return total
+
+
+def mixed(arrays: mi.Float, weights: mi.Float) -> mi.Float:
+    """Σ weight · array with gradients by the weights: each is one more pass over the arrays."""
+
+    # A matrix product does the same; with one row it is several times slower in Dr.Jit 1.5.
+    class Mixed(dr.CustomOp):
+        def eval(self, arrays: mi.Float, weights: mi.Float) -> mi.Float:
+            self.arrays, self.count = arrays, dr.width(weights)
+            return _sum(arrays, weights)
+
+        def forward(self) -> None:
+            self.set_grad_out(_sum(self.arrays, self.grad_in("weights")))
+
+        def backward(self) -> None:
+            of_sum = dr.tile(self.grad_out(), self.count)
+            products = dr.block_sum(self.arrays * of_sum, dr.width(self.arrays) // self.count)
+            self.set_grad_in("weights", products)
+
+    return dr.custom(Mixed, arrays, weights)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Elements that are weighed together: C and block means of D, flat (element, bin, …)."""
+
+    elements: np.ndarray
+    total: mi.Float
+    grouped: mi.Float
+
+    @classmethod
+    def of(cls, basis: Basis, chosen: np.ndarray) -> _Part:
+        """Take some elements of a basis."""
+        total, grouped = (_flat(a[chosen].mean(axis=1)) for a in (basis.total, basis.grouped))
+        return cls(basis.elements[chosen], total, grouped)
+
+
+def _flat(a: np.ndarray) -> mi.Float:
+    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
+
+
+@dataclass(frozen=True)
+class Year:
+    """A façade's basis under the sky of a period.
+
+    Parameters
+    ----------
+    tiles : Tiles
+    palette : Palette
+    months : np.ndarray of int, shape (time,)
+    step_hours : float
+        What one time stamp stands for [h].
+    shape : tuple of int
+        Bins, blocks and sensors.
+    parts : dict of _Part
+        `covered` by the shade, the `shade` itself, and all `other` elements.
+    straight : tuple
+        Elements that straight light passes and their coefficients, flat (element, bin, sensor).
+    returned : tuple
+        Sensor, block, mark and weight of paths that met the façade.
+    sky : mi.TensorXf, shape (time, sky bin)
+        [cd/m²].
+    suns : tuple of (mi.UInt32, mi.Float)
+        Bin and luminance [cd/m²] of what stands for the sun at each time stamp.
+    """
+
+    tiles: Tiles
+    palette: Palette
+    months: np.ndarray
+    step_hours: float
+    shape: tuple[int, int, int]
+    parts: Mapping[str, _Part]
+    straight: tuple[np.ndarray, mi.Float]
+    returned: tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Float]
+    sky: mi.TensorXf
+    suns: tuple[tuple[mi.UInt32, mi.Float], ...]
+
+    @classmethod
+    def of(cls, basis: Basis, light: Daylight) -> Year:
+        """Put a basis under the light of a case.
+
+        Raises
+        ------
+        InputError
+            The light has suns that the basis does not know, or an adaptive sun.
+        """
+        palette, groups = basis.palette, basis.total.shape[1]
+        bins, sensors = basis.total.shape[2:]
+        material = basis.elements % len(palette.names)
+        covered = palette.clear[material]
+        shade = np.zeros_like(covered)
+        if palette.shade is not None:
+            shade = material == palette.names.index(palette.shade)
+        kinds = {"covered": covered & ~shade, "shade": shade, "other": ~covered & ~shade}
+        back = basis.returned
+        suns, L = _suns(basis, light), light.sky["sky"].values.astype(np.float32)
+        return cls(
+            tiles=basis.tiles,
+            palette=palette,
+            months=light.sky["clock"].dt.month.values,
+            step_hours=light.step_hours,
+            shape=(bins, basis.grouped.shape[3], sensors),
+            parts={k: _Part.of(basis, np.flatnonzero(v)) for k, v in kinds.items()},
+            straight=(basis.straight_elements, _flat(basis.straight.mean(axis=1))),
+            returned=(
+                mi.UInt32((back.row % sensors).astype(np.uint32)),
+                mi.UInt32(back.block.astype(np.uint32)),
+                mi.UInt32(back.mark.astype(np.uint32)),
+                _flat(back.weight / groups),
+            ),
+            sky=mi.TensorXf(L),
+            suns=suns,
+        )
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Columns of a composition."""
+        return self.palette.names
+
+    def illuminance(
+        self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
+    ) -> Illuminances:
+        """Illuminance by a composition.
+
+        Parameters
+        ----------
+        share : mi.TensorXf, shape (tile, material)
+            Shares of the tiles' area, the shade open; rows sum to 1. Gradients flow through.
+        scale : dict, optional
+            Factors of the light that comes in by a material, 1 where none is given. What it sends
+            back into the room is left as it is.
+
+        Returns
+        -------
+        Illuminances
+        """
+        behind = self.palette.shaded(share)
+        factors = self._factors(scale or {})
+        lit, lit_behind = share.array * factors, behind.array * factors
+        other = self._mixed("other", lit)
+        through = self._mixed("covered", lit)
+        of_shade = self._mixed("shade", lit_behind)
+        is_open = [a + b for a, b in zip(other, through, strict=True)]
+        if self.palette.own_shade:
+            own = self._mixed("shade", lit)
+            is_open = [a + b for a, b in zip(is_open, own, strict=True)]
+        shaded = [a + b for a, b in zip(other, of_shade, strict=True)]
+        sun = mixed(self.straight[1], _taken(lit, self.straight[0]))
+        E = self._accumulated(self._coefficients(share, *is_open))
+        E_shaded = E
+        if self.palette.shade is not None:
+            E_shaded = self._accumulated(self._coefficients(behind, *shaded))
+        return Illuminances(E, E_shaded, self._by_sun(sun))
+
+    def _factors(self, scale: Mapping[str, mi.Float]) -> mi.Float:
+        """Factor of the light of every element, flat (tile, material)."""
+        for name in scale:
+            if name not in self.materials:
+                known = ", ".join(self.materials)
+                raise InputError("design", "scale", f"no material {name!r}", f"choose of {known}")
+        column = dr.arange(mi.UInt32, len(self.tiles) * len(self.materials)) % len(self.materials)
+        factors = dr.ones(mi.Float, dr.width(column))
+        for name, value in scale.items():
+            factors = dr.select(column == self.materials.index(name), value, factors)
+        return factors
+
+    def _mixed(self, kind: str, lit: mi.Float) -> tuple[mi.Float, mi.Float]:
+        """C and block means of D by some elements, flat (bin, …)."""
+        part, (bins, blocks, sensors) = self.parts[kind], self.shape
+        if len(part.elements) == 0:
+            return dr.zeros(mi.Float, bins * sensors), dr.zeros(mi.Float, bins * blocks)
+        weights = _taken(lit, part.elements)
+        return mixed(part.total, weights), mixed(part.grouped, weights)
+
+    def _coefficients(self, share: mi.TensorXf, total: mi.Float, grouped: mi.Float) -> mi.Float:
+        """C with what the façade sends back, flat (bin, sensor)."""
+        bins, blocks, sensors = self.shape
+        row, block, mark, weight = self.returned
+        if dr.width(weight) == 0 or blocks == 0:
+            return total
+        met = dr.concat((mi.Float(1), share.array))
+        for element in elements(mark):
+            weight = weight * dr.gather(mi.Float, met, element)
+        G = dr.zeros(mi.Float, blocks * sensors)
+        dr.scatter_add(G, weight, block * sensors + row)
+        D = mi.TensorXf(grouped, (bins, blocks))
+        return total + (D @ mi.TensorXf(G, (blocks, sensors))).array
+
+    def _accumulated(self, coefficients: mi.Float) -> mi.TensorXf:
+        """E [lx] from C, flat (bin, sensor)."""
+        patches, sensors = self.sky.shape[1], self.shape[2]
+        of_sky = dr.gather(mi.Float, coefficients, dr.arange(mi.UInt32, patches * sensors))
+        return self.sky @ mi.TensorXf(of_sky, (patches, sensors)) + self._by_sun(coefficients)
+
+    def _by_sun(self, coefficients: mi.Float) -> mi.TensorXf:
+        """E [lx] by the suns alone."""
+        times, sensors = len(self.months), dr.opaque(mi.UInt32, self.shape[2])
+        at = dr.arange(mi.UInt32, times * self.shape[2])
+        time, sensor = at // sensors, at % sensors
+        total = dr.zeros(mi.Float, times * self.shape[2])
+        for bin_, L in self.suns:
+            C = dr.gather(
+                mi.Float, coefficients, dr.gather(mi.UInt32, bin_, time) * sensors + sensor
+            )
+            total += C * dr.gather(mi.Float, L, time)
+        return mi.TensorXf(total, (times, self.shape[2]))
+
+
+def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
+    return dr.gather(mi.Float, values, mi.UInt32(index.astype(np.uint32)))
+
+
+def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
+    """Bin and luminance of what stands for the sun, 0 where the façade does not see it."""
+    if "blend_bin" not in light.sky:
+        raise InputError("case", "sun.model", "adaptive", "take another one for a façade basis")
+    known = {label: i for i, label in enumerate(basis.labels)}
+    everywhere = {*basis.labels, *basis.suns, ""}
+    blend, sun = blended(light.sky), light.sky["sun"].values
+    found = []
+    for labels, weights in zip(blend.bins.T, blend.weights.T, strict=True):
+        strange = [b for b, w in zip(labels, weights, strict=True) if w and b not in everywhere]
+        if strange:
+            got = f"no {strange[0]!r} ({len(strange)} missing)"
+            raise InputError("basis", "bin", got, "compute the basis for this sky")
+        at = np.array([known.get(str(b), -1) for b in labels])
+        L = np.where(at >= 0, weights.astype(float) * sun, 0)
+        found.append((mi.UInt32(np.maximum(at, 0).astype(np.uint32)), _flat(L)))
+    return tuple(found)

@@ -1,0 +1,302 @@
+r"""Films as design variables: what a film answers to light, as a function of a few numbers or many.
+
+A film's answer is the radiance that leaves it in each outgoing cell per unit radiance of each bin
+of ground, sky and suns,
+
+.. math:: A_{o,b} = \int_b \bar f(\omega \to o) \cos\theta \, d\omega
+
+with f averaged over the cell by projected solid angle. All films here are differentiable in their
+parameters; `FilmYear.illuminance` turns answers into the illuminances of a year.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.redirection import concentration, redirected
+
+from drcmitsuba import materials
+from drcmitsuba.case import BsdfMaterial
+from drcmitsuba.design.film_bins import Bins
+from drcmitsuba.errors import InputError
+
+LANES = 1 << 23
+"""Pairs of directions that a file is looked up for at once."""
+WITHIN = 4
+"""Points along each side of an outgoing cell and of a sky patch that a lobe is integrated with."""
+LEAST_SPREAD = 2.0
+"""Narrower lobes would fall between the points [deg]; cells of depth 5 are 3° wide or more."""
+
+
+class Film(Protocol):
+    """What optimisers and a `FilmYear` ask of a film."""
+
+    def answer(self, bins: Bins) -> mi.TensorXf:
+        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        ...
+
+
+def _floats(a: np.ndarray) -> mi.Float:
+    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
+
+
+def _indices(a: np.ndarray) -> mi.UInt32:
+    return mi.UInt32(np.ascontiguousarray(a, np.uint32).ravel())
+
+
+def _parameter(name: str, value: Any, low: float, high: float) -> mi.Float:
+    """Value of a parameter, one number, as it was given: attached or not."""
+    found = mi.Float(value)
+    if dr.width(found) != 1 or not low <= float(dr.detach(found)[0]) <= high:
+        got = str(dr.detach(found))
+        raise InputError("film", name, got, f"give one number from {low:g} to {high:g}")
+    dr.make_opaque(found)  # a literal would have kernels compiled anew for each value
+    return found
+
+
+@dataclass(frozen=True)
+class ParametricFilm:
+    """The film of the plugin `redirecting_film`: a lobe about the redirected direction.
+
+    Parameters
+    ----------
+    transmittance : mi.Float or float
+        0 … 1.
+    redirected : mi.Float or float
+        Share of it that is in the lobe, 0 … 1; the rest leaves evenly.
+    tilt : mi.Float or float
+        Of the lobe above the mirrored direction, −90 … 90 [deg].
+    spread : mi.Float or float
+        σ of the lobe, 2 … 90 [deg].
+
+    Raises
+    ------
+    InputError
+        A parameter is out of its range.
+
+    Notes
+    -----
+    Limits: a lobe is integrated over an outgoing cell with 16 points and over a patch of the sky
+    with 16 directions, then scaled so that what leaves in all cells is exactly the lobe's share.
+    What the film reflects is not part of its answer.
+    """
+
+    transmittance: Any
+    redirected: Any = 1.0
+    tilt: Any = 0.0
+    spread: Any = 10.0
+
+    def answer(self, bins: Bins) -> mi.TensorXf:
+        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        through = _parameter("transmittance", self.transmittance, 0, 1)
+        share = _parameter("redirected", self.redirected, 0, 1)
+        tilt = _parameter("tilt", self.tilt, -90, 90)
+        spread = _parameter("spread", self.spread, LEAST_SPREAD, 90)
+        cells, count = bins.cells, len(bins)
+        arriving, leaving = bins.arriving(WITHIN, 1), bins.parts(WITHIN)
+        x, y, z = (_floats(c) for c in (arriving.d * [1, 1, -1]).T)
+        centre = redirected(mi.Vector3f(x, y, z), tilt)
+        # A centre behind the pane has the same lobe as its fold, which is the nearer one.
+        centre.z = dr.abs(centre.z)
+        kappa = concentration(spread)
+        # By direction first, then by cell: sums over the cells are those of neighbours.
+        lane = dr.arange(mi.UInt32, len(arriving.d) * cells)
+        direction, cell = lane // cells, lane % cells
+        mu = dr.gather(mi.Vector3f, centre, direction)
+        kappa = dr.gather(mi.Float, kappa, dr.zeros(mi.UInt32, dr.width(lane)))
+        points, solid_angle = _floats(leaving.d), _floats(leaving.solid_angle)
+        lobe = mi.Float(0)
+        for k in range(WITHIN**2):
+            at = cell * WITHIN**2 + k
+            o = dr.gather(mi.Vector3f, points, at)
+            near = dr.exp(-0.5 * kappa * dr.squared_norm(o - mu))
+            # Its fold: the chord to the direction with z reversed is longer by 4 z z'.
+            near += near * dr.exp(-2 * kappa * o.z * mu.z)
+            lobe += dr.gather(mi.Float, solid_angle, at) * near
+        whole = dr.gather(mi.Float, dr.block_sum(lobe, cells), direction)
+        part = lobe / whole * (cells / np.pi)
+        part *= dr.gather(mi.Float, _floats(arriving.weight), direction)
+        into = cell * count + dr.gather(mi.UInt32, _indices(arriving.bin), direction)
+        in_lobe = dr.zeros(mi.Float, cells * count)
+        dr.scatter_add(in_lobe, part, into)
+        even = mi.Float(np.bincount(arriving.bin, arriving.weight, count).astype(np.float32))
+        even = dr.gather(mi.Float, even, dr.arange(mi.UInt32, cells * count) % count) / dr.pi
+        return mi.TensorXf(through * dr.lerp(even, in_lobe, share), (cells, count))
+
+
+@dataclass(frozen=True)
+class MeasuredFilm:
+    """A film as its BSDF file has it, as in a case.
+
+    Parameters
+    ----------
+    file : Path
+        LBNL XML: tensor tree or Klems.
+    flip, turn : bool
+        As in a case's material.
+
+    Notes
+    -----
+    A straight-through peak counts as scattered light within its cells, not as a view. A file is
+    read once.
+    """
+
+    file: Path
+    flip: bool = False
+    turn: bool = False
+
+    @property
+    def bsdf(self) -> Any:
+        """The plugin `tensor_tree` or `klems`."""
+        return _bsdf(self, mi.variant())
+
+    @property
+    def values(self) -> mi.Float:
+        """Values of all leaves, f [1/sr]; a copy, since NumPy's view of an array can change it."""
+        return mi.Float(self.bsdf.leaves.numpy().copy())
+
+    def answer(self, bins: Bins) -> mi.TensorXf:
+        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        return _answer_once(self, bins)
+
+
+@lru_cache(maxsize=8)
+def _bsdf(film: MeasuredFilm, variant: str) -> Any:
+    """Plugin of a film; those of another variant are of no use."""
+    file = Path(film.file)
+    if not file.is_file():
+        raise InputError("film", "file", f"no file {file}", "give a BSDF file")
+    material = BsdfMaterial(
+        type="bsdf", file=file, straight_through="off", flip=film.flip, turn=film.turn
+    )
+    return mi.load_dict(materials.bsdf(material))
+
+
+@lru_cache(maxsize=4)
+def _answer_once(film: MeasuredFilm, bins: Bins) -> mi.TensorXf:
+    answer = leaves_of(film, bins).answer(film.bsdf.leaves)
+    dr.eval(answer)
+    return answer
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Two films side by side in patches that are small beside the room.
+
+    Parameters
+    ----------
+    first, second : Film
+    share : mi.Float or float
+        Of the second, 0 … 1.
+    """
+
+    first: Film
+    second: Film
+    share: Any
+
+    def answer(self, bins: Bins) -> mi.TensorXf:
+        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        share = _parameter("share", self.share, 0, 1)
+        a, b = self.first.answer(bins), self.second.answer(bins)
+        return mi.TensorXf(dr.lerp(a.array, b.array, share), a.shape)
+
+
+@dataclass(frozen=True)
+class Leaves:
+    """A measured film with other values of its leaves; the answer is linear in them.
+
+    Parameters
+    ----------
+    film : MeasuredFilm
+    values : mi.Float, shape (leaf,)
+        f [1/sr], in the order of `film.values`.
+
+    Notes
+    -----
+    Limits: that no more light leaves than arrives is the caller's to keep. Leaves that no light
+    from outside into the room meets (reflection, light from the room) have no influence.
+    """
+
+    film: MeasuredFilm
+    values: mi.Float
+
+    def answer(self, bins: Bins) -> mi.TensorXf:
+        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        count = dr.width(self.film.bsdf.leaves)
+        if dr.width(self.values) != count:
+            got = f"{dr.width(self.values)} values"
+            raise InputError("film", "values", got, f"give one for each of the {count} leaves")
+        return leaves_of(self.film, bins).answer(self.values)
+
+
+@dataclass(frozen=True)
+class LeavesOfAnswer:
+    """Which leaves an answer is made of.
+
+    Parameters
+    ----------
+    leaf : mi.UInt32, shape (direction · cell · point,)
+        From 1; 0 where f is none.
+    weight : mi.Float, shape (direction,)
+        Of an arriving direction, divided by the number of points [sr].
+    bin : mi.UInt32, shape (direction,)
+    points : int
+        Points of an outgoing cell.
+    shape : tuple of int
+        (cell, bin).
+    """
+
+    leaf: mi.UInt32
+    weight: mi.Float
+    bin: mi.UInt32
+    points: int
+    shape: tuple[int, int]
+
+    def answer(self, values: mi.Float) -> mi.TensorXf:
+        """Answer with some values of the leaves [1/sr]."""
+        cells, count = self.shape
+        lane = dr.arange(mi.UInt32, dr.width(self.leaf))
+        direction = lane // (cells * self.points)
+        cell = lane // self.points % cells
+        found = self.leaf > 0
+        f = dr.gather(mi.Float, values, self.leaf - 1, found)
+        f *= dr.gather(mi.Float, self.weight, direction)
+        out = dr.zeros(mi.Float, cells * count)
+        dr.scatter_add(out, f, cell * count + dr.gather(mi.UInt32, self.bin, direction), found)
+        return mi.TensorXf(out, self.shape)
+
+
+@lru_cache(maxsize=2)  # some 50 to 200 MB for a year of hours
+def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
+    """Look up the leaves that a film's answer is made of, once for all their values.
+
+    Where the file's cells hold the outgoing ones whole, these have 1 point, and a patch of the sky
+    has 64 directions, a sun 4 on its disk; for other files 16, 16 and 1.
+    """
+    bsdf = film.bsdf
+    fits = bsdf.out_even and bsdf.out_cells in [1 << 2 * k for k in range(bins.depth + 1)]
+    points = 1 if fits else WITHIN**2
+    arriving = bins.arriving(8, 4) if fits else bins.arriving(WITHIN, 1)
+    to = bins.points(points)
+    per_direction = len(to)
+    from_, to = _floats(arriving.d), _floats(to)
+    parts, total = [], len(arriving.d) * per_direction
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    # A horizontal pane: its y axis is the world's, so that local directions are the pane's.
+    si.n = mi.Normal3f(0, 0, 1)
+    si.sh_frame = mi.Frame3f(si.n)
+    stride = dr.opaque(mi.UInt32, per_direction)
+    for start in range(0, total, LANES):
+        lane = dr.arange(mi.UInt32, min(LANES, total - start)) + dr.opaque(mi.UInt32, start)
+        si.wi = dr.gather(mi.Vector3f, to, lane % stride)
+        parts.append(bsdf.leaf(si, dr.gather(mi.Vector3f, from_, lane // stride)))
+        dr.eval(parts[-1])
+    weight = _floats(arriving.weight / points)
+    shape = (bins.cells, len(bins))
+    return LeavesOfAnswer(dr.concat(parts), weight, _indices(arriving.bin), points, shape)

@@ -1,0 +1,232 @@
+r"""A year of illuminance as a function of the film on its façade.
+
+Where all of a film sees the same sky, what it does to the room is one matrix for light that leaves
+it in each of its outgoing cells, W[sensor, cell], interreflections included. It does not depend on
+the film, so for any film with the answer A[cell, bin] (`design.film`)
+
+.. math:: E_{t,s} = E^\text{rest}_{t,s} + \sum_o W_{s,o} \sum_b A_{o,b} L_{b,t}
+
+E^rest, all light that does not come by way of the film, is fixed. W and E^rest come from one
+simulation in which the film's cells are bins beside those of sky and suns: all its estimators and
+errors are those of `coefficients`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+from drcmitsuba_plugins.lobes import square_code
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba import accumulate, scene
+from drcmitsuba.case import Adaptive, Case
+from drcmitsuba.coefficients import estimate
+from drcmitsuba.design.film import Film
+from drcmitsuba.design.film_bins import Bins
+from drcmitsuba.errors import InputError
+from drcmitsuba.light import Daylight, daylight, luminances
+from drcmitsuba.progress import Progress
+from drcmitsuba.schema import mean_and_error
+from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.mounts import Mount
+from drcmitsuba.transport.panes import PanePatches, looks
+
+CELL = "film_{:04d}"
+"""Labels of outgoing cells among the bins."""
+
+
+@dataclass(frozen=True)
+class CellDeposit(Deposit):
+    """Deposit whose bins are sky patches, then a film's outgoing cells, then suns.
+
+    Parameters
+    ----------
+    film : PanePatches
+        Patches of the film, in place of `films`.
+    mount : Mount
+    depth : int
+        Of the outgoing cells.
+    """
+
+    film: PanePatches = field(kw_only=True)
+    mount: Mount = field(kw_only=True)
+    depth: int = field(kw_only=True)
+
+    @property
+    def bins(self) -> tuple[int, int]:
+        """Number of sky bins with the film's cells, and of suns."""
+        sky, suns = super().bins
+        return sky + (1 << 2 * self.depth), suns
+
+    def straight(
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1
+    ) -> Irradiance:
+        """Light that comes straight; none from the film's cells."""
+        plain = Deposit(*(getattr(self, name) for name in Deposit.__dataclass_fields__))
+        sky, sun = plain.straight(p, n, key, sky_rays, sun_samples)
+        none = dr.zeros(mi.TensorXf, (sky.shape[0], 1 << 2 * self.depth))
+        return Irradiance(dr.concat((sky, none), axis=1), sun)
+
+    def by_films(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance:
+        """Irradiance per radiance of the film's cells [sr]: the cells that receivers look into."""
+        count, (first, suns) = dr.width(p) // 3, super().bins
+        columns = dr.opaque(mi.UInt32, sum(self.bins) - suns)
+        out = dr.zeros(mi.Float, count * (sum(self.bins) - suns))
+        for look in looks(
+            self.scene, self.film, p, n,
+            rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 5),
+        ):  # fmt: skip
+            cell = square_code(self.mount.turn.to_local(-look.d).xy, self.depth)
+            at = look.row * columns + first + cell
+            dr.scatter_add(out, dr.pi * look.weight, at, (look.weight > 0) & look.front)
+            dr.eval(out)
+        sky = mi.TensorXf(out, (count, sum(self.bins) - suns))
+        return Irradiance(sky, dr.zeros(mi.TensorXf, (count, suns)))
+
+
+def _mount(case: Case, films: Films | None) -> Mount:
+    """The mount of a case's only film.
+
+    Raises
+    ------
+    InputError
+        There is none, or another one that sees something else, or it is not plainly exposed.
+    """
+    found = films.mounts if films else ()
+    if len(found) != 1:
+        raise InputError(
+            case.source, "facade", f"{len(found)} films or orientations of films",
+            'give strips of one material of type "bsdf" on one side',
+        )  # fmt: skip
+    if not found[0].exposed:
+        raise InputError(
+            case.source, "facade", "a film that other things shade or light from the room reaches",
+            "leave other façades without openings, and nothing before this one",
+        )  # fmt: skip
+    if found[0].bsdf.has_view:
+        raise InputError(
+            case.source, "materials", "a film with a view straight through",
+            'set straight_through = "off"',
+        )  # fmt: skip
+    return found[0]
+
+
+@dataclass(frozen=True, eq=False)
+class FilmYear:
+    """Illuminances of a year behind any film.
+
+    Parameters
+    ----------
+    bins : Bins
+    transfer : mi.TensorXf, shape (sensor, cell)
+        W [sr].
+    transfers : np.ndarray, shape (replicate, sensor, cell)
+        Of the independent replicates.
+    L : mi.TensorXf, shape (bin, time)
+        [cd/m²].
+    rest : mi.TensorXf, shape (time, sensor)
+        E^rest [lx].
+    rests : np.ndarray, shape (replicate, time, sensor)
+    coefficients : xr.Dataset
+        Of all other light, as of `coefficients.compute`: dims sensor, bin, replicate.
+
+    Notes
+    -----
+    What the film reflects towards the room stays that of the case's film. Other panes, the frame
+    and all reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year
+    with the shade closed. Limits: one film in one orientation that nothing shades; grey rooms; any
+    sun model but the adaptive one.
+    """
+
+    bins: Bins
+    transfer: mi.TensorXf
+    transfers: np.ndarray
+    L: mi.TensorXf
+    rest: mi.TensorXf
+    rests: np.ndarray
+    coefficients: xr.Dataset
+
+    @classmethod
+    def of(
+        cls, case: Case, light: Daylight | None = None, *, state: scene.State = "open",
+        depth: int = 5, progress: Progress = lambda share: None,
+    ) -> FilmYear:  # fmt: skip
+        """Simulate a case once for all films.
+
+        Parameters
+        ----------
+        case : Case
+            With the film's strips on its façade, of any film file: its inner reflection counts.
+        light : Daylight, optional
+            Default: that of the case.
+        state : {"open", "shaded"}
+        depth : int
+            2ᵈᵉᵖᵗʰ outgoing cells along each side of the square; a measured film of this depth or
+            a lower one is represented exactly.
+        progress : callable
+
+        Raises
+        ------
+        InputError
+            The case has no film, several, one that sees different things, colours, or the adaptive
+            sun model.
+        """
+        if isinstance(case.sun, Adaptive):
+            raise InputError(case.source, "sun.model", "adaptive", 'take "true_sun"')
+        if scene.is_coloured(case):
+            raise InputError(case.source, "materials", "colours", "take grey materials")
+        light = daylight(case) if light is None else light
+        world, suns, subdivision = scene.load(case, state), light.suns, case.sky.subdivision
+        size = 2 * case.accuracy.cell_size
+        films = Films.of(world, size, suns.directions, suns.diameter)
+        mount = _mount(case, films)
+        assert films is not None
+        panes = [panes.quads for panes in world.scattering]
+        base = CellDeposit(
+            world, suns.directions, suns.diameter, subdivision, case.accuracy,
+            PanePatches.of(panes, size) if panes else None,
+            film=films.patches, mount=mount, depth=depth,
+        )  # fmt: skip
+        cells = [CELL.format(i) for i in range(1 << 2 * depth)]
+        samples = case.accuracy.sensor_sun_samples if suns.straight else 0
+        found = estimate(
+            base, [*Patches(subdivision).labels, *cells, *suns.labels],
+            *scene.sensor_points(case), sun_samples=samples, progress=progress,
+        )  # fmt: skip
+        is_cell = np.isin(found["bin"].values.astype(str), cells)
+        transfers = found["replicates"].values[..., is_cell]
+        rest = found.isel(bin=~is_cell)
+        everyone = np.arange(rest.sizes["sensor"])
+        rests = accumulate.replicates(rest, light.sky, everyone).astype(np.float32)
+        L = luminances(light)["L"].values
+        return cls(
+            Bins(mount.frame, subdivision, suns, depth), _tensor(transfers.mean(axis=0)),
+            transfers, _tensor(L.T), _tensor(rests.mean(axis=0)), rests, rest,
+        )  # fmt: skip
+
+    def radiance(self, film: Film) -> mi.TensorXf:
+        """Radiance that leaves a film in each cell at each time, (cell, time) [cd/m²]."""
+        return film.answer(self.bins) @ self.L
+
+    def illuminance(self, film: Film) -> mi.TensorXf:
+        """Illuminance (time, sensor) [lx]; gradients of the film's parameters flow through."""
+        return self.rest + (self.transfer @ self.radiance(film)).T
+
+    def replicates(self, film: Film) -> np.ndarray:
+        """Illuminance by every replicate, (replicate, time, sensor) [lx]."""
+        leaving = dr.detach(self.radiance(film)).numpy()
+        return self.rests + np.stack([(w @ leaving).T for w in self.transfers])
+
+    def error(self, film: Film) -> np.ndarray:
+        """Standard error of the illuminance (time, sensor) [lx]."""
+        return mean_and_error(self.replicates(film))[1]
+
+
+def _tensor(values: np.ndarray) -> Any:
+    return mi.TensorXf(np.ascontiguousarray(values, np.float32))

@@ -1,0 +1,258 @@
+"""From the table `[design]` of a case to the tiles it asks for and the problem to be solved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba import basis, simulation
+from drcmitsuba.case import (
+    Adaptive,
+    Case,
+    DiffuserMaterial,
+    Facade,
+    GlazingMaterial,
+    Side,
+    TrueSun,
+)
+from drcmitsuba.design.optimise import Optimum, Search
+from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
+from drcmitsuba.design.problem import Goal, Problem
+from drcmitsuba.design.realise import realise
+from drcmitsuba.design.year import Year
+from drcmitsuba.design_table import Design
+from drcmitsuba.errors import InputError
+from drcmitsuba.light import daylight
+from drcmitsuba.progress import Stage, silent
+from drcmitsuba.table import checked
+
+ROWS = 6
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What `[design]` asks for, with all that it leaves open taken from the case.
+
+    Parameters
+    ----------
+    case : Case
+    design : Design
+    side : {'south', 'east', 'north', 'west'}
+    clear, film : str
+    length : float
+        Of the façade [m].
+    band : (float, float)
+        Lowest and highest edge of panes [m].
+    rows, segments : int
+        Tiles one above the other, and side by side.
+    wwr : (float, float)
+        Least and most of the openings' area over that of the façade, frames and all.
+    """
+
+    case: Case
+    design: Design
+    side: Side
+    clear: str
+    film: str
+    length: float
+    band: tuple[float, float]
+    rows: int
+    segments: int
+    wwr: tuple[float, float]
+
+    @classmethod
+    def of(cls, case: Case) -> Layout:
+        """Read it from a case.
+
+        Raises
+        ------
+        InputError
+            The case has no `[design]`, or what it leaves open cannot be told from the case.
+        """
+        design = case.design
+        if design is None:
+            remedy = 'add [design] with film = "…", a material of [materials]'
+            raise InputError(case.source, "design", "no such table", remedy)
+        assert case.room is not None
+        glazed = [s for s, f in case.facade.items() if any(t.material != "wall" for t in f.strips)]
+        side: Side = design.side or glazed[0]
+        facade = case.facade.get(side, Facade())
+        width, depth, height = case.room.size
+        panes = [s for s in facade.strips if s.material != "wall"]
+        band = design.band or (min(s.bottom for s in panes), max(s.top for s in panes))
+        covered = sum((s.top - s.bottom) * len(s.segments or range(facade.segments)) for s in panes)
+        now = covered / (height * facade.segments)
+        most = (band[1] - band[0]) / height
+        wwr = (now, now) if design.wwr == "fixed" else design.wwr
+        if wwr[0] > most + 1e-9:
+            got = f"a window-to-wall ratio of {wwr[0]:.3g}, the band has {most:.3g}"
+            raise InputError(case.source, "design.band", got, "give a wider band or a lower wwr")
+        rows = design.rows or ROWS
+        if design.row_height is not None:
+            rows = min(100, max(1, round((band[1] - band[0]) / design.row_height)))
+        return cls(
+            case=case,
+            design=design,
+            side=side,
+            clear=design.clear or _clear(case, facade),
+            film=design.film,
+            length=width if side in ("south", "north") else depth,
+            band=band,
+            rows=rows,
+            segments=design.segments or facade.segments,
+            wwr=(wwr[0], min(wwr[1], most)),
+        )
+
+    @property
+    def heights(self) -> np.ndarray:
+        """Edges of the rows, from the bottom up, shape (rows + 1,) [m]."""
+        return np.linspace(*self.band, self.rows + 1)
+
+    def year(self, stage: Stage = silent) -> basis.Year:
+        """Simulate the façade's basis and put it under the sky of the case's period.
+
+        An adaptive sun gives way to the true suns: its mesh would follow one composition.
+
+        Raises
+        ------
+        InputError
+            The weather is unfit, or the case is none that a basis can hold.
+        """
+        case = self.case
+        if isinstance(case.sun, Adaptive):
+            case = case.model_copy(update={"sun": TrueSun()})
+        with stage("sky"):
+            light = daylight(case)
+        wall = basis.Wall(case, self.side)
+        materials = ("wall", self.clear, self.film)
+        tiles, palette = basis.of_grid(wall, self.heights, self.segments, materials)
+        with stage("façade basis") as done:
+            found = basis.compute(
+                wall, tiles, palette, light.suns, case.accuracy,
+                groups=1, subdivision=case.sky.subdivision, progress=done,
+            )  # fmt: skip
+        return basis.Year.of(found, light)
+
+    @property
+    def search(self) -> Search:
+        """How to search."""
+        d = self.design
+        return Search(d.starts, d.sharpness, d.iterations, d.seed)
+
+    def built(self, found: Optimum) -> Case:
+        """Make the case that an optimum is, with its transmittances where these were turned."""
+        year, values = found.problem.year, found.problem.named(found.best.x)
+        case = realise(
+            self.case, self.side, year.tiles, found.best.share, year.materials, self.film
+        )
+        materials = dict(case.materials)
+        turned = {"glazing_transmittance": self.clear}
+        if case.shading is not None:
+            turned["shade_vlt"] = case.shading.material
+        for factor in found.problem.factors:
+            name = turned[factor.parameter.key]
+            value = float(values[factor.parameter.key][0])
+            table = materials[name].model_dump() | {"transmittance": value}
+            materials[name] = checked(type(materials[name]), table, case.source)
+        return case.with_materials(materials)
+
+    def problem(self, year: Year) -> Problem:
+        """Pose the problem of a year.
+
+        Raises
+        ------
+        InputError
+            A transmittance that may be turned is none of a glazing or diffuser.
+        """
+        density = float(year.tiles.area.sum()) / (self.length * (self.band[1] - self.band[0]))
+        assert self.case.room is not None
+        wall = self.length * self.case.room.size[2] * density
+        fills = self.wwr[0] * self.case.room.size[2] >= (self.band[1] - self.band[0]) * (1 - 1e-6)
+        by_strips = self.design.parameters == "strips"
+        area = (self.wwr[0] * wall, self.wwr[1] * wall) if by_strips and not fills else None
+        goal = Goal(
+            rules=simulation.rules(self.case, year.step_hours),
+            film=self.film,
+            aim=self.design.objective,
+            film_cost=self.design.film_cost,
+            ase_limit=self.design.ase_limit,
+            window_area=area,
+        )
+        panes = Panes.of(year, self.clear, self.film)
+        facade = self._strips(panes, fills) if by_strips else self._window(panes, wall)
+        return Problem(year, facade, goal, self._factors(year))
+
+    def known(self, problem: Problem) -> list[np.ndarray]:
+        """Films that a designer would try first: none, all, above, below, in the middle.
+
+        For tiles of their own; a window with one film has these in reach of any start.
+        """
+        if self.design.parameters == "window":
+            return []
+        bottom, top = problem.year.tiles.bounds[:, 2:].T
+        at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
+        films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
+        found = []
+        for film in films:
+            given = {"film": film.astype(float)}
+            parts = [
+                given.get(p.key, np.full(p.count, (p.start - p.low) / (p.high - p.low)))
+                for p in problem.free
+            ]
+            found.append(np.concatenate(parts))
+        return found
+
+    def _strips(self, panes: Panes, fills: bool) -> Map:
+        assert self.case.room is not None
+        part = self.wwr[0] * self.case.room.size[2] / (self.band[1] - self.band[0])
+        window = Parameter("window", 0.0, 1.0, part, panes.count)
+        if fills:
+            window = Parameter.fixed("window", 1.0)
+        return Strips(panes, window, Parameter("film", 0.0, 1.0, 0.5, panes.count))
+
+    def _window(self, panes: Panes, wall: float) -> Map:
+        assert self.case.room is not None
+        low, high = self.band
+        highest = max(low, high - self.wwr[0] * self.case.room.size[2])
+        if highest - low < 1e-6:
+            highest = low
+        return Window(
+            panes,
+            wall,
+            sill=Parameter("sill", low, highest, low),
+            wwr=Parameter("wwr", *self.wwr, self.wwr[1]),
+            dwr=Parameter("dwr", 0.0, 1.0, 0.5),
+            position=Parameter("position", 0.0, 1.0, 1.0),
+        )
+
+    def _factors(self, year: Year) -> tuple[Factor, ...]:
+        shade = self.case.shading.material if self.case.shading is not None else None
+        found = []
+        for key, name, limits in (
+            ("glazing_transmittance", self.clear, self.design.glazing_transmittance),
+            ("shade_vlt", shade, self.design.shade_vlt),
+        ):
+            if limits is None:
+                continue
+            material = self.case.materials.get(name or "")
+            given = isinstance(material, GlazingMaterial | DiffuserMaterial)
+            if not given or not material.transmittance > 0:  # type: ignore[union-attr]
+                got = f"{name or 'no shade'}: its transmittance is not known"
+                remedy = "use a glazing or diffuser that lets light through"
+                raise InputError(self.case.source, f"design.{key}", got, remedy)
+            now = material.transmittance  # type: ignore[union-attr]
+            column = name if name in year.materials else "shade"
+            start = min(max(now, limits[0]), limits[1])
+            found.append(Factor(str(column), Parameter(key, *limits, start), now))
+        return tuple(found)
+
+
+def _clear(case: Case, facade: Facade) -> str:
+    """The clear material of a façade, or of the case."""
+    names = [s.material for s in facade.strips] + list(case.materials)
+    for name in names:
+        if isinstance(case.materials.get(name), GlazingMaterial):
+            return name
+    got = "no glazing in [materials]"
+    raise InputError(case.source, "design.clear", got, "add one and name it")

@@ -1,0 +1,139 @@
+"""From a composition of tiles to a case that can be built, and simulated afresh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from drcmitsuba.case import THINNEST, Case, Facade, Side, Strip
+from drcmitsuba.design.year import Tiles
+from drcmitsuba.errors import InputError
+
+MOST_SEGMENTS = 200
+ALIGNED = 0.01
+"""Tiles end this near to the segments' edges [m]."""
+
+Piece = tuple[float, float, str]
+"""Bottom, top [m] and material."""
+
+
+def realise(
+    case: Case, side: Side, tiles: Tiles, share: np.ndarray, materials: Sequence[str], film: str
+) -> Case:
+    """Cut the tiles of a façade into strips of one material each.
+
+    In a tile of several materials, each takes the part of its height that is its share of the area.
+    Clear panes lie below the film, unless the tile below has more film than the one above; wall
+    lies at the edge of the window: below, where the tile below is more wall than the one above.
+    Pieces too low for a pane with its frame go to their neighbours. Panes of one material that
+    touch become one pane.
+
+    Parameters
+    ----------
+    case : Case
+        Its façade on this side is replaced.
+    side : {'south', 'east', 'north', 'west'}
+    tiles : Tiles
+        They need not fill the façade: around them is wall.
+    share : np.ndarray, shape (tile, material)
+        Composition; what is less than 0.1 % of a tile counts as none.
+    materials : sequence of str
+        Its columns.
+    film : str
+        Which of them lies above the others.
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    InputError
+        The tiles are narrower than the segments and no number of segments fits.
+
+    Notes
+    -----
+    Every pane has the façade's frame around it, so that cut tiles have less glass than the
+    composition says.
+    """
+    assert case.room is not None
+    width, depth, _ = case.room.size
+    old = case.facade.get(side, Facade())
+    segments, columns = _columns(tiles, width if side in ("south", "north") else depth, old)
+    found: dict[Piece, list[int]] = {}
+    least = old.frame + 2 * THINNEST
+    for i, column in enumerate(columns):
+        for piece in _pieces(tiles, np.asarray(share), column, list(materials), film, least):
+            found.setdefault(piece, []).append(i)
+    strips = tuple(
+        Strip(
+            bottom=bottom, top=top, material=material,
+            segments=None if len(inside) == segments else tuple(inside),
+        )
+        for (bottom, top, material), inside in sorted(found.items())
+    )  # fmt: skip
+    facade = old.model_copy(update={"segments": segments, "strips": strips})
+    return case.with_facade(side, facade)
+
+
+def _columns(tiles: Tiles, length: float, facade: Facade) -> tuple[int, list[np.ndarray]]:
+    """Number of segments, and for each the tiles in it from the bottom up."""
+    left, right, bottom, _ = tiles.bounds.T
+    for count in range(facade.segments, MOST_SEGMENTS + 1, facade.segments):
+        centre = (np.arange(count) + 0.5) * length / count
+        inside = (left < centre[:, None]) & (centre[:, None] < right)
+        # Tiles may be as wide as their segments, or as the panes within the frames there.
+        spare = inside.sum(axis=0) * length / count - (right - left)
+        if ((spare > -ALIGNED) & (spare < facade.frame + ALIGNED)).all():
+            rows = [np.flatnonzero(row) for row in inside]
+            return count, [row[np.argsort(bottom[row])] for row in rows]
+    got = f"tiles of {(right - left).min():.3g} m in a façade of {length:g} m"
+    raise InputError("design", "tiles", got, f"let them end between {facade.segments} segments")
+
+
+def _pieces(
+    tiles: Tiles, share: np.ndarray, column: np.ndarray, materials: list[str], film: str,
+    least: float,
+) -> list[Piece]:  # fmt: skip
+    """Panes of one segment from the bottom up; what lies between them is wall."""
+    none = np.zeros(len(materials))
+    none[materials.index("wall")] = 1.0
+    stack = [none, *share[column], none]
+    cut: list[Piece] = []
+    for i, tile in enumerate(column):
+        low, high = map(float, tiles.bounds[tile, 2:])
+        order = _order(stack[i], stack[i + 2], materials, film)
+        parts = [(name, stack[i + 1][materials.index(name)]) for name in order]
+        cut += _heights(parts, low, high, least)
+    joined: list[Piece] = []
+    for bottom, top, name in cut:
+        if joined and joined[-1][2] == name and abs(joined[-1][1] - bottom) < THINNEST:
+            joined[-1] = joined[-1][0], top, name
+        else:
+            joined.append((bottom, top, name))
+    return [piece for piece in joined if piece[2] != "wall"]
+
+
+def _order(below: np.ndarray, above: np.ndarray, materials: list[str], film: str) -> list[str]:
+    """Materials of a tile from the bottom up, by those of its neighbours."""
+    others = [name for name in materials if name not in ("wall", film)]
+    f, w = materials.index(film), materials.index("wall")
+    panes = [film, *others] if below[f] > above[f] else [*others, film]
+    return ["wall", *panes] if below[w] > above[w] else [*panes, "wall"]
+
+
+def _heights(parts: list[tuple[str, float]], low: float, high: float, least: float) -> list[Piece]:
+    """Cut a tile, without pieces that are too low for a pane."""
+    height = high - low
+    kept = [(name, part) for name, part in parts if part * height >= max(least, 1e-3 * height)]
+    if not kept:
+        kept = [max(parts, key=lambda p: p[1])]
+    total = sum(part for _, part in kept)
+    edges = low + height * np.cumsum([0.0, *(part / total for _, part in kept)])
+    edges[-1] = high
+    return [
+        (round(float(a), 6), round(float(b), 6), name)
+        for (a, b), (name, _) in zip(pairwise(edges), kept, strict=True)
+    ]

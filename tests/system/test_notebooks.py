@@ -1,0 +1,88 @@
+"""The notebooks: stored without outputs, and run from top to bottom by a kernel of their own.
+
+What a reader would see is tested: no error, nothing on stderr, every cell run, pictures drawn.
+"""
+
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+SLOWEST_CELL = 300
+"""Seconds; on 2 cores shared with other work the slowest took a tenth of it."""
+METADATA = {
+    "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+    "language_info": {"name": "python"},
+}
+notebooks = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+
+
+def code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def test_notebooks_are_there_and_the_readme_names_each():
+    stems = [path.stem for path in NOTEBOOKS]
+    assert [stem[:3] for stem in stems if stem[:3] in ("01_", "02_", "05_")] == [
+        "01_",
+        "02_",
+        "05_",
+    ]
+    readme = (FOLDER.parent / "README.md").read_text(encoding="utf-8")
+    assert [stem for stem in stems if f"notebooks/{stem}.ipynb" not in readme] == []
+
+
+@notebooks
+def test_notebook_is_stored_without_outputs(path):
+    notebook = nbformat.read(path, as_version=nbformat.NO_CONVERT)
+    nbformat.validate(notebook)
+    assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
+    assert notebook.metadata == METADATA, "no traces of the machine that it was run on"
+    for cell in notebook.cells:
+        assert cell.metadata == {}
+        assert cell.source.strip()
+    for cell in code(notebook):
+        assert cell.outputs == []
+        assert cell.execution_count is None
+
+
+@pytest.fixture
+def executed(tmp_path, monkeypatch):
+    """Run a notebook in an empty folder, with the settings of no user, and return it."""
+    for name in ("JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "IPYTHONDIR"):
+        monkeypatch.setenv(name, str(tmp_path / name.lower()))
+    monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
+    (tmp_path / "work").mkdir()
+
+    def executed(path):
+        notebook = nbformat.read(path, as_version=4)
+        NotebookClient(
+            notebook, timeout=SLOWEST_CELL, kernel_name="python3",
+            resources={"metadata": {"path": str(tmp_path / "work")}},
+        ).execute()  # fmt: skip
+        return notebook
+
+    return executed
+
+
+@notebooks
+def test_notebook_runs(path, executed):
+    notebook = executed(path)
+    outputs = [output for cell in code(notebook) for output in cell.outputs]
+    assert all(cell.execution_count for cell in code(notebook))
+    assert [o.text for o in outputs if o.output_type == "stream" and o.name == "stderr"] == []
+    assert [o for o in outputs if o.output_type == "error"] == []
+    pictures = [o for o in outputs if "image/png" in o.get("data", {})]
+    assert len(pictures) >= 2
+
+
+def test_what_is_looked_for_would_be_found(tmp_path, executed):
+    source = "import warnings\nwarnings.warn('beware', stacklevel=1)"
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)])
+    nbformat.write(notebook, tmp_path / "warns.ipynb")
+    (output,) = executed(tmp_path / "warns.ipynb").cells[0].outputs
+    assert (output.output_type, output.name) == ("stream", "stderr")
+    assert "beware" in output.text

@@ -1,0 +1,106 @@
+"""`drcmitsuba optimise` on a small room whose year is a formula; only the fresh look simulates."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from drcmitsuba import optimise_command
+from tests.synthetic_year import SyntheticYear, Tiles
+
+CASE = """
+name = "small room"
+[period]
+months = [3]
+[room]
+size = [8.8, 9.0, 3.6]
+[facade.south]
+segments = 3
+strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
+[materials.glass]
+type = "glazing"
+transmittance = 0.65
+[materials.film]
+type = "diffuser"
+transmittance = 0.5
+[materials.shade]
+type = "diffuser"
+transmittance = 0.1
+[sensors]
+corner = [0.5, 0.5, 0.8]
+count = [4, 4]
+spacing = 1.5
+[shading]
+material = "shade"
+[metrics]
+ase_hours = 10.0
+[accuracy]
+replicates = 2
+paths = 16
+[design]
+film = "film"
+rows = 3
+starts = 1
+sharpness = [8.0, 16.0]
+pareto = 3
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(CASE)
+    return file
+
+
+@pytest.fixture(autouse=True)
+def _formula(monkeypatch):
+    year = SyntheticYear(Tiles.grid(3, 3), time=120, grid=(4, 4))
+    monkeypatch.setattr(optimise_command, "_year", lambda case, stage: year)
+
+
+FILES = {
+    "optimum.json", "history.csv", "pareto.csv", "pareto.png", "facade.png", "search.png",
+    "fresh_metrics.json",
+}  # fmt: skip
+
+
+def test_a_search_leaves_its_files_and_tells_what_it_found(run, case, tmp_path):
+    code, out, _ = run("optimise", case, "-o", tmp_path / "d")
+    assert code == 0
+    assert {f.name for f in (tmp_path / "d").iterdir()} == FILES
+    told = json.loads((tmp_path / "d" / "optimum.json").read_text())
+    assert told["feasible"]
+    assert told["ASE"] <= 10
+    assert f"{told['evaluations']} evaluations with gradients" in out
+    fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
+    assert fresh["sDA"]["low"] <= fresh["sDA"]["value"] <= fresh["sDA"]["high"]
+    assert f"{fresh['sDA']['value']:.1f} (" in out
+    front = pd.read_csv(tmp_path / "d" / "pareto.csv")
+    assert front.ASE.is_monotonic_increasing
+    assert front.value.is_monotonic_increasing
+    strips = fresh["settings"]["facade"]["south"]["strips"]
+    film = sum(s["top"] - s["bottom"] for s in strips if s["material"] == "film")
+    assert film * 8.8 == pytest.approx(told["film_m2"], abs=0.05)
+
+
+def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
+    case.write_text(CASE + "shade_vlt = [0.05, 0.2]\n")
+    code, out, _ = run("optimise", case, "-o", tmp_path / "d")
+    assert code == 0
+    assert "shade_vlt" in out
+    told = json.loads((tmp_path / "d" / "optimum.json").read_text())
+    fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
+    materials = fresh["settings"]["materials"]
+    assert materials["shade"]["transmittance"] == pytest.approx(told["shade_vlt"])
+    assert 0.05 <= told["shade_vlt"] <= 0.2
+    assert materials["glass"]["transmittance"] == 0.65
+
+
+def test_a_case_without_design_ends_with_one_line(run, case, tmp_path):
+    case.write_text(CASE[: CASE.index("[design]")])
+    code, _, err = run("optimise", case, "-o", tmp_path / "d")
+    assert code == 2
+    assert err.strip().endswith("design: no such table; add [design] with film = \"…\", a material "
+                                "of [materials]")  # fmt: skip
+    assert not (tmp_path / "d").exists()

@@ -1,0 +1,412 @@
+"""The search on a year by formula: known optima, constraints, history, and what becomes of it."""
+
+import json
+from dataclasses import replace
+
+import mitsuba as mi
+import numpy as np
+import pandas as pd
+import pytest
+
+from drcmitsuba import backend, design_pictures, scene
+from drcmitsuba.case import Case, Metrics
+from drcmitsuba.design.layout import Layout
+from drcmitsuba.design.optimise import Search, optimise, pareto
+from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
+from drcmitsuba.design.problem import Goal, Problem
+from drcmitsuba.design.realise import realise
+from drcmitsuba.errors import InputError
+from drcmitsuba.table import checked
+from drcmitsuba.uncertainty.rules import Rules
+from tests.synthetic_year import MATERIALS, SyntheticYear, Tiles
+
+RULES = Rules(Metrics(sda_threshold=300.0, ase_hours=10.0), 1000.0, 0.02, 1.0)
+WALL = 8.8 * 3.6
+ONE_SENSOR = 100 / 24
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+
+
+@pytest.fixture(scope="module")
+def year():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    return SyntheticYear(Tiles.grid(6, 6), time=120, grid=(4, 6))
+
+
+def by_window(year, **goal):
+    panes = Panes.of(year, "glass", "film")
+    dwr, position = (Parameter(k, 0.0, 1.0, 0.5) for k in ("dwr", "position"))
+    fixed = Parameter.fixed("sill", 0.9), Parameter.fixed("wwr", 0.5)
+    facade = Window(panes, WALL, *fixed, dwr, position)
+    return Problem(year, facade, Goal(RULES, "film", film_cost=5.0, **goal))
+
+
+def by_strips(year, window=None, **goal):
+    panes = Panes.of(year, "glass", "film")
+    window = window or Parameter.fixed("window", 1.0)
+    facade = Strips(panes, window, Parameter("film", 0.0, 1.0, 0.5, panes.count))
+    return Problem(year, facade, Goal(RULES, "film", film_cost=5.0, **goal))
+
+
+def named(year, **rows):
+    """Compositions with glass everywhere but film in some rows of six."""
+    found = {}
+    for name, film in rows.items():
+        share = np.zeros((36, 4))
+        share[:, 1] = 1
+        for row in film:
+            share[6 * row : 6 * row + 6, 1:3] = 0, 1
+        found[name] = share
+    return found
+
+
+VARIANTS = {"existing": [], "o1": [3, 4, 5], "o2": [0, 1, 2], "o3": [2, 3], "all": range(6)}
+
+
+@pytest.fixture(scope="module")
+def sweep(year):
+    """Hard numbers of 231 windows, over the film's part and its position."""
+    problem = by_window(year)
+    ratios = [
+        (dwr, position) for dwr in np.linspace(0, 1, 21) for position in np.linspace(0, 1, 11)
+    ]
+    shares = (problem.facade.share(problem.values(mi.Float(np.float32(x)))) for x in ratios)
+    return [problem.hard(share.numpy()) for share in shares]
+
+
+@pytest.mark.parametrize("limit", [10.0, 60.0])
+def test_the_search_finds_what_a_sweep_finds(year, sweep, limit):
+    problem = by_window(year, ase_limit=limit)
+    best = max(score.value for score in sweep if problem.is_feasible(score))
+    found = optimise(problem, Search(starts=2))
+    assert found.finished
+    assert found.is_feasible
+    assert best - 0.25 <= found.best.hard.value <= best + ONE_SENSOR
+    assert found.evaluations < len(sweep)
+
+
+def test_36_tiles_of_their_own_beat_every_named_composition(year):
+    """Each under the ASE of the named one, in fewer than 120 evaluations; 3**36 have whole tiles.
+
+    At 700 lx, so that no sDA is full.
+    """
+    problem = by_strips(year)
+    bright = replace(RULES, metrics=Metrics(sda_threshold=700.0, ase_hours=10.0))
+    gain = {}
+    for name, share in named(year, **VARIANTS).items():
+        score = replace(problem, goal=replace(problem.goal, rules=bright)).hard(share)
+        goal = replace(problem.goal, rules=bright, ase_limit=score.ase)
+        found = optimise(replace(problem, goal=goal), Search(starts=1, iterations=12))
+        assert found.best.hard.ase <= score.ase
+        assert found.evaluations < 120
+        gain[name] = found.best.hard.value - score.value
+    assert gain.pop("all") >= 0  # film everywhere is all that has no sun
+    assert min(gain.values()) > 5
+
+
+def test_what_is_known_is_never_lost(year):
+    problem = by_strips(year, ase_limit=62.5)
+    o3 = named(year, o3=VARIANTS["o3"])["o3"]
+    found = optimise(problem, Search(starts=1, sharpness=(8.0,), iterations=3), known=[o3[:, 2]])
+    assert found.best.hard.value >= problem.hard(o3).value - 1e-3
+
+
+def test_the_window_keeps_its_area_and_a_range_its_bounds(year):
+    window = Parameter("window", 0.0, 1.0, 0.5, 36)
+    for area in ((6.0, 6.0), (4.0, 7.0)):
+        problem = by_strips(year, window, ase_limit=20.0, window_area=area)
+        found = optimise(problem, Search(starts=1, iterations=12, sharpness=(8.0, 16.0)))
+        assert found.is_feasible
+        got = found.problem.year.tiles.area @ (1 - found.best.share[:, 0])
+        assert area[0] * 0.998 <= got <= area[1] * 1.002
+
+
+def test_the_reported_number_is_that_of_the_metrics_at_the_composition(year):
+    found = optimise(by_window(year, ase_limit=30.0), Search(starts=1, sharpness=(8.0,)))
+    again = found.problem.hard(found.best.share)
+    assert again.ase == found.best.hard.ase
+    assert again.value == pytest.approx(found.best.hard.value, abs=1e-3)
+    assert found.as_dict()["value"] == found.best.hard.value
+
+
+def test_the_worst_month_is_an_aim_of_its_own(year):
+    problem = by_window(year, aim="worst month", ase_limit=60.0)
+    found = optimise(problem, Search(starts=2))
+    start = problem.evaluate(problem.start, 8.0)
+    assert found.best.hard.aim <= by_window(year).hard(found.best.share).aim  # of the year
+    assert found.best.hard.value >= start.hard.value
+
+
+def test_a_limit_that_nothing_holds_is_told(year):
+    narrow = by_window(year, ase_limit=0.0)
+    facade = replace(narrow.facade, dwr=Parameter("dwr", 0.0, 0.4, 0.2))
+    found = optimise(replace(narrow, facade=facade), Search(starts=1, sharpness=(8.0, 16.0)))
+    assert not found.is_feasible
+    assert found.best.hard.ase == min(s.found.hard.ase for s in found.history.steps)
+
+
+def test_the_same_seed_gives_the_same_history(year):
+    search = Search(starts=2, sharpness=(8.0,), seed=5)
+    problem = by_window(year, ase_limit=30.0)
+    first, second = (optimise(problem, search).history.frame for _ in range(2))
+    pd.testing.assert_frame_equal(first.drop(columns="seconds"), second.drop(columns="seconds"))
+    other = optimise(problem, replace(search, seed=6)).history.frame
+    assert not other["dwr"].equals(first["dwr"])
+
+
+def test_progress_rises_to_one(year):
+    told = []
+    optimise(by_window(year), Search(starts=2, sharpness=(8.0, 16.0)), told.append)
+    assert told == sorted(told)
+    assert told[0] < 0.5
+    assert told[-1] == 1
+
+
+class Stopping:
+    """A year that is stopped by Ctrl-C at its n-th evaluation."""
+
+    def __init__(self, year, after, error):
+        self._year, self.left, self.error = year, after, error
+
+    def __getattr__(self, name):
+        return getattr(self._year, name)
+
+    def illuminance(self, share, scale=None):
+        self.left -= 1
+        if self.left < 0:
+            raise self.error
+        return self._year.illuminance(share, scale)
+
+
+def as_runtime_error():
+    error = RuntimeError("in a loop")
+    error.__cause__ = KeyboardInterrupt()
+    return error
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), as_runtime_error()])
+def test_ctrl_c_keeps_the_best_so_far(year, error):
+    found = optimise(by_window(Stopping(year, 7, error), ase_limit=60.0))
+    assert not found.finished
+    assert found.evaluations == 7
+    assert any(found.best is step.found for step in found.history.steps)
+    front = pareto(replace(found, finished=True), [5.0, 50.0])
+    assert not front.finished
+
+
+def test_other_errors_and_ctrl_c_before_the_first_evaluation_are_not_hidden(year):
+    with pytest.raises(RuntimeError, match="broken"):
+        optimise(by_window(Stopping(year, 7, RuntimeError("broken"))))
+    with pytest.raises(KeyboardInterrupt):
+        optimise(by_window(Stopping(year, 0, KeyboardInterrupt())))
+
+
+def test_the_front_falls_nowhere_and_holds_the_optimum(year, tmp_path):
+    found = optimise(by_window(year, ase_limit=30.0), Search(starts=1))
+    front = pareto(found, [0.0, 15.0, 30.0, 60.0], Search())
+    ase = [p.hard.ase for p in front.points]
+    value = [p.hard.value for p in front.points]
+    assert ase == sorted(set(ase))
+    assert value == sorted(set(value))
+    assert len(ase) >= 3
+    within = [p.hard.value for p in front.points if p.hard.ase <= 30.0]
+    assert max(within) >= found.best.hard.value
+    front.save(tmp_path / "pareto.csv")
+    table = pd.read_csv(tmp_path / "pareto.csv")
+    np.testing.assert_allclose(table.ASE, ase, atol=1e-3)
+    assert {"sDA", "dwr", "position", "film_m2", "value"} <= set(table.columns)
+    scores = {n: found.problem.hard(s) for n, s in named(year, **VARIANTS).items()}
+    figure = design_pictures.front(front, scores, found.best.hard)
+    texts = {t.get_text() for t in figure.axes[0].texts}
+    assert set(VARIANTS) <= texts
+
+
+def test_files_of_a_search(year, tmp_path):
+    found = optimise(by_strips(year, ase_limit=30.0), Search(starts=1, sharpness=(8.0,)))
+    found.save(tmp_path)
+    table = pd.read_csv(tmp_path / "history.csv")
+    assert len(table) == found.evaluations
+    assert (np.diff(table.seconds) >= 0).all()
+    assert {"search", "sharpness", "value", "sDA", "ASE", "smooth_sDA", "smooth_ASE"} <= set(table)
+    assert [c for c in table if c.startswith("film_") and c != "film_m2"] == [
+        f"film_{i}" for i in range(36)
+    ]
+    told = json.loads((tmp_path / "optimum.json").read_text())
+    assert told["evaluations"] == found.evaluations
+    np.testing.assert_allclose(np.sum(list(told["composition"].values()), axis=0), 1, atol=1e-4)
+    figure = design_pictures.facade(year.tiles, found.best.share, MATERIALS, "film", "found")
+    drawn = sum(p.get_width() * p.get_height() for p in figure.axes[0].patches if p.get_fill())
+    assert drawn == pytest.approx(year.tiles.area.sum(), rel=1e-5)
+    design_pictures.search(found).savefig(tmp_path / "search.png")
+
+
+TABLES = {
+    "room": {"size": [8.8, 9.0, 3.6]},
+    "materials": {
+        "glass": {"type": "glazing", "transmittance": 0.65},
+        "film": {"type": "diffuser", "transmittance": 0.5},
+        "shade": {"type": "diffuser", "transmittance": 0.1},
+    },
+    "facade": {
+        "south": {
+            "segments": 6,
+            "strips": [{"bottom": 0.9, "top": 2.7, "material": "glass"}],
+        }
+    },
+    "sensors": {"corner": [0.5, 0.5, 0.8], "count": [4, 6], "spacing": 1.0},
+    "shading": {"material": "shade"},
+    "design": {"film": "film"},
+}
+
+
+def case(facade=None, **design):
+    tables = TABLES | {"design": {"film": "film"} | design}
+    if facade is not None:
+        tables["facade"] = {"south": TABLES["facade"]["south"] | facade}
+    return checked(Case, tables, "room.toml")
+
+
+def pane_area(built, name):
+    quads = [s.quads for s in scene.surfaces(built) if s.name == f"{name} south"]
+    return sum(
+        np.linalg.norm(np.cross(q[:, 1] - q[:, 0], q[:, 3] - q[:, 0]), axis=1).sum() for q in quads
+    )
+
+
+def test_a_built_façade_has_the_areas_of_its_composition():
+    rng = np.random.default_rng(0)
+    tiles = Tiles.grid(4, 6)
+    share = np.zeros((24, 4))
+    share[:, :3] = rng.dirichlet([1, 1, 1], 24)
+    built = realise(case(), "south", tiles, share, MATERIALS, "film")
+    for i, name in ((1, "glass"), (2, "film")):
+        assert pane_area(built, name) == pytest.approx(tiles.area @ share[:, i], rel=5e-3)
+
+
+def test_pieces_lie_where_their_neighbours_say():
+    tiles = Tiles.grid(3, 6)
+    share = np.zeros((18, 4))
+    share[:6] = [0.5, 0.5, 0, 0]  # the sill lies in the lowest row
+    share[6:12] = [0, 0.4, 0.6, 0]
+    share[12:] = [0.25, 0, 0.75, 0]  # and the head in the highest
+    strips = realise(case(), "south", tiles, share, MATERIALS, "film").facade["south"].strips
+    assert [(s.material, s.segments) for s in strips] == [("glass", None), ("film", None)]
+    np.testing.assert_allclose([(s.bottom, s.top) for s in strips], [(1.2, 1.74), (1.74, 2.55)])
+    share[:6], share[12:] = [0, 0, 1, 0], [0, 1, 0, 0]  # film below: it stays below
+    strips = realise(case(), "south", tiles, share, MATERIALS, "film").facade["south"].strips
+    assert [s.material for s in strips] == ["film", "glass"]
+    np.testing.assert_allclose(strips[0].top, 1.5 + 0.36)
+
+
+def test_whole_tiles_are_the_variant_that_they_come_from():
+    tiles = Tiles.grid(2, 6)
+    share = np.zeros((12, 4))
+    share[:6, 1], share[6:, 2] = 1, 1
+    built = realise(case({"frame": 0.1}), "south", tiles, share, MATERIALS, "film")
+    strips = built.facade["south"].strips
+    assert [(s.bottom, s.top, s.material) for s in strips] == [
+        (0.9, 1.8, "glass"),
+        (1.8, 2.7, "film"),
+    ]
+    assert built.source == case().source
+
+
+def test_mixed_segments_and_finer_tiles_become_segments():
+    tiles = Tiles.grid(1, 12)
+    share = np.zeros((12, 4))
+    share[::2, 1], share[1::2, 2] = 1, 1
+    facade = realise(case(), "south", tiles, share, MATERIALS, "film").facade["south"]
+    assert facade.segments == 12
+    assert {s.material: s.segments for s in facade.strips} == {
+        "glass": tuple(range(0, 12, 2)),
+        "film": tuple(range(1, 12, 2)),
+    }
+    odd = Tiles(np.array([[0.0, 1.0, 0.9, 2.7], [1.0, 8.8, 0.9, 2.7]]))
+    with pytest.raises(InputError, match=r"design: tiles: tiles of 1 m in a façade of 8\.8 m"):
+        realise(case({"segments": 200}), "south", odd, share[:2], MATERIALS, "film")
+
+
+def test_pieces_too_low_for_their_frame_go_to_their_neighbours():
+    tiles = Tiles.grid(1, 6)
+    share = np.tile([0.0, 0.96, 0.04, 0.0], (6, 1))
+    built = realise(case({"frame": 0.1}), "south", tiles, share, MATERIALS, "film")
+    assert [(s.bottom, s.top, s.material) for s in built.facade["south"].strips] == [
+        (0.9, 2.7, "glass")
+    ]
+
+
+def test_a_layout_takes_what_is_left_open_from_the_case():
+    layout = Layout.of(case())
+    assert (layout.side, layout.clear, layout.film) == ("south", "glass", "film")
+    assert (layout.band, layout.rows, layout.segments) == ((0.9, 2.7), 6, 6)
+    assert layout.wwr == pytest.approx((0.5, 0.5))
+    assert Layout.of(case(row_height=0.1, segments=3)).rows == 18
+    assert Layout.of(case(band=[0.6, 3.0], wwr=[0.2, 0.9])).wwr == pytest.approx((0.2, 2.4 / 3.6))
+
+
+def test_a_layout_poses_its_problem(year):
+    problem = Layout.of(case(ase_limit=20.0)).problem(year)
+    assert [p.key for p in problem.free] == ["dwr", "position"]
+    assert problem.goal.ase_limit == 20.0
+    share = problem.evaluate(problem.start, 8.0).share
+    assert year.tiles.area @ (1 - share[:, 0]) == pytest.approx(0.5 * WALL, rel=1e-5)
+    strips = Layout.of(case(parameters="strips")).problem(year)
+    assert strips.size == 36  # the window fills its band: only the film is free
+    both = Layout.of(case(parameters="strips", wwr=[0.3, 0.4])).problem(year)
+    assert both.size == 72
+    assert both.goal.window_area == pytest.approx((0.3 * WALL, 0.4 * WALL))
+    turned = Layout.of(case(shade_vlt=[0.05, 0.2], glazing_transmittance=[0.4, 0.65]))
+    factors = turned.problem(year).factors
+    assert [f.now for f in factors] == [0.65, 0.1]
+    assert [(f.material, f.parameter.low, f.parameter.high) for f in factors] == [
+        ("glass", 0.4, 0.65),
+        ("shade", 0.05, 0.2),
+    ]
+
+
+def test_strips_are_tried_first_as_a_designer_would(year):
+    layout = Layout.of(case(parameters="strips", wwr=[0.3, 0.4], shade_vlt=[0.05, 0.2]))
+    problem = layout.problem(year)
+    films = []
+    for x in layout.known(problem):
+        values = problem.named(x)
+        np.testing.assert_allclose(values["window"], 0.6)
+        np.testing.assert_allclose(values["shade_vlt"], 0.1)
+        films.append([i for i in range(6) if values["film"].reshape(6, 6)[i].all()])
+    assert films == [[], list(range(6)), [3, 4, 5], [0, 1, 2], [2, 3]]
+    assert Layout.of(case()).known(problem) == []
+
+
+@pytest.mark.parametrize(
+    ("design", "line"),
+    [
+        ({"film": "prisms"}, 'design.film: "prisms" is no such material in [materials]; choose '
+         'from: "film", "shade"'),
+        ({"film": "glass"}, 'design.film: "glass" is no such material in [materials]; choose '
+         'from: "film", "shade"'),
+        ({"clear": "glas"}, 'design.clear: "glas" is no such material in [materials]; did you '
+         'mean "glass"?'),
+        ({"band": [0.9, 4.0]}, "design.band: the room is 3.6 m high; lower its upper edge"),
+        ({"band": [2.0, 1.0]}, "design.band: 2 to 1; give the lower value first"),
+        ({"side": "north"}, "design.side: the north side has no panes; give band and wwr = "
+         "[low, high]"),
+        ({"rows": 3, "row_height": 0.1}, "design.row_height: rows are given too; give one of them"),
+        ({"wwr": [0.6, 0.2]}, "design.wwr: 0.6 to 0.2; give the lower value first"),
+        ({"starts": 0}, "design.starts: got 0; input should be greater than or equal to 1"),
+        ({"strips": 3}, "design.strips: unknown key; remove it"),
+    ],
+)  # fmt: skip
+def test_a_wrong_design_is_told_with_a_remedy(design, line):
+    with pytest.raises(InputError) as caught:
+        case(**design)
+    assert str(caught.value) == f"room.toml: {line}"
+
+
+def test_a_design_that_cannot_be_is_told():
+    with pytest.raises(InputError, match="design: no such table; add"):
+        Layout.of(checked(Case, {k: v for k, v in TABLES.items() if k != "design"}, "room.toml"))
+    with pytest.raises(InputError, match=r"ratio of 0\.6, the band has 0\.5; give a wider"):
+        Layout.of(case(wwr=[0.6, 0.7]))
