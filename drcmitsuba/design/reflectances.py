@@ -15,16 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba import scene
+from drcmitsuba.basis.year import Illuminances
 from drcmitsuba.case import Case
 from drcmitsuba.design.hits import FRAMES, WALLS, Sums, marked, numbered, powers
 from drcmitsuba.design.lit import Year
+from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight
 from drcmitsuba.materials import channel_of
@@ -44,14 +45,6 @@ DARKEST = 0.7
 MOST_KEYS = 8
 _ROOM = ("floor", "ceiling", "walls")
 _TAKEN = {*_ROOM, *WALLS, *FRAMES}
-
-
-class Illuminances(NamedTuple):
-    """E (time, sensor) [lx]: shade open, shade closed, and direct sun alone, shade open."""
-
-    open: mi.TensorXf
-    shaded: mi.TensorXf
-    direct: mi.TensorXf
 
 
 def reflectances(case: Case) -> dict[str, float]:
@@ -156,17 +149,14 @@ class _State:
         )  # fmt: skip
         known = Cells.none(grid).extended(vertices)
         if not known.count:
-            got = "no path from them meets a surface"
-            raise InputError(case.source, "sensors", got, "move them, or add a [room]")
+            raise InputError(case.source, "sensors", "no surface in their sight", "add a [room]")
         cell = known.of(vertices)
-        panes = [panes.quads for panes in world.scattering]
-        size = 2 * a.cell_size
+        panes, size = [panes.quads for panes in world.scattering], 2 * a.cell_size
         patches = PanePatches.of(panes, size) if panes else None
         films = Films.of(world, size, suns.directions, suns.diameter)
-        base = Deposit(
-            world, suns.directions, suns.diameter, case.sky.subdivision, a, patches, films
-        )
-        p, n = (mi.Float(np.ascontiguousarray(x, np.float32).ravel()) for x in (points, normals))
+        bins = (suns.directions, suns.diameter, case.sky.subdivision)
+        base = Deposit(world, *bins, a, patches, films)
+        p, n = (mi.Float(x.astype(np.float32).ravel()) for x in (points, normals))
         parts, means_before, means_of_cells = [], [], []
         samples = a.sensor_sun_samples if suns.straight else 0
         for r in range(a.replicates):
@@ -221,18 +211,24 @@ class Interior:
         Reflectances of the case by key: `floor`, `ceiling`, `walls`, furniture by its name.
     traced : dict of str to float
         Those that paths were traced at.
+    months : np.ndarray of int, shape (time,)
+    step_hours : float
+        What one time stamp stands for [h].
 
     Notes
     -----
     Frames of façades, panes and shades keep the reflectances that they have. Paths are traced at
     `DARKEST` or more, so that weights stay even towards black. Above the traced reflectances they
     grow with every hit, and so does the noise: `standard_error` tells; where it is too large, take
-    ``Interior.of(with_reflectances(case, rho), light)``. All sensors are traced at once: about
-    300 bytes for each of sensors × replicates × paths.
+    ``Interior.of(with_reflectances(case, rho), light)``. In the paper's classroom it is 1.3 % of E
+    at the start, at most 2.2 % with any one surface at 0.95, and 16 % with all of them. Sensors
+    are traced all at once, 0.7 MB each with 8 replicates of 128 paths.
     """
 
     start: dict[str, float]
     traced: dict[str, float]
+    months: np.ndarray
+    step_hours: float
     source: str
     states: tuple[_State, ...]
 
@@ -257,7 +253,14 @@ class Interior:
         for name in names:
             with stage(f"{name} façade") as done:
                 states.append(_State.of(at, name, light, done))
-        return cls(start, traced, case.source, tuple(states))
+        months = light.sky["clock"].dt.month.values
+        return cls(start, traced, months, light.step_hours, case.source, tuple(states))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What a design may turn."""
+        low, high = BOUNDS
+        return tuple(Parameter(k, low, max(high, v), v) for k, v in self.start.items())
 
     def _ratios(self, rho: Mapping[str, mi.Float | float]) -> list[mi.Float]:
         _check(self.source, self.start, rho)

@@ -1,6 +1,7 @@
 """E as a function of the reflectances, against fresh simulations, exact answers and differences."""
 
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 
 import drjit as dr
@@ -23,6 +24,7 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.suns import Suns
 
 SEEDS = 8
+PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
 KEYS = ("floor", "ceiling", "walls", "table")
 ELSEWHERE = {"floor": 0.5, "ceiling": 0.6, "walls": 0.8, "table": 0.1}
 
@@ -96,6 +98,39 @@ def test_everything_as_white_as_it_may_be(interiors, year, same):
     same(found[:, 0], other=fresh(case, year), within=0.05)
 
 
+def film_case(seed=0, replicates=2, **accuracy):
+    strips = [{"bottom": 0.9, "top": 2.0, "material": "glass"},
+              {"bottom": 2.0, "top": 2.8, "material": "film"}]  # fmt: skip
+    materials = {
+        "glass": {"type": "glazing", "transmittance": 0.65},
+        "film": {"type": "bsdf", "file": PRISM},
+        "shade": {"type": "diffuser", "transmittance": 0.1, "reflectance": 0.4},
+    }
+    return case_of(
+        facade={"south": {"strips": strips}}, materials=materials,
+        period={"months": [3], "hours": (12, 13), "days_per_week": 1},
+        accuracy={"seed": seed, "replicates": replicates, "cell_size": 0.3} | accuracy,
+    )  # fmt: skip
+
+
+def test_shade_that_sees_no_film_in_its_own_plane():
+    case = film_case(paths=32, film_sky_samples=16)
+    interior = Interior.of(case, light.daylight(case))
+    is_open, shaded = at(interior, {"ceiling": 0.6})
+    assert np.isfinite(is_open).all()
+    assert 0 < shaded.mean() < is_open.mean()
+
+
+@pytest.mark.slow
+def test_film_equals_a_fresh_simulation(same):
+    year, rho = light.daylight(film_case()), {"ceiling": 0.6}
+    found = [Interior.of(film_case(seed, paths=1024), year) for seed in range(SEEDS)]
+    found = np.stack([at(interior, rho) for interior in found])
+    case = with_reflectances(film_case(100, replicates=16, paths=1024), rho)
+    for i, state in enumerate(("open", "shaded")):
+        same(found[:, i], other=fresh(case, year, state), within=0.01)
+
+
 def test_direct_sun_is_that_of_the_coefficients(interiors, year, same):
     case = case_of(100, replicates=16)
     points, normals = scenes.sensor_points(case)
@@ -157,6 +192,12 @@ def test_gradient_at_the_bounds_equals_one_sided_differences(interiors, bound):
             weights = np.array([-25, 48, -36, 16, -3]) / (12 * inward)
             expected = differences(interiors[0], rho, key, steps, weights)
             assert each == pytest.approx(expected, rel=0.005)
+
+
+def test_parameters_are_the_surfaces(interiors):
+    found = {p.key: (p.low, p.start, p.high) for p in interiors[0].parameters}
+    assert found == {k: (0.0, v, 0.95) for k, v in reflectances(case_of()).items()}
+    assert (interiors[0].months == 3).all()
 
 
 def test_forward_mode_equals_reverse_mode(interiors):
@@ -324,5 +365,5 @@ def test_a_wall_of_glass_leaves_the_key(year):
 
 def test_sensors_that_see_no_surface_are_refused(year):
     table = [{"name": "table", "corner": (1.0, 1.0, 0.0), "size": (1.0, 1.0, 0.5)}]
-    with pytest.raises(InputError, match="no path"):
+    with pytest.raises(InputError, match="no surface"):
         Interior.of(case_of(room=None, facade={}, furniture=table, shading=None), year)
