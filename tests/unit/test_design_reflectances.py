@@ -124,9 +124,11 @@ def test_shade_that_sees_no_film_in_its_own_plane():
 @pytest.mark.slow
 def test_film_equals_a_fresh_simulation(same):
     year, rho = light.daylight(film_case()), {"ceiling": 0.6}
-    found = [Interior.of(film_case(seed, paths=1024), year) for seed in range(SEEDS)]
+    found = [
+        Interior.of(film_case(seed, paths=1024, pane_points=512), year) for seed in range(SEEDS)
+    ]
     found = np.stack([at(interior, rho) for interior in found])
-    case = with_reflectances(film_case(100, replicates=16, paths=1024), rho)
+    case = with_reflectances(film_case(100, replicates=16, paths=1024, pane_points=512), rho)
     for i, state in enumerate(("open", "shaded")):
         same(found[:, i], other=fresh(case, year, state), within=0.01)
 
