@@ -133,6 +133,25 @@ def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path 
 
 
 @app.command()
+def season(case: CasePath, output: Output = Path("season"), weather: Weather = None) -> None:
+    """Judge months with the season taken out: beside clear glazing and an open window."""
+    from drcmitsuba import load_case
+    from drcmitsuba.season import season as compare
+
+    with stages() as stage:
+        found = compare(load_case(case).with_weather(weather), stage)
+        with stage("writing"):
+            found.save(output)
+    table = Table("month", "msDA %", "clear glazing %", "opening %", "of the opening %")
+    rows = zip(found.design, found.clear, found.opening, found.relative, strict=True)
+    for month, (*shares, relative) in enumerate(rows, start=1):
+        share = "–" if relative is None else f"{relative:.0f}"
+        table.add_row(str(month), *map(_percent, shares), share)
+    Console().print(table)
+    print(f"results are in {output}")
+
+
+@app.command()
 def sky(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the luminances L of sky and suns: sky.zarr."""
     from drcmitsuba import light, load_case

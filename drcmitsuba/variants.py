@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import mitsuba as mi
 import xarray as xr
 
 from drcmitsuba import backend, basis, simulation
@@ -52,7 +51,9 @@ def _beside(first: Path, name: str) -> str:
     return str(first.with_name(name + (first.suffix if first.is_file() else "")))
 
 
-def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[Result]:
+def evaluate_variants(
+    cases: Sequence[Case], stage: Stage = silent, judged: Sequence[Case] | None = None
+) -> Iterator[Result]:
     """Evaluate façades of one room by one façade basis.
 
     Parameters
@@ -60,6 +61,8 @@ def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[
     cases : sequence of Case
         Alike but for their façades, with windows in one side of the room.
     stage : callable, optional
+    judged : sequence of Case, optional
+        The same cases where they are judged by other rules, such as without their shade.
 
     Yields
     ------
@@ -93,11 +96,11 @@ def evaluate_variants(cases: Sequence[Case], stage: Stage = silent) -> Iterator[
             wall, tiles, palette, light.suns, first.accuracy,
             subdivision=first.sky.subdivision, progress=done,
         )  # fmt: skip
-    for case, share, said in zip(cases, shares, told, strict=True):
+    for case, share, said in zip(judged or cases, shares, told, strict=True):
         own = dict(seconds)
         with timed(stage, case.name, own):
-            behind = palette.shaded(mi.TensorXf(share)).numpy()
-            C = {"open": found.coefficients(share), "shaded": found.coefficients(behind)}
+            by_state = {"open": share, "shaded": share @ palette.closing}
+            C = {state: found.coefficients(of) for state, of in by_state.items()}
             joined = _joined(C, case, light)
             now = judge(case, light, joined)
         yield summed_up(case, light, joined, now, own, said)

@@ -17,7 +17,17 @@ year
 from drcmitsuba.basis.basis import Basis
 from drcmitsuba.basis.facade import Palette, Tiles
 from drcmitsuba.basis.simulate import compute
-from drcmitsuba.basis.tiling import Wall, of_grid, of_variants
+from drcmitsuba.basis.tiling import Wall, of_grid, of_variants, side_of
 from drcmitsuba.basis.year import Year
 
-__all__ = ["Basis", "Palette", "Tiles", "Wall", "Year", "compute", "of_grid", "of_variants"]
+__all__ = [
+    "Basis",
+    "Palette",
+    "Tiles",
+    "Wall",
+    "Year",
+    "compute",
+    "of_grid",
+    "of_variants",
+    "side_of",
+]

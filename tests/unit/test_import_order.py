@@ -19,8 +19,8 @@ ORDER = [
     "design_table", "case", "light", "backend", "materials", "scene", "goniophotometer", "plan",
     "transport", "coefficients", "basis", "refinement", "accumulate", "metrics", "smooth",
     "uncertainty", "pool", "simulation", "judgement", "rounds", "design", "plots",
-    "design_pictures", "report", "result", "variants", "tradeoff", "terminal", "film_commands",
-    "tradeoff_command", "optimise_command", "cli",
+    "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",
+    "film_commands", "tradeoff_command", "optimise_command", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}
