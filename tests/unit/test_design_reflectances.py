@@ -1,0 +1,371 @@
+"""E as a function of the reflectances, against fresh simulations, exact answers and differences."""
+
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from drcmitsuba import accumulate, backend, light
+from drcmitsuba import scene as scenes
+from drcmitsuba.case import Case
+from drcmitsuba.coefficients import compute
+from drcmitsuba.design.hits import Hits, numbered
+from drcmitsuba.design.reflectances import (
+    BOUNDS,
+    Interior,
+    reflectances,
+    with_reflectances,
+)
+from drcmitsuba.errors import InputError
+from drcmitsuba.suns import Suns
+
+SEEDS = 8
+PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+KEYS = ("floor", "ceiling", "walls", "table")
+ELSEWHERE = {"floor": 0.5, "ceiling": 0.6, "walls": 0.8, "table": 0.1}
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+
+
+def case_of(seed=0, replicates=2, **more):
+    tables = {
+        "room": {"size": (4.0, 5.0, 3.0), "floor": 0.2, "ceiling": 0.8, "walls": 0.5},
+        "facade": {"south": {"segments": 2, "frame": 0.1, "strips": [
+            {"bottom": 0.9, "top": 2.8, "material": "glass"}]}},
+        "materials": {
+            "glass": {"type": "glazing", "transmittance": 0.65, "reflectance": 0.12},
+            "shade": {"type": "diffuser", "transmittance": 0.1, "reflectance": 0.4},
+        },
+        "furniture": [{"name": "table", "corner": (1.0, 2.0, 0.0), "size": (1.5, 1.0, 0.7),
+                       "reflectance": 0.4}],
+        "sensors": {"corner": (0.5, 0.5, 0.8), "count": (3, 4), "spacing": 1.0},
+        "shading": {"material": "shade"},
+        "period": {"months": [3], "hours": (10, 15), "days_per_week": 1},
+        "accuracy": {"seed": seed, "replicates": replicates, "paths": 256, "cell_size": 0.3,
+                     "cell_sky_rays": 64, "sensor_sky_rays": 512, "pane_points": 32},
+    }  # fmt: skip
+    return Case.model_validate(tables | more)
+
+
+@pytest.fixture(scope="module")
+def year():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    return light.daylight(case_of())
+
+
+@pytest.fixture(scope="module")
+def interiors(year):
+    """Independent ones."""
+    return [Interior.of(case_of(seed), year) for seed in range(SEEDS)]
+
+
+def fresh(case, year, state="open"):
+    """Mean over time by an ordinary simulation, (replicate, sensor) [lx]."""
+    points, normals = scenes.sensor_points(case)
+    found = compute(scenes.load(case, state), points, normals, year.suns, case.accuracy)
+    every = np.arange(len(points))
+    return accumulate.replicates(found, year.sky, every).mean(axis=1)
+
+
+def at(interior, rho):
+    """Mean over time, shade open and closed, (2, sensor) [lx]."""
+    found = interior.illuminance({key: mi.Float(value) for key, value in rho.items()})
+    return np.stack([found.open.numpy().mean(axis=0), found.shaded.numpy().mean(axis=0)])
+
+
+@pytest.mark.parametrize(
+    "rho", [{}, ELSEWHERE, dict.fromkeys(KEYS, BOUNDS[0]), {"floor": BOUNDS[1]}],
+    ids=["start", "elsewhere", "black", "white floor"],
+)  # fmt: skip
+def test_equals_a_fresh_simulation(interiors, year, same, rho):
+    case = with_reflectances(case_of(100, replicates=16), rho)
+    found = np.stack([at(interior, rho) for interior in interiors])
+    same(found[:, 0], other=fresh(case, year), within=0.01)
+    same(found[:, 1], other=fresh(case, year, "shaded"), within=0.01)
+
+
+def test_everything_as_white_as_it_may_be(interiors, year, same):
+    rho = dict.fromkeys(KEYS, BOUNDS[1])
+    case = with_reflectances(case_of(100, replicates=16), rho)
+    found = np.stack([at(interior, rho) for interior in interiors])
+    same(found[:, 0], other=fresh(case, year), within=0.05)
+
+
+def film_case(seed=0, replicates=2, **accuracy):
+    strips = [{"bottom": 0.9, "top": 2.0, "material": "glass"},
+              {"bottom": 2.0, "top": 2.8, "material": "film"}]  # fmt: skip
+    materials = {
+        "glass": {"type": "glazing", "transmittance": 0.65},
+        "film": {"type": "bsdf", "file": PRISM},
+        "shade": {"type": "diffuser", "transmittance": 0.1, "reflectance": 0.4},
+    }
+    return case_of(
+        facade={"south": {"strips": strips}}, materials=materials,
+        period={"months": [3], "hours": (12, 13), "days_per_week": 1},
+        accuracy={"seed": seed, "replicates": replicates, "cell_size": 0.3} | accuracy,
+    )  # fmt: skip
+
+
+def test_shade_that_sees_no_film_in_its_own_plane():
+    case = film_case(paths=32, film_sky_samples=16)
+    interior = Interior.of(case, light.daylight(case))
+    is_open, shaded = at(interior, {"ceiling": 0.6})
+    assert np.isfinite(is_open).all()
+    assert 0 < shaded.mean() < is_open.mean()
+
+
+@pytest.mark.slow
+def test_film_equals_a_fresh_simulation(same):
+    year, rho = light.daylight(film_case()), {"ceiling": 0.6}
+    found = [
+        Interior.of(film_case(seed, paths=1024, pane_points=512), year) for seed in range(SEEDS)
+    ]
+    found = np.stack([at(interior, rho) for interior in found])
+    case = with_reflectances(film_case(100, replicates=16, paths=1024, pane_points=512), rho)
+    for i, state in enumerate(("open", "shaded")):
+        same(found[:, i], other=fresh(case, year, state), within=0.01)
+
+
+def test_direct_sun_is_that_of_the_coefficients(interiors, year, same):
+    case = case_of(100, replicates=16)
+    points, normals = scenes.sensor_points(case)
+    ordinary = compute(scenes.load(case), points, normals, year.suns, case.accuracy)
+    exact = accumulate.direct_sun(ordinary, year.sky)["direct_sun"].values
+    found = np.stack([interior.illuminance({}).direct.numpy() for interior in interiors])
+    assert exact.max() > 1000
+    same(found, exact=exact, within=0.01)
+
+
+def mean_of(interior, rho):
+    """One number that depends on all: E of both states, each entry with a weight of its own."""
+    found = interior.illuminance(rho)
+    weight = 1 + dr.arange(mi.Float, dr.width(found.open)) / dr.width(found.open)
+    return dr.mean(found.open.array * weight) + 3 * dr.mean(found.shaded.array * weight)
+
+
+def gradient(interior, rho, function=mean_of):
+    """By reverse mode, (key,)."""
+    values = {key: mi.Float(value) for key, value in rho.items()}
+    dr.enable_grad(values)
+    dr.backward(function(interior, values))
+    return np.array([values[key].grad[0] for key in rho])
+
+
+def precise_mean_of(interior, rho):
+    """The same, its sums in float64."""
+    found = interior.illuminance(rho)
+    sums = [part.numpy().astype(float).ravel() for part in found]
+    weight = 1 + np.arange(len(sums[0])) / len(sums[0])
+    return (sums[0] * weight).mean() + 3 * (sums[1] * weight).mean()
+
+
+def differences(interior, rho, key, steps, weights):
+    """Weighed sum of function values at steps of one reflectance."""
+    return sum(
+        w * precise_mean_of(interior, rho | {key: mi.Float(rho[key] + step)})
+        for step, w in zip(steps, weights, strict=True)
+    )
+
+
+@pytest.mark.parametrize("rho", [reflectances(case_of()), ELSEWHERE], ids=["start", "elsewhere"])
+def test_gradient_equals_central_differences(interiors, rho):
+    found, h = gradient(interiors[0], rho), 0.02
+    for key, each in zip(KEYS, found, strict=True):
+        expected = differences(interiors[0], rho, key, (-h, h), (-0.5 / h, 0.5 / h))
+        assert each == pytest.approx(expected, rel=0.005)
+
+
+@pytest.mark.parametrize("bound", BOUNDS)
+def test_gradient_at_the_bounds_equals_one_sided_differences(interiors, bound):
+    h = 0.1 if bound == BOUNDS[0] else -0.02  # float32 noise there, high powers here
+    for rho in ({**ELSEWHERE, "floor": bound}, dict.fromkeys(KEYS, bound)):
+        found = gradient(interiors[0], rho)
+        assert np.isfinite(found).all()
+        for key, each in zip(KEYS, found, strict=True):
+            inward = h if rho[key] == bound else 0.02
+            steps = inward * np.arange(5)
+            weights = np.array([-25, 48, -36, 16, -3]) / (12 * inward)
+            expected = differences(interiors[0], rho, key, steps, weights)
+            assert each == pytest.approx(expected, rel=0.005)
+
+
+def test_parameters_are_the_surfaces(interiors):
+    found = {p.key: (p.low, p.start, p.high) for p in interiors[0].parameters}
+    assert found == {k: (0.0, v, 0.95) for k, v in reflectances(case_of()).items()}
+    assert (interiors[0].months == 3).all()
+
+
+def test_forward_mode_equals_reverse_mode(interiors):
+    rho = reflectances(case_of())
+    reverse = gradient(interiors[0], rho)
+    for key, expected in zip(KEYS, reverse, strict=True):
+        values = {k: mi.Float(v) for k, v in rho.items()}
+        dr.enable_grad(values[key])
+        out = mean_of(interiors[0], values)
+        dr.forward(values[key])
+        assert out.grad[0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_gradient_equals_differences_of_fresh_simulations(interiors, year):
+    def open_mean(interior, rho):
+        return dr.mean(interior.illuminance(rho).open.array)
+
+    rho, h = reflectances(case_of()), 0.1
+    case = case_of(200, replicates=16)
+    found = np.array([gradient(interior, rho, open_mean) for interior in interiors])
+    for i, key in enumerate(KEYS):
+        up, down = (
+            fresh(with_reflectances(case, {key: rho[key] + step}), year).mean(axis=1)
+            for step in (h, -h)
+        )  # the same random numbers
+        each = (up - down) / (2 * h)
+        errors = [x.std(ddof=1) / np.sqrt(len(x)) for x in (found[:, i], each)]
+        error = float(np.hypot(*errors))
+        off = found[:, i].mean() - each.mean()
+        print(f"{key}: {found[:, i].mean():.1f} lx, off by {off:+.2f} ± {error:.2f}")
+        assert error < 0.03 * each.mean()
+        assert abs(off) < max(0.02 * each.mean(), 3 * error)
+
+
+def test_standard_error_tells_the_scatter_of_independent_runs(interiors):
+    for rho in ({}, dict.fromkeys(KEYS, 0.9)):
+        scatter = np.stack([at(interior, rho)[0] for interior in interiors]).var(axis=0, ddof=1)
+        told = np.stack([interior.standard_error(rho) for interior in interiors]) ** 2
+        # F distributions of 7 and about 8 degrees of freedom, the mean of 12 sensors that share
+        # cells.
+        assert 0.4 < told.mean() / scatter.mean() < 2.5
+
+
+def escapes(walks, start, size, seed):
+    """Surfaces that random walks in a box meet before they leave by its south side."""
+    rng = np.random.default_rng(seed)
+    p = np.tile(np.asarray(start, float), (walks, 1))
+    normal_axis, sign = np.full(walks, 2), np.ones(walks)
+    met, bounces = np.full(walks, -1), 0
+    alive = np.arange(walks)
+    while len(alive):
+        n = len(alive)
+        u, angle = rng.random(n), 2 * np.pi * rng.random(n)
+        d = np.empty((n, 3))
+        a, i = normal_axis[alive], np.arange(n)
+        d[i, a] = np.sqrt(1 - u) * sign[alive]
+        d[i, (a + 1) % 3], d[i, (a + 2) % 3] = np.sqrt(u) * [np.cos(angle), np.sin(angle)]
+        t = np.where(d > 0, size - p[alive], -p[alive]) / d
+        a = t.argmin(axis=1)
+        t = t[i, a]
+        p[alive] += t[:, None] * d
+        upper = d[i, a] > 0
+        p[alive, a] = np.where(upper, np.asarray(size)[a], 0.0)
+        out = (a == 1) & ~upper
+        met[alive[out]] = bounces
+        normal_axis[alive], sign[alive] = a, np.where(upper, -1.0, 1.0)
+        alive, bounces = alive[~out], bounces + 1
+    return met
+
+
+def test_box_in_a_uniform_world_gives_the_series_of_its_bounces(year, same):
+    # Outside all is of luminance 1, so E(ρ) = π Σ ρⁿ P(n), with P(n) the chance that a walk from
+    # the sensor meets n surfaces before it leaves; all of them leave, so that E(1) = π exactly.
+    size = (3.0, 4.0, 3.0)
+    facade = {"south": {"strips": [{"bottom": 0.0, "top": 3.0, "material": "open"}]}}
+    box = {
+        "room": {"size": size}, "facade": facade, "furniture": [], "shading": None,
+        "sensors": {"corner": (1.0, 1.5, 1.0), "count": (1, 1), "spacing": 1.0},
+        "accuracy": {"replicates": 2, "paths": 1 << 15, "cell_size": 0.15, "cell_sky_rays": 64},
+    }  # fmt: skip
+    sky = year.sky.isel(time=slice(0, 1)).copy(deep=True)
+    sky["sky"][:], sky["sun"][:] = 1.0, 0.0
+    uniform = replace(year, sky=sky, suns=Suns.none())
+    boxes = []
+    for seed in range(8):
+        box["accuracy"]["seed"] = seed
+        boxes.append(Interior.of(case_of(**box), uniform))
+    met = escapes(1 << 20, (1.5, 2.0, 1.0), size, 5).reshape(32, -1)
+    for rho in (0.0, 0.2, 0.5, 0.8, BOUNDS[1], 1.0):
+        found = [box.illuminance(dict.fromkeys(KEYS[:3], rho)).open.numpy()[0] for box in boxes]
+        expected = np.pi * (float(rho) ** met).mean(axis=1)
+        assert abs(expected.mean() - np.pi) < 1e-9 or rho < 1
+        same(np.stack(found), other=expected, within=0.02)
+
+
+def test_counts_stay_where_they_are_full():
+    square = scenes.quad_mesh("square", np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]]))
+    scene = mi.load_dict({"type": "scene", "square": square})
+    si = scene.ray_intersect(mi.Ray3f([0.3, 0.3, 1], [0, 0, -1]))
+    hits = Hits([None, *scene.shapes(), *[None] * 6])
+    mark = mi.UInt32(0)
+    for n in range(1, 20):
+        _, mark, factor, is_cell = hits.meet(si, mark, mi.Float(0.5))
+        assert mark[0] == min(n, 15) << 4
+        assert factor[0] == 1
+        assert is_cell[0]
+
+
+def test_marks_are_numbered_as_they_differ():
+    marks = np.random.default_rng(1).integers(0, 50, 1000).astype(np.uint32) << 20
+    kinds, number = (x.numpy() for x in numbered(mi.UInt32(marks)))
+    assert np.array_equal(kinds, np.unique(marks))
+    assert np.array_equal(kinds[number], marks)
+
+
+def test_gradients_cost_little_more_than_illuminances(interiors):
+    rho = reflectances(case_of())
+    seconds = []
+    for grad in (False, True):
+        best = np.inf
+        for _ in range(4):
+            values = {key: mi.Float(value) for key, value in rho.items()}
+            if grad:
+                dr.enable_grad(values)
+            start = perf_counter()
+            out = mean_of(interiors[0], values)
+            if grad:
+                dr.backward(out)
+                dr.eval(*(v.grad for v in values.values()))
+            dr.eval(out)
+            dr.sync_thread()
+            best = min(best, perf_counter() - start)
+        seconds.append(best)
+    print(f"primal {seconds[0]:.4f} s, reverse {seconds[1] / seconds[0]:.1f} times that")
+
+
+@pytest.mark.parametrize(
+    ("change", "rho", "field", "got"),
+    [
+        ({}, {"flor": 0.3}, "reflectance", 'did you mean "floor"'),
+        ({}, {"floor": 1.2}, "reflectance", "from 0 to 1"),
+        ({}, {"floor": -0.1}, "reflectance", "from 0 to 1"),
+        ({"room": {"size": (4.0, 5.0, 3.0), "floor": (0.1, 0.2, 0.3)}}, {}, "room", "grey"),
+        ({"furniture": [{"corner": (1, 1, 0), "size": (1, 1, 0.5), "reflectance": r}
+                        for r in (0.2, 0.3)]}, {}, "furniture.name", "two reflectances"),
+        ({"furniture": [{"name": "walls", "corner": (1, 1, 0), "size": (1, 1, 0.5)}]}, {},
+         "furniture.name", "two reflectances"),
+        ({"furniture": [{"name": f"{i}", "corner": (1, 1, 0), "size": (1, 1, 0.5)}
+                        for i in range(6)]}, {}, "furniture.name", "at most 8"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_told_apart_is_refused(change, rho, field, got):
+    with pytest.raises(InputError) as error:
+        with_reflectances(case_of(**change), rho)
+    assert error.value.field == field
+    assert got in str(error.value)
+
+
+def test_a_wall_of_glass_leaves_the_key(year):
+    strips = [{"bottom": 0.0, "top": 3.0, "material": "open"}]
+    facade = {side: {"strips": strips} for side in ("south", "east", "north", "west")}
+    interior = Interior.of(case_of(facade=facade, shading=None), year)
+    assert np.array_equal(at(interior, {"walls": 0.1}), at(interior, {"walls": 0.9}))
+
+
+def test_sensors_that_see_no_surface_are_refused(year):
+    table = [{"name": "table", "corner": (1.0, 1.0, 0.0), "size": (1.0, 1.0, 0.5)}]
+    with pytest.raises(InputError, match="no surface"):
+        Interior.of(case_of(room=None, facade={}, furniture=table, shading=None), year)
