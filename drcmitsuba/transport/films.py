@@ -229,7 +229,7 @@ class Films:
             row, known = self._rows(look.patch, look.d, look.front)
             seen = dr.compress((look.weight > 0) & known)
             kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
-            weight = dr.pi * dr.gather(mi.Float, look.weight, seen)
+            weight = dr.gather(mi.Float, dr.pi * look.weight, seen)  # there may be none
             dr.eval(kept, weight)
             kinds.append(Directions(*kept, weight))
         return Looked(dr.width(p) // 3, tuple(kinds))
