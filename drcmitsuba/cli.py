@@ -6,7 +6,7 @@ import json
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -15,6 +15,9 @@ from rich.table import Table
 from drcmitsuba import film_commands, optimise_command, tradeoff_command
 from drcmitsuba.errors import BackendError, InputError, was_stopped
 from drcmitsuba.terminal import Output, stages, writable
+
+if TYPE_CHECKING:
+    from drcmitsuba.result import Result
 
 app = typer.Typer(
     name="drcmitsuba",
@@ -74,8 +77,18 @@ def evaluate(
         Path | None,
         typer.Option(help="coefficients.zarr of this case, computed for another weather."),
     ] = None,
+    variants: Annotated[
+        str | None,
+        typer.Option(help="Other façades: cases beside this one, as o1,o2; a folder for each."),
+    ] = None,
 ) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
+    if variants is not None:
+        if coefficients is not None:
+            remedy = "give one of them"
+            raise InputError("command line", "--coefficients", "beside --variants", remedy)
+        _evaluate_variants(case, variants.split(","), output, weather)
+        return
     from drcmitsuba import evaluate as run
     from drcmitsuba import load_case, schema
 
@@ -86,12 +99,55 @@ def evaluate(
     with stages() as stage:
         result = run(loaded, stage, known)
         result.save(output, stage)
-    _print_metrics(result.metrics, loaded.name)
+    _print_result(result, output)
+
+
+def _print_result(result: Result, output: Path) -> None:
+    _print_metrics(result.metrics, result.case.name)
     if "accuracy" in result.metrics:
         _print_accuracy(result.metrics["accuracy"])
     _print_undecided(result.metrics["undecided"])
     for note in result.metrics["settings"]["notes"]:
         print(f"note: {note}")
+    print(f"results are in {output}")
+
+
+def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:
+    """Evaluate façades of one room by one simulation."""
+    from drcmitsuba.variants import evaluate_variants, load_variants
+
+    cases = [c.with_weather(weather) for c in load_variants(case, names)]
+    results = []
+    with stages() as stage:
+        found = evaluate_variants(cases, stage)
+        for name, result in zip([Path(case).stem, *names], found, strict=True):
+            result.save(output / name, stage)
+            results.append((name, result.metrics))
+    table = Table("façade", *(f"{n} % (95 %)" for n in ("sDA", "ASE", "shade closed")))
+    for name, numbers in results:
+        table.add_row(name, *(_percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
+    Console().print(table)
+    for note in dict.fromkeys(n for _, r in results for n in r["settings"]["notes"]):
+        print(f"note: {note}")
+    print(f"results are in the folders of {output}")
+
+
+@app.command()
+def season(case: CasePath, output: Output = Path("season"), weather: Weather = None) -> None:
+    """Judge months with the season taken out: beside clear glazing and an open window."""
+    from drcmitsuba import load_case
+    from drcmitsuba.season import season as compare
+
+    with stages() as stage:
+        found = compare(load_case(case).with_weather(weather), stage)
+        with stage("writing"):
+            found.save(output)
+    table = Table("month", "msDA %", "clear glazing %", "opening %", "of the opening %")
+    rows = zip(found.design, found.clear, found.opening, found.relative, strict=True)
+    for month, (*shares, relative) in enumerate(rows, start=1):
+        share = "–" if relative is None else f"{relative:.0f}"
+        table.add_row(str(month), *map(_percent, shares), share)
+    Console().print(table)
     print(f"results are in {output}")
 
 

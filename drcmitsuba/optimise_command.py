@@ -9,22 +9,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drcmitsuba.progress import Stage
 from drcmitsuba.terminal import Output, stages
 
 if TYPE_CHECKING:
-    from drcmitsuba.case import Case
     from drcmitsuba.design.layout import Layout
     from drcmitsuba.design.optimise import Front, Optimum
-    from drcmitsuba.design.year import Year
 
 LOOSEST = 2.0
 """Largest limit of the sweep over the one asked for."""
-
-
-def _year(case: Case, stage: Stage) -> Year:
-    """Compute the façade's coefficients and put them under the sky of the year."""
-    raise NotImplementedError("the façade's basis is not there yet")
 
 
 def optimise(
@@ -49,7 +41,7 @@ def optimise(
     layout = Layout.of(loaded)
     backend.select()
     with stages() as stage:
-        year = _year(loaded, stage)
+        year = layout.year(stage)
         problem = layout.problem(year)
         with stage("search") as done:
             found = search(problem, layout.search, done, layout.known(problem))

@@ -191,6 +191,42 @@ def monthly(metrics: Mapping[str, Any], *, title: str = "") -> Figure:
     return figure
 
 
+def season(found: Any) -> Figure:
+    """Draw msDA of a façade beside clear glazing and an unobstructed opening.
+
+    Parameters
+    ----------
+    found : season.Season
+
+    Returns
+    -------
+    Figure
+        Light bands are 95 % intervals.
+    """
+    figure = Figure(figsize=(9.6, 4.3))
+    ax, share = figure.subplots(1, 2, width_ratios=[1.5, 1])
+    figure.subplots_adjust(left=0.075, right=0.985, bottom=0.1, top=0.8, wspace=0.2)
+    figure.text(0.075, 0.955, found.name, fontsize=12, weight="bold", va="center", color=INK)
+    _line(ax, found.opening, "unobstructed opening, no shade", color=GREY, marker=".")
+    _line(ax, found.clear, "clear glazing", color=ORANGE, marker="s")
+    _line(ax, found.design, "design", color=BLUE, marker="o")
+    ax.set(ylabel="msDA [%]")
+    relative = [np.nan if v is None else v for v in found.relative]
+    share.bar(np.arange(1, 13), relative, color=BLUE, width=0.7)
+    share.set_title("msDA over that of the opening [%]", loc="left", fontsize=10, color=GREY)
+    for axes in (ax, share):
+        axes.set(xlim=(0.4, 12.6), ylim=(0, max(105.0, np.nanmax([*relative, 0.0]) + 5)))
+        axes.set_xticks(range(1, 13), MONTHS)
+        axes.grid(axis="y", color="#E4E4E4", linewidth=0.7)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+    ax.set_ylim(0, 105)
+    share.tick_params(axis="x", labelsize=8)
+    legend = {"ncols": 3, "frameon": False, "fontsize": 9, "borderaxespad": 0.3}
+    ax.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderpad=0, **legend)
+    return figure
+
+
 def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure as PNG, whole or not at all.
 

@@ -14,11 +14,11 @@ import xarray as xr
 
 from drcmitsuba import backend, scene, schema
 from drcmitsuba.case import Case
-from drcmitsuba.judgement import judge
+from drcmitsuba.judgement import Judgement, judge
 from drcmitsuba.light import Daylight, daylight, luminances, save_luminances
 from drcmitsuba.plan import notes, plan
 from drcmitsuba.progress import Stage, silent, timed
-from drcmitsuba.rounds import toward_target
+from drcmitsuba.rounds import Reached, toward_target
 from drcmitsuba.simulation import coefficients
 
 
@@ -124,7 +124,7 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     BackendError
         No fit LLVM or GPU.
     """
-    variant = backend.select()
+    backend.select()
     seconds: dict[str, float] = {}
     with timed(stage, "sky", seconds):
         scene.sensor_points(case)  # what is wrong with the sensors is told before the work begins
@@ -136,6 +136,28 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     reached = None
     if case.accuracy.target is not None:
         found, now, reached = toward_target(case, light, found, now, stage, seconds)
+    return summed_up(case, light, found, now, seconds, told, reached)
+
+
+def summed_up(
+    case: Case, light: Daylight, found: xr.Dataset, now: Judgement, seconds: dict[str, float],
+    told: list[str], reached: Reached | None = None,
+) -> Result:  # fmt: skip
+    """Put the parts of an evaluation together, settings and plan with them.
+
+    Parameters
+    ----------
+    case : Case
+    light : Daylight
+    found : xr.Dataset
+        C of both states.
+    now : Judgement
+    seconds : dict
+    told : list of str
+        Notes on the films.
+    reached : Reached, optional
+        How far a target was reached.
+    """
     E, numbers = now.illuminance, now.metrics
     closed = int(E["shade_closed"].sum())
     suns = int((light.sky["sun_bin"].values != "").sum())
@@ -143,7 +165,7 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     missing = [e["reason"] for e in effects.values() if e.get("missing")]
     numbers["settings"] = {
         "case": case.source,
-        "variant": variant,
+        "variant": backend.select(),
         "weather_source": light.source,
         "notes": [*light.notes, *told, *missing],
         **case.model_dump(mode="json", exclude_none=True),

@@ -8,6 +8,26 @@ views
     What receivers see through one tile at a time.
 basis
     What was computed, and the coefficients of a composition.
-compute
+simulate
     From a room to its basis.
+year
+    A basis under a sky: illuminance by any composition, with gradients.
 """
+
+from drcmitsuba.basis.basis import Basis
+from drcmitsuba.basis.facade import Palette, Tiles
+from drcmitsuba.basis.simulate import compute
+from drcmitsuba.basis.tiling import Wall, of_grid, of_variants, side_of
+from drcmitsuba.basis.year import Year
+
+__all__ = [
+    "Basis",
+    "Palette",
+    "Tiles",
+    "Wall",
+    "Year",
+    "compute",
+    "of_grid",
+    "of_variants",
+    "side_of",
+]

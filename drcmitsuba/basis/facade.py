@@ -151,15 +151,14 @@ class Palette:
         """Whether light comes in by a material, shape (material,)."""
         return np.array([not isinstance(m, Lambertian) for m in self.materials.values()])
 
-    def shaded(self, share: mi.TensorXf) -> mi.TensorXf:
-        """Composition with the shade closed, from one (tile, material) with the shade open."""
-        if self.shade is None:
-            return share
-        n = len(self.names)
-        move = np.eye(n, dtype=np.float32)
-        move[self.clear] = 0
-        move[self.clear, self.names.index(self.shade)] = 1
-        return share @ mi.TensorXf(move)
+    @cached_property
+    def closing(self) -> np.ndarray:
+        """Matrix (material, material) that turns compositions into those with the shade closed."""
+        move = np.eye(len(self.names), dtype=np.float32)
+        if self.shade is not None:
+            move[self.clear] = 0
+            move[self.clear, self.names.index(self.shade)] = 1
+        return move
 
 
 def _material(case: Case, name: str) -> SurfaceMaterial | None:

@@ -22,6 +22,14 @@ from drcmitsuba.transport.films import Films, Looked
 from drcmitsuba.transport.panes import PanePatches
 
 
+class _AllWithin(Enclosure):
+    """Enclosure of receivers that are known to lie in the room."""
+
+    def contains(self, points: mi.Float) -> bool:
+        """Spare the look at every point, which takes longer than the rays of one tile."""
+        return True
+
+
 @dataclass(frozen=True)
 class Room:
     """A room whose façade is filled with tiles.
@@ -33,7 +41,7 @@ class Room:
     corners : np.ndarray, shape (corner, 3)
         Of the room and the tiles [m].
     enclosure : Enclosure
-        Its openings are of no account.
+        Without openings.
     tiles : Tiles
     palette : Palette
     channel : int
@@ -55,14 +63,12 @@ class Room:
         """Room that is closed but for some tiles, which clear panes may cover."""
         closed = self.tiles.quads[~(self.tiles.quads[:, None] == quads).all((2, 3)).any(axis=1)]
         opaque = self.scene(*([quad_mesh("closed", closed)] if len(closed) else []))
-        enclosure = replace(self.enclosure, openings=quads)
+        enclosure = _AllWithin(self.enclosure.size, self.enclosure.turn, quads)
         return Scene(opaque, opaque, clear, (), (), self.corners, enclosure)
 
     def with_panes(self, quads: np.ndarray) -> Scene:
         """Room whose panes hide nothing: they are what is looked at."""
-        scene = self.with_openings(quads)
-        enclosure = replace(self.enclosure, openings=np.zeros((0, 4, 3)))
-        return replace(scene, enclosure=enclosure)
+        return replace(self.with_openings(quads), enclosure=self.enclosure)
 
     def quads(self, material: int) -> np.ndarray:
         """Rectangles that a material may fill, (rectangle, 4, 3)."""
@@ -104,7 +110,7 @@ class Straight:
         kind = tuple(room.palette.materials.values())[material]
         pane = None if kind is None else mi.load_dict(bsdf(kind, room.channel))
         scenes = {}
-        for tile in np.flatnonzero(room.palette.allowed[:, material]):
+        for tile in map(int, np.flatnonzero(room.palette.allowed[:, material])):
             quads = room.tiles.of(tile)
             clear = None
             if pane is not None:
@@ -131,13 +137,17 @@ class Glow:
     tile_of: np.ndarray
 
     @classmethod
-    def lit(cls, room: Room, material: int, base: Deposit, key: tuple[int, ...]) -> Deposit:
-        """Find what reaches a film that fills all tiles that it may."""
+    def scene(cls, room: Room, material: int) -> Scene:
+        """Room with a film in all tiles that it may fill."""
         kind = tuple(room.palette.materials.values())[material]
         assert isinstance(kind, BsdfMaterial)
         quads = room.quads(material)
         panes = FilmPanes(quads, mi.load_dict(bsdf(kind, room.channel)))
-        scene = replace(room.with_panes(quads), films=(panes,))
+        return replace(room.with_panes(quads), films=(panes,))
+
+    @classmethod
+    def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
+        """Find what reaches the film."""
         size = 2 * base.accuracy.cell_size
         films = Films.of(scene, size, base.suns, base.diameter)
         return replace(base, scene=scene, films=films).lit(key)
@@ -166,14 +176,19 @@ class Spread:
     tile_of: np.ndarray
 
     @classmethod
-    def lit(cls, room: Room, material: int, base: Deposit, key: tuple[int, ...]) -> Deposit:
-        """Find what reaches a diffusing material that fills all tiles that it may."""
+    def scene(cls, room: Room, material: int) -> Scene:
+        """Room with a diffusing material in all tiles that it may fill."""
         kind = tuple(room.palette.materials.values())[material]
         assert isinstance(kind, DiffuserMaterial)
         quads = room.quads(material)
         panes = ScatteringPanes(quads, kind.transmittance, kind.reflectance)
-        scene = replace(room.with_panes(quads), scattering=(panes,))
-        patches = PanePatches.of([quads], 2 * base.accuracy.cell_size)
+        return replace(room.with_panes(quads), scattering=(panes,))
+
+    @classmethod
+    def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
+        """Find what reaches the panes."""
+        quads = [panes.quads for panes in scene.scattering]
+        patches = PanePatches.of(quads, 2 * base.accuracy.cell_size)
         return replace(base, scene=scene, patches=patches).lit(key)
 
     @classmethod

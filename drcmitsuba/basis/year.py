@@ -184,7 +184,7 @@ class Year:
         -------
         Illuminances
         """
-        behind = self.palette.shaded(share)
+        behind = share @ mi.TensorXf(self.palette.closing)
         factors = self._factors(scale or {})
         lit, lit_behind = share.array * factors, behind.array * factors
         other = self._mixed("other", lit)

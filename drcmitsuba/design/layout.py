@@ -6,8 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba import simulation
-from drcmitsuba.case import Case, DiffuserMaterial, Facade, GlazingMaterial, Side
+from drcmitsuba import basis, simulation
+from drcmitsuba.case import (
+    Adaptive,
+    Case,
+    DiffuserMaterial,
+    Facade,
+    GlazingMaterial,
+    Side,
+    TrueSun,
+)
 from drcmitsuba.design.optimise import Optimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
@@ -15,6 +23,8 @@ from drcmitsuba.design.realise import realise
 from drcmitsuba.design.year import Year
 from drcmitsuba.design_table import Design
 from drcmitsuba.errors import InputError
+from drcmitsuba.light import daylight
+from drcmitsuba.progress import Stage, silent
 from drcmitsuba.table import checked
 
 ROWS = 6
@@ -98,6 +108,31 @@ class Layout:
     def heights(self) -> np.ndarray:
         """Edges of the rows, from the bottom up, shape (rows + 1,) [m]."""
         return np.linspace(*self.band, self.rows + 1)
+
+    def year(self, stage: Stage = silent) -> basis.Year:
+        """Simulate the façade's basis and put it under the sky of the case's period.
+
+        An adaptive sun gives way to the true suns: its mesh would follow one composition.
+
+        Raises
+        ------
+        InputError
+            The weather is unfit, or the case is none that a basis can hold.
+        """
+        case = self.case
+        if isinstance(case.sun, Adaptive):
+            case = case.model_copy(update={"sun": TrueSun()})
+        with stage("sky"):
+            light = daylight(case)
+        wall = basis.Wall(case, self.side)
+        materials = ("wall", self.clear, self.film)
+        tiles, palette = basis.of_grid(wall, self.heights, self.segments, materials)
+        with stage("façade basis") as done:
+            found = basis.compute(
+                wall, tiles, palette, light.suns, case.accuracy,
+                groups=1, subdivision=case.sky.subdivision, progress=done,
+            )  # fmt: skip
+        return basis.Year.of(found, light)
 
     @property
     def search(self) -> Search:

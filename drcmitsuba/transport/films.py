@@ -86,8 +86,9 @@ class Looked(NamedTuple):
         kinds = []
         for kind in self.kinds:
             seen = dr.compress(dr.gather(mi.Bool, wanted, kind.patch))
-            kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in kind)))
-            dr.eval(*kinds[-1])
+            if dr.width(seen):
+                kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in kind)))
+                dr.eval(*kinds[-1])
         return Looked(self.receivers, tuple(kinds))
 
 
@@ -228,10 +229,13 @@ class Films:
         for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed):
             row, known = self._rows(look.patch, look.d, look.front)
             seen = dr.compress((look.weight > 0) & known)
+            if dr.width(seen) == 0:
+                continue
             kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
             weight = dr.gather(mi.Float, dr.pi * look.weight, seen)  # there may be none
             dr.eval(kept, weight)
-            kinds.append(Directions(*kept, weight))
+            receiver, patch, cell = kept
+            kinds.append(Directions(receiver, patch, cell, weight))
         return Looked(dr.width(p) // 3, tuple(kinds))
 
     def sent(self, looked: Looked, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
@@ -256,8 +260,6 @@ class Films:
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
         by_sky = dr.zeros(mi.Float, count * bins)
         for kind in looked.kinds:
-            if dr.width(kind.weight) == 0:
-                continue
             first = _first_of_rows(kind.receiver, count)
             sun_row = kind.row + dr.gather(mi.UInt32, first_sun, kind.patch)
             sky_row = kind.row + dr.gather(mi.UInt32, first_sky, kind.patch)

@@ -150,7 +150,7 @@ def _trace(
         si.wi = si.to_local(-ray.d)
         bsdf, may_be_cell = si.bsdf(), mi.Bool(True)
         if dr.hint(marks is not None, mode="scalar"):
-            bsdf, mark, factor, may_be_cell = marks.meet(si, mark, sampler.next_1d(active))
+            bsdf, mark, factor, may_be_cell = marks.meet(si, mark, sampler.next_1d(active))  # type: ignore[union-attr]
             beta *= factor
             active &= beta > 0
         uv = dr.select(depth == 0, even_numbers(index, row, seed, 1), sampler.next_2d(active))
@@ -188,11 +188,15 @@ def _trace(
     dr.eval(counter, row_of, weight_of, key_of, tag_of, mark_of, p_of, n_of)
     met = int(counter[0])
     size = min(met, capacity)
+    kept, three = dr.arange(mi.UInt32, size), dr.arange(mi.UInt32, 3 * size)
     vertices = Vertices(
-        *(dr.gather(type(a), a, dr.arange(mi.UInt32, size)) for a in (row_of, weight_of)),
-        *(dr.gather(mi.UInt32, a, dr.arange(mi.UInt32, size)) for a in (key_of, tag_of)),
-        *(dr.gather(mi.Float, a, dr.arange(mi.UInt32, 3 * size)) for a in (p_of, n_of)),
-        None if marks is None else dr.gather(mi.UInt32, mark_of, dr.arange(mi.UInt32, size)),
+        row=dr.gather(mi.UInt32, row_of, kept),
+        weight=dr.gather(mi.Float, weight_of, kept),
+        key=dr.gather(mi.UInt32, key_of, kept),
+        tag=dr.gather(mi.UInt32, tag_of, kept),
+        p=dr.gather(mi.Float, p_of, three),
+        n=dr.gather(mi.Float, n_of, three),
+        mark=None if marks is None else dr.gather(mi.UInt32, mark_of, kept),
     )
     dr.eval(vertices.row, vertices.weight, vertices.key, vertices.tag, vertices.p, vertices.n)
     dr.eval(vertices.mark)

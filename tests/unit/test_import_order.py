@@ -18,10 +18,9 @@ ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
     "design_table", "case", "light", "backend", "materials", "scene", "goniophotometer", "plan",
     "transport", "coefficients", "basis", "refinement", "accumulate", "metrics", "smooth",
-    "uncertainty",
-    "pool", "simulation", "judgement", "rounds", "design", "plots", "design_pictures", "report",
-    "result", "tradeoff", "terminal", "film_commands", "tradeoff_command", "optimise_command",
-    "cli",
+    "uncertainty", "pool", "simulation", "judgement", "rounds", "design", "plots",
+    "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",
+    "film_commands", "tradeoff_command", "optimise_command", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

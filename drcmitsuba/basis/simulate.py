@@ -11,9 +11,9 @@ take D as the mean over blocks of cells of `BLOCK` edges.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -97,12 +97,10 @@ def compute(
     base = Deposit(walls, reaching.directions, suns.diameter, subdivision, accuracy, None)
     shape = (len(elements), groups, bins, len(points))
     straight = np.flatnonzero(palette.straight[elements % len(palette.names)])
-    out = {
-        "total": np.empty(shape, np.float32),
-        "direct": np.empty(shape, np.float32) if groups > 1 else None,
-        "straight": np.empty((len(straight), *shape[1:]), np.float32),
-        "grouped": np.empty((*shape[:3], paths.blocks), np.float32),
-    }
+    total = np.empty(shape, np.float32)
+    directly = np.empty(shape, np.float32) if groups > 1 else None
+    straightly = np.empty((len(straight), *shape[1:]), np.float32)
+    grouped = np.empty((*shape[:3], paths.blocks), np.float32)
     where = {int(e): i for i, e in enumerate(elements)}
     where_straight = {int(elements[i]): j for j, i in enumerate(straight)}
     done = 0
@@ -112,12 +110,12 @@ def compute(
             i = where[element]
             inner = np.concatenate([(matrix @ part).numpy() for part in lit], axis=1)
             direct = seen[0] if len(seen) == 1 else seen[0].plus(seen[1])
-            out["total"][i, group] = (direct.numpy() + inner[: len(points)]).T
-            out["grouped"][i, group] = inner[len(points) :].T
-            if out["direct"] is not None:
-                out["direct"][i, group] = direct.numpy().T
+            total[i, group] = (direct.numpy() + inner[: len(points)]).T
+            grouped[i, group] = inner[len(points) :].T
+            if directly is not None:
+                directly[i, group] = direct.numpy().T
             if element in where_straight:
-                out["straight"][where_straight[element], group] = seen[0].numpy().T
+                straightly[where_straight[element], group] = seen[0].numpy().T
             done += 1
             progress(done / (groups * len(elements)))
     return Basis(
@@ -128,8 +126,11 @@ def compute(
         suns=suns.labels,
         elements=elements,
         straight_elements=elements[straight],
+        total=total,
+        direct=directly,
+        straight=straightly,
+        grouped=grouped,
         returned=paths.returned(),
-        **out,
     )
 
 
@@ -172,6 +173,13 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene
     return Room(tuple(walls.full.shapes()), corners, enclosure, tiles, palette), walls
 
 
+class _Receivers(NamedTuple):
+    """Points and normals of receivers in each draw, three numbers each."""
+
+    points: list[mi.Float]
+    normals: list[mi.Float]
+
+
 class _Paths:
     """Gather paths of all groups, sorted into those that met the façade and those that did not."""
 
@@ -179,7 +187,7 @@ class _Paths:
         self.vertices, self.cells, self.sensors, self.draws = vertices, cells, sensors, draws
         self.cell = cells.of(vertices)
         block, self.blocks = _blocks(cells)
-        met = vertices.mark > 0
+        met = _marks(vertices) > 0
         # How often paths that met the façade came to each cell tells how much of its block it is.
         visits = dr.zeros(mi.Float, cells.count)
         dr.scatter_add(visits, vertices.weight, self.cell, met)
@@ -195,7 +203,7 @@ class _Paths:
         out = dr.zeros(mi.Float, (self.sensors + self.blocks) * self.cells.count)
         sensors = dr.opaque(mi.UInt32, self.sensors)
         replicate, sensor = v.row // sensors, v.row % sensors
-        mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (v.mark == 0)
+        mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (_marks(v) == 0)
         dr.scatter_add(out, v.weight / self.draws, sensor * count + self.cell, mine)
         cell = dr.arange(mi.UInt32, self.cells.count)
         dr.scatter(out, self.share, (sensors + self.block) * count + cell)
@@ -205,14 +213,19 @@ class _Paths:
     def returned(self) -> Returned:
         """Vertices of paths that met the façade."""
         v = self.vertices
-        at = dr.compress(v.mark > 0)
+        at = dr.compress(_marks(v) > 0)
         row = dr.gather(mi.UInt32, v.row, at).numpy()
         return Returned(
             row // (self.draws * self.sensors) * self.sensors + row % self.sensors,
             dr.gather(mi.UInt32, self.block, dr.gather(mi.UInt32, self.cell, at)).numpy(),
-            dr.gather(mi.UInt32, v.mark, at).numpy(),
+            dr.gather(mi.UInt32, _marks(v), at).numpy(),
             dr.gather(mi.Float, v.weight, at).numpy() / self.draws,
         )
+
+
+def _marks(vertices: Vertices) -> mi.UInt32:
+    assert vertices.mark is not None
+    return vertices.mark
 
 
 def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
@@ -237,34 +250,68 @@ def _elements(
     """Deposit of a group by way of every element: on sensors, straight first, and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
     p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
-    on_cells = [draw_points(paths.vertices, paths.cell, 0, paths.cells.count, d) for d in draws]
-    a = base.accuracy
+    on_sensors = _Receivers([p] * len(draws), [n] * len(draws))
+    drawn = [draw_points(paths.vertices, paths.cell, 0, paths.cells.count, d) for d in draws]
+    on_cells = _Receivers(*map(list, zip(*drawn, strict=True)))
     for m, kind in enumerate(room.palette.materials.values()):
-        if isinstance(kind, Lambertian) or not room.palette.allowed[:, m].any():
+        if not (room.palette.lets_in[m] and room.palette.allowed[:, m].any()):
             continue
-        straight = Straight.of(room, m, base) if room.palette.straight[m] else None
-        view: Any = {BsdfMaterial: Glow, DiffuserMaterial: Spread}.get(type(kind))
-        lit = [view.lit(room, m, base, (d, 0, m)) for d in draws] if view else []
-        seen = (
-            [[view.seen(room, x, p, n, (d, 1, m, 1)) for d, x in zip(draws, lit)]] if view else []
-        )
-        if view:
-            seen.append(
-                [view.seen(room, x, *q, (d, 1, m, 0)) for d, x, q in zip(draws, lit, on_cells)]
-            )
+        sources: list[Callable[[int], tuple[Irradiance, Irradiance]]] = []
+        if room.palette.straight[m]:
+            sources.append(_straight(room, m, base, draws, on_sensors, on_cells))
+        if isinstance(kind, BsdfMaterial | DiffuserMaterial):
+            sources.append(_scattered(room, m, base, draws, on_sensors, on_cells))
         for tile in map(int, np.flatnonzero(room.palette.allowed[:, m])):
-            sensors, cells = [], []
-            if straight is not None:
-                sensors.append(mean([
-                    straight.part(tile, p, n, (d, 1, m, 1), a.sensor_sky_rays, a.sensor_sun_samples)
-                    for d in draws
-                ]))  # fmt: skip
-                cells.append(mean([
-                    straight.part(tile, *q, (d, 1, m, 0), a.cell_sky_rays, 1)
-                    for d, q in zip(draws, on_cells)
-                ]))  # fmt: skip
-            if view:
-                sensors.append(mean([v.part(tile) for v in seen[0]]))
-                cells.append(mean([v.part(tile) for v in seen[1]]))
+            sensors, cells = zip(*(source(tile) for source in sources), strict=True)
             on = cells[0] if len(cells) == 1 else cells[0].plus(cells[1])
-            yield tile * len(room.palette.names) + m, sensors, on
+            yield tile * len(room.palette.names) + m, list(sensors), on
+
+
+def _straight(
+    room: Room,
+    m: int,
+    base: Deposit,
+    draws: range,
+    sensors: _Receivers,
+    cells: _Receivers,
+) -> Callable[[int], tuple[Irradiance, Irradiance]]:
+    """Straight light by one tile of a material, to sensors and cells."""
+    view, a = Straight.of(room, m, base), base.accuracy
+
+    def of(tile: int) -> tuple[Irradiance, Irradiance]:
+        kinds = (
+            (1, sensors, a.sensor_sky_rays, a.sensor_sun_samples),
+            (0, cells, a.cell_sky_rays, 1),
+        )
+        return tuple(  # type: ignore[return-value]
+            mean([
+                view.part(tile, q, facing, (d, 1, m, kind), rays, samples)
+                for d, q, facing in zip(draws, *receivers, strict=True)
+            ])
+            for kind, receivers, rays, samples in kinds
+        )  # fmt: skip
+
+    return of
+
+
+def _scattered(
+    room: Room,
+    m: int,
+    base: Deposit,
+    draws: range,
+    sensors: _Receivers,
+    cells: _Receivers,
+) -> Callable[[int], tuple[Irradiance, Irradiance]]:
+    """Light that one tile of a material scatters, to sensors and cells."""
+    film = isinstance(tuple(room.palette.materials.values())[m], BsdfMaterial)
+    view: type[Glow] | type[Spread] = Glow if film else Spread
+    scene = view.scene(room, m)
+    lit = [view.lit(scene, base, (d, 0, m)) for d in draws]
+    seen = [
+        [
+            view.seen(room, x, q, facing, (d, 1, m, kind))
+            for d, x, q, facing in zip(draws, lit, *receivers, strict=True)
+        ]
+        for kind, receivers in ((1, sensors), (0, cells))
+    ]
+    return lambda tile: tuple(mean([v.part(tile) for v in s]) for s in seen)  # type: ignore[return-value]

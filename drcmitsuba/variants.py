@@ -1,0 +1,116 @@
+"""Several façades of one room from one simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import xarray as xr
+
+from drcmitsuba import backend, basis, simulation
+from drcmitsuba.case import Adaptive, Case, load_case
+from drcmitsuba.errors import InputError
+from drcmitsuba.judgement import judge
+from drcmitsuba.light import Daylight, daylight
+from drcmitsuba.plan import notes
+from drcmitsuba.progress import Stage, silent, timed
+from drcmitsuba.result import Result, summed_up
+
+
+def load_variants(path: str, names: Sequence[str]) -> list[Case]:
+    """Load a case and variants of it, which lie beside it.
+
+    Parameters
+    ----------
+    path : str
+        A TOML file, or the name of a shipped case.
+    names : sequence of str
+        Names of files in the same folder, without their ending.
+
+    Returns
+    -------
+    list of Case
+        The case itself first.
+
+    Raises
+    ------
+    InputError
+        As `load_case`; a name that comes twice or holds a folder.
+    """
+    first = Path(path)
+    every = [first.stem, *names]
+    for name in names:
+        if not name or Path(name).name != name or every.count(name) > 1:
+            got = f"{name!r}"
+            raise InputError("command line", "--variants", got, "name files beside the case, once")
+    return [load_case(path), *(load_case(_beside(first, name)) for name in names)]
+
+
+def _beside(first: Path, name: str) -> str:
+    """Path, or shipped name, of a variant in the folder of the first case."""
+    return str(first.with_name(name + (first.suffix if first.is_file() else "")))
+
+
+def evaluate_variants(
+    cases: Sequence[Case], stage: Stage = silent, judged: Sequence[Case] | None = None
+) -> Iterator[Result]:
+    """Evaluate façades of one room by one façade basis.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        Alike but for their façades, with windows in one side of the room.
+    stage : callable, optional
+    judged : sequence of Case, optional
+        The same cases where they are judged by other rules, such as without their shade.
+
+    Yields
+    ------
+    Result
+        One for each case. Its seconds are the basis' and its own.
+
+    Raises
+    ------
+    InputError
+        The cases cannot share a basis: they differ in more, are coloured, ask for a target or an
+        adaptive sun.
+
+    Notes
+    -----
+    The variants share their light paths, so differences between them are surer than each of them.
+    """
+    backend.select()
+    first = cases[0]
+    if first.accuracy.target is not None:
+        got = "a target for several façades at once"
+        raise InputError(first.source, "accuracy.target", got, "leave it out, or evaluate each")
+    if isinstance(first.sun, Adaptive):
+        raise InputError(first.source, "sun.model", "adaptive", "take another one for variants")
+    seconds: dict[str, float] = {}
+    with timed(stage, "sky", seconds):
+        told = [notes(case) for case in cases]
+        light = daylight(first)
+        wall, tiles, palette, shares = basis.of_variants(cases)
+    with timed(stage, "façade basis", seconds) as done:
+        found = basis.compute(
+            wall, tiles, palette, light.suns, first.accuracy,
+            subdivision=first.sky.subdivision, progress=done,
+        )  # fmt: skip
+    for case, share, said in zip(judged or cases, shares, told, strict=True):
+        own = dict(seconds)
+        with timed(stage, case.name, own):
+            by_state = {"open": share, "shaded": share @ palette.closing}
+            C = {state: found.coefficients(of) for state, of in by_state.items()}
+            joined = _joined(C, case, light)
+            now = judge(case, light, joined)
+        yield summed_up(case, light, joined, now, own, said)
+
+
+def _joined(found: dict[str, xr.Dataset], case: Case, light: Daylight) -> xr.Dataset:
+    """Both states of a case, or the open one where it has no shade or never closes it."""
+    if case.shading is None or not simulation.may_close(case, light, found["open"]).any():
+        del found["shaded"]
+    joined = simulation.states(found, case)
+    joined.attrs |= {name: light.sky.attrs[name] for name in simulation.SUN_OF}
+    joined.attrs["fingerprint"] = simulation.fingerprint(case)
+    return joined

@@ -1,0 +1,97 @@
+"""Compositions recombined from a façade basis against simulations of their own."""
+
+import numpy as np
+import pytest
+from drcmitsuba_plugins.patches import Patches
+from scipy.stats import t as student
+
+from drcmitsuba import backend, basis, load_case, simulation
+from drcmitsuba.case import Strip
+from drcmitsuba.light import daylight
+
+HEIGHTS = [0.9, 1.8, 2.7, 3.6]
+SEGMENTS = 6
+MATERIALS = ["wall", "glass", "film", "shade"]
+STAMPS = 48
+
+
+@pytest.fixture(autouse=True)
+def _backend():
+    backend.select()
+
+
+def mixed(case, rng, number):
+    """A façade whose 18 tiles are of random materials; the shade may stand in a tile as well."""
+    chosen = rng.choice(MATERIALS, (3, SEGMENTS), p=rng.dirichlet(np.ones(4)))
+    strips = [
+        Strip(bottom=HEIGHTS[i], top=HEIGHTS[i + 1], material=str(chosen[i, j]), segments=(j,))
+        for i in range(3)
+        for j in range(SEGMENTS)
+    ]
+    south = case.facade["south"].model_copy(update={"strips": tuple(strips), "frame": 0.0})
+    return case.model_copy(update={"name": f"mixed {number}", "facade": {"south": south}})
+
+
+def some_hours(light):
+    """Weights [cd/m²] of all bins: their mean luminance over hours spread over the year."""
+    up = np.flatnonzero(light.sky["sun_bin"].values != "")
+    hours = up[np.linspace(0, len(up) - 1, STAMPS).astype(int)]
+    at = light.sky.isel(time=hours)
+    suns = light.suns.only(at["sun_bin"].values.astype(object))
+    by_sun = dict(zip(map(str, at["sun_bin"].values), at["sun"].values / STAMPS, strict=True))
+    L = [*at["sky"].values.mean(axis=0), *(by_sun[label] for label in suns.labels)]
+    return suns, np.array(L)
+
+
+def spread(replicates):
+    return replicates.mean(axis=0), replicates.std(axis=0, ddof=1) / np.sqrt(len(replicates))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", ["open", "shaded"])
+def test_fifty_mixed_compositions(state, capsys):
+    """Mean E of the year, in all and by sensor, within 3 standard errors or 0.3 % of the mean."""
+    # Glass that mirrors, a shade that reflects, the measured film: not only Lambertian walls.
+    case, rng = load_case("classroom/o3"), np.random.default_rng(5)
+    light = daylight(case)
+    suns, L = some_hours(light)
+    count = 50 if state == "open" else 10
+    cases = [mixed(case, rng, i) for i in range(count)]
+    _, tiles, palette, shares = basis.of_variants(cases)
+    assert len(tiles) == 18
+    wall = basis.Wall(cases[0], "south")
+    found = basis.compute(wall, tiles, palette, suns, case.accuracy)
+    labels = [*Patches(1).labels, *suns.labels]
+    errors, whole = [], []
+    for i, (each, share) in enumerate(zip(cases, shares, strict=True)):
+        a = case.accuracy.model_copy(update={"seed": 100 + i})
+        fresh = simulation.transport(
+            each.model_copy(update={"accuracy": a}), state, suns, light.sky.attrs["latitude"]
+        )
+        if state == "shaded":
+            share = share @ palette.closing
+        ours = found.coefficients(share)
+        E, theirs = (
+            (C["replicates"].sel(bin=labels).values * L).sum(axis=-1) for C in (ours, fresh)
+        )
+        mean = theirs.mean()
+        if mean == 0:
+            assert E.max() == 0
+            continue
+        (m, e), (n, f) = spread(E), spread(theirs)
+        errors.append((np.abs(m - n) - 0.003 * mean) / np.hypot(e, f))
+        (m, e), (n, f) = spread(E.mean(axis=1)), spread(theirs.mean(axis=1))
+        whole.append((m / n - 1, np.hypot(e, f) / n))
+    errors, (off, sigma) = np.array(errors), np.array(whole).T
+    with capsys.disabled():
+        print(
+            f"\n{state}: mean E off by {100 * off.mean():+.3f} % in the mean, "
+            f"{100 * off.std():.3f} % RMS, at most {100 * np.abs(off).max():.3f} % "
+            f"(standard error {100 * sigma.mean():.3f} %); "
+            f"sensors beyond 0.3 %: at most {errors.max():.2f} standard errors"
+        )
+    assert (np.abs(off) <= np.maximum(3 * sigma, 0.003)).all()
+    limit = student.ppf(1 - 0.01 / errors.size / 2, 7)  # the rougher of two, of 8 replicates each
+    assert errors.max() < limit
+    assert (errors > 3).mean() < 0.01
+    assert abs(off.mean()) < 0.003
