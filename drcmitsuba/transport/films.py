@@ -232,7 +232,7 @@ class Films:
             if dr.width(seen) == 0:
                 continue
             kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
-            weight = dr.gather(mi.Float, dr.pi * look.weight, seen)  # there may be none
+            weight = dr.pi * dr.gather(mi.Float, look.weight, seen)
             dr.eval(kept, weight)
             receiver, patch, cell = kept
             kinds.append(Directions(receiver, patch, cell, weight))

@@ -14,7 +14,7 @@ def _variant():
 
 
 def test_receivers_that_see_no_film():
-    # As those of a shade below the film in one plane with it, which face the room too.
+    # As a shade in one plane with the film, which faces the room too.
     world = scene.load(load_case("classroom/reference/o3"), "open")
     sun = np.array([[0.0, -0.8, 0.6]])
     films = Films.of(world, 0.9, sun, 0.5)
@@ -25,5 +25,5 @@ def test_receivers_that_see_no_film():
         counts.append([len(kind.weight) for kind in looked.kinds])
         parts = looked.of(np.ones(len(films.patches), bool))
         assert [len(kind.weight) for kind in parts.kinds] == counts[-1]
-    assert counts[0] == [0, 0]
-    assert min(counts[1]) > 0
+    assert sum(counts[0]) == 0
+    assert sum(counts[1]) > 0
