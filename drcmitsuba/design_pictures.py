@@ -67,7 +67,8 @@ def front(
     _tidy(ax)
     left, right = ax.get_xlim()
     ax.set_xlim(min(-1.0, left), right + 0.08 * (right - left))  # room for the names
-    ax.legend(loc="lower right", frameon=False, fontsize=9)
+    # Named compositions may lie anywhere in the axes.
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
