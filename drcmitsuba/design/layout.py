@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -184,12 +185,15 @@ class Layout:
         return Problem(year, facade, goal, self._factors(year))
 
     def known(self, problem: Problem) -> list[np.ndarray]:
-        """Films that a designer would try first: none, all, above, below, in the middle.
+        """Compositions to look at first, so that no search ends below them.
 
-        For tiles of their own; a window with one film has these in reach of any start.
+        Tiles of their own: the films that a designer would try, none, all, above, below, in the
+        middle. A window of few numbers: a coarse grid of them.
         """
         if self.design.parameters == "window":
-            return []
+            levels = {1: 9, 2: 5, 3: 3}.get(problem.size, 0)
+            grid = np.linspace(0, 1, levels)
+            return [np.array(x) for x in product(grid, repeat=problem.size)]
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
         films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)

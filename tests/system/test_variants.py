@@ -1,0 +1,135 @@
+"""Variants and seasons from the command line, on a small room."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from drcmitsuba import cli
+
+ROOM = """
+name = "{name}"
+[period]
+months = [3, 12]
+hours = [10, 14]
+[room]
+size = [4.0, 5.0, 3.0]
+[facade.south]
+segments = 2
+strips = [{strips}]
+[materials.glass]
+type = "glazing"
+transmittance = 0.65
+[materials.fabric]
+type = "diffuser"
+transmittance = 0.4
+reflectance = 0.4
+[materials.shade]
+type = "diffuser"
+transmittance = 0.1
+[sensors]
+corner = [0.5, 0.5, 0.8]
+count = [3, 4]
+spacing = 1.0
+[shading]
+material = "shade"
+{more}
+"""
+CLEAR = '{ bottom = 0.9, top = 2.7, material = "glass" }'
+FABRIC = (
+    '{ bottom = 0.9, top = 1.8, material = "glass" }, '
+    '{ bottom = 1.8, top = 2.7, material = "fabric" }'
+)
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name, strips in (("clear", CLEAR), ("fabric", FABRIC)):
+        (tmp_path / f"{name}.toml").write_text(ROOM.format(name=name, strips=strips, more=""))
+
+    def call(*arguments):
+        monkeypatch.setattr("sys.argv", ["drcmitsuba", *map(str, arguments)])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as stop:
+            code = stop.code or 0
+        return code, *capsys.readouterr()
+
+    return call
+
+
+def total(folder):
+    with xr.open_dataset(folder / "illuminance.nc") as E:
+        return E["total"].values, E["total_se"].values
+
+
+def test_variants_are_what_each_is_alone(run, tmp_path):
+    code, out, err = run("evaluate", "clear.toml", "--variants", "fabric", "-o", "all")
+    assert (code, err) == (0, "")
+    assert "clear" in out
+    assert "fabric" in out
+    for name in ("clear", "fabric"):
+        assert run("evaluate", f"{name}.toml", "-o", name)[0] == 0
+        (a, e), (b, f) = total(tmp_path / "all" / name), total(tmp_path / name)
+        assert a.shape == b.shape
+        assert a.mean() == pytest.approx(b.mean(), rel=0.03)
+        assert (np.abs(a - b) > 6 * np.hypot(e, f) + 0.01 * b).mean() < 0.01
+        ours = json.loads((tmp_path / "all" / name / "metrics.json").read_text())
+        alone = json.loads((tmp_path / name / "metrics.json").read_text())
+        assert set(ours) == set(alone)
+        assert ours["ASE"]["value"] == pytest.approx(alone["ASE"]["value"], abs=9)
+        assert {p.name for p in (tmp_path / "all" / name).iterdir()} >= {
+            "coefficients.zarr", "sky.zarr", "plan.json",
+        }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("names", "more", "said"),
+    [
+        ("nothing", "", "no such file"),
+        ("fabric,fabric", "", "once"),
+        ("../fabric", "", "beside the case"),
+        ("", "", "beside the case"),
+        ("fabric", '[accuracy]\ntarget = "1 point"', "accuracy.target"),
+        ("fabric", "[sun]\nmodel = 'adaptive'", "sun.model"),
+        ("fabric", "[outside]\nground_reflectance = 0.3", "outside"),
+    ],
+)
+def test_bad_variants(run, tmp_path, names, more, said):
+    text = ROOM.format(name="clear", strips=CLEAR, more=more)
+    (tmp_path / "clear.toml").write_text(text)
+    if "outside" not in said:
+        text = ROOM.format(name="fabric", strips=FABRIC, more=more)
+        (tmp_path / "fabric.toml").write_text(text)
+    code, _, err = run("evaluate", "clear.toml", "--variants", names, "-o", "all")
+    assert code == 2
+    assert said in err
+    assert err.count("\n") == 1
+    assert not list((tmp_path / "all").rglob("*.json"))
+
+
+def test_season(run, tmp_path):
+    code, out, err = run("season", "fabric.toml", "-o", "season")
+    assert (code, err) == (0, "")
+    assert (tmp_path / "season" / "season.png").stat().st_size > 10_000
+    found = json.loads((tmp_path / "season" / "season.json").read_text())["msDA"]
+    for name in ("design", "clear", "opening", "relative", "gain"):
+        assert [m is not None for m in found[name]] == [m in (3, 12) for m in range(1, 13)], name
+    for month in (2, 11):
+        values = {n: found[n][month]["value"] for n in ("design", "clear", "opening")}
+        assert values["opening"] >= max(values["design"], values["clear"])
+        assert found["gain"][month] == pytest.approx(values["design"] - values["clear"])
+        assert found["relative"][month] == pytest.approx(100 * values["design"] / values["opening"])
+    assert "of the opening" in out.replace("\n", " ")
+
+
+def test_season_without_glazing(run, tmp_path):
+    text = ROOM.format(name="x", strips=CLEAR.replace("glass", "fabric"), more="")
+    text = text.replace('type = "glazing"', 'type = "diffuser"')
+    (tmp_path / "x.toml").write_text(text)
+    code, _, err = run("season", "x.toml")
+    assert code == 2
+    assert "no glazing" in err
