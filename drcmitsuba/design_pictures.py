@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from drcmitsuba.basis import Tiles
 from drcmitsuba.design.optimise import Front, Optimum
 from drcmitsuba.design.problem import Score
-from drcmitsuba.design.year import Tiles
 from drcmitsuba.plots import BLUE, GREY, INK, ORANGE
 
 WALL, GLASS, FILM = "#D9D4CC", "#A9D8F2", "#E69F00"

@@ -38,7 +38,8 @@ class Design(Table):
     film_cost: Annotated[float, Field(ge=0, le=1000)] = 0.0
     """Points of the objective that film in all of the band has to bring."""
     ase_limit: Percent = 10.0
-    starts: Annotated[int, Field(ge=1, le=1000)] = 4
+    starts: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Beside the best of what is looked at first: the case's own start, then random ones."""
     pareto: Annotated[int, Field(ge=0, le=100)] = 8
     """Limits of ASE in the sweep for the Pareto front; 0: none."""
     sharpness: Annotated[

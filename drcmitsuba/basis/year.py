@@ -172,6 +172,23 @@ class Year:
         -------
         Illuminances
         """
+        is_open, shaded, straight = self.coefficients(share, scale)
+        E = self._accumulated(is_open)
+        E_shaded = E if self.palette.shade is None else self._accumulated(shaded)
+        direct = self._by_sun(straight)
+        dr.eval(E, E_shaded, direct)  # or each of the metrics would compute them once more
+        return Illuminances(E, E_shaded, direct)
+
+    def coefficients(
+        self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
+    ) -> tuple[mi.Float, mi.Float, mi.Float]:
+        """Coefficients of a composition, flat (bin, sensor): open, shaded, straight and open [sr].
+
+        Parameters
+        ----------
+        share, scale
+            As for `illuminance`.
+        """
         behind = share @ mi.TensorXf(self.palette.closing)
         factors = self._factors(scale or {})
         lit, lit_behind = share.array * factors, behind.array * factors
@@ -183,14 +200,9 @@ class Year:
             own = self._mixed("shade", lit)
             is_open = [a + b for a, b in zip(is_open, own, strict=True)]
         shaded = [a + b for a, b in zip(other, of_shade, strict=True)]
-        sun = mixed(self.straight[1], _taken(lit, self.straight[0]))
-        E = self._accumulated(self._coefficients(share, *is_open))
-        E_shaded = E
-        if self.palette.shade is not None:
-            E_shaded = self._accumulated(self._coefficients(behind, *shaded))
-        direct = self._by_sun(sun)
-        dr.eval(E, E_shaded, direct)  # or each of the metrics would compute them once more
-        return Illuminances(E, E_shaded, direct)
+        C = self._with_returned(share, *is_open)
+        C_shaded = C if self.palette.shade is None else self._with_returned(behind, *shaded)
+        return C, C_shaded, mixed(self.straight[1], _taken(lit, self.straight[0]))
 
     def _factors(self, scale: Mapping[str, mi.Float]) -> mi.Float:
         """Factor of the light of every element, flat (tile, material)."""
@@ -212,7 +224,7 @@ class Year:
         weights = _taken(lit, part.elements)
         return mixed(part.total, weights), mixed(part.grouped, weights)
 
-    def _coefficients(self, share: mi.TensorXf, total: mi.Float, grouped: mi.Float) -> mi.Float:
+    def _with_returned(self, share: mi.TensorXf, total: mi.Float, grouped: mi.Float) -> mi.Float:
         """C with what the façade sends back, flat (bin, sensor)."""
         bins, blocks, sensors = self.shape
         row, block, mark, weight = self.returned

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from drcmitsuba import basis, simulation
+from drcmitsuba.basis import Year
 from drcmitsuba.case import (
     Adaptive,
     Case,
@@ -21,7 +22,6 @@ from drcmitsuba.design.optimise import Optimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
-from drcmitsuba.design.year import Year
 from drcmitsuba.design_table import Design
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import daylight

@@ -19,7 +19,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.design.year import Tiles, Year
+from drcmitsuba.basis import Tiles, Year
 from drcmitsuba.errors import InputError
 from drcmitsuba.table import choose
 

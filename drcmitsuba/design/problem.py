@@ -23,8 +23,8 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics, smooth
+from drcmitsuba.basis.year import Illuminances, Year
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
-from drcmitsuba.design.year import Illuminances, Year
 from drcmitsuba.errors import InputError
 from drcmitsuba.uncertainty.rules import Rules
 

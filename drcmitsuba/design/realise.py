@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from drcmitsuba.basis import Tiles
 from drcmitsuba.case import THINNEST, Case, Facade, Side, Strip
-from drcmitsuba.design.year import Tiles
 from drcmitsuba.errors import InputError
 
 MOST_SEGMENTS = 200
