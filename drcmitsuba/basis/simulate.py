@@ -69,7 +69,8 @@ def compute(
     Raises
     ------
     InputError
-        The case is coloured, has surfaces outside its room, or is too large.
+        The case is coloured, has windows in other sides or surfaces outside its room, or is too
+        large.
 
     Notes
     -----
@@ -152,6 +153,14 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene
     """The room without its tiles, for views, and as a scene."""
     case, room = wall.case, wall.case.room
     assert room is not None
+    others = [
+        side
+        for side, facade in case.facade.items()
+        if side != wall.side and any(strip.material != "wall" for strip in facade.strips)
+    ]
+    if others:
+        remedy = "a basis holds one façade: make the others wall, or evaluate each case"
+        raise InputError(case.source, "facade", f"windows in {others[0]} too", remedy)
     if scene.is_coloured(case):
         got = "a reflectance differs between channels"
         raise InputError(case.source, "room", got, "make it grey, or evaluate each case")

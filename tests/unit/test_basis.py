@@ -129,6 +129,14 @@ def test_windows_in_two_sides_are_refused():
         basis.of_variants([room(PLAIN), room(PLAIN, "east")])
 
 
+def test_windows_in_a_side_that_the_basis_does_not_hold_are_refused():
+    case = room(PLAIN, facade={side: {"strips": PLAIN} for side in ("south", "west")})
+    wall = basis.Wall(case, "south")
+    tiles, palette = basis.of_grid(wall, [0.9, 2.7], 1, ("wall", "glass"))
+    with pytest.raises(InputError, match="windows in west too"):
+        basis.compute(wall, tiles, palette, daylight(case).suns, case.accuracy)
+
+
 def test_surfaces_outside_are_refused():
     outside = [{"corner": [0, -2, 0], "size": [4, 1, 3]}]
     case = room(PLAIN, furniture=outside)
