@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from drcmitsuba.design.layout import Layout
     from drcmitsuba.design.optimise import Front, Optimum
 
+WRITTEN = (
+    "pareto.csv", "pareto.png", "facade.png", "search.png", "fresh_metrics.json",
+)  # fmt: skip
 LOOSEST = 2.0
 """Largest limit of the sweep over the one asked for."""
 
@@ -45,6 +48,8 @@ def optimise(
         problem = layout.problem(year)
         with stage("search") as done:
             found = search(problem, layout.search, done, layout.known(problem))
+        for old in WRITTEN:  # of another search, beside which the new numbers would be misread
+            (output / old).unlink(missing_ok=True)
         found.save(output)
         front = None
         if layout.design.pareto > 0 and found.finished:

@@ -15,7 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial, Reflectance
 from drcmitsuba.errors import InputError
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf, lets_through
 from drcmitsuba.scene import quad_mesh
@@ -99,7 +99,9 @@ class Palette:
     own_shade: bool = False
 
     @classmethod
-    def of(cls, case: Case, names: tuple[str, ...], allowed: np.ndarray) -> Palette:
+    def of(
+        cls, case: Case, names: tuple[str, ...], allowed: np.ndarray, frame: Reflectance = 0.0
+    ) -> Palette:
         """Materials of a case by name; `wall` and `FRAME` are opaque, `open` is a hole.
 
         The shade is added where the case has one and a tile may be clear.
@@ -111,7 +113,7 @@ class Palette:
         """
         found: dict[str, SurfaceMaterial | None] = {}
         for name in names:
-            found[name] = _material(case, name)
+            found[name] = _material(case, name, frame)
         shade = case.shading.material if case.shading is not None else None
         clear = np.array([_is_clear(m) for m in found.values()])
         own_shade = shade in found
@@ -161,7 +163,7 @@ class Palette:
         return move
 
 
-def _material(case: Case, name: str) -> SurfaceMaterial | None:
+def _material(case: Case, name: str, frame: Reflectance) -> SurfaceMaterial | None:
     """Material of a tile by its name."""
     if name == "open":
         return None
@@ -169,7 +171,7 @@ def _material(case: Case, name: str) -> SurfaceMaterial | None:
         assert case.room is not None
         return Lambertian(case.room.walls)
     if name == FRAME:
-        return Lambertian(next(iter(case.facade.values())).frame_reflectance)
+        return Lambertian(frame)
     if name not in case.materials:
         known = ", ".join(["wall", "open", *case.materials])
         raise InputError(case.source, "materials", f"no {name!r}", f"choose one of {known}")

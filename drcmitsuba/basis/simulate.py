@@ -85,7 +85,10 @@ def compute(
     reaching = suns.only(np.array(suns.labels, dtype=object)[facing])
     bins = len(Patches(subdivision)) + len(reaching.labels)
     elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
-    _check_size(case, len(elements) * groups * bins * len(points))
+    kinds = 3 if groups > 1 else 2  # total, direct, straight
+    paths_at_once = 12 * accuracy.replicates * accuracy.paths  # numbers kept of a sensor's paths
+    entries = len(points) * (kinds * len(elements) * groups * bins + 5 * paths_at_once)
+    _check_size(case, entries)
     meetings = Meetings(tiles, palette)
     world = replace(walls, full=room.scene(meetings.mesh))
     grid = Grid.of(world, accuracy.cell_size)
@@ -145,7 +148,7 @@ def _inward(tiles: Tiles) -> np.ndarray:
 def _check_size(case: Case, entries: int) -> None:
     """Refuse a basis that would not fit in memory."""
     if 4 * entries > MOST_BYTES:
-        got = f"{4 * entries / 2**30:.0f} GiB of coefficients by tile"
+        got = f"{4 * entries / 2**30:.0f} GiB of coefficients by tile, and of light paths"
         raise InputError(case.source, "sensors", got, "take fewer sensors, tiles or time stamps")
 
 

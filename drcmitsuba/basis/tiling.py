@@ -9,7 +9,7 @@ import numpy as np
 
 from drcmitsuba import scene
 from drcmitsuba.basis.facade import FRAME, Palette, Tiles
-from drcmitsuba.case import Case, Facade, Side
+from drcmitsuba.case import Case, Facade, Reflectance, Side
 from drcmitsuba.errors import InputError
 
 
@@ -151,34 +151,41 @@ def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.nd
     shares = [(kinds[:, i, None] == np.array(known)) for i in range(len(cases))]
     allowed = np.any(shares, axis=0)
     quads = scene.facade_quads(cases[0], wall.side, rectangles)
-    materials = {k: m for case in cases for k, m in case.materials.items()}
-    whole = cases[0].model_copy(update={"materials": materials})
-    palette = Palette.of(whole, known, allowed)
+    whole = cases[0].model_copy(
+        update={"materials": {k: m for case in cases for k, m in case.materials.items()}}
+    )
+    frame = next(c.facade[wall.side] for c in cases if wall.side in c.facade).frame_reflectance
+    palette = Palette.of(whole, known, allowed, frame)
     extra = len(palette.names) - len(known)
     padded = [np.pad(s.astype(np.float32), ((0, 0), (0, extra))) for s in shares]
     return wall, Tiles(rectangles, tile, quads), palette, padded
 
 
-_FACADE = {"name", "facade", "materials"}
+_MAY_DIFFER = {"name", "facade", "materials", "design"}
 
 
 def _check_alike(cases: Sequence[Case]) -> None:
-    """Refuse variants that differ in more than their façades."""
+    """Refuse variants that differ in more than their façades, or that a basis cannot hold."""
     first = cases[0]
-    for case in cases[1:]:
+    materials = dict(first.materials)
+    frames: dict[Side, Reflectance] = {}
+    for case in cases:
+        if scene.is_coloured(case):
+            got = "a reflectance differs between channels"
+            raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
         for field in type(first).model_fields:
-            if field not in _FACADE and getattr(case, field) != getattr(first, field):
+            if field not in _MAY_DIFFER and getattr(case, field) != getattr(first, field):
                 remedy = f"variants share all but their façades: take [{field}] of {first.source}"
                 raise InputError(case.source, field, "differs from the first case's", remedy)
         for name, material in case.materials.items():
-            if first.materials.get(name, material) != material:
-                got = f"differs from the one in {first.source}"
+            if materials.setdefault(name, material) != material:
+                got = "another variant has another material of this name"
                 raise InputError(case.source, f"materials.{name}", got, "give it another name")
         for side, facade in case.facade.items():
-            theirs = first.facade.get(side)
-            if theirs is not None and theirs.frame_reflectance != facade.frame_reflectance:
-                got = f"differs from {first.source}"
-                raise InputError(case.source, f"facade.{side}.frame_reflectance", got, "agree")
+            if frames.setdefault(side, facade.frame_reflectance) != facade.frame_reflectance:
+                field = f"facade.{side}.frame_reflectance"
+                got = "differs from that of another variant"
+                raise InputError(case.source, field, got, "make them agree")
 
 
 def of_grid(

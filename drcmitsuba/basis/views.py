@@ -59,16 +59,19 @@ class Room:
         shapes = {f"shape{i}": s for i, s in enumerate((*self.shapes, *more))}
         return mi.load_dict({"type": "scene", **shapes}, optimize=False)
 
-    def with_openings(self, quads: np.ndarray, clear: mi.Scene | None = None) -> Scene:
-        """Room that is closed but for some tiles, which clear panes may cover."""
-        closed = self.tiles.quads[~(self.tiles.quads[:, None] == quads).all((2, 3)).any(axis=1)]
+    def with_openings(self, tiles: np.ndarray, clear: mi.Scene | None = None) -> Scene:
+        """Room that is closed but for some tiles, (tile,) of bool, which clear panes may cover."""
+        is_open = tiles[self.tiles.tile]
+        closed = self.tiles.quads[~is_open]
         opaque = self.scene(*([quad_mesh("closed", closed)] if len(closed) else []))
+        quads = self.tiles.quads[is_open]
         enclosure = _AllWithin(self.enclosure.size, self.enclosure.turn, quads)
         return Scene(opaque, opaque, clear, (), (), self.corners, enclosure)
 
-    def with_panes(self, quads: np.ndarray) -> Scene:
-        """Room whose panes hide nothing: they are what is looked at."""
-        return replace(self.with_openings(quads), enclosure=self.enclosure)
+    def with_panes(self, material: int) -> Scene:
+        """Room whose panes of a material hide nothing: they are what is looked at."""
+        scene = self.with_openings(self.palette.allowed[:, material])
+        return replace(scene, enclosure=self.enclosure)
 
     def quads(self, material: int) -> np.ndarray:
         """Rectangles that a material may fill, (rectangle, 4, 3)."""
@@ -116,7 +119,7 @@ class Straight:
             if pane is not None:
                 mesh = quad_mesh("pane", quads, pane)
                 clear = mi.load_dict({"type": "scene", "pane": mesh}, optimize=False)
-            scenes[int(tile)] = room.with_openings(quads, clear)
+            scenes[int(tile)] = room.with_openings(np.arange(len(room.tiles)) == tile, clear)
         return cls(base, scenes)
 
     def part(
@@ -143,7 +146,7 @@ class Glow:
         assert isinstance(kind, BsdfMaterial)
         quads = room.quads(material)
         panes = FilmPanes(quads, mi.load_dict(bsdf(kind, room.channel)))
-        return replace(room.with_panes(quads), films=(panes,))
+        return replace(room.with_panes(material), films=(panes,))
 
     @classmethod
     def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
@@ -182,7 +185,7 @@ class Spread:
         assert isinstance(kind, DiffuserMaterial)
         quads = room.quads(material)
         panes = ScatteringPanes(quads, kind.transmittance, kind.reflectance)
-        return replace(room.with_panes(quads), scattering=(panes,))
+        return replace(room.with_panes(material), scattering=(panes,))
 
     @classmethod
     def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
@@ -225,6 +228,6 @@ def mean(parts: Sequence[Irradiance]) -> Irradiance:
     total = parts[0]
     for part in parts[1:]:
         total = total.plus(part)
-    scaled = Irradiance(*(part / len(parts) for part in total))
+    scaled = Irradiance(*(part / len(parts) if 0 not in part.shape else part for part in total))
     dr.eval(scaled.sky, scaled.sun)
     return scaled

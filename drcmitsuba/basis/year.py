@@ -120,8 +120,13 @@ class Year:
         Raises
         ------
         InputError
-            The light has suns that the basis does not know, or an adaptive sun.
+            The light has bins that the basis does not know, or an adaptive sun.
         """
+        sky = tuple(label for label in basis.labels if not label.startswith("sun_"))
+        if tuple(map(str, light.sky["bin"].values)) != sky:
+            got = f"{light.sky.sizes['bin']} bins of the sky, the basis has {len(sky)}"
+            remedy = "compute the basis with the subdivision of this sky"
+            raise InputError("basis", "bin", got, remedy)
         palette, groups = basis.palette, basis.total.shape[1]
         bins, sensors = basis.total.shape[2:]
         material = basis.elements % len(palette.names)

@@ -17,6 +17,7 @@ from drcmitsuba.case import (
     GlazingMaterial,
     Side,
     TrueSun,
+    check_energy,
 )
 from drcmitsuba.design.optimise import Optimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
@@ -79,6 +80,11 @@ class Layout:
         glazed = [s for s, f in case.facade.items() if any(t.material != "wall" for t in f.strips)]
         side: Side = design.side or glazed[0]
         facade = case.facade.get(side, Facade())
+        if facade.frame > 0:
+            got = f"frames of {facade.frame:g} m, which the search does not know"
+            remedy = "set frame = 0, and take the frames' share off the glass"
+            raise InputError(case.source, f"facade.{side}.frame", got, remedy)
+        _check_ranges(case, design, facade)
         width, depth, height = case.room.size
         panes = [s for s in facade.strips if s.material != "wall"]
         band = design.band or (min(s.bottom for s in panes), max(s.top for s in panes))
@@ -166,9 +172,8 @@ class Layout:
         InputError
             A transmittance that may be turned is none of a glazing or diffuser.
         """
-        density = float(year.tiles.area.sum()) / (self.length * (self.band[1] - self.band[0]))
         assert self.case.room is not None
-        wall = self.length * self.case.room.size[2] * density
+        wall = self.length * self.case.room.size[2]
         fills = self.wwr[0] * self.case.room.size[2] >= (self.band[1] - self.band[0]) * (1 - 1e-6)
         by_strips = self.design.parameters == "strips"
         area = (self.wwr[0] * wall, self.wwr[1] * wall) if by_strips and not fills else None
@@ -250,6 +255,24 @@ class Layout:
             start = min(max(now, limits[0]), limits[1])
             found.append(Factor(str(column), Parameter(key, *limits, start), now))
         return tuple(found)
+
+
+def _check_ranges(case: Case, design: Design, facade: Facade) -> None:
+    """Refuse transmittances that leave no room for what the material reflects."""
+    shade = case.shading.material if case.shading is not None else None
+    for key, name in (
+        ("glazing_transmittance", design.clear or _clear(case, facade)),
+        ("shade_vlt", shade),
+    ):
+        limits, material = getattr(design, key), case.materials.get(name or "")
+        if limits is None or not isinstance(material, GlazingMaterial | DiffuserMaterial):
+            continue
+        try:
+            exponent = material.exponent if isinstance(material, GlazingMaterial) else 0.0
+            check_energy(limits[1], material.reflectance, exponent)
+        except InputError as error:
+            got = f"up to {limits[1]:g}: {error.got}"
+            raise InputError(case.source, f"design.{key}", got, "lower its end") from None
 
 
 def _clear(case: Case, facade: Facade) -> str:

@@ -269,12 +269,13 @@ def _stage(
     area = history.problem.goal.window_area
     if area is not None:
         low, high = area
+        unit = max(high, 1e-9)
         for kind, sign, edge in (("ineq", 1, low), ("ineq", -1, high)):
             constraints.append(
                 {
                     "type": "eq" if low == high else kind,
-                    "fun": lambda p, s=sign, e=edge: s * (at(p).smooth.window_area - e) / high,
-                    "jac": lambda p, s=sign: s * at(p).area_gradient / high,
+                    "fun": lambda p, s=sign, e=edge: s * (at(p).smooth.window_area - e) / unit,
+                    "jac": lambda p, s=sign: s * at(p).area_gradient / unit,
                 }
             )
         constraints = constraints[:1] if low == high else constraints

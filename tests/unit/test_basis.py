@@ -124,6 +124,30 @@ def test_variants_that_differ_in_more_are_refused(change, field):
         basis.of_variants([room(PLAIN), room(MIXED, **change)])
 
 
+def test_variants_of_one_name_and_two_materials_are_refused():
+    """Also where the first case knows no such material."""
+    other = MATERIALS | {"fabric": {"type": "diffuser", "transmittance": 0.9}}
+    clear = [{"bottom": 0.9, "top": 1.8, "material": "glass"}]
+    first = room(clear, materials={k: m for k, m in MATERIALS.items() if k != "fabric"})
+    with pytest.raises(InputError, match="another material of this name"):
+        basis.of_variants([first, room(PLAIN), room(PLAIN, materials=other)])
+
+
+def test_coloured_variants_are_refused():
+    facade = {"south": {"strips": PLAIN, "frame": 0.1, "frame_reflectance": [0.5, 0.4, 0.3]}}
+    with pytest.raises(InputError, match="make it grey"):
+        basis.of_variants([room(PLAIN[:1]), room(PLAIN, facade=facade)])
+
+
+def test_frames_are_those_of_the_side_with_windows():
+    facade = {
+        "north": {"frame_reflectance": 0.0},
+        "south": {"strips": PLAIN, "frame": 0.1, "frame_reflectance": 0.9},
+    }
+    _, _, palette, _ = basis.of_variants([room(PLAIN, facade=facade)])
+    assert palette.materials[FRAME].reflectance == 0.9
+
+
 def test_windows_in_two_sides_are_refused():
     with pytest.raises(InputError, match="windows in east, south"):
         basis.of_variants([room(PLAIN), room(PLAIN, "east")])
@@ -325,6 +349,28 @@ def test_all_wall_is_dark_and_finite(grid):
     gradient = dr.grad(x).numpy()
     assert np.isfinite(gradient).all()
     assert (gradient[:, 1] > 0).all()
+
+
+def test_a_year_refuses_another_sky(grid):
+    found, _ = grid
+    with pytest.raises(InputError, match="subdivision of this sky"):
+        basis.Year.of(found, daylight(room(PLAIN, sky={"subdivision": 2})))
+
+
+@pytest.mark.parametrize("changes", [{"sun": {"model": "three_phase"}}, {"side": "north"}])
+def test_no_sun_at_all(changes):
+    """Patches stand for the sun, or the façade never sees it."""
+    import mitsuba as mi
+
+    case = room(PLAIN, **changes)
+    light = daylight(case)
+    wall, tiles, palette, (share,) = basis.of_variants([case])
+    found = basis.compute(wall, tiles, palette, light.suns, Accuracy(paths=16))
+    E = basis.Year.of(found, light).illuminance(mi.TensorXf(share))
+    assert (E.open.numpy() > 0).all()
+    assert (E.direct.numpy().max() == 0) == ("side" in changes)  # patches are seen straight
+    plain = accumulate.by_source(found.coefficients(share), light.sky)["total"].values
+    np.testing.assert_allclose(E.open.numpy(), plain, rtol=0.02)  # mean of products, and product
 
 
 def test_a_year_refuses_other_suns(grid):
