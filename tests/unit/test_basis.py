@@ -1,5 +1,7 @@
 """Façade basis: tiles, what paths remember, and compositions against simulations of their own."""
 
+from dataclasses import replace
+
 import drjit as dr
 import numpy as np
 import pytest
@@ -7,13 +9,17 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import accumulate, backend, basis, coefficients, scene
+from drcmitsuba import case as case_module
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.basis import facade
+from drcmitsuba.basis import facade, simulate
+from drcmitsuba.basis.basis import Returned
 from drcmitsuba.basis.tiling import FRAME, material_at, wall_around
 from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import daylight
 from drcmitsuba.table import checked
+from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.gather import gather
 
 SIZE = [4.0, 5.0, 3.0]
 MATERIALS = {
@@ -203,6 +209,40 @@ def test_paths_are_weighed_once_at_each_meeting():
     np.testing.assert_allclose(half, whole * 0.5**meetings, rtol=1e-6)
     one = whole[meetings == 1].sum()
     assert whole.sum() == pytest.approx(one / (1 - whole[meetings == 2].sum() / one), rel=0.02)
+
+
+@pytest.mark.parametrize("material", ["film", "fabric", "glass"])
+def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
+    """All that reaches the sensors by diffuse surfaces, per radiosity, in rooms of one material."""
+    film = {"type": "bsdf", "file": str(case_module.shipped_folder() / "films/prism.xml")}
+    materials = {"materials": MATERIALS | {"film": film}}
+    strips = [{"bottom": 0.5, "top": 2.7, "material": material}]
+    case = room(strips, **materials)
+    wall, tiles, palette, _ = basis.of_variants(
+        [room([strips[0] | {"material": m}], **materials) for m in ("film", "fabric", "glass")]
+    )
+    built, walls = simulate._room(wall, tiles, palette)
+    meetings = facade.Meetings(tiles, palette)
+    world = replace(walls, full=built.scene(meetings.mesh))
+    share = np.zeros((len(tiles), len(palette.names)), np.float32)
+    share[:, palette.names.index(material)] = 1
+    points, normals = scene.sensor_points(case)
+    found = []
+    for seed, (of, marks) in enumerate([(world, meetings), (scene.load(case), None)]):
+        grid = Grid.of(of, 0.45)
+        v = gather(
+            of, points, normals, replicates=8, paths=1 << 13, grid=grid, seed=seed, marks=marks
+        )
+        weight = v.weight.numpy()
+        if marks is not None:
+            mark = v.mark.numpy()
+            weight = Returned(mark, mark, mark, weight).weighed(share)
+            assert 0.005 < weight[mark > 0].sum() / weight.sum() < 0.3
+        each = np.bincount(v.row.numpy() // len(points), weight, 8)
+        found.append((each.mean(), each.std(ddof=1) / np.sqrt(8)))
+    (a, e), (b, f) = found
+    assert abs(a - b) < 4.5 * np.hypot(e, f)
+    assert np.hypot(e, f) < 0.002 * b
 
 
 # --- compositions
