@@ -344,6 +344,12 @@ class Case(Table):
         """The file that the case came from, for messages."""
         return self._source
 
+    @property
+    def glazed(self) -> tuple[Side, ...]:
+        """Sides with panes or holes."""
+        facades = self.facade.items()
+        return tuple(side for side, f in facades if any(s.material != "wall" for s in f.strips))
+
     @model_validator(mode="after")
     def _consistent(self) -> Case:
         if self.facade and self.room is None:
@@ -388,7 +394,7 @@ class Case(Table):
         if design.band is not None and design.band[1] > self.room.size[2]:
             got = f"the room is {self.room.size[2]:g} m high"
             raise InputError("case", "design.band", got, "lower its upper edge")
-        glazed = [s for s, f in self.facade.items() if any(t.material != "wall" for t in f.strips)]
+        glazed = self.glazed
         if design.side is None and len(glazed) != 1:
             got = f"{len(glazed)} sides have panes"
             raise InputError("case", "design.side", got, 'name one, side = "south"')

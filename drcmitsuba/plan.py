@@ -37,9 +37,7 @@ def plan(
         side: [case.materials[s.material] for s in f.strips if s.material in case.materials]
         for side, f in case.facade.items()
     }
-    glazed = [
-        side for side, f in case.facade.items() if any(s.material != "wall" for s in f.strips)
-    ]
+    glazed = case.glazed
     mirrors = [
         side
         for side, materials in panes.items()

@@ -21,11 +21,7 @@ def _outlines(case: Case) -> dict[str, Any]:
     width, depth, _ = case.room.size
     corners = np.array([[0, 0], [width, 0], [width, depth], [0, depth]], float)
     sides = dict(zip(("south", "east", "north", "west"), range(4), strict=True))
-    glazed = [
-        corners[[sides[side], (sides[side] + 1) % 4]]
-        for side, facade in case.facade.items()
-        if any(strip.material != "wall" for strip in facade.strips)
-    ]
+    glazed = [corners[[sides[side], (sides[side] + 1) % 4]] for side in case.glazed]
     unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     desks = [c[:2] + unit * s[:2] for piece in case.furniture for c, s in boxes(piece)]
     return {"room": [corners], "desks": desks, "facade": glazed}

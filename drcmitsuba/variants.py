@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
 from drcmitsuba import backend, basis, simulation
@@ -99,18 +100,17 @@ def evaluate_variants(
     for case, share, said in zip(judged or cases, shares, told, strict=True):
         own = dict(seconds)
         with timed(stage, case.name, own):
-            by_state = {"open": share, "shaded": share @ palette.closing}
-            C = {state: found.coefficients(of) for state, of in by_state.items()}
-            joined = _joined(C, case, light)
+            joined = _coefficients(found, share, case, light)
             now = judge(case, light, joined)
         yield summed_up(case, light, joined, now, own, said)
 
 
-def _joined(found: dict[str, xr.Dataset], case: Case, light: Daylight) -> xr.Dataset:
-    """Both states of a case, or the open one where it has no shade or never closes it."""
-    if case.shading is None or not simulation.may_close(case, light, found["open"]).any():
-        del found["shaded"]
-    joined = simulation.states(found, case)
+def _coefficients(found: basis.Basis, share: np.ndarray, case: Case, light: Daylight) -> xr.Dataset:
+    """C of a composition in both states, or the open one where the shade never closes."""
+    C = {"open": found.coefficients(share)}
+    if case.shading is not None and simulation.may_close(case, light, C["open"]).any():
+        C["shaded"] = found.coefficients(share @ found.palette.closing)
+    joined = simulation.states(C, case)
     joined.attrs |= {name: light.sky.attrs[name] for name in simulation.SUN_OF}
     joined.attrs["fingerprint"] = simulation.fingerprint(case)
     return joined

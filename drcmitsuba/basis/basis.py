@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,11 +82,6 @@ class Basis:
     straight: np.ndarray
     grouped: np.ndarray
     returned: Returned
-
-    @cached_property
-    def area(self) -> np.ndarray:
-        """Area of the tiles, shape (tile,) [m²]."""
-        return self.tiles.area
 
     @property
     def nbytes(self) -> int:

@@ -156,11 +156,7 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene
     """The room without its tiles, for views, and as a scene."""
     case, room = wall.case, wall.case.room
     assert room is not None
-    others = [
-        side
-        for side, facade in case.facade.items()
-        if side != wall.side and any(strip.material != "wall" for strip in facade.strips)
-    ]
+    others = [side for side in case.glazed if side != wall.side]
     if others:
         remedy = "a basis holds one façade: make the others wall, or evaluate each case"
         raise InputError(case.source, "facade", f"windows in {others[0]} too", remedy)

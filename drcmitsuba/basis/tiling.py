@@ -43,12 +43,7 @@ def side_of(cases: Sequence[Case]) -> Side:
         There is no room, no window, or windows in several sides.
     """
     first = cases[0]
-    sides = {
-        side
-        for case in cases
-        for side, facade in case.facade.items()
-        if any(strip.material != "wall" for strip in facade.strips)
-    }
+    sides = {side for case in cases for side in case.glazed}
     if first.room is None or not sides:
         raise InputError(first.source, "facade", "no window", "give one side of a room strips")
     if len(sides) > 1:

@@ -77,8 +77,7 @@ class Layout:
             remedy = 'add [design] with film = "…", a material of [materials]'
             raise InputError(case.source, "design", "no such table", remedy)
         assert case.room is not None
-        glazed = [s for s, f in case.facade.items() if any(t.material != "wall" for t in f.strips)]
-        side: Side = design.side or glazed[0]
+        side: Side = design.side or case.glazed[0]
         facade = case.facade.get(side, Facade())
         if facade.frame > 0:
             got = f"frames of {facade.frame:g} m, which the search does not know"

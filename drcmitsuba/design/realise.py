@@ -27,8 +27,8 @@ def realise(
     In a tile of several materials, each takes the part of its height that is its share of the area.
     Clear panes lie below the film, unless the tile below has more film than the one above; wall
     lies at the edge of the window: below, where the tile below is more wall than the one above.
-    Pieces too low for a pane with its frame go to their neighbours. Panes of one material that
-    touch become one pane.
+    Pieces too low for a pane with its frame go to the others of their tile. Panes of one material
+    that touch become one pane.
 
     Parameters
     ----------
