@@ -124,9 +124,10 @@ def test_more_rounds_narrow_the_intervals_and_seeds_fix_the_numbers(evaluate, mo
     assert told["rounds"] > 1
     assert found.metrics["sDA"] == again.metrics["sDA"]
     np.testing.assert_allclose(found.illuminance["total"], again.illuminance["total"], rtol=1e-5)
-    se, before = (r.illuminance["total_open_se"].values for r in (found, plain))
-    sampled = (found.illuminance["total"] != plain.illuminance["total"]).any("time").values
-    assert np.median(se[:, sampled] / before[:, sampled]) < 0.95
+    # Of the entries alone: a sensor may differ in the few hours in which its shade now moves.
+    sampled = (found.illuminance["total"] != plain.illuminance["total"]).values
+    se, before = (r.illuminance["total_open_se"].values[sampled] for r in (found, plain))
+    assert np.sqrt((se**2).mean() / (before**2).mean()) < 0.95  # 0.71 of two rounds
 
 
 def test_a_target_of_the_mean_takes_all_sensors(evaluate):
