@@ -217,7 +217,35 @@ class BsdfMaterial(Table):
     """Mounted upside down."""
 
 
-Material = Annotated[GlazingMaterial | DiffuserMaterial | BsdfMaterial, Field(discriminator="type")]
+class MirrorMaterial(Table):
+    """Mirror of a component, the same on both sides."""
+
+    type: Literal["mirror"]
+    reflectance: Fraction
+    """At any incidence; of a coated one, that of the mirror below its coating."""
+    roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """GGX's α; 0 is a perfect mirror."""
+    coating: Annotated[float, Field(gt=1, le=4)] | None = None
+    """Refractive index of a clear coating or of the glass before the mirror."""
+    specular: Fraction = 1.0
+    """Part of the reflected light that is mirrored; the rest is diffuse."""
+
+
+class DielectricMaterial(Table):
+    """Clear solid of a component, air outside; normals of its surface point outward."""
+
+    type: Literal["dielectric"]
+    ior: Annotated[float, Field(gt=1, le=4)]
+    absorption: Annotated[float, Field(ge=0, le=1e4)] = 0.0
+    """Of light on its way through [1/m]: exp(−absorption · length) is left."""
+    roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """GGX's α; 0 is smooth."""
+
+
+Material = Annotated[
+    GlazingMaterial | DiffuserMaterial | BsdfMaterial | MirrorMaterial | DielectricMaterial,
+    Field(discriminator="type"),
+]
 
 
 class Strip(Table):

@@ -11,7 +11,14 @@ from drcmitsuba_plugins import energy, peak
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 
 from drcmitsuba import bsdf as bsdf_files
-from drcmitsuba.case import BsdfMaterial, DiffuserMaterial, GlazingMaterial, Reflectance
+from drcmitsuba.case import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    MirrorMaterial,
+    Reflectance,
+)
 from drcmitsuba.errors import InputError
 
 
@@ -22,7 +29,14 @@ class Lambertian:
     reflectance: Reflectance
 
 
-SurfaceMaterial = Lambertian | GlazingMaterial | DiffuserMaterial | BsdfMaterial
+SurfaceMaterial = (
+    Lambertian
+    | GlazingMaterial
+    | DiffuserMaterial
+    | BsdfMaterial
+    | MirrorMaterial
+    | DielectricMaterial
+)
 
 
 @dataclass(frozen=True)
@@ -91,6 +105,18 @@ def channel_of(reflectance: Reflectance, channel: int) -> float:
     return float(reflectance[channel] if isinstance(reflectance, tuple) else reflectance)
 
 
+def _mirror(material: MirrorMaterial) -> dict[str, Any]:
+    """One side of a mirror."""
+    value = {"type": "uniform", "value": material.reflectance}
+    rough = {"alpha": material.roughness, "distribution": "ggx"}
+    return {
+        "type": "roughconductor" if material.roughness else "conductor",
+        "material": "none",
+        "specular_reflectance": value,
+        **(rough if material.roughness else {}),
+    }
+
+
 def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     """Mitsuba dictionary of a material.
 
@@ -122,6 +148,16 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
         value = channel_of(material.reflectance, channel)
         inner = {"type": "diffuse", "reflectance": {"type": "uniform", "value": value}}
         return {"type": "twosided", "bsdf": inner}
+    if isinstance(material, MirrorMaterial):
+        return {"type": "twosided", "bsdf": _mirror(material)}
+    if isinstance(material, DielectricMaterial):
+        rough = {"alpha": material.roughness, "distribution": "ggx"}
+        return {
+            "type": "roughdielectric" if material.roughness else "dielectric",
+            "int_ior": material.ior,
+            "ext_ior": 1.0,
+            **(rough if material.roughness else {}),
+        }
     if isinstance(material, GlazingMaterial):
         return {
             "type": "glazing",

@@ -30,10 +30,49 @@ State = Literal["open", "shaded"]
 
 @dataclass(frozen=True)
 class Surface:
-    """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front."""
+    """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front.
+
+    A triangle repeats its last corner. `component` names the component that it is a part of; ""
+    is the room, its panes and furniture.
+    """
 
     name: str
     material: SurfaceMaterial
+    quads: np.ndarray
+    component: str = ""
+
+
+@dataclass(frozen=True)
+class Port:
+    """Rectangle (4, 3) [m] that light passes on its way to a component; its front faces inward.
+
+    Parameters
+    ----------
+    component : str
+        "" are the panes of the room.
+    quad : np.ndarray, shape (4, 3)
+        Its normal (q₁ − q₀) × (q₃ − q₀) points the way that the light goes.
+    """
+
+    component: str
+    quad: np.ndarray
+
+
+@dataclass(frozen=True)
+class Part:
+    """Surfaces of one BSDF that photons are to tell apart.
+
+    Parameters
+    ----------
+    bsdf : mi.BSDF
+    material : SurfaceMaterial
+    component : str
+    quads : np.ndarray, shape (quad, 4, 3)
+    """
+
+    bsdf: Any
+    material: SurfaceMaterial
+    component: str
     quads: np.ndarray
 
 
@@ -100,6 +139,10 @@ class Scene:
         Of all surfaces [m].
     enclosure : Enclosure or None
         The room, where there is one.
+    parts : tuple of Part
+        All surfaces, by BSDF.
+    ports : tuple of Port
+        Where photons start.
     """
 
     full: mi.Scene
@@ -109,6 +152,8 @@ class Scene:
     films: tuple[FilmPanes, ...]
     corners: np.ndarray
     enclosure: Enclosure | None = None
+    parts: tuple[Part, ...] = ()
+    ports: tuple[Port, ...] = ()
 
     @property
     def low(self) -> np.ndarray:
@@ -299,7 +344,10 @@ def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.M
     return mesh(name, quads.reshape(-1, 3), faces.reshape(-1, 3), bsdf)
 
 
-def build(surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None) -> Scene:
+def build(
+    surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None,
+    ports: tuple[Port, ...] = (),
+) -> Scene:  # fmt: skip
     """Make the Mitsuba scenes of a list of surfaces.
 
     Parameters
@@ -309,39 +357,51 @@ def build(surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None
         Colour channel that is simulated.
     enclosure : Enclosure, optional
         The room, where there is one; spares shadow rays that cannot leave it.
+    ports : tuple of Port
+        Where photons start.
 
     Returns
     -------
     Scene
     """
-    by_material: dict[SurfaceMaterial, list[Surface]] = {}
+    groups: dict[tuple[str, SurfaceMaterial], list[Surface]] = {}
     for surface in surfaces:
-        by_material.setdefault(surface.material, []).append(surface)
-    # One mesh a material: tracing slows with the number of shapes.
-    quads = {m: np.concatenate([s.quads for s in group]) for m, group in by_material.items()}
-    bsdfs = {m: mi.load_dict(bsdf(m, channel)) for m in quads}
-    meshes = {m: quad_mesh(by_material[m][0].name, quads[m], bsdfs[m]) for m in quads}
+        groups.setdefault((surface.component, surface.material), []).append(surface)
+    # One mesh a material and component: tracing slows with the number of shapes.
+    parts, meshes = [], []
+    for (component, m), group in groups.items():
+        quads = np.concatenate([s.quads for s in group])
+        parts.append(Part(mi.load_dict(bsdf(m, channel)), m, component, quads))
+        meshes.append(quad_mesh(group[0].name, quads, parts[-1].bsdf))
 
     def scene(keep: Any) -> mi.Scene:
-        shapes = {f"shape{i}": s for i, (m, s) in enumerate(meshes.items()) if keep(m)}
+        shapes = {
+            f"shape{i}": mesh
+            for i, (part, mesh) in enumerate(zip(parts, meshes, strict=True))
+            if keep(part)
+        }
         return mi.load_dict({"type": "scene", **shapes}, optimize=False)
 
-    clear = [m for m in meshes if lets_through(m)]
+    def is_clear(part: Part) -> bool:
+        return lets_through(part.material)
+
     scattering = tuple(
-        ScatteringPanes(quads[m], m.transmittance, m.reflectance)
-        for m in meshes
-        if isinstance(m, DiffuserMaterial)
+        ScatteringPanes(p.quads, p.material.transmittance, p.material.reflectance)
+        for p in parts
+        if isinstance(p.material, DiffuserMaterial)
     )
-    films = tuple(FilmPanes(quads[m], bsdfs[m]) for m in meshes if isinstance(m, BsdfMaterial))
+    films = tuple(FilmPanes(p.quads, p.bsdf) for p in parts if isinstance(p.material, BsdfMaterial))
     points = np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))])
     return Scene(
-        full=scene(lambda m: True),
-        opaque=scene(lambda m: m not in clear),
-        clear=scene(lambda m: m in clear) if clear else None,
+        full=scene(lambda part: True),
+        opaque=scene(lambda part: not is_clear(part)),
+        clear=scene(is_clear) if any(map(is_clear, parts)) else None,
         scattering=scattering,
         films=films,
         corners=points,
         enclosure=enclosure,
+        parts=tuple(parts),
+        ports=ports,
     )
 
 
