@@ -107,7 +107,7 @@ def goniophotometer(
     from drcmitsuba import goniophotometer as library
     from drcmitsuba.bsdf import xml
     from drcmitsuba.case import shipped_folder
-    from drcmitsuba.goniophotometer.structure import unit_cell
+    from drcmitsuba.structures.structure import unit_cell
 
     path = _film_path(output)
     shipped = shipped_folder() / f"{recipe}.toml"

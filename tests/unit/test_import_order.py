@@ -16,10 +16,10 @@ ROOT = Path(__file__).resolve().parents[2]
 # fmt: off
 ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
-    "design_table", "case", "light", "backend", "materials", "scene", "goniophotometer", "plan",
-    "transport", "coefficients", "basis", "refinement", "accumulate", "metrics", "smooth",
-    "uncertainty", "pool", "simulation", "judgement", "rounds", "design", "plots",
-    "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",
+    "design_table", "case", "light", "backend", "structures", "materials", "scene",
+    "goniophotometer", "plan", "transport", "coefficients", "basis", "refinement", "accumulate",
+    "metrics", "smooth", "uncertainty", "pool", "simulation", "judgement", "rounds", "design",
+    "plots", "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",
     "film_commands", "tradeoff_command", "optimise_command", "cli",
 ]
 # fmt: on

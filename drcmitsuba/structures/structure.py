@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.errors import InputError
-from drcmitsuba.goniophotometer.mesh import read_mesh
-from drcmitsuba.goniophotometer.recipe import Glass, Lamellae, Mesh, Opaque, Prism, Recipe, Slots
+from drcmitsuba.structures.mesh import read_mesh
+from drcmitsuba.structures.recipe import Glass, Lamellae, Mesh, Opaque, Prism, Recipe, Slots
 
 ARC_STEP = 0.5
 """Arcs become facets that turn by at most so many degrees."""
