@@ -354,7 +354,7 @@ def _check_sensors(case: Case, points: np.ndarray) -> None:
             near = (points > corner - margin) & (points < corner + size + margin)
             refuse(near.all(axis=1), f"in or on {piece.name!r}")
     for name, within in inside(case, points):
-        refuse(within, f"in or on component {name!r}")
+        refuse(within, f"in component {name!r}")
 
 
 def is_coloured(case: Case) -> bool:

@@ -80,7 +80,7 @@ def lightpipe(case: Case, name: str, pipe: LightPipe) -> Placed:
             tube(corners, foot + 2 * lip, head - 2 * lip),
             tube(square, head - 2 * lip, head),
         )
-        lower = ring(corners, foot + 2 * lip)[:, [0, 3, 2, 1]]
+        lower = ring(corners, foot + 2 * lip)[:, [0, 2, 1, 1]]
         ceiling = Lambertian(case.room.ceiling)
         surfaces += [
             Surface(f"{name} wall", mirror, np.concatenate(walls), name),

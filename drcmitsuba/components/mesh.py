@@ -45,6 +45,10 @@ def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
         _check(case.source, f"components.{name}.ports", quads, points)
     else:
         low, high = points.min(axis=0) - AIR, points.max(axis=0) + AIR
+        if case.room is not None:  # what stands on the floor has no port below it
+            size = np.array(case.room.size)
+            if (low >= -2 * AIR).all() and (high <= size + 2 * AIR).all():
+                low, high = np.maximum(low, 0), np.minimum(high, size)
         quads = np.array(box(low, high - low))[:, [0, 3, 2, 1]]
     surface = Surface(name, material, corners[:, [0, 1, 2, 2]], name)
     return Placed(name, (surface,), tuple(Port(name, q) for q in quads))

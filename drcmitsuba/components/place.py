@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -15,7 +16,7 @@ from drcmitsuba.components.mesh import mesh, triangles
 from drcmitsuba.components.placed import Placed, check_hole
 from drcmitsuba.components.structure import structure
 from drcmitsuba.errors import InputError
-from drcmitsuba.geometry import SIDES, Port, boxes, normals, quad, wall
+from drcmitsuba.geometry import SIDES, boxes, normals, quad, wall
 from drcmitsuba.material_table import DielectricMaterial
 from drcmitsuba.structures.solid import winding
 
@@ -48,8 +49,7 @@ def place(case: Case) -> tuple[Placed, ...]:
         for placed in found:
             check_hole(case.source, placed, case.room.size)
     _check_apart(case.source, [placed for placed in found if placed.hole is not None])
-    check_ports(case, found)
-    return tuple(found)
+    return tuple(_checked_ports(case, found))
 
 
 def panes_of(case: Case) -> dict[str, list[np.ndarray]]:
@@ -81,24 +81,32 @@ def _solids(case: Case) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Which points (point, 3) of the room's frame lie in or on each clear solid of a case."""
+    """Which points (point, 3) of the room's frame lie in each clear solid of a case."""
     for name, corners in _solids(case):
         faces = np.arange(3 * len(corners)).reshape(-1, 3)
-        # On the surface it is a half.
-        yield name, abs(winding(corners.reshape(-1, 3), faces, points)) > 0.25
+        yield name, winding(corners.reshape(-1, 3), faces, points) > 0.5
 
 
-def check_ports(case: Case, found: list[Placed]) -> None:
-    """Refuse ports in a wall or a solid, and ports that turn their backs on every opening."""
+def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
+    """Components with ports that light can get to.
+
+    Ports that were named, or that a component cannot do without, have to be fit; of those around a
+    mesh the fit ones are kept.
+    """
     openings = _openings(case, found)
     for placed in found:
-        for i, port in enumerate(placed.ports):
-            where = f"components.{placed.name}.ports.{i}"
-            _check_port(case, where, port, openings)
+        component = case.components[placed.name]
+        by_box = isinstance(component, MeshComponent) and not component.ports
+        faults = [_fault(case, port.quad, openings) for port in placed.ports]
+        for i, fault in enumerate(faults):
+            if fault is not None and (not by_box or None not in faults):
+                raise InputError(case.source, f"components.{placed.name}.ports.{i}", *fault)
+        fit = tuple(p for p, fault in zip(placed.ports, faults, strict=True) if fault is None)
+        yield replace(placed, ports=fit)
 
 
 def _openings(case: Case, found: list[Placed]) -> np.ndarray:
-    """Corners (n, 3) of all that light comes into the room by, in pieces of four for each."""
+    """Rectangles (opening, 4, 3) by which light comes into the room."""
     by_name = panes_of(case)
     quads = [q for panes in by_name.values() for q in panes]
     for placed in found:
@@ -109,35 +117,32 @@ def _openings(case: Case, found: list[Placed]) -> np.ndarray:
     return np.reshape(quads, (-1, 4, 3))
 
 
-def _check_port(case: Case, where: str, port: Port, openings: np.ndarray) -> None:
-    """Refuse one port: see `check_ports`."""
-    q = port.quad
+def _fault(case: Case, q: np.ndarray, openings: np.ndarray) -> tuple[str, str] | None:
+    """What is wrong with a port (4, 3) and what to do; None where nothing is."""
     middle = q.mean(axis=0)
     points = np.concatenate([middle[None], middle + 0.98 * (q - middle)])
     for piece in case.furniture:
         for corner, size in boxes(piece):
             within = (points > corner + NEAR) & (points < corner + size - NEAR)
             if within.all(axis=1).any():
-                raise InputError(case.source, where, f"it lies in {piece.name!r}", "move one")
+                return f"it lies in {piece.name!r}", "move one of them"
     for name, within in inside(case, points):
         if within.any():
-            got = f"it lies in the clear solid {name}"
-            raise InputError(case.source, where, got, "move it into the air")
+            return f"it lies in the clear solid {name}", "move it into the air"
     if case.room is None:
-        return
+        return None
     size = np.array(case.room.size)
     indoors = ((points > NEAR) & (points < size - NEAR)).all(axis=1)
     outdoors = ((points < -NEAR) | (points > size + NEAR)).any(axis=1)
     if indoors.any() and outdoors.any():
-        got = "it goes through a wall"
-        raise InputError(case.source, where, got, "keep it on one side, or in the opening's plane")
-    if not indoors.any() and not outdoors.all() and not _in_an_opening(points, openings):
-        raise InputError(case.source, where, "it lies in a wall", "move it into an opening")
+        return "it goes through a wall", "keep it on one side, or in the plane of an opening"
+    if not indoors.any() and not outdoors.any() and not _in_an_opening(points, openings):
+        return "it lies in a wall", "move it into an opening"
     if indoors.all() and len(openings):
         behind = (openings.reshape(-1, 3) - middle) @ normals(q[None])[0]
         if behind.min() >= 0:
-            got = "it turns its back on every opening"
-            raise InputError(case.source, where, got, "give its corners in the other order")
+            return "it turns its back on every opening", "give its corners in the other order"
+    return None
 
 
 def _in_an_opening(points: np.ndarray, openings: np.ndarray) -> bool:
