@@ -82,7 +82,14 @@ def _solids(case: Case) -> Iterator[tuple[str, np.ndarray]]:
 
 def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Which points (point, 3) of the room's frame lie in each clear solid of a case."""
-    for name, corners in _solids(case):
+    yield from _within(list(_solids(case)), points)
+
+
+def _within(
+    solids: list[tuple[str, np.ndarray]], points: np.ndarray
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Which points (point, 3) lie in each of some solids."""
+    for name, corners in solids:
         faces = np.arange(3 * len(corners)).reshape(-1, 3)
         yield name, winding(corners.reshape(-1, 3), faces, points) > 0.5
 
@@ -93,11 +100,11 @@ def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
     Ports that were named, or that a component cannot do without, have to be fit; of those around a
     mesh the fit ones are kept.
     """
-    openings = _openings(case, found)
+    openings, solids = _openings(case, found), list(_solids(case))
     for placed in found:
         component = case.components[placed.name]
         by_box = isinstance(component, MeshComponent) and not component.ports
-        faults = [_fault(case, port.quad, openings) for port in placed.ports]
+        faults = [_fault(case, port.quad, openings, solids) for port in placed.ports]
         for i, fault in enumerate(faults):
             if fault is not None and (not by_box or None not in faults):
                 raise InputError(case.source, f"components.{placed.name}.ports.{i}", *fault)
@@ -117,7 +124,9 @@ def _openings(case: Case, found: list[Placed]) -> np.ndarray:
     return np.reshape(quads, (-1, 4, 3))
 
 
-def _fault(case: Case, q: np.ndarray, openings: np.ndarray) -> tuple[str, str] | None:
+def _fault(
+    case: Case, q: np.ndarray, openings: np.ndarray, solids: list[tuple[str, np.ndarray]]
+) -> tuple[str, str] | None:
     """What is wrong with a port (4, 3) and what to do; None where nothing is."""
     middle = q.mean(axis=0)
     points = np.concatenate([middle[None], middle + 0.98 * (q - middle)])
@@ -126,7 +135,7 @@ def _fault(case: Case, q: np.ndarray, openings: np.ndarray) -> tuple[str, str] |
             within = (points > corner + NEAR) & (points < corner + size - NEAR)
             if within.all(axis=1).any():
                 return f"it lies in {piece.name!r}", "move one of them"
-    for name, within in inside(case, points):
+    for name, within in _within(solids, points):
         if within.any():
             return f"it lies in the clear solid {name}", "move it into the air"
     if case.room is None:

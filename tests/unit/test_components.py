@@ -1,11 +1,13 @@
 """Components as geometry: what is closed, where it stands, what is a port, what is refused."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, components, scene, simulation
+from drcmitsuba import backend, components, plan, scene, simulation
 from drcmitsuba.basis import of_variants
-from drcmitsuba.case import Case
+from drcmitsuba.case import Case, load_case, shipped_cases, shipped_recipes
 from drcmitsuba.components.duct import concentrator
 from drcmitsuba.components.lightpipe import polygon
 from drcmitsuba.components.placed import ray_offset
@@ -500,6 +502,42 @@ def test_unfit_meshes_and_ports_are_refused(tmp_path, make, told):
 def test_sensors_in_a_clear_solid_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"sensors: sensor 4 .* lies in component 'cube'"):
         scene.sensor_points(with_mesh(tmp_path, position=[1.6, 1.6, 0.5], scale=0.9))
+
+
+# --- shipped scenes
+
+SHIPPED = {
+    "lamella/lamella": {"lamellae": 2 * 6},
+    "prism/prism": {"panel": 2},
+    "prism/as_bsdf": {},
+    "lightpipe/lightpipe": {"pipe": 2},
+    "duct/duct": {"duct": 2},
+}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenes_have_the_ports_of_their_components(name):
+    assert name in shipped_cases()
+    shipped = load_case(name)
+    world = scene.load(shipped)
+    found = Counter(port.component for port in world.ports)
+    assert found == SHIPPED[name]
+    assert {part.component for part in world.parts} == {"", *found}
+    assert plan.plan(shipped, 1, 0, 1, {})["components"]["on"] == bool(found)
+    scene.sensor_points(shipped)
+
+
+def test_recipes_are_no_cases():
+    assert {"films/prism", "lamella/recipe", "prism/recipe"} == set(shipped_recipes())
+    assert not set(shipped_recipes()) & set(shipped_cases())
+
+
+def test_the_prism_panel_fills_its_strip():
+    panel = only(components.place(load_case("prism/prism")))
+    vertices, faces = surface_of(part(panel, "structure").quads)
+    check_solid("panel", vertices, faces)
+    assert np.ptp(vertices, axis=0)[2] == pytest.approx(55 * 0.020)
+    assert len(part(panel, "casing").quads) == 8  # four sides, four ledges, no blank
 
 
 # --- what is refused
