@@ -25,8 +25,11 @@ from drcmitsuba.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.structures.block import MM, Block, block, is_clear
 from drcmitsuba.structures.recipe import Lamellae, Mesh, Recipe, load_recipe
 
-FINEST = 10
-"""Periods are at least so many ray offsets long; finer structures are a matter for a BSDF."""
+FINEST = 20
+"""Periods are at least so many ray offsets long; finer structures are a matter for a BSDF.
+
+The prisms of films/prism.toml then pass a beam to within 1.3 % of the light (10: 6 %; 40: 0.3 %).
+"""
 
 
 @dataclass(frozen=True)
