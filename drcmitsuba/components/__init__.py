@@ -3,7 +3,7 @@
 place
     All components of a case where they stand, checked.
 inside
-    Which points lie in a clear solid.
+    Which points lie in a closed mesh.
 """
 
 from drcmitsuba.components.place import inside, place

@@ -17,8 +17,7 @@ from drcmitsuba.components.placed import Placed, check_hole
 from drcmitsuba.components.structure import structure
 from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import SIDES, boxes, normals, quad, wall
-from drcmitsuba.material_table import DielectricMaterial
-from drcmitsuba.structures.solid import winding
+from drcmitsuba.structures.solid import is_closed, winding
 
 NEAR = 1e-6
 """What is this close to a wall's plane lies in it [m]."""
@@ -72,26 +71,27 @@ def _check_apart(source: str, above: list[Placed]) -> None:
 
 
 def _solids(case: Case) -> Iterator[tuple[str, np.ndarray]]:
-    """Clear solids of mesh components: names and triangles (triangle, 3, 3)."""
+    """Closed meshes among the components: names and triangles (triangle, 3, 3)."""
     for name, component in case.components.items():
-        if isinstance(component, MeshComponent) and isinstance(
-            case.materials[component.material], DielectricMaterial
-        ):
-            yield name, triangles(component)
+        if isinstance(component, MeshComponent):
+            corners = triangles(component)
+            faces = np.arange(3 * len(corners)).reshape(-1, 3)
+            if is_closed(corners.reshape(-1, 3), faces):
+                yield name, corners
 
 
 def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Which points (point, 3) of the room's frame lie in each clear solid of a case."""
+    """Which points (point, 3) of the room's frame lie in each closed mesh of a case."""
     yield from _within(list(_solids(case)), points)
 
 
 def _within(
     solids: list[tuple[str, np.ndarray]], points: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Which points (point, 3) lie in each of some solids."""
+    """Which points (point, 3) lie in each of some solids, whichever way their normals point."""
     for name, corners in solids:
         faces = np.arange(3 * len(corners)).reshape(-1, 3)
-        yield name, winding(corners.reshape(-1, 3), faces, points) > 0.5
+        yield name, abs(winding(corners.reshape(-1, 3), faces, points)) > 0.5
 
 
 def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
@@ -137,7 +137,7 @@ def _fault(
                 return f"it lies in {piece.name!r}", "move one of them"
     for name, within in _within(solids, points):
         if within.any():
-            return f"it lies in the clear solid {name}", "move it into the air"
+            return f"it lies inside of {name}", "move it into the air"
     if case.room is None:
         return None
     size = np.array(case.room.size)

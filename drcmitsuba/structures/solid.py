@@ -26,6 +26,15 @@ def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
+def is_closed(vertices: np.ndarray, faces: np.ndarray) -> bool:
+    """Whether neighbouring faces share every edge, and agree on which side is out."""
+    vertices, faces = welded(vertices, faces)
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    count = len(vertices)
+    there, back = np.sort(start * count + end), np.sort(end * count + start)
+    return len(faces) > 0 and np.array_equal(there, back)
+
+
 def check_solid(source: object, vertices: np.ndarray, faces: np.ndarray) -> None:
     """Refuse a mesh that is not closed, or whose normals do not point outward.
 
@@ -33,14 +42,13 @@ def check_solid(source: object, vertices: np.ndarray, faces: np.ndarray) -> None
     ------
     InputError
     """
-    vertices, faces = welded(vertices, faces)
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    count = len(vertices)
-    there, back = np.sort(start * count + end), np.sort(end * count + start)
-    if len(faces) and np.array_equal(there, back):
+    if is_closed(vertices, faces):
         if volume(vertices, faces) > 0:
             return
         raise InputError(source, "mesh", "the normals point inward", "turn the faces over")
+    vertices, faces = welded(vertices, faces)
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    count = len(vertices)
     low, high = np.minimum(start, end), np.maximum(start, end)
     paired = np.unique(low * count + high, return_counts=True)[1] % 2 == 0
     if len(faces) and paired.all():

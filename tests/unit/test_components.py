@@ -486,7 +486,7 @@ def moved_port(**to):
             "ports.0: it leads away from the mesh",
         ),
         (lambda f: with_mesh(f, ports=[moved_port(z=1.5)]), "ports.0: it goes through a wall"),
-        (lambda f: with_mesh(f, ports=[moved_port(y=0.5)]), "ports.0: it lies in the clear solid"),
+        (lambda f: with_mesh(f, ports=[moved_port(y=0.5)]), "ports.0: it lies inside of cube"),
         (lambda f: with_mesh(f, ports=[moved_port(y=-1.9, z=-0.5)]), "ports.0: it lies in a wall"),
         (
             lambda f: with_mesh(f, ports=[moved_port(y=1.2)[::-1]]),
@@ -503,9 +503,12 @@ def test_unfit_meshes_and_ports_are_refused(tmp_path, make, told):
         components.place(make(tmp_path))
 
 
-def test_sensors_in_a_clear_solid_are_refused(tmp_path):
+@pytest.mark.parametrize("material", ["acrylic", "silver"])
+def test_sensors_in_a_closed_mesh_are_refused(tmp_path, material):
     with pytest.raises(InputError, match=r"sensors: sensor 4 .* lies in component 'cube'"):
-        scene.sensor_points(with_mesh(tmp_path, position=[1.6, 1.6, 0.5], scale=0.9))
+        scene.sensor_points(
+            with_mesh(tmp_path, position=[1.6, 1.6, 0.5], scale=0.9, material=material)
+        )
 
 
 # --- shipped scenes
