@@ -44,7 +44,7 @@ class Found(NamedTuple):
 class Lobes:
     """What a photon needs to know of the surfaces that it meets, by number of their BSDF."""
 
-    component: mi.UInt32
+    own: mi.UInt32
     kind: mi.UInt32
     absorption: mi.Float
 
@@ -54,7 +54,9 @@ class Lobes:
         parts = ports.scene.parts
         solids = [p.material for p in parts]
         return cls(
-            table(ports.scene, [ports.names.index(p.component) for p in parts]),
+            table(
+                ports.scene, [int(ports.names.index(p.component) == ports.component) for p in parts]
+            ),
             table(ports.scene, [_kind(p) for p in parts]),
             table(
                 ports.scene,
@@ -173,7 +175,7 @@ def follow(
 
         index = number(bsdf)
         deviates = onward & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-        own = dr.gather(mi.UInt32, lobes_of.component, index, deviates) == start.component
+        own = dr.gather(mi.UInt32, lobes_of.own, index, deviates) == 1
         foreign = deviates & (chain == _STRAIGHT) & ~own
         others += dr.select(foreign, flux, 0)
         kind = dr.gather(mi.UInt32, lobes_of.kind, index, deviates)
