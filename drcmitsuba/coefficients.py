@@ -305,9 +305,16 @@ def estimate(
 
 
 def _told(replicates: list[_Replicate]) -> dict[str, float]:
-    """What became of the photons' flux, for the attributes of C."""
+    """What became of the photons' flux, and what squares smear, for the attributes of C."""
+    landed = [r.landed for r in replicates if r.landed is not None]
     ledger = Ledger()
-    for replicate in replicates:
-        assert replicate.landed is not None
-        ledger = ledger.plus(replicate.landed.ledger)
-    return {f"photons_{name}": float(value) for name, value in asdict(ledger).items()}
+    for one in landed:
+        ledger = ledger.plus(one.ledger)
+    told = {f"photons_{name}": float(value) for name, value in asdict(ledger).items()}
+    smear = np.stack([one.smear for one in landed])
+    # Less what the scatter of the replicates makes of it.
+    square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean()
+    suns = landed[0].sun.shape[1]
+    whole = np.mean([one.sensors[:, -suns:].sum(axis=1) for one in landed]) if suns else 0.0
+    told["photons_smear"] = float(np.sqrt(max(square, 0)) / whole) if whole else 0.0
+    return told

@@ -99,6 +99,10 @@ class Landed:
         Of the cells, by ground and sky patches and by suns.
     sensors, mirrored : np.ndarray, shape (sensor, bin)
         Of the sensors, by all bins; and the purely mirrored (or refracted) part of it.
+    smear : np.ndarray, shape (sensor,)
+        What the squares' size adds to D of the sensors, in the sum over all suns: D of a square of
+        edge h is off by c·h² where D is smooth, so that of the whole square is more by ¾ c·h² than
+        that of its inner quarter.
     ledger : Ledger
     """
 
@@ -107,6 +111,7 @@ class Landed:
     sun: mi.TensorXf
     sensors: np.ndarray
     mirrored: np.ndarray
+    smear: np.ndarray
     ledger: Ledger
 
     def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
@@ -183,18 +188,21 @@ class Photons:
         patches = len(Patches(self.subdivision)) if self.subdivision else 0
         sky = of_sky(self.subdivision or 1), patches, seed, part(progress, 0, 0.3)
         suns = of_suns(self.suns, self.diameter), len(self.suns), seed + 1, part(progress, 0.3, 1)
-        (by_sky, through_sky, a), (by_sun, through_sun, b) = (
+        (by_sky, through_sky, _, a), (by_sun, through_sun, inner, b) = (
             self._landed(*kind) for kind in (sky, suns)
         )
         sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
-        return Landed(self.areas, by_sky, by_sun, sensors, mirrored, a.plus(b))
+        smear = 4 / 3 * (through_sun[0].sum(axis=1) - inner)
+        return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, a.plus(b))
 
     def _landed(
         self, sources: Sources, bins: int, seed: int, progress: Progress
-    ) -> tuple[mi.TensorXf, np.ndarray, Ledger]:
-        """D of the cells (row, bin) and of the sensors (2: all and mirrored, sensor, bin)."""
+    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, Ledger]:
+        """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
+        bins in the inner squares (sensor,).
+        """
         rows, n, ledger = len(self.areas), len(self.squares.edge), Ledger()
-        found = Found(*(dr.zeros(mi.Float, size * bins) for size in (rows, n, n)))
+        found = Found(*(dr.zeros(mi.Float, s) for s in (rows * bins, n * bins, n * bins, n)))
         for i, ports in enumerate(self.ports):
             seen = np.flatnonzero(ports.could(sources)[:bins].any(axis=1))
             total = len(seen) * self.count
@@ -205,13 +213,14 @@ class Photons:
                 ledger = ledger.plus(self._follow(ports, start, found, bins, key ^ first << 8))
                 progress((i + (first + lanes) / total) / len(self.ports))
         flux = np.reshape([found.sensors.numpy(), found.mirrored.numpy()], (2, n, bins))
-        through = flux / self.squares.edge.astype(np.float32)[:, None] ** 2
+        area = self.squares.edge.astype(np.float32) ** 2
+        through, inner = flux / area[:, None], found.inner.numpy() / (area / 4)
         if not bins or not rows:
-            return dr.zeros(mi.TensorXf, (rows, bins)), through, ledger
+            return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledger
         row = dr.arange(mi.UInt32, rows * bins) // dr.opaque(mi.UInt32, bins)
         D = found.cells / dr.gather(mi.Float, self.areas.area, row)
         dr.eval(D)
-        return mi.TensorXf(D, (rows, bins)), through, ledger
+        return mi.TensorXf(D, (rows, bins)), through, inner, ledger
 
     def _follow(self, ports: Ports, start: Start, found: Found, bins: int, seed: int) -> Ledger:
         """Follow photons and add what they bring to `found`."""
