@@ -79,6 +79,12 @@ def plan(
             if in_turn
             else "no film that faces another scattering pane",
         },
+        "components": {
+            "on": bool(case.standing),
+            "reason": f"components that are geometry: {', '.join(case.standing)}"
+            if case.standing
+            else "no component that is geometry",
+        },
         "shaded_state": {"on": closed > 0, "reason": shaded},
         "colour": {
             "on": is_coloured(case),

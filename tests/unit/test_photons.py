@@ -2,23 +2,17 @@
 
 from pathlib import Path
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba import backend
 from drcmitsuba import scene as scenes
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import BsdfMaterial, Case, DielectricMaterial, MirrorMaterial
+from drcmitsuba.case import Case, MirrorMaterial
 from drcmitsuba.coefficients import compute
-from drcmitsuba.materials import Lambertian
 from drcmitsuba.scene import Port, Surface
 from drcmitsuba.suns import Suns
-from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.photons import Photons
-from drcmitsuba.transport.receivers import CellAreas, Squares
 
 FILM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
 X, Y, Z = np.eye(3)
