@@ -28,6 +28,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.errors import InputError
 from drcmitsuba.progress import Progress, part
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid
@@ -82,11 +83,6 @@ class Ledger:
         names = (f.name for f in fields(self))
         return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
 
-    @property
-    def share_lost(self) -> float:
-        """Part of the emitted flux that was given up."""
-        return self.lost / self.emitted if self.emitted else 0.0
-
 
 @dataclass(frozen=True)
 class Landed:
@@ -103,7 +99,8 @@ class Landed:
         What the squares' size adds to D of the sensors, in the sum over all suns: D of a square of
         edge h is off by c·h² where D is smooth, so that of the whole square is more by ¾ c·h² than
         that of its inner quarter.
-    ledger : Ledger
+    ledgers : dict of str to Ledger
+        Of "NAME sky" and "NAME sun" for each component; its name is empty for the panes.
     """
 
     areas: CellAreas
@@ -112,7 +109,7 @@ class Landed:
     sensors: np.ndarray
     mirrored: np.ndarray
     smear: np.ndarray
-    ledger: Ledger
+    ledgers: dict[str, Ledger]
 
     def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
         """D of the cells with some keys, by sky and by suns; 0 where nothing can land."""
@@ -166,12 +163,23 @@ class Photons:
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
         diameter: float, subdivision: int | None, accuracy: Accuracy,
     ) -> Photons | None:  # fmt: skip
-        """Photons for sensors at points and for all cells; None where there are no ports."""
+        """Photons for sensors at points and for all cells; None where there are no ports.
+
+        Raises
+        ------
+        InputError
+            No light can come to a component.
+        """
         if not scene.ports:
             return None
+        for ports in (found := Ports.of(scene)):
+            if ports.name and not ports.sky_share().any():
+                got = "neither sky nor ground is seen from its ports"
+                remedy = "move it, or its ports, to where light comes from"
+                raise InputError("case", f"components.{ports.name}", got, remedy)
         grid = Grid.of(scene, accuracy.cell_size)
         return cls(
-            Ports.of(scene), CellAreas.of(scene, grid, launch_seed(accuracy, 5)),
+            found, CellAreas.of(scene, grid, launch_seed(accuracy, 5)),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
             subdivision, accuracy.photons, accuracy.photon_surfaces,
         )  # fmt: skip
@@ -193,34 +201,41 @@ class Photons:
         )
         sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
         smear = 4 / 3 * (through_sun[0].sum(axis=1) - inner)
-        return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, a.plus(b))
+        names = (ports.name for ports in self.ports)
+        ledgers = {
+            f"{name} {kind}": ledger
+            for name, *both in zip(names, a, b, strict=True)
+            for kind, ledger in zip(("sky", "sun"), both, strict=True)
+        }
+        return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
 
     def _landed(
         self, sources: Sources, bins: int, seed: int, progress: Progress
-    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, Ledger]:
+    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[Ledger]]:
         """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
         bins in the inner squares (sensor,).
         """
-        rows, n, ledger = len(self.areas), len(self.squares.edge), Ledger()
+        rows, n, ledgers = len(self.areas), len(self.squares.edge), []
         found = Found(*(dr.zeros(mi.Float, s) for s in (rows * bins, n * bins, n * bins, n)))
         for i, ports in enumerate(self.ports):
             seen = np.flatnonzero(ports.could(sources)[:bins].any(axis=1))
-            total = len(seen) * self.count
+            total, ledger = len(seen) * self.count, Ledger()
             for first in range(0, total, LANES):
                 lanes = min(LANES, total - first)
                 key = seed + 0x10001 * i
                 start = ports.start(sources, seen, self.count, first, lanes, key)
                 ledger = ledger.plus(self._follow(ports, start, found, bins, key ^ first << 8))
                 progress((i + (first + lanes) / total) / len(self.ports))
+            ledgers.append(ledger)
         flux = np.reshape([found.sensors.numpy(), found.mirrored.numpy()], (2, n, bins))
         area = self.squares.edge.astype(np.float32) ** 2
         through, inner = flux / area[:, None], found.inner.numpy() / (area / 4)
         if not bins or not rows:
-            return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledger
+            return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledgers
         row = dr.arange(mi.UInt32, rows * bins) // dr.opaque(mi.UInt32, bins)
         D = found.cells / dr.gather(mi.Float, self.areas.area, row)
         dr.eval(D)
-        return mi.TensorXf(D, (rows, bins)), through, inner, ledger
+        return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
 
     def _follow(self, ports: Ports, start: Start, found: Found, bins: int, seed: int) -> Ledger:
         """Follow photons and add what they bring to `found`."""

@@ -124,6 +124,11 @@ class Ports:
             found.append(cls(scene, quads, names.index(name), names))
         return tuple(found)
 
+    @property
+    def name(self) -> str:
+        """Of the component; "" of the panes."""
+        return self.names[self.component]
+
     def __len__(self) -> int:
         """Count the ports."""
         return len(self.quads)
