@@ -292,6 +292,9 @@ class Case(Table):
                 got = "strips use this name for no material"
                 raise InputError("case", f"materials.{name}", got, "choose another name")
         check_components(self.components, self.materials, self.room is not None)
+        if self.standing and isinstance(self.sun, Adaptive):
+            got = "a mesh of suns would blur what components mirror"
+            raise InputError("case", "sun.model", got, 'take "true_sun"')
         pieces = sum(piece.count[0] * piece.count[1] for piece in self.furniture)
         if pieces > MOST_PIECES:
             raise InputError("case", "furniture", f"{pieces} pieces", f"at most {MOST_PIECES}")

@@ -23,13 +23,14 @@ class Surface:
     """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front.
 
     A triangle repeats its last corner. `component` names the component that it is a part of; ""
-    is the room, its panes and furniture.
+    is the room, its panes and furniture. Nothing sees the backs of a `closed` body.
     """
 
     name: str
     material: SurfaceMaterial
     quads: np.ndarray
     component: str = ""
+    closed: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,258 @@
+"""Deposit by photons: light that comes by mirrors, prisms, pipes, or by several panes in turn.
+
+Photons start on the ports of components, from every sun, the sky and the ground, know their bin and
+are deposited in the cell of the first diffuse surface that they meet; nothing else is stored.
+Squares around the sensors record what crosses them. Per unit radiance of bin b,
+
+    D[cell, b] = Σ flux of the photons of b that land in it / area of the cell.
+
+Every path of light is counted once. A photon counts where its chain is one that no other estimator
+knows: it begins with a deviation (anything but going straight through a pane) by the component of
+its own port, and it is not a film followed by diffusing panes, which the pane deposits find. So
+straight light, and light that another component deviates first, end without a trace, and two
+ports of one component must not lie behind one another.
+
+References
+----------
+.. [1] R. Schregle, "Development and integration of the Radiance photon map extension", Lucerne
+   University of Applied Sciences and Arts, 2015.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.errors import InputError
+from drcmitsuba.progress import Progress, part
+from drcmitsuba.scene import Scene
+from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.deposit import launch_seed
+from drcmitsuba.transport.photon_paths import Found, Lobes, Recorder, follow
+from drcmitsuba.transport.ports import Ports, Sources, Start, of_sky, of_suns
+from drcmitsuba.transport.receivers import CellAreas, Squares
+
+LANES = 1 << 21
+"""Photons of one launch."""
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Where the flux of photons went, per unit radiance of all bins [m² sr].
+
+    emitted + roulette = landed + absorbed + escaped + others + lost, to rounding; `roulette` is 0
+    in the mean.
+
+    Parameters
+    ----------
+    emitted : float
+        What passed the ports.
+    landed : float
+        On diffuse surfaces.
+    absorbed : float
+        By mirrors, panes and solids.
+    escaped : float
+        To the outside.
+    others : float
+        On chains that other estimators, or other ports, count.
+    lost : float
+        Still under way after the last surface that was followed.
+    roulette : float
+        Added to photons that survived, less what was taken with those that did not.
+    photons, segments : int
+        Photons that were followed, and the flights from surface to surface that they made.
+    """
+
+    emitted: float = 0.0
+    landed: float = 0.0
+    absorbed: float = 0.0
+    escaped: float = 0.0
+    others: float = 0.0
+    lost: float = 0.0
+    roulette: float = 0.0
+    photons: int = 0
+    segments: int = 0
+
+    def plus(self, other: Ledger) -> Ledger:
+        """Sum with another one."""
+        names = (f.name for f in fields(self))
+        return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
+
+
+@dataclass(frozen=True)
+class Landed:
+    """D of photons [sr].
+
+    Parameters
+    ----------
+    areas : CellAreas
+    sky, sun : mi.TensorXf, shape (row, bin)
+        Of the cells, by ground and sky patches and by suns.
+    sensors, mirrored : np.ndarray, shape (sensor, bin)
+        Of the sensors, by all bins; and the purely mirrored (or refracted) part of it.
+    smear : np.ndarray, shape (sensor,)
+        What the squares' size adds to D of the sensors, in the sum over all suns: D of a square of
+        edge h is off by c·h² where D is smooth, so that of the whole square is more by ¾ c·h² than
+        that of its inner quarter.
+    ledgers : dict of str to Ledger
+        Of "NAME sky" and "NAME sun" for each component; its name is empty for the panes.
+    """
+
+    areas: CellAreas
+    sky: mi.TensorXf
+    sun: mi.TensorXf
+    sensors: np.ndarray
+    mirrored: np.ndarray
+    smear: np.ndarray
+    ledgers: dict[str, Ledger]
+
+    def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
+        """D of the cells with some keys, by sky and by suns; 0 where nothing can land."""
+        row, known = self.areas.at(key)
+        out = []
+        for d in (self.sky, self.sun):
+            cells, bins = dr.width(key), d.shape[1]
+            if not cells or not bins:
+                out.append(dr.zeros(mi.TensorXf, (cells, bins)))
+                continue
+            entry = dr.arange(mi.UInt32, cells * bins)
+            stride = dr.opaque(mi.UInt32, bins)
+            at, there = (dr.gather(type(x), x, entry // stride) for x in (row, known))
+            values = dr.gather(mi.Float, d.array, at * stride + entry % stride, there)
+            out.append(mi.TensorXf(values, (cells, bins)))
+        return out[0], out[1]
+
+
+@dataclass(frozen=True)
+class Photons:
+    """Photons of a scene.
+
+    Parameters
+    ----------
+    ports : tuple of Ports
+        Of the components, and of the panes.
+    areas : CellAreas
+    squares : Squares
+    suns : np.ndarray, shape (sun, 3)
+    diameter : float
+        Angle across a sun [deg].
+    subdivision : int or None
+        Reinhart's factor MF of the sky; None leaves out ground and sky.
+    count : int
+        Photons of a sun or a patch to each component, in one replicate.
+    surfaces : int
+        Followed at most.
+    """
+
+    ports: tuple[Ports, ...]
+    areas: CellAreas
+    squares: Squares
+    suns: np.ndarray
+    diameter: float
+    subdivision: int | None
+    count: int
+    surfaces: int
+
+    @classmethod
+    def of(
+        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
+        diameter: float, subdivision: int | None, accuracy: Accuracy,
+    ) -> Photons | None:  # fmt: skip
+        """Photons for sensors at points and for all cells; None where there are no ports.
+
+        Raises
+        ------
+        InputError
+            No light can come to a component.
+        """
+        if not scene.ports:
+            return None
+        for ports in (found := Ports.of(scene)):
+            if ports.name and not ports.sky_share().any():
+                got = "neither sky nor ground is seen from its ports"
+                remedy = "move it, or its ports, to where light comes from"
+                raise InputError("case", f"components.{ports.name}", got, remedy)
+        grid = Grid.of(scene, accuracy.cell_size)
+        return cls(
+            found, CellAreas.of(scene, grid, launch_seed(accuracy, 5)),
+            Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
+            subdivision, accuracy.photons, accuracy.photon_surfaces,
+        )  # fmt: skip
+
+    def traced(self, seed: int, progress: Progress = lambda share: None) -> Landed:
+        """Trace all photons of a replicate.
+
+        Parameters
+        ----------
+        seed : int
+        progress : callable
+            Told the share that is done.
+        """
+        patches = len(Patches(self.subdivision)) if self.subdivision else 0
+        sky = of_sky(self.subdivision or 1), patches, seed, part(progress, 0, 0.3)
+        suns = of_suns(self.suns, self.diameter), len(self.suns), seed + 1, part(progress, 0.3, 1)
+        (by_sky, through_sky, _, a), (by_sun, through_sun, inner, b) = (
+            self._landed(*kind) for kind in (sky, suns)
+        )
+        sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
+        smear = 4 / 3 * (through_sun[0].sum(axis=1) - inner)
+        names = (ports.name for ports in self.ports)
+        ledgers = {
+            f"{name} {kind}": ledger
+            for name, *both in zip(names, a, b, strict=True)
+            for kind, ledger in zip(("sky", "sun"), both, strict=True)
+        }
+        return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
+
+    def _landed(
+        self, sources: Sources, bins: int, seed: int, progress: Progress
+    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[Ledger]]:
+        """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
+        bins in the inner squares (sensor,).
+        """
+        rows, n, ledgers = len(self.areas), len(self.squares.edge), []
+        found = Found(*(dr.zeros(mi.Float, s) for s in (rows * bins, n * bins, n * bins, n)))
+        for i, ports in enumerate(self.ports):
+            seen = np.flatnonzero(ports.could(sources)[:bins].any(axis=1))
+            total, ledger = len(seen) * self.count, Ledger()
+            for first in range(0, total, LANES):
+                lanes = min(LANES, total - first)
+                key = seed + 0x10001 * i
+                start = ports.start(sources, seen, self.count, first, lanes, key)
+                ledger = ledger.plus(self._follow(ports, start, found, bins, key ^ first << 8))
+                progress((i + (first + lanes) / total) / len(self.ports))
+            ledgers.append(ledger)
+        flux = np.reshape([found.sensors.numpy(), found.mirrored.numpy()], (2, n, bins))
+        area = self.squares.edge.astype(np.float32) ** 2
+        through, inner = flux / area[:, None], found.inner.numpy() / (area / 4)
+        if not bins or not rows:
+            return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledgers
+        row = dr.arange(mi.UInt32, rows * bins) // dr.opaque(mi.UInt32, bins)
+        D = found.cells / dr.gather(mi.Float, self.areas.area, row)
+        dr.eval(D)
+        return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
+
+    def _follow(self, ports: Ports, start: Start, found: Found, bins: int, seed: int) -> Ledger:
+        """Follow photons and add what they bring to `found`."""
+        columns = start.p, start.d, start.flux, start.bin
+        dr.eval(*columns)
+        lanes = dr.compress(start.flux > 0)
+        if dr.width(lanes) == 0:
+            return Ledger()
+        start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
+        # Mitsuba's sampler is three times slower in a loop than the generator behind it.
+        random = mi.PCG32(dr.width(lanes), dr.opaque(mi.UInt64, seed), mi.UInt64(lanes))
+        fates = follow(
+            ports.scene.full, Lobes.of(ports), self.areas, Recorder(self.squares), start, found,
+            dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
+        )  # fmt: skip
+        dr.eval(fates, found)  # together: each sum alone would follow all photons again
+        *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
+        names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
+        told = dict(zip(names, fluxes, strict=True))
+        return Ledger(photons=dr.width(lanes), segments=round(segments), **told)
