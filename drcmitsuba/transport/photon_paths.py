@@ -9,15 +9,18 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import BsdfMaterial, DielectricMaterial, DiffuserMaterial
+from drcmitsuba.material_table import BsdfMaterial, DielectricMaterial, DiffuserMaterial
+from drcmitsuba.materials import is_diffuse
 from drcmitsuba.scene import Part
 from drcmitsuba.transport.ports import Ports, Start
-from drcmitsuba.transport.receivers import CellAreas, Squares, number, table
+from drcmitsuba.transport.receivers import CellAreas, Squares, number, numbers
 
 WEAK = 0.25
 """Share of its first flux below which a photon goes on by chance, with this share."""
 
-_OTHER, _FILM, _DIFFUSER = 0, 1, 2
+OWN, FILM, DIFFUSER, RECEIVES = 1, 2, 4, 8
+"""Traits of a surface: it belongs to the photon's component; to the room's films, or its diffusing
+panes; light is deposited on it."""
 _STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
 """What a photon's chain is so far."""
 
@@ -44,37 +47,37 @@ class Found(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Lobes:
-    """What a photon needs to know of the surfaces that it meets, by number of their BSDF."""
+class Traits:
+    """What a photon needs to know of the surfaces that it meets, by number of their BSDF.
 
-    own: mi.UInt32
-    kind: mi.UInt32
+    Parameters
+    ----------
+    bits : mi.UInt32
+        `OWN`, `FILM`, `DIFFUSER`, `RECEIVES`.
+    absorption : mi.Float
+        Of a solid [1/m].
+    """
+
+    bits: mi.UInt32
     absorption: mi.Float
 
     @classmethod
-    def of(cls, ports: Ports) -> Lobes:
-        """Tables of the parts of the ports' scene."""
-        parts = ports.scene.parts
-        solids = [p.material for p in parts]
-        return cls(
-            table(
-                ports.scene, [int(ports.names.index(p.component) == ports.component) for p in parts]
-            ),
-            table(ports.scene, [_kind(p) for p in parts]),
-            table(
-                ports.scene,
-                [m.absorption if isinstance(m, DielectricMaterial) else 0.0 for m in solids],
-            ),
-        )
+    def of(cls, ports: Ports) -> Traits:
+        """Traits of the parts of a scene, as photons from some ports see them."""
+        at = numbers(ports.scene)
+        bits, absorption = np.zeros(max(at) + 1, np.uint32), np.zeros(max(at) + 1, np.float32)
+        for i, part in zip(at, ports.scene.parts, strict=True):
+            bits[i] = _bits(part) | (OWN if part.component == ports.name else 0)
+            if isinstance(part.material, DielectricMaterial):
+                absorption[i] = part.material.absorption
+        return cls(mi.UInt32(bits), mi.Float(absorption))
 
 
-def _kind(part: Part) -> int:
-    """Whether pane deposits know the light that a part scatters."""
-    if part.component:
-        return _OTHER
-    if isinstance(part.material, BsdfMaterial):
-        return _FILM
-    return _DIFFUSER if isinstance(part.material, DiffuserMaterial) else _OTHER
+def _bits(part: Part) -> int:
+    """Whether light is deposited on a part, and whether pane deposits know what it scatters."""
+    if part.component or not isinstance(part.material, BsdfMaterial | DiffuserMaterial):
+        return RECEIVES if is_diffuse(part.material) else 0
+    return FILM if isinstance(part.material, BsdfMaterial) else DIFFUSER
 
 
 class Recorder:
@@ -123,48 +126,41 @@ class Recorder:
                 dr.scatter_add(found.inner, flux, row, meets & (2 * off < half))
 
 
-def _pair(random: mi.PCG32) -> mi.Point2f:
-    x = random.next_float32()
-    return mi.Point2f(x, random.next_float32())
-
-
 @dr.syntax
 def follow(
-    scene: mi.Scene, lobes_of: Lobes, areas: CellAreas, squares: Recorder, start: Start,
+    scene: mi.Scene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
     found: Found, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32,
 ) -> tuple[mi.Float, ...]:  # fmt: skip
     """Follow photons; returns the flux of every fate (see `Ledger`) and the segments, by lane."""
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    ray = mi.Ray3f(start.p, start.d)
-    flux = mi.Float(start.flux)
-    weak = WEAK * start.flux
+    ray, before = mi.Ray3f(start.p, start.d), mi.Point3f(start.p)
+    flux, weak = mi.Float(start.flux), WEAK * start.flux
     landed, absorbed, escaped = mi.Float(0), mi.Float(0), mi.Float(0)
     others, lost, roulette = mi.Float(0), mi.Float(0), mi.Float(0)
     inside = mi.Float(0)  # absorption of the solid that the photon is in
     chain, step = mi.UInt32(_STRAIGHT), mi.UInt32(0)
     mirrored, active = mi.Bool(True), mi.Bool(True)
     while dr.hint(
-        active, exclude=[scene, lobes_of, areas, squares, start, found, bins, limit, ctx, weak]
+        active, exclude=[scene, traits, areas, squares, start, found, bins, limit, ctx, weak]
     ):
         si = scene.ray_intersect(ray, flags, coherent=False, active=active)
         met = active & si.is_valid()
         counts = chain == _OWN
         squares.record(ray.o, ray.d, si.t, start.bin, bins, flux, mirrored, found, active & counts)
         escaped += dr.select(active & ~met, flux, 0)
-        left = dr.select(inside > 0, dr.exp(-inside * si.t), 1)
+        # From surface to surface: the ray began a little off the last one.
+        left = dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
         absorbed += dr.select(met, flux * (1 - left), 0)
         flux = dr.select(met, flux * left, flux)
 
         si.wi = si.to_local(-ray.d)
         bsdf = si.bsdf()
-        bs, weight = bsdf.sample(ctx, si, random.next_float32(), _pair(random), met)
-        lobes = bsdf.flags()
-        receives = (
-            met
-            & mi.has_flag(lobes, mi.BSDFFlags.DiffuseReflection)
-            & ~mi.has_flag(lobes, mi.BSDFFlags.Transmission)
-        )
+        u, v = random.next_float32(), random.next_float32()
+        bs, weight = bsdf.sample(ctx, si, u, mi.Point2f(v, random.next_float32()), met)
+        index = number(bsdf)
+        bits = dr.gather(mi.UInt32, traits.bits, index, met)
+        receives = (bits & RECEIVES) != 0
         # Outside of a solid, a facing normal tells the side that the photon comes from.
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         row, known = areas.at(areas.grid.key(si.p, facing), receives & counts)
@@ -173,27 +169,23 @@ def follow(
         diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
         onward = met & ~(receives & diffuse)
         after = dr.select(onward, flux * weight[0], 0)
-        landed += dr.select(receives & counts, flux - after, 0)
-        others += dr.select(receives & ~counts, flux - after, 0)
-        absorbed += dr.select(met & ~receives, flux - after, 0)
+        taken = dr.select(met, flux - after, 0)
+        landed += dr.select(receives & counts, taken, 0)
+        others += dr.select(receives & ~counts, taken, 0)
+        absorbed += dr.select(receives, 0, taken)
         flux = after
 
-        index = number(bsdf)
         deviates = onward & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-        own = dr.gather(mi.UInt32, lobes_of.own, index, deviates) == 1
-        foreign = deviates & (chain == _STRAIGHT) & ~own
+        foreign = deviates & (chain == _STRAIGHT) & ((bits & OWN) == 0)
         others += dr.select(foreign, flux, 0)
-        kind = dr.gather(mi.UInt32, lobes_of.kind, index, deviates)
-        by_panes = ((kind == _FILM) & (chain == _STRAIGHT)) | (
-            (kind == _DIFFUSER) & (chain != _OWN)
-        )
-        chain = dr.select(
-            deviates, dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN)), chain
-        )
+        first_film = ((bits & FILM) != 0) & (chain == _STRAIGHT)
+        by_panes = first_film | (((bits & DIFFUSER) != 0) & (chain != _OWN))
+        now = dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN))
+        chain = dr.select(deviates, now, chain)
         mirrored &= ~deviates | mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         crossed = deviates & (bs.eta != 1)
-        into = dr.gather(mi.Float, lobes_of.absorption, index, crossed)
-        inside = dr.select(crossed, dr.select(bs.wo.z < 0, into, 0), inside)
+        into = dr.gather(mi.Float, traits.absorption, index, crossed & (bs.wo.z < 0))
+        inside = dr.select(crossed, into, inside)
 
         step += 1
         active = onward & ~foreign & (flux > 0)
@@ -201,9 +193,10 @@ def follow(
         lost += dr.select(over, flux, 0)
         active &= ~over
         faint = active & (flux < weak)
-        survives = random.next_float32() * weak < flux
-        roulette += dr.select(faint, dr.select(survives, weak, 0) - flux, 0)
-        flux = dr.select(faint, dr.select(survives, weak, 0), flux)
+        kept = dr.select(random.next_float32() * weak < flux, weak, 0)
+        roulette += dr.select(faint, kept - flux, 0)
+        flux = dr.select(faint, kept, flux)
         active &= flux > 0
+        before = si.p
         ray = si.spawn_ray(si.to_world(bs.wo))
     return landed, absorbed, escaped, others, lost, roulette, mi.Float(step)

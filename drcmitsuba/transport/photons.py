@@ -33,7 +33,7 @@ from drcmitsuba.progress import Progress, part
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.deposit import launch_seed
-from drcmitsuba.transport.photon_paths import Found, Lobes, Recorder, follow
+from drcmitsuba.transport.photon_paths import Found, Recorder, Traits, follow
 from drcmitsuba.transport.ports import Ports, Sources, Start, of_sky, of_suns
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
@@ -246,9 +246,9 @@ class Photons:
             return Ledger()
         start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
-        random = mi.PCG32(dr.width(lanes), dr.opaque(mi.UInt64, seed), mi.UInt64(lanes))
+        random = mi.PCG32(dr.width(lanes), dr.opaque(mi.UInt64, seed))
         fates = follow(
-            ports.scene.full, Lobes.of(ports), self.areas, Recorder(self.squares), start, found,
+            ports.scene.full, Traits.of(ports), self.areas, Recorder(self.squares), start, found,
             dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
         )  # fmt: skip
         dr.eval(fates, found)  # together: each sum alone would follow all photons again

@@ -108,7 +108,10 @@ def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
     """Whether points on a surface lie outside of all closed bodies, on the side of `n`."""
     if not any(part.closed for part in scene.parts):
         return mi.Bool(True)
-    closed = table(scene, [int(part.closed) for part in scene.parts])
+    at = numbers(scene)
+    of_parts = np.zeros(max(at) + 1, np.uint32)
+    of_parts[at] = [part.closed for part in scene.parts]
+    closed = mi.UInt32(of_parts)
     si = scene.full.ray_intersect(mi.Ray3f(p + OFFSET * n, n), mi.RayFlags.Minimal, coherent=False)
     of_body = dr.gather(mi.UInt32, closed, number(si.bsdf()), si.is_valid()) == 1
     return ~(si.is_valid() & of_body & (dr.dot(si.n, n) > 0))
@@ -119,13 +122,9 @@ def number(bsdf: mi.BSDFPtr) -> mi.UInt32:
     return dr.reinterpret_array(mi.UInt32, bsdf)
 
 
-def table(scene: Scene, values: list[int] | list[float]) -> mi.UInt32 | mi.Float:
-    """Values of the parts of a scene, by the numbers of their BSDFs."""
-    numbers = [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
-    whole = all(isinstance(v, int) for v in values)
-    out = np.zeros(max(numbers, default=0) + 1, np.uint32 if whole else np.float32)
-    out[numbers] = values
-    return (mi.UInt32 if whole else mi.Float)(out)
+def numbers(scene: Scene) -> list[int]:
+    """Numbers of the BSDFs of a scene's parts."""
+    return [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
 
 
 @dataclass(frozen=True)

@@ -87,26 +87,31 @@ def mirror_duct():
     return Surface("duct", mirror(0.9), np.array(faces), "duct"), box_ports("duct", low, high)
 
 
+def sources(scene, directions, diameter):
+    """The surfaces of a scene under sky and suns, for `coefficient`."""
+    world = {f"s{i}": shape for i, shape in enumerate(scene.full.shapes())}
+    suns = mi.TensorXf(directions.astype(np.float32))
+    world["suns"] = {"type": "sun_disks", "directions": suns, "diameter": diameter}
+    return mi.load_dict({"type": "scene", **world, "sky": {"type": "tregenza_sky"}}, optimize=False)
+
+
 def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
     case = Case.model_validate(ROOM)
     duct, ports = mirror_duct()
     scene = scenes.build([*scenes.surfaces(case), duct], ports=ports)
     points, normals = scenes.sensor_points(case)
     accuracy = Accuracy(
-        replicates=16, paths=512, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 13,
-        sensor_square=0.1, sensor_sun_samples=64, pane_points=128,
+        replicates=16, paths=512, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 11,
+        sensor_square=0.2, sensor_sun_samples=64, pane_points=128,
     )  # fmt: skip
     here = compute(scene, points, normals, WIDE, accuracy)
-    world = {f"s{i}": shape for i, shape in enumerate(scene.full.shapes())}
-    world["sky"] = {"type": "tregenza_sky"}
-    directions = mi.TensorXf(DIRECTIONS.astype(np.float32))
-    world["suns"] = {"type": "sun_disks", "directions": directions, "diameter": WIDE.diameter}
     there = plain_coefficients(
-        mi.load_dict({"type": "scene", **world}, optimize=False), points, normals, spp=1 << 14
+        sources(scene, DIRECTIONS, WIDE.diameter), points, normals, spp=1 << 12
     ).sum(axis=0)
     C = here["replicates"].values
-    same(C[..., :146], other=there[..., :146], within=0.01)
-    same(C[..., 146:], other=there[..., 146:], within=0.02)
+    # Light by each of the three, and not in their place: none is small.
+    same(C[..., :146], other=there[..., :146], within=0.015)
+    same(C[..., 146:], other=there[..., 146:], within=0.03)
 
 
 # ---- receivers --------------------------------------------------------------------------------
