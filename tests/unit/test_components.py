@@ -7,12 +7,15 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, components, plan, scene, simulation
-from drcmitsuba.basis import of_variants
+from drcmitsuba import backend, basis, components, plan, scene, simulation
+from drcmitsuba.basis import compute
 from drcmitsuba.case import Case, load_case, shipped_cases, shipped_folder, shipped_recipes
 from drcmitsuba.components.duct import concentrator
 from drcmitsuba.components.lightpipe import polygon
 from drcmitsuba.components.placed import ray_offset
+from drcmitsuba.design.film_year import FilmYear
+from drcmitsuba.design.layout import Layout
+from drcmitsuba.design.reflectances import Interior
 from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import normals
 from drcmitsuba.goniophotometer.trace import follow, prepare
@@ -23,6 +26,8 @@ from drcmitsuba.structures.block import block
 from drcmitsuba.structures.polygon import triangles
 from drcmitsuba.structures.recipe import load_recipe
 from drcmitsuba.structures.solid import check_solid, volume, welded, winding
+from drcmitsuba.tradeoff import tradeoff
+from drcmitsuba.variants import evaluate_variants
 
 SIZE = np.array([4.0, 5.0, 3.0])
 MATERIALS = {
@@ -677,15 +682,31 @@ def test_a_structure_that_no_strip_names_stands_nowhere(tmp_path):
     assert unused.standing == ()
 
 
-def test_what_counts_no_photons_refuses_components():
+TASKS = {
+    "season": season,
+    "variants": lambda room: list(evaluate_variants([room])),
+    "optimise": Layout.of,
+    "film": FilmYear.of,
+    "interior": lambda room: Interior.of(room, None),
+    "tradeoff": tradeoff,
+    "basis": lambda room: compute(*of_grid(room), None, room.accuracy),
+}
+
+
+def of_grid(room):
+    wall = basis.Wall(room, "south")
+    return wall, *basis.of_grid(wall, [1.0, 2.0], 1, ("wall", "glass"))
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_what_counts_no_photons_refuses_components(task):
     room = case(
         components={"pipe": PIPE},
         facade={"south": {"strips": [{"bottom": 1, "top": 2, "material": "glass"}]}},
+        design={"film": "opal"},
     )
-    for task in (lambda: season(room), lambda: room.refuse_components("a test")):
-        with pytest.raises(InputError, match='counts no light by way of "pipe"'):
-            task()
-    assert of_variants([case(facade=room.facade)])  # without the pipe it is a façade like others
+    with pytest.raises(InputError, match='counts no light by way of "pipe"'):
+        TASKS[task](room)
 
 
 def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
