@@ -105,7 +105,9 @@ class PhotonGrid:
         self.size = [dr.opaque(mi.UInt32, int(n)) for n in np.floor(extent / edge) + 3]
         keys = self._key(*self._cell(position))
         order = dr.argsort(keys)
-        self.keys = dr.gather(mi.UInt32, keys, order)
+        # Filled up to a power of two by keys beyond all: other counts need no other kernel.
+        self.keys = dr.full(mi.UInt32, 0xFFFFFFFF, 1 << self.count.bit_length())
+        dr.scatter(self.keys, dr.gather(mi.UInt32, keys, order), photons)
         for name in Store.FIELDS:
             field = getattr(store, name)
             setattr(self, name, dr.gather(type(field), field, order))
@@ -141,15 +143,15 @@ class PhotonGrid:
         if dr.hint(self.count > 0, mode="scalar"):
             x, y, z = self._cell(p)
             radius2 = dr.square(self.radius)
-            row = mi.UInt32(0)
+            row, last = mi.UInt32(0), len(self.keys) - 1
             while active & (row < 9):
                 first = self._key(x - 1, y + row % 3 - 1, z + row // 3 - 1)
-                i = dr.binary_search(
-                    0, self.count, lambda k: dr.gather(mi.UInt32, self.keys, k) < first
+                i = mi.UInt32(
+                    dr.binary_search(
+                        0, last, lambda k: dr.gather(mi.UInt32, self.keys, k) < first
+                    )
                 )
-                i = mi.UInt32(i)
-                key = dr.gather(mi.UInt32, self.keys, i, i < self.count)
-                inside = active & (i < self.count) & (key <= first + 2)
+                inside = active & (dr.gather(mi.UInt32, self.keys, i, active) <= first + 2)
                 while inside:
                     d = dr.gather(mi.Point3f, self.position, i, inside) - p
                     d2 = dr.squared_norm(d)
@@ -161,7 +163,6 @@ class PhotonGrid:
                     for c in range(len(total)):
                         total[c] += mi.Float64(value[c])
                     i += 1
-                    key = dr.gather(mi.UInt32, self.keys, i, inside & (i < self.count))
-                    inside = inside & (i < self.count) & (key <= first + 2)
+                    inside = inside & (dr.gather(mi.UInt32, self.keys, i, inside) <= first + 2)
                 row += 1
         return total

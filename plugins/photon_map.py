@@ -151,8 +151,9 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         -------
         Store, Ledger
         """
+        sources = Sources(scene)
         aim = self.ports or Surroundings(scene, [])
-        return self._shoot(scene, Sources(scene), aim, photons, seed)
+        return self._shoot(scene, sources, aim, photons, seed)
 
     def _shoot(self, scene, sources, aim, photons, seed, receivers=None):
         """Send photons out; once more, the same ones, if the store was too small for them."""
@@ -319,14 +320,14 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         def onward_light(si, bsdf, beta, active):
             return _density(grid, si, bsdf, beta, active, False)
 
-        k = mi.UInt32(0)
-        while active & (k < self.gather):
+        k, rays = mi.UInt32(0), dr.opaque(mi.UInt32, self.gather)
+        while active & (k < rays):
             bs, weight = bsdf.sample(
                 mi.BSDFContext(), si, sampler.next_1d(active), sampler.next_2d(active), active
             )
             scattered = active & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             ray = si.spawn_ray(si.to_world(bs.wo))
-            share = beta * weight / self.gather
+            share = beta * weight / mi.Float(rays)
             light += self._follow(scene, sampler, ray, share, onward_light, None, scattered)
             k += 1
         return light

@@ -91,7 +91,7 @@ class Sources:
         shares, cumulated = mi.Float64(p), mi.Float64(np.cumsum(p))
         lane, n = dr.arange(mi.UInt32, photons), dr.opaque(mi.Float64, photons)
         u = (mi.Float64(lane) + mi.Float64(sampler.next_1d())) / n
-        bin = mi.UInt32(
+        bin = dr.zeros(mi.UInt32, photons) + mi.UInt32(  # one number where there is one bin
             dr.binary_search(
                 0, self.bin_count - 1, lambda i: dr.gather(mi.Float64, cumulated, i) <= u
             )
@@ -142,7 +142,7 @@ class UnitSources(Sources):
         return mi.Spectrum(dr.gather(mi.Float, self.sky.solid_angles, index, active))
 
     def _sun(self, index, active):
-        return mi.Spectrum(dr.select(active, mi.Float(self.suns.solid_angle), 0))
+        return mi.Spectrum(dr.full(mi.Float, self.suns.solid_angle, dr.width(index)))
 
     def _probabilities(self):
         equal = np.full(self.bin_count, 1 / self.bin_count)
@@ -195,10 +195,10 @@ class Ports:
             dr.gather(mi.Vector3f, a, port) for a in (self.corner, self.u, self.v, self.normal)
         )
         uv = sampler.next_2d()
-        # Just outside: what lies in the plane of the port belongs to what is behind it.
         p = mi.Point3f(corner + uv.x * across + uv.y * along)
-        p -= normal * ((1 + dr.max(dr.abs(p))) * 2 * mi.math.RayEpsilon)
         cosine = dr.maximum(-dr.dot(normal, towards), 0)
+        # Just outside: what lies in the plane of the port belongs to what is behind it.
+        p += towards * ((1 + dr.max(dr.abs(p))) * 2 * mi.math.RayEpsilon / dr.maximum(cosine, 0.01))
         seen = transmittance(scene, mi.Ray3f(p, towards), cosine > 0)
         return p, cosine * seen * self.area
 
