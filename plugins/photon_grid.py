@@ -121,6 +121,12 @@ class PhotonGrid:
     def _key(self, x, y, z):
         return x + self.size[0] * (y + self.size[1] * z)
 
+    def _first_from(self, key, last):
+        """Place of the first photon whose cell is `key` or a later one."""
+        return mi.UInt32(
+            dr.binary_search(0, last, lambda k: dr.gather(mi.UInt32, self.keys, k) < key)
+        )
+
     @dr.syntax
     def sum(self, p, n, active, light):
         """Sum over the photons near a point on the same side of the same surface, by the kernel.
@@ -146,11 +152,7 @@ class PhotonGrid:
             row, last = mi.UInt32(0), len(self.keys) - 1
             while active & (row < 9):
                 first = self._key(x - 1, y + row % 3 - 1, z + row // 3 - 1)
-                i = mi.UInt32(
-                    dr.binary_search(
-                        0, last, lambda k: dr.gather(mi.UInt32, self.keys, k) < first
-                    )
-                )
+                i = self._first_from(first, last)
                 inside = active & (dr.gather(mi.UInt32, self.keys, i, active) <= first + 2)
                 while inside:
                     d = dr.gather(mi.Point3f, self.position, i, inside) - p

@@ -254,7 +254,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         return mi.TensorXd(total / self.passes, shape)
 
     def _gather_at(self, scene, receivers, grid, seed):
-        """Replace what crossed the receivers after a diffuse surface by what rays from them find."""
+        """Replace what met a diffuse surface by what rays from the sensors find."""
         part, rows = receivers.count * receivers.bins, receivers.count * self.gather
         later = dr.arange(mi.UInt32, 2 * part) >= part
         receivers.out = dr.select(later, 0, receivers.out)
