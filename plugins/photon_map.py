@@ -2,62 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked
-from drcmitsuba_plugins.photon_grid import KERNELS, PhotonGrid, Store, kernel_density
+from drcmitsuba_plugins.photon_flight import Ledger, Photons, Receivers, facing, is_diffuse
+from drcmitsuba_plugins.photon_grid import KERNELS, PhotonGrid
 from drcmitsuba_plugins.photon_sources import Ports, Sources, Surroundings, UnitSources
-
-
-@dataclass(frozen=True)
-class Ledger:
-    """What became of the photons' flux, mean of all channels and passes.
-
-    emitted = absorbed + escaped + lost; `stored` counts a photon at each diffuse surface it meets.
-    `lost` is what still travelled after `max_depth` scattering events.
-    """
-
-    emitted: float
-    stored: float
-    absorbed: float
-    escaped: float
-    lost: float
-
-    @classmethod
-    def mean(cls, ledgers):
-        """The mean of several."""
-        return cls(*(np.mean([getattr(x, f.name) for x in ledgers]).item() for f in fields(cls)))
-
-
-class _Receivers:
-    """Disks round sensors that record the photons which cross them, and let them go on."""
-
-    def __init__(self, points, normals, bins, kernel, radius):
-        self.count, self.bins, self.kernel = len(points), bins, kernel
-        self.points = mi.Float(points.astype(np.float32).ravel())
-        self.normals = mi.Float(normals.astype(np.float32).ravel())
-        self.radius2 = dr.opaque(mi.Float, radius**2)
-        self.out = dr.zeros(mi.Float64, 2 * self.count * bins)
-
-    @dr.syntax
-    def record(self, ray, t, flux, bin, met, active):
-        """Add the flux of a photon that flies from `ray.o` for `t` to the disks it crosses."""
-        base = bin + dr.select(met, self.count * self.bins, 0)
-        k = mi.UInt32(0)
-        while active & (k < self.count):
-            n = dr.gather(mi.Normal3f, self.normals, k, active)
-            out = dr.gather(mi.Point3f, self.points, k, active) - ray.o
-            cosine = dr.dot(n, ray.d)
-            s = dr.dot(n, out) / cosine
-            crosses = active & (cosine < 0) & (s > 0) & (s < t)
-            d2 = dr.squared_norm(s * ray.d - out)
-            crosses &= d2 < self.radius2
-            light = flux * kernel_density(self.kernel, d2, self.radius2)
-            dr.scatter_add(self.out, mi.Float64(light), base + k * self.bins, crosses)
-            k += 1
 
 
 class PhotonMap(mi.ad.integrators.common.ADIntegrator):
@@ -152,68 +103,12 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         Store, Ledger
         """
         sources = Sources(scene)
-        aim = self.ports or Surroundings(scene, [])
-        return self._shoot(scene, sources, aim, photons, seed)
+        return self._photons(scene, sources, []).send(photons, seed)
 
-    def _shoot(self, scene, sources, aim, photons, seed, receivers=None):
-        """Send photons out; once more, the same ones, if the store was too small for them."""
-        sampler = mi.load_dict({"type": "independent"})
-        capacity = photons
-        while True:
-            store = Store(capacity)
-            sampler.seed(seed, photons)
-            ledger = self._trace(scene, sources, aim, sampler, photons, store, receivers)
-            if store.count <= capacity:
-                return store, ledger
-            capacity = store.count
-            if receivers is not None:
-                receivers.out = dr.zeros_like(receivers.out)
-
-    @dr.syntax
-    def _trace(self, scene, sources, aim, sampler, photons, store, receivers):
-        """Follow photons, keep them in `store`, and return their ledger."""
-        ctx = mi.BSDFContext(mi.TransportMode.Importance)
-        bin, towards, irradiance = sources.sample(sampler, photons)
-        origin, area = aim.aim(scene, towards, sampler)
-        ray, flux = mi.Ray3f(origin, -towards), irradiance * area
-        emitted = mi.Spectrum(flux)
-        stored, absorbed, escaped = mi.Float64(0), mi.Float64(0), mi.Float64(0)
-        met, depth = mi.Bool(False), mi.UInt32(0)
-        active = dr.any(flux > 0)
-        while active:
-            si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
-            if dr.hint(receivers is not None, mode="scalar"):
-                receivers.record(ray, si.t, flux[0], bin, met, active)
-            escaped += dr.select(active & ~si.is_valid(), _total(flux), 0)
-            active &= si.is_valid()
-            bsdf = si.bsdf(ray)
-            lands = active & _is_diffuse(bsdf)
-            stored += dr.select(lands, _total(flux), 0)
-            store.keep(
-                lands, position=si.p, towards=-ray.d, normal=_facing(si),
-                flux=flux, bin=bin, met=met,
-            )  # fmt: skip
-            bs, weight = bsdf.sample(
-                ctx, si, sampler.next_1d(active), sampler.next_2d(active), active
-            )
-            onward = si.to_world(bs.wo)
-            kept = flux * weight * _shading_correction(si, -ray.d, bs.wo, onward)
-            roulette = depth >= self.rr_depth
-            share = dr.max(kept) / dr.max(flux)
-            chance = dr.select(roulette, dr.minimum(share, 1), 1)
-            kept = dr.select(sampler.next_1d(active) < chance, kept / chance, 0)
-            absorbed += dr.select(active, _total(flux) - _total(kept), 0)
-            flux = dr.select(active, kept, 0)  # what is left at the end was cut short
-            specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
-            met |= lands & ~specular
-            ray = si.spawn_ray(onward)
-            depth += 1
-            active &= dr.any(flux > 0)
-            if dr.hint(self.max_depth >= 0, mode="scalar"):
-                active &= depth < self.max_depth
-        sums = (_total(emitted), stored, absorbed, escaped, _total(flux))
-        dr.eval(sums)  # at once: the loop runs anew for each evaluation of its results
-        return Ledger(*(float(dr.sum(x)[0]) for x in sums))
+    def _photons(self, scene, sources, points):
+        """Photons of sources, aimed at the ports, or at the whole scene and further points."""
+        aim = self.ports or Surroundings(scene, points)
+        return Photons(scene, sources, aim, self.max_depth, self.rr_depth)
 
     def sensors(self, scene, points, normals, photons: int, seed: int = 0):
         """Coefficients of illuminance at points, of photons that cross a disk round each.
@@ -227,7 +122,8 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         points, normals : array_like, shape (sensor, 3)
             Positions [m] and unit normals.
         photons : int
-            Number of photons of all passes together.
+            Number of photons of all passes together. The time goes with it and with the number of
+            sensors.
         seed : int
 
         Returns
@@ -239,12 +135,12 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         points, normals = np.asarray(points, float), np.asarray(normals, float)
         sources, radii = UnitSources(scene), self.radii(scene)
         spheres = points[:, None] + np.outer([-1, 1], radii[0] * np.ones(3))
-        aim = self.ports or Surroundings(scene, spheres)
+        photons_of = self._photons(scene, sources, spheres)
         total, ledgers, start = 0, [], seed * self.passes  # no two seeds share a pass
         for i, radius in enumerate(radii):
-            receivers = _Receivers(points, normals, sources.bin_count, self.kernel, radius)
+            receivers = Receivers(points, normals, sources.bin_count, self.kernel, radius)
             count = max(photons // self.passes, 1)
-            store, ledger = self._shoot(scene, sources, aim, count, start + i, receivers)
+            store, ledger = photons_of.send(count, start + i, receivers)
             ledgers.append(ledger)
             if self.gather:
                 self._gather_at(scene, receivers, PhotonGrid(store, radius, self.kernel), start + i)
@@ -272,7 +168,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
                 dr.scatter_add(receivers.out, mi.Float64(light[0]), base + bin, near)
                 return mi.Spectrum(0)
 
-            grid.sum(si.p, _facing(si), active, add)
+            grid.sum(si.p, facing(si), active, add)
             return mi.Spectrum(0)
 
         self._follow(
@@ -358,7 +254,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
                 light += beta * sources.seen(ray.d, active & ~si.is_valid())
             active &= si.is_valid()
             bsdf = si.bsdf(ray)
-            diffuse = active & _is_diffuse(bsdf)
+            diffuse = active & is_diffuse(bsdf)
             light += at_diffuse(si, bsdf, beta, diffuse)
             bs, weight = bsdf.sample(
                 ctx, si, sampler.next_1d(active), sampler.next_2d(active), active
@@ -386,22 +282,6 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         return f"PhotonMap[photons={self.photons}, passes={self.passes}, gather={self.gather}]"
 
 
-def _total(flux):
-    """Flux of all channels as one number."""
-    return mi.Float64(dr.mean(flux))
-
-
-def _is_diffuse(bsdf):
-    """Whether photons stay here: opaque with a diffuse lobe."""
-    diffuse = mi.has_flag(bsdf.flags(), mi.BSDFFlags.DiffuseReflection)
-    return diffuse & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
-
-
-def _facing(si):
-    """Geometric normal on the side that the ray came to."""
-    return si.n * dr.sign(dr.dot(si.n, si.to_world(si.wi)))
-
-
 def _reflected(grid, si, bsdf, i, active):
     """Radiance along the ray of `si` per irradiance density of photon `i`, f Φ."""
     wo = si.to_local(dr.gather(mi.Vector3f, grid.towards, i, active))
@@ -419,15 +299,7 @@ def _density(grid, si, bsdf, beta, active, undiffused):
             near = near & ~dr.gather(mi.Bool, grid.met, i, near)
         return dr.select(near, _reflected(grid, si, bsdf, i, near) * density, 0)
 
-    return beta * mi.Spectrum(grid.sum(si.p, _facing(si), active, light))
-
-
-def _shading_correction(si, towards, wo, onward):
-    """Veach's factor for a photon's weight at an interpolated normal; zero where light leaks."""
-    before, after = dr.dot(si.n, towards), dr.dot(si.n, onward)
-    consistent = (before * si.wi.z > 0) & (after * wo.z > 0)
-    factor = dr.abs(si.wi.z * after / (wo.z * before))
-    return dr.select(consistent, factor, 0)
+    return beta * mi.Spectrum(grid.sum(si.p, facing(si), active, light))
 
 
 mi.register_integrator("photon_map", PhotonMap)

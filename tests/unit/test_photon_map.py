@@ -1,5 +1,7 @@
 """The photon map against exact answers, `coefficient` and Mitsuba's path tracer."""
 
+from pathlib import Path
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -8,6 +10,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend
 
+PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
 UP, DOWN = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
 SUNS = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, -0.6, 0.8]])
 
@@ -309,6 +312,18 @@ def test_coefficients_in_a_room_with_a_mirror_are_those_of_path_tracing(same):
     same(free.sum(axis=(0, -1)), other=ours.sum(axis=(0, -1)), within=0.04)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_film_that_is_not_reciprocal_lets_through_what_path_tracing_says(turned, same):
+    """Photons ask the film the other way round than paths from a sensor."""
+    film = {"type": "tensor_tree", "filename": str(PRISM)}
+    pane = plate(film, (0, 0, 1), (1, 1), (1, 0, 0), 180 if turned else 0)
+    scene = load(suns=suns(), film=pane)
+    port = tensor([[[-1, -1, 1], [-1, 1, 1], [1, 1, 1], [1, -1, 1]]])
+    parameters = {"radius": 0.2, "kernel": "constant", "ports": port}
+    ours = coefficients(scene, [0, 0, 0], UP, 1 << 17, **parameters)[0]
+    same(ours, other=averaged_coefficients(scene, [[0, 0, 0]], [UP], 0.2)[0], within=0.02)
+
+
 def test_final_gather_finds_what_crosses_the_sensors(same):
     """Light that met a diffuse surface, in two ways; no edge is near enough to matter."""
     things = {
@@ -393,18 +408,20 @@ def test_no_light_leaks_through_a_thin_wall():
     assert pictures(scene, photon_map(photons=1 << 14, radius=0.3), replicates=1).max() == 0
 
 
-def test_caustic_photons_alone_are_those_that_met_no_diffuse_surface(same):
-    scene = mirrored_scene()
-    first = photon_map(photons=1 << 18, radius=0.05, kind="caustic")
-    store, _ = first.shoot(scene, 1 << 16)
-    met, seen = np.array(store.met)[: store.count], np.array(store.position)[:, : store.count]
-    in_air = seen[2] > 1e-3  # on the matt ball; the floor lies below
-    assert 0 < met[in_air].mean() < 0.5
-    black = load(**{
-        "suns": suns([[0.6, 0, 0.8]], radiance=tensor([100.0])),
-        "floor": plate(matt(0.0), half=(4, 4)), "camera": camera([0, 0, 4], [0, 0, 0]),
-    })  # fmt: skip
-    assert pictures(black, first, replicates=1).max() == 0
+def test_caustic_photons_alone_are_those_that_met_no_diffuse_surface():
+    """Among matt things that is direct light: what one event brings, photon by photon."""
+    scene = load(
+        suns=suns([[0.6, 0, 0.8]], radiance=tensor([100.0])),
+        floor=plate(matt(0.5), half=(4, 4)),
+        ball=ball(matt(0.5), (0.2, -0.6, 0.5), 0.3),
+        camera=camera([0, 0, 4], [0, 0, 0]),
+    )
+    direct, one_event, all_light = (
+        pictures(scene, photon_map(photons=1 << 16, radius=0.05, **parameters), replicates=1)
+        for parameters in ({"kind": "caustic"}, {"max_depth": 1}, {})
+    )
+    np.testing.assert_allclose(direct, one_event, rtol=1e-4, atol=1e-6)
+    assert direct.sum() < 0.995 * all_light.sum()
 
 
 # The radius
