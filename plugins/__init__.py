@@ -16,6 +16,7 @@ name                    kind        what it is
 `klems`                 BSDF        measured pane or film: LBNL Klems matrix
 `redirecting_film`      BSDF        redirecting film of a few differentiable parameters
 `coefficient`           integrator  unbiased path tracing of daylight coefficients
+`photon_map`            integrator  photon map: caustics, and coefficients by a second route
 ======================  ==========  ===============================================================
 """
 
@@ -40,6 +41,7 @@ _MODULES = (
     "klems",
     "redirecting_film",
     "coefficient",
+    "photon_map",
 )
 
 

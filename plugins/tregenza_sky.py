@@ -64,6 +64,16 @@ class TregenzaSky(mi.Emitter):
         """Bin that world directions `d` fall in."""
         return patch_index(dr.normalize(self.frame.inverse() @ d), self.subdivision)
 
+    def sample_bin(self, index, uv, active=True):
+        """World direction drawn uniformly, by solid angle, from bin `index`."""
+        low, high, west, east = (
+            dr.gather(mi.Float, self.bounds, index * 4 + i, active) for i in range(4)
+        )
+        z = dr.lerp(dr.sin(low), dr.sin(high), uv.x)
+        s, c = dr.sincos(dr.lerp(west, east, uv.y))
+        r = dr.safe_sqrt(1 - z * z)
+        return self.frame @ mi.Vector3f(r * s, r * c, z)
+
     def traverse(self, cb):
         cb.put("radiance", self.radiance, mi.ParamFlags.Differentiable)
 
@@ -84,13 +94,7 @@ class TregenzaSky(mi.Emitter):
 
     def sample_direction(self, ref, sample, active=True):
         index, u, pmf = self.distribution.sample_reuse_pmf(sample.x, active)
-        low, high, west, east = (
-            dr.gather(mi.Float, self.bounds, index * 4 + i, active) for i in range(4)
-        )
-        z = dr.lerp(dr.sin(low), dr.sin(high), u)
-        s, c = dr.sincos(dr.lerp(west, east, sample.y))
-        r = dr.safe_sqrt(1 - z * z)
-        d = self.frame @ mi.Vector3f(r * s, r * c, z)
+        d = self.sample_bin(index, mi.Point2f(u, sample.y), active)
         ds = dr.zeros(mi.DirectionSample3f)
         ds.p = ref.p + d * 1e6  # beyond the scene
         ds.n = -d

@@ -1,0 +1,170 @@
+"""Photons on their way: from the sources to the diffuse surfaces they meet, and their ledger."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.photon_grid import Store, kernel_density
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """What became of the photons' flux, mean of all channels and passes.
+
+    emitted = absorbed + escaped + lost; `stored` counts a photon at each diffuse surface it meets.
+    `lost` is what still travelled after `max_depth` scattering events.
+    """
+
+    emitted: float
+    stored: float
+    absorbed: float
+    escaped: float
+    lost: float
+
+    @classmethod
+    def mean(cls, ledgers):
+        """The mean of several."""
+        return cls(*(np.mean([getattr(x, f.name) for x in ledgers]).item() for f in fields(cls)))
+
+
+class Receivers:
+    """Disks round sensors that record the photons which cross them, and let them go on."""
+
+    def __init__(self, points, normals, bins, kernel, radius):
+        self.count, self.bins, self.kernel = len(points), bins, kernel
+        self.points = mi.Float(points.astype(np.float32).ravel())
+        self.normals = mi.Float(normals.astype(np.float32).ravel())
+        self.radius2 = dr.opaque(mi.Float, radius**2)
+        self.out = dr.zeros(mi.Float64, 2 * self.count * bins)
+
+    @dr.syntax
+    def record(self, ray, t, flux, bin, met, active):
+        """Add the flux of a photon that flies from `ray.o` for `t` to the disks it crosses."""
+        base = bin + dr.select(met, self.count * self.bins, 0)
+        k = mi.UInt32(0)
+        while active & (k < self.count):
+            n = dr.gather(mi.Normal3f, self.normals, k, active)
+            out = dr.gather(mi.Point3f, self.points, k, active) - ray.o
+            cosine = dr.dot(n, ray.d)
+            s = dr.dot(n, out) / cosine
+            crosses = active & (cosine < 0) & (s > 0) & (s < t)
+            d2 = dr.squared_norm(s * ray.d - out)
+            crosses &= d2 < self.radius2
+            light = flux * kernel_density(self.kernel, d2, self.radius2)
+            dr.scatter_add(self.out, mi.Float64(light), base + k * self.bins, crosses)
+            k += 1
+
+
+class Photons:
+    """What photons start from and aim at in a scene, and how long they are followed.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+    sources : Sources
+    aim : Ports or Surroundings
+    max_depth, rr_depth : int
+        See `photon_map`.
+    """
+
+    def __init__(self, scene, sources, aim, max_depth: int, rr_depth: int):
+        self.scene, self.sources, self.aim = scene, sources, aim
+        self.max_depth, self.rr_depth = max_depth, rr_depth
+
+    def send(self, photons: int, seed: int, receivers=None):
+        """Send photons out; once more, the same ones, if the store was too small for them.
+
+        Parameters
+        ----------
+        photons, seed : int
+        receivers : Receivers or None
+            What records photons in the air.
+
+        Returns
+        -------
+        Store, Ledger
+        """
+        sampler = mi.load_dict({"type": "independent"})
+        capacity = photons
+        while True:
+            store = Store(capacity)
+            sampler.seed(seed, photons)
+            ledger = self._trace(sampler, photons, store, receivers)
+            if store.count <= capacity:
+                return store, ledger
+            capacity = store.count
+            if receivers is not None:
+                receivers.out = dr.zeros_like(receivers.out)
+
+    @dr.syntax
+    def _trace(self, sampler, photons, store, receivers):
+        """Follow photons, keep them in `store`, and return their ledger."""
+        ctx = mi.BSDFContext(mi.TransportMode.Importance)
+        bin, towards, irradiance = self.sources.sample(sampler, photons)
+        origin, area = self.aim.aim(self.scene, towards, sampler)
+        ray, flux = mi.Ray3f(origin, -towards), irradiance * area
+        emitted = mi.Spectrum(flux)
+        stored, absorbed, escaped = mi.Float64(0), mi.Float64(0), mi.Float64(0)
+        met, depth = mi.Bool(False), mi.UInt32(0)
+        active = dr.any(flux > 0)
+        while active:
+            si = self.scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
+            if dr.hint(receivers is not None, mode="scalar"):
+                receivers.record(ray, si.t, flux[0], bin, met, active)
+            escaped += dr.select(active & ~si.is_valid(), _total(flux), 0)
+            active &= si.is_valid()
+            bsdf = si.bsdf(ray)
+            lands = active & is_diffuse(bsdf)
+            stored += dr.select(lands, _total(flux), 0)
+            store.keep(
+                lands, position=si.p, towards=-ray.d, normal=facing(si),
+                flux=flux, bin=bin, met=met,
+            )  # fmt: skip
+            bs, weight = bsdf.sample(
+                ctx, si, sampler.next_1d(active), sampler.next_2d(active), active
+            )
+            onward = si.to_world(bs.wo)
+            kept = flux * weight * _shading_correction(si, -ray.d, bs.wo, onward)
+            roulette = depth >= self.rr_depth
+            share = dr.max(kept) / dr.max(flux)
+            chance = dr.select(roulette, dr.minimum(share, 1), 1)
+            kept = dr.select(sampler.next_1d(active) < chance, kept / chance, 0)
+            absorbed += dr.select(active, _total(flux) - _total(kept), 0)
+            flux = dr.select(active, kept, 0)  # what is left at the end was cut short
+            specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            met |= lands & ~specular
+            ray = si.spawn_ray(onward)
+            depth += 1
+            active &= dr.any(flux > 0)
+            if dr.hint(self.max_depth >= 0, mode="scalar"):
+                active &= depth < self.max_depth
+        sums = (_total(emitted), stored, absorbed, escaped, _total(flux))
+        dr.eval(sums)  # at once: the loop runs anew for each evaluation of its results
+        return Ledger(*(float(dr.sum(x)[0]) for x in sums))
+
+
+def _total(flux):
+    """Flux of all channels as one number."""
+    return mi.Float64(dr.mean(flux))
+
+
+def is_diffuse(bsdf):
+    """Whether photons stay here: opaque with a diffuse lobe."""
+    diffuse = mi.has_flag(bsdf.flags(), mi.BSDFFlags.DiffuseReflection)
+    return diffuse & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
+
+
+def facing(si):
+    """Geometric normal on the side that the ray came to."""
+    return si.n * dr.sign(dr.dot(si.n, si.to_world(si.wi)))
+
+
+def _shading_correction(si, towards, wo, onward):
+    """Veach's factor for a photon's weight at an interpolated normal; zero where light leaks."""
+    before, after = dr.dot(si.n, towards), dr.dot(si.n, onward)
+    consistent = (before * si.wi.z > 0) & (after * wo.z > 0)
+    factor = dr.abs(si.wi.z * after / (wo.z * before))
+    return dr.select(consistent, factor, 0)
