@@ -56,6 +56,12 @@ class Accuracy(Table):
     """Deposit: points on the scattering panes that a sensor or a cell looks at."""
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
     """Deposit: directions to the sky from every outgoing cell of a film."""
+    photons: Annotated[int, Field(ge=1, le=1 << 22)] = 2048
+    """Deposit: photons of every sun that reaches a component, and of every patch in the mean."""
+    photon_surfaces: Annotated[int, Field(ge=2, le=10_000)] = 256
+    """Surfaces that a photon is followed over; what is still under way is told as lost."""
+    sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3
+    """Edge of the square around a sensor that photons are counted on [m], at most."""
     target: str | None = None
     """Half the width of the 95 % intervals to reach: "1 point" of sDA and ASE, "2 %" of mean E."""
     time_limit: Annotated[float, Field(gt=0, le=1e6)] = 600.0

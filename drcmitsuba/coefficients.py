@@ -7,7 +7,7 @@ a later block of sensors meets are added to the deposit; what is known is never 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import drjit as dr
@@ -17,7 +17,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.progress import Progress
+from drcmitsuba.progress import Progress, part
 from drcmitsuba.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.suns import Suns
@@ -26,6 +26,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches
+from drcmitsuba.transport.photons import Landed, Ledger, Photons
 from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
 
 BLOCK = 1024
@@ -38,6 +39,9 @@ EDGE_SAMPLES = 8
 
 ALIKE = 0.1
 """Share by which directions around a disk may differ, as their cosines do, without an edge."""
+
+PHOTONS_SHARE = 0.8
+"""Of the time that is taken by photons, where there are any."""
 
 _PARTS = ("straight", "direct", "interreflected")
 
@@ -52,24 +56,30 @@ class _Replicate:
 
     number: int
     deposit: Deposit
+    landed: Landed | None = None
     cells: Irradiance | None = None
 
-    def add_cells(
-        self, vertices: Vertices, cell: mi.UInt32, new: range, key: tuple[int, ...]
-    ) -> None:
-        """Find D of cells that were met for the first time."""
-        p, n = draw_points(vertices, cell, new.start, len(new), self.number)
+    def add_cells(self, vertices: Vertices, cells: Cells, first: int, key: tuple[int, ...]) -> None:
+        """Find D of cells that were met for the first time, those from number `first` on."""
+        count = cells.count - first
+        p, n = draw_points(vertices, cells.of(vertices), first, count, self.number)
         straight = self.deposit.straight(p, n, key, self.deposit.accuracy.cell_sky_rays)
         found = straight.plus(self.deposit.scattered(p, n, key))
+        if self.landed is not None:
+            found = found.plus(Irradiance(*self.landed.on(cells.keys(first))))
         self.cells = found if self.cells is None else self.cells.followed_by(found)
 
     def sensors(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sun_samples: int
-    ) -> tuple[Irradiance, ...]:
-        """D of the sensors: straight, and with what panes scatter."""
+        self, p: mi.Float, n: mi.Float, here: slice, key: tuple[int, ...], sun_samples: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """D of sensors: straight and mirrored, and with what panes and components scatter."""
         sky_rays = self.deposit.accuracy.sensor_sky_rays
         straight = self.deposit.straight(p, n, key, sky_rays, sun_samples)
-        return straight, straight.plus(self.deposit.scattered(p, n, key))
+        direct = straight.plus(self.deposit.scattered(p, n, key))
+        if self.landed is None:
+            return straight.numpy(), direct.numpy()
+        mirrored, sensors = self.landed.mirrored[here], self.landed.sensors[here]
+        return straight.numpy() + mirrored, direct.numpy() + sensors
 
     def interreflected(self, vertices: Vertices, cell: mi.UInt32, sensors: int) -> np.ndarray:
         """G·D, shape (sensor, bin); G is made of this replicate's own paths."""
@@ -218,12 +228,17 @@ def compute(
     base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
     labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
     sun_samples = accuracy.sensor_sun_samples if suns.straight else 0
-    return estimate(base, labels, points, normals, sun_samples=sun_samples, progress=progress)
+    photons = Photons.of(
+        scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
+    )
+    return estimate(
+        base, labels, points, normals, photons=photons, sun_samples=sun_samples, progress=progress
+    )
 
 
 def estimate(
     base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
-    sun_samples: int, progress: Progress = lambda share: None,
+    sun_samples: int, photons: Photons | None = None, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of sensors for all bins of a deposit.
 
@@ -236,6 +251,8 @@ def estimate(
     points, normals : np.ndarray, shape (sensor, 3)
     sun_samples : int
         Directions from a sensor to every sun; 0 leaves out the light that comes straight.
+    photons : Photons, optional
+        For light that components deviate.
     progress : callable
 
     Returns
@@ -245,6 +262,11 @@ def estimate(
     """
     scene, accuracy = base.scene, base.accuracy
     replicates = [_Replicate(r, base.lit((r, 0))) for r in range(accuracy.replicates)]
+    if photons is not None:
+        progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
+        for replicate in replicates:
+            done = part(traced, *(np.array([0, 1]) + replicate.number) / len(replicates))
+            replicate.landed = photons.traced(launch_seed(accuracy, replicate.number, 6), done)
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
@@ -266,8 +288,8 @@ def estimate(
         for replicate in replicates:
             key = (replicate.number, 1, block)
             if cells.count > known:
-                replicate.add_cells(vertices, cell, range(known, cells.count), (*key, 0))
-            straight, direct = (d.numpy() for d in replicate.sensors(p, n, (*key, 1), sun_samples))
+                replicate.add_cells(vertices, cells, known, (*key, 0))
+            straight, direct = replicate.sensors(p, n, here, (*key, 1), sun_samples)
             interreflected = replicate.interreflected(vertices, cell, count)
             found.append((straight, direct, interreflected))
             totals[replicate.number, here] = direct + interreflected
@@ -278,4 +300,14 @@ def estimate(
     coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
     data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in out.items()}
     data["replicates"] = (("replicate", "sensor", "bin"), totals)
-    return describe(xr.Dataset(data, coords))
+    attrs = {} if photons is None else _told(replicates)
+    return describe(xr.Dataset(data, coords, attrs))
+
+
+def _told(replicates: list[_Replicate]) -> dict[str, float]:
+    """What became of the photons' flux, for the attributes of C."""
+    ledger = Ledger()
+    for replicate in replicates:
+        assert replicate.landed is not None
+        ledger = ledger.plus(replicate.landed.ledger)
+    return {f"photons_{name}": float(value) for name, value in asdict(ledger).items()}

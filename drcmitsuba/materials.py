@@ -100,6 +100,13 @@ def lets_through(material: SurfaceMaterial) -> bool:
     return isinstance(material, GlazingMaterial)
 
 
+def is_diffuse(material: SurfaceMaterial) -> bool:
+    """Whether light is deposited on a surface: opaque, and some of its reflection is diffuse."""
+    if isinstance(material, MirrorMaterial):
+        return material.specular < 1
+    return isinstance(material, Lambertian)
+
+
 def channel_of(reflectance: Reflectance, channel: int) -> float:
     """Reflectance in one colour channel; a grey one is the same in all."""
     return float(reflectance[channel] if isinstance(reflectance, tuple) else reflectance)

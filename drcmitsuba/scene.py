@@ -33,13 +33,14 @@ class Surface:
     """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front.
 
     A triangle repeats its last corner. `component` names the component that it is a part of; ""
-    is the room, its panes and furniture.
+    is the room, its panes and furniture. Nothing sees the backs of a `closed` body.
     """
 
     name: str
     material: SurfaceMaterial
     quads: np.ndarray
     component: str = ""
+    closed: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,12 +69,15 @@ class Part:
     material : SurfaceMaterial
     component : str
     quads : np.ndarray, shape (quad, 4, 3)
+    closed : bool
+        Nothing sees their backs.
     """
 
     bsdf: Any
     material: SurfaceMaterial
     component: str
     quads: np.ndarray
+    closed: bool
 
 
 @dataclass(frozen=True)
@@ -312,7 +316,12 @@ def surfaces(case: Case, state: State = "open") -> list[Surface]:
         quads = [face for corner, size in boxes(piece) for face in _box(corner, size)]
         parts.append((piece.name, Lambertian(piece.reflectance), quads))
     turn = rotation(case)
-    return [Surface(name, m, np.array(quads) @ turn.T) for name, m, quads in parts if quads]
+    bodies = {piece.name for piece in case.furniture if piece.size[2] > 0}
+    return [
+        Surface(name, m, np.array(quads) @ turn.T, closed=name in bodies)
+        for name, m, quads in parts
+        if quads
+    ]
 
 
 def _pane_material(case: Case, name: str, state: State) -> SurfaceMaterial | None:
@@ -364,14 +373,15 @@ def build(
     -------
     Scene
     """
-    groups: dict[tuple[str, SurfaceMaterial], list[Surface]] = {}
+    groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
     for surface in surfaces:
-        groups.setdefault((surface.component, surface.material), []).append(surface)
+        key = (surface.component, surface.material, surface.closed)
+        groups.setdefault(key, []).append(surface)
     # One mesh a material and component: tracing slows with the number of shapes.
     parts, meshes = [], []
-    for (component, m), group in groups.items():
+    for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        parts.append(Part(mi.load_dict(bsdf(m, channel)), m, component, quads))
+        parts.append(Part(mi.load_dict(bsdf(m, channel)), m, component, quads, closed))
         meshes.append(quad_mesh(group[0].name, quads, parts[-1].bsdf))
 
     def scene(keep: Any) -> mi.Scene:
@@ -388,9 +398,13 @@ def build(
     scattering = tuple(
         ScatteringPanes(p.quads, p.material.transmittance, p.material.reflectance)
         for p in parts
-        if isinstance(p.material, DiffuserMaterial)
+        if isinstance(p.material, DiffuserMaterial) and not p.component
     )
-    films = tuple(FilmPanes(p.quads, p.bsdf) for p in parts if isinstance(p.material, BsdfMaterial))
+    films = tuple(
+        FilmPanes(p.quads, p.bsdf)
+        for p in parts
+        if isinstance(p.material, BsdfMaterial) and not p.component
+    )
     points = np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))])
     return Scene(
         full=scene(lambda part: True),

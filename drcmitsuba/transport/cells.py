@@ -138,6 +138,10 @@ class Cells:
         """Cell of every vertex."""
         return dr.gather(mi.UInt32, self.index, vertices.key)
 
+    def keys(self, first: int) -> mi.UInt32:
+        """Keys of the cells that were added last, from number `first` on."""
+        return dr.compress((self.index >= first) & (self.index != _UNKNOWN))
+
     def extended(self, vertices: Vertices) -> Cells:
         """Add the cells that the vertices met first, in the order of their keys."""
         if len(vertices) == 0:

@@ -1,0 +1,202 @@
+"""How a photon goes on: from surface to surface, and what is written down on its way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case import BsdfMaterial, DielectricMaterial, DiffuserMaterial
+from drcmitsuba.scene import Part
+from drcmitsuba.transport.ports import Ports, Start
+from drcmitsuba.transport.receivers import CellAreas, Squares, number, table
+
+WEAK = 0.25
+"""Share of its first flux below which a photon goes on by chance, with this share."""
+
+_OTHER, _FILM, _DIFFUSER = 0, 1, 2
+_STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
+"""What a photon's chain is so far."""
+
+
+class Found(NamedTuple):
+    """Flux per unit radiance [m² sr] of one kind of bins.
+
+    Parameters
+    ----------
+    cells : mi.Float, shape (row · bin,)
+        On the rows of `CellAreas`.
+    sensors : mi.Float, shape (sensor · bin,)
+        Through the squares.
+    mirrored : mi.Float, shape (sensor · bin,)
+        The part of it that nothing but smooth surfaces have deviated.
+    """
+
+    cells: mi.Float
+    sensors: mi.Float
+    mirrored: mi.Float
+
+
+@dataclass(frozen=True)
+class Lobes:
+    """What a photon needs to know of the surfaces that it meets, by number of their BSDF."""
+
+    component: mi.UInt32
+    kind: mi.UInt32
+    absorption: mi.Float
+
+    @classmethod
+    def of(cls, ports: Ports) -> Lobes:
+        """Tables of the parts of the ports' scene."""
+        parts = ports.scene.parts
+        solids = [p.material for p in parts]
+        return cls(
+            table(ports.scene, [ports.names.index(p.component) for p in parts]),
+            table(ports.scene, [_kind(p) for p in parts]),
+            table(
+                ports.scene,
+                [m.absorption if isinstance(m, DielectricMaterial) else 0.0 for m in solids],
+            ),
+        )
+
+
+def _kind(part: Part) -> int:
+    """Whether pane deposits know the light that a part scatters."""
+    if part.component:
+        return _OTHER
+    if isinstance(part.material, BsdfMaterial):
+        return _FILM
+    return _DIFFUSER if isinstance(part.material, DiffuserMaterial) else _OTHER
+
+
+class Recorder:
+    """Squares around sensors as a kernel sees them."""
+
+    def __init__(self, squares: Squares):
+        self.centre = mi.Float(squares.centre.astype(np.float32).ravel())
+        self.half = mi.Float((squares.edge / 2).astype(np.float32))
+        self.planes = []
+        for plane in squares.planes:
+            # Opaque: as literals they would have the kernel compiled anew for every case.
+            origin, x, y, n = (
+                mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in vector))
+                for vector in (plane.origin, *plane.axes)
+            )
+            edge = dr.opaque(mi.Float, plane.edge)
+            count = tuple(dr.opaque(mi.UInt32, c) for c in plane.count)
+            layers = [mi.Int32(layer.astype(np.int32)) for layer in plane.sensors]
+            self.planes.append((origin, x, y, n, edge, count, layers))
+
+    def record(
+        self, p: mi.Point3f, d: mi.Vector3f, length: mi.Float, column: mi.UInt32,
+        bins: mi.UInt32, flux: mi.Float, mirrored: mi.Bool, found: Found, active: mi.Bool,
+    ) -> None:  # fmt: skip
+        """Add the flux of photons that fly from `p` for `length` to the squares they cross."""
+        for origin, x, y, n, edge, count, layers in self.planes:
+            down = dr.dot(d, n)
+            t = dr.dot(origin - p, n) / down
+            at = p + t * d
+            u, v = dr.dot(at, x), dr.dot(at, y)
+            i = dr.floor((u - dr.dot(origin, x)) / edge)
+            j = dr.floor((v - dr.dot(origin, y)) / edge)
+            crosses = active & (down < 0) & (t > 0) & (t <= length) & (i >= 0) & (j >= 0)
+            crosses &= (i < mi.Float(count[0])) & (j < mi.Float(count[1]))
+            index = mi.UInt32(j) * count[0] + mi.UInt32(i)
+            for layer in layers:
+                sensor = dr.gather(mi.Int32, layer, index, crosses)
+                meets = crosses & (sensor >= 0)
+                row = mi.UInt32(sensor)
+                half = dr.gather(mi.Float, self.half, row, meets)
+                centre = dr.gather(mi.Point2f, self.centre, row, meets)
+                meets &= (dr.abs(u - centre.x) < half) & (dr.abs(v - centre.y) < half)
+                dr.scatter_add(found.sensors, flux, row * bins + column, meets)
+                dr.scatter_add(found.mirrored, flux, row * bins + column, meets & mirrored)
+
+
+def _pair(random: mi.PCG32) -> mi.Point2f:
+    x = random.next_float32()
+    return mi.Point2f(x, random.next_float32())
+
+
+@dr.syntax
+def follow(
+    scene: mi.Scene, lobes_of: Lobes, areas: CellAreas, squares: Recorder, start: Start,
+    found: Found, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32,
+) -> tuple[mi.Float, ...]:  # fmt: skip
+    """Follow photons; returns the flux of every fate (see `Ledger`) and the segments, by lane."""
+    ctx = mi.BSDFContext(mi.TransportMode.Importance)
+    flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
+    ray = mi.Ray3f(start.p, start.d)
+    flux = mi.Float(start.flux)
+    weak = WEAK * start.flux
+    landed, absorbed, escaped = mi.Float(0), mi.Float(0), mi.Float(0)
+    others, lost, roulette = mi.Float(0), mi.Float(0), mi.Float(0)
+    inside = mi.Float(0)  # absorption of the solid that the photon is in
+    chain, step = mi.UInt32(_STRAIGHT), mi.UInt32(0)
+    mirrored, active = mi.Bool(True), mi.Bool(True)
+    while dr.hint(
+        active, exclude=[scene, lobes_of, areas, squares, start, found, bins, limit, ctx, weak]
+    ):
+        si = scene.ray_intersect(ray, flags, coherent=False, active=active)
+        met = active & si.is_valid()
+        counts = chain == _OWN
+        squares.record(ray.o, ray.d, si.t, start.bin, bins, flux, mirrored, found, active & counts)
+        escaped += dr.select(active & ~met, flux, 0)
+        left = dr.select(inside > 0, dr.exp(-inside * si.t), 1)
+        absorbed += dr.select(met, flux * (1 - left), 0)
+        flux = dr.select(met, flux * left, flux)
+
+        si.wi = si.to_local(-ray.d)
+        bsdf = si.bsdf()
+        bs, weight = bsdf.sample(ctx, si, random.next_float32(), _pair(random), met)
+        lobes = bsdf.flags()
+        receives = (
+            met
+            & mi.has_flag(lobes, mi.BSDFFlags.DiffuseReflection)
+            & ~mi.has_flag(lobes, mi.BSDFFlags.Transmission)
+        )
+        # Outside of a solid, a facing normal tells the side that the photon comes from.
+        facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
+        row, known = areas.at(areas.grid.key(si.p, facing), receives & counts)
+        dr.scatter_add(found.cells, flux, row * bins + start.bin, known)
+        # A surface may take a part and mirror the rest.
+        diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
+        onward = met & ~(receives & diffuse)
+        after = dr.select(onward, flux * weight[0], 0)
+        landed += dr.select(receives & counts, flux - after, 0)
+        others += dr.select(receives & ~counts, flux - after, 0)
+        absorbed += dr.select(met & ~receives, flux - after, 0)
+        flux = after
+
+        index = number(bsdf)
+        deviates = onward & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
+        own = dr.gather(mi.UInt32, lobes_of.component, index, deviates) == start.component
+        foreign = deviates & (chain == _STRAIGHT) & ~own
+        others += dr.select(foreign, flux, 0)
+        kind = dr.gather(mi.UInt32, lobes_of.kind, index, deviates)
+        by_panes = ((kind == _FILM) & (chain == _STRAIGHT)) | (
+            (kind == _DIFFUSER) & (chain != _OWN)
+        )
+        chain = dr.select(
+            deviates, dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN)), chain
+        )
+        mirrored &= ~deviates | mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+        crossed = deviates & (bs.eta != 1)
+        into = dr.gather(mi.Float, lobes_of.absorption, index, crossed)
+        inside = dr.select(crossed, dr.select(bs.wo.z < 0, into, 0), inside)
+
+        step += 1
+        active = onward & ~foreign & (flux > 0)
+        over = active & (step >= limit)
+        lost += dr.select(over, flux, 0)
+        active &= ~over
+        faint = active & (flux < weak)
+        survives = random.next_float32() * weak < flux
+        roulette += dr.select(faint, dr.select(survives, weak, 0) - flux, 0)
+        flux = dr.select(faint, dr.select(survives, weak, 0), flux)
+        active &= flux > 0
+        ray = si.spawn_ray(si.to_world(bs.wo))
+    return landed, absorbed, escaped, others, lost, roulette, mi.Float(step)

@@ -1,0 +1,238 @@
+"""What photons are counted on: the cells of diffuse surfaces, and squares around sensors.
+
+A photon map tells irradiance as flux per area. The area of a cell is all diffuse surface within it
+that light can reach; around a sensor it is a small square in the sensor's plane, a virtual surface
+that records what crosses it and lets it go on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from scipy.spatial import cKDTree
+
+from drcmitsuba.materials import is_diffuse
+from drcmitsuba.scene import Scene
+from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.gather import even_numbers
+
+POINTS = 1024
+"""Points that measure the area of a whole face of a cell."""
+OFFSET = 1e-4
+"""Distance from a surface at which it is looked at [m]."""
+SMALLEST = 0.02
+"""Least edge of a square [m]."""
+_NONE = 0xFFFFFFFF
+
+
+@dataclass(frozen=True)
+class CellAreas:
+    """Areas of the cells of diffuse surfaces.
+
+    Parameters
+    ----------
+    grid : Grid
+    row : mi.UInt32
+        Row of every key of the grid, or a mark for none.
+    area : mi.Float
+        Of every row [m²].
+    """
+
+    grid: Grid
+    row: mi.UInt32
+    area: mi.Float
+
+    @classmethod
+    def of(cls, scene: Scene, grid: Grid, seed: int) -> CellAreas:
+        """Measure the areas by points spread evenly over both sides of all diffuse surfaces.
+
+        Points inside closed bodies do not count: looking along the normal they see a back.
+        """
+        parts = [p for p in scene.parts if is_diffuse(p.material)]
+        quads = np.concatenate([p.quads for p in parts]) if parts else np.zeros((0, 4, 3))
+        corners = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3, 3)
+        u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(u, v)
+        size = np.linalg.norm(normal, axis=1) / 2
+        corners, u, v, normal, size = (a[size > 0] for a in (corners, u, v, normal, size))
+        area = dr.zeros(mi.Float64, len(grid))
+        if len(size):
+            n = int(np.ceil(size.sum() / grid.size**2 * POINTS))
+            shares = np.cumsum(size) / size.sum()
+            lane = dr.arange(mi.UInt32, n)
+            at = (mi.Float64(lane) + 0.5) / n
+            table = mi.Float64(shares[:-1])
+            triangle = dr.binary_search(
+                0, len(shares) - 1, lambda i: dr.gather(mi.Float64, table, i) < at
+            )
+            which = dr.arange(mi.UInt32, n)
+            a, b = even_numbers(which, dr.zeros(mi.UInt32, n), seed, 0)
+            over = a + b > 1
+            a, b = dr.select(over, 1 - a, a), dr.select(over, 1 - b, b)
+            corner, u_, v_, n_ = (
+                dr.gather(mi.Vector3f, mi.Float(x.astype(np.float32).ravel()), triangle)
+                for x in (
+                    corners[:, 0],
+                    u,
+                    v,
+                    normal / np.linalg.norm(normal, axis=1, keepdims=True),
+                )
+            )
+            p = mi.Point3f(corner + a * u_ + b * v_)
+            for facing in (n_, -n_):
+                exposed = _exposed(scene, p, facing)
+                key = grid.key(p, mi.Normal3f(facing))
+                dr.scatter_add(area, mi.Float64(size.sum() / n), key, exposed)
+        there = dr.compress(area > 0)
+        row = dr.full(mi.UInt32, _NONE, len(grid))
+        if dr.width(there):
+            dr.scatter(row, dr.arange(mi.UInt32, dr.width(there)), there)
+        measured = mi.Float(dr.gather(mi.Float64, area, there))
+        dr.eval(row, measured)
+        return cls(grid, row, measured)
+
+    def __len__(self) -> int:
+        """Count the rows."""
+        return dr.width(self.area)
+
+    def at(self, key: mi.UInt32, active: mi.Bool | bool = True) -> tuple[mi.UInt32, mi.Bool]:
+        """Rows of keys, and whether there are such."""
+        row = dr.gather(mi.UInt32, self.row, key, active)
+        return row, (row != _NONE) & active
+
+
+def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
+    """Whether points on a surface lie outside of all closed bodies, on the side of `n`."""
+    if not any(part.closed for part in scene.parts):
+        return mi.Bool(True)
+    closed = table(scene, [int(part.closed) for part in scene.parts])
+    si = scene.full.ray_intersect(mi.Ray3f(p + OFFSET * n, n), mi.RayFlags.Minimal, coherent=False)
+    of_body = dr.gather(mi.UInt32, closed, number(si.bsdf()), si.is_valid()) == 1
+    return ~(si.is_valid() & of_body & (dr.dot(si.n, n) > 0))
+
+
+def number(bsdf: mi.BSDFPtr) -> mi.UInt32:
+    """Number of a BSDF in Dr.Jit's registry."""
+    return dr.reinterpret_array(mi.UInt32, bsdf)
+
+
+def table(scene: Scene, values: list[int] | list[float]) -> mi.UInt32 | mi.Float:
+    """Values of the parts of a scene, by the numbers of their BSDFs."""
+    numbers = [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
+    whole = all(isinstance(v, int) for v in values)
+    out = np.zeros(max(numbers, default=0) + 1, np.uint32 if whole else np.float32)
+    out[numbers] = values
+    return (mi.UInt32 if whole else mi.Float)(out)
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Sensors in one plane, and a raster over it that names those near.
+
+    Parameters
+    ----------
+    origin : np.ndarray, shape (3,)
+        Corner of the raster [m].
+    axes : np.ndarray, shape (3, 3)
+        Rows: x and y of the raster, and the sensors' normal.
+    edge : float
+        Of the raster's fields [m].
+    count : tuple of int
+        Fields along x and y.
+    sensors : np.ndarray, shape (layer, field)
+        Sensors whose square reaches into a field, −1 where there are no more.
+    """
+
+    origin: np.ndarray
+    axes: np.ndarray
+    edge: float
+    count: tuple[int, int]
+    sensors: np.ndarray
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Squares around sensors, in their planes.
+
+    Parameters
+    ----------
+    planes : tuple of Plane
+    centre : np.ndarray, shape (sensor, 2)
+        In the raster's axes [m].
+    edge : np.ndarray, shape (sensor,)
+        Of the squares [m].
+    """
+
+    planes: tuple[Plane, ...]
+    centre: np.ndarray
+    edge: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, size: float) -> Squares:
+        """Lay squares of at most `size` [m] around sensors.
+
+        None reaches beyond the room, or to a neighbour's centre; sensors that are closer than
+        `SMALLEST` to something have it all the same.
+        """
+        near = np.full(len(points), np.inf)
+        if len(points) > 1:
+            near = cKDTree(points).query(points, 2, p=np.inf)[0][:, 1]
+        edge = np.clip(np.minimum(near, 2 * _to_walls(scene, points)), SMALLEST, size)
+        turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
+        offset = np.einsum("si,si->s", points, normals)
+        keys = np.round(np.column_stack([normals, offset]), 4)
+        centre = np.zeros((len(points), 2))
+        planes = []
+        for key in np.unique(keys, axis=0):
+            mine = np.flatnonzero((keys == key).all(axis=1))
+            n = normals[mine[0]]
+            x = turn[:, 0] if abs(turn[:, 0] @ n) < 0.7 else turn[:, 2]
+            x = x - (x @ n) * n
+            axes = np.stack([x, np.cross(n, x), n]) / np.linalg.norm(x)
+            axes[2] = n
+            at = points[mine] @ axes[:2].T
+            centre[mine] = at
+            planes.append(_plane(mine, at, edge, axes, float(offset[mine[0]])))
+        return cls(tuple(planes), centre, edge)
+
+    @property
+    def layers(self) -> list[tuple[Plane, np.ndarray]]:
+        """Planes and their layers of sensors."""
+        return [(plane, layer) for plane in self.planes for layer in plane.sensors]
+
+
+def _plane(
+    mine: np.ndarray, at: np.ndarray, edge: np.ndarray, axes: np.ndarray, height: float
+) -> Plane:
+    """Raster over the sensors `mine` at positions `at` in their plane."""
+    extent = np.ptp(at, axis=0).max()
+    near = cKDTree(at).query(at, 2, p=np.inf)[0][:, 1].min() if len(at) > 1 else 1.0
+    # On a regular grid of sensors each field holds one of them.
+    field = float(np.clip(near, max(edge[mine].max(), extent / 1000), None))
+    low = at.min(axis=0) - field / 2
+    reach = edge[mine, None] / 2 * (1 - 1e-6)
+    first, last = (np.floor((at + s * reach - low) / field).astype(int) for s in (-1, 1))
+    low = low + field * first.min(axis=0)
+    last, first = last - first.min(axis=0), first - first.min(axis=0)
+    count = last.max(axis=0) + 1
+    fields: dict[int, list[int]] = {}
+    for sensor, (i0, j0), (i1, j1) in zip(mine, first, last, strict=True):
+        for j in range(j0, j1 + 1):
+            for i in range(i0, i1 + 1):
+                fields.setdefault(j * int(count[0]) + i, []).append(int(sensor))
+    layers = np.full((max(map(len, fields.values())), int(count.prod())), -1)
+    for index, members in fields.items():
+        layers[: len(members), index] = members
+    origin = low @ axes[:2] + height * axes[2]
+    return Plane(origin, axes, field, (int(count[0]), int(count[1])), layers)
+
+
+def _to_walls(scene: Scene, points: np.ndarray) -> np.ndarray:
+    """Distance to the nearest wall of the room along its axes [m]."""
+    if scene.enclosure is None:
+        return np.full(len(points), np.inf)
+    at, size = points @ scene.enclosure.turn, scene.enclosure.size
+    return np.minimum(at, size - at)[:, :2].min(axis=1)
