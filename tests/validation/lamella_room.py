@@ -103,8 +103,12 @@ def lamellae(
     return Surface("lamellae", mirror, np.array(quads), COMPONENT)
 
 
-def port() -> Port:
-    return Port(COMPONENT, outer())
+def port(margin: float = 1e-3) -> Port:
+    """Just outside of the pane and a little larger: photons have to pass the pane."""
+    low, high = LEFT - margin, RIGHT + margin
+    corner = (low, -DEPTH - margin, BOTTOM - margin)
+    up = TOP - BOTTOM + 2 * margin
+    return Port(COMPONENT, rectangle(corner, (0, 0, up), (high - low, 0, 0)))
 
 
 def receiver(height: float = 0.8) -> np.ndarray:
