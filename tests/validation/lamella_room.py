@@ -126,10 +126,13 @@ def sensors(count: int = 8, height: float = 0.8) -> tuple[np.ndarray, np.ndarray
     return points, np.tile([0.0, 0.0, 1.0], (len(points), 1))
 
 
-def suns(count: int = 8) -> np.ndarray:
-    """Directions (sun, 3) to suns before the window, spread in altitude and azimuth."""
+def suns(count: int = 8, lowest: float = 15.0) -> np.ndarray:
+    """Directions (sun, 3) to suns before the window, spread in altitude and azimuth.
+
+    From 31° up no sun comes straight between lamellae inclined by 30°.
+    """
     k = np.arange(count)
-    altitude = np.radians(15 + 50 * (k + 0.5) / count)
+    altitude = np.radians(lowest + (65 - lowest) * (k + 0.5) / count)
     azimuth = np.radians(130 + (k * 0.618034 % 1) * 100)
     flat = np.cos(altitude)
     return np.stack([flat * np.sin(azimuth), flat * np.cos(azimuth), np.sin(altitude)], axis=-1)

@@ -77,7 +77,7 @@ n (1 − ρ) of that.
 """
 
 
-def agree(replicates: np.ndarray, exact: np.ndarray | float) -> None:
+def agree(replicates: np.ndarray, exact: np.ndarray | float, offset: float = OFFSET) -> None:
     """Assert that the means of replicates (axis 0) are the exact values, to 0.5 % at the very most.
 
     Parameters
@@ -85,9 +85,11 @@ def agree(replicates: np.ndarray, exact: np.ndarray | float) -> None:
     replicates : np.ndarray
         Shares of what is there, around 1 or less.
     exact : np.ndarray or float
+    offset : float
+        What rays are off by.
     """
     found = np.asarray(replicates, float).reshape(len(replicates), -1)
-    error = 5 * found.std(axis=0, ddof=1) / np.sqrt(len(found)) + OFFSET
+    error = 5 * found.std(axis=0, ddof=1) / np.sqrt(len(found)) + offset
     off = found.mean(axis=0) - exact
     print(f"off by {off}, may be {error}")
     assert error.max() < 0.005
@@ -165,7 +167,13 @@ def test_where_light_leaves_the_duct():
     points = np.column_stack([flat[:, 0], np.full(n * n, aspect * WIDTH - 1e-3), flat[:, 1]])
     facing = np.tile([0.0, -1.0, 0.0], (n * n, 1))
     found = landed(
-        surfaces, ports, -inward(beam), 0.01, sensors=(points, facing), sensor_square=1.0
+        surfaces,
+        ports,
+        -inward(beam),
+        0.01,
+        sensors=(points, facing),
+        sensor_square=1.0,
+        photons=1 << 17,
     )
     there = aspect - 1e-3 / WIDTH
     cells = sum(duct.exit_cells(beam, there, reflectance, n).values())
@@ -173,7 +181,8 @@ def test_where_light_leaves_the_duct():
     exact = (cells - sum(unmirrored.values())).ravel()
     entering = optics.seen(inward(beam), np.array([0.0, 1, 0]), 0.01)
     for part in ("sensors", "mirrored"):
-        agree([getattr(f, part)[:, 0] / entering for f in found], exact)
+        shift = 2.5e-4 / (WIDTH / n)  # the edges of the parts of the beam, against a field
+        agree([getattr(f, part)[:, 0] / entering for f in found], exact, shift)
 
 
 @pytest.mark.parametrize("turn", [40.0, 70.0])
