@@ -13,13 +13,39 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.component_table import (
+    Component,
+    MeshComponent,
+    StructureComponent,
+    check_components,
+)
 from drcmitsuba.design_table import Design
 from drcmitsuba.errors import InputError
-from drcmitsuba.table import Table, checked, choose, read_toml, shortened
+from drcmitsuba.facade_table import Facade, Strip
+from drcmitsuba.material_table import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Material,
+    MirrorMaterial,
+    Reflectance,
+)
+from drcmitsuba.table import (
+    Coordinate,
+    Fraction,
+    Length,
+    Point,
+    Side,
+    Table,
+    checked,
+    choose,
+    read_toml,
+    shortened,
+)
 
 MAX_BYTES = 1 << 20
 
@@ -27,14 +53,6 @@ MOST_PIECES, MOST_SENSORS = 100_000, 250_000
 
 THINNEST = 1e-3
 """Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
-
-Fraction = Annotated[float, Field(ge=0, le=1, strict=True)]
-Length = Annotated[float, Field(gt=0, le=10_000, strict=True)]
-Coordinate = Annotated[float, Field(ge=-100_000, le=100_000, strict=True)]
-Point = tuple[Coordinate, Coordinate, Coordinate]
-Side = Literal["south", "east", "north", "west"]
-Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
-"""A grey reflectance, or one for red, green and blue."""
 
 
 def _usually(model: str) -> BeforeValidator:
@@ -159,142 +177,6 @@ class Outside(Table):
     sun_diameter: Annotated[float, Field(ge=0.01, le=10)] = 0.5
 
 
-def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0) -> None:
-    """Refuse a pane that sends out more than it gets; glass (exponent > 0) at any incidence."""
-    x = 1 - np.linspace(0, 1, 201)
-    total = np.array([transmittance + reflectance])
-    if exponent > 0:
-        mirrored = reflectance + (1 - reflectance) * x**5 if reflectance > 0 else 0 * x
-        total = transmittance * (1 - x**exponent) + mirrored
-    if total.max() > 1 + 1e-9:
-        got = f"{transmittance:g} + {reflectance:g} is above 1"
-        if transmittance + reflectance <= 1:
-            angle = np.degrees(np.arccos(1 - x[total.argmax()]))
-            got = f"together {total.max():.3f} at an incidence of {angle:.0f}°"
-        raise InputError("material", "transmittance + reflectance", got, "lower one of them")
-
-
-class GlazingMaterial(Table):
-    """Clear pane: τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], mirrored share after Schlick."""
-
-    type: Literal["glazing"]
-    transmittance: Fraction
-    exponent: Annotated[float, Field(gt=0, le=100)] = 4.5
-    reflectance: Fraction = 0.0
-    """Towards the room, at normal incidence."""
-
-    @model_validator(mode="after")
-    def _energy(self) -> GlazingMaterial:
-        check_energy(self.transmittance, self.reflectance, self.exponent)
-        return self
-
-
-class DiffuserMaterial(Table):
-    """Diffusing pane, such as a sun shade: Lambertian transmittance and reflectance."""
-
-    type: Literal["diffuser"]
-    transmittance: Fraction
-    reflectance: Fraction = 0.0
-    """Towards the room."""
-
-    @model_validator(mode="after")
-    def _energy(self) -> DiffuserMaterial:
-        check_energy(self.transmittance, self.reflectance)
-        return self
-
-
-class BsdfMaterial(Table):
-    """Pane with a measured BSDF: film, fabric, blind. The file describes all of it, glass too."""
-
-    type: Literal["bsdf"]
-    file: Path
-    """LBNL XML: tensor tree or Klems; relative to the case file."""
-    straight_through: Literal["auto", "on", "off"] = "auto"
-    """Whether a straight-through peak counts as a view through; auto: where the file has one."""
-    flip: bool = False
-    """The file's front faces the room; by the format its back does."""
-    turn: bool = False
-    """Mounted upside down."""
-
-
-class MirrorMaterial(Table):
-    """Mirror of a component, the same on both sides."""
-
-    type: Literal["mirror"]
-    reflectance: Fraction
-    """At any incidence; of a coated one, that of the mirror below its coating."""
-    roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """GGX's α; 0 is a perfect mirror."""
-    coating: Annotated[float, Field(gt=1, le=4)] | None = None
-    """Refractive index of a clear coating or of the glass before the mirror."""
-    specular: Fraction = 1.0
-    """Part of the reflected light that is mirrored; the rest is diffuse."""
-
-
-class DielectricMaterial(Table):
-    """Clear solid of a component, air outside; normals of its surface point outward."""
-
-    type: Literal["dielectric"]
-    ior: Annotated[float, Field(gt=1, le=4)]
-    absorption: Annotated[float, Field(ge=0, le=1e4)] = 0.0
-    """Of light on its way through [1/m]: exp(−absorption · length) is left."""
-    roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """GGX's α; 0 is smooth."""
-
-
-Material = Annotated[
-    GlazingMaterial | DiffuserMaterial | BsdfMaterial | MirrorMaterial | DielectricMaterial,
-    Field(discriminator="type"),
-]
-
-
-class Strip(Table):
-    """Horizontal strip of a façade between two heights; what no strip covers is wall."""
-
-    bottom: Annotated[float, Field(ge=0)]
-    top: Length
-    material: str
-    segments: (
-        Annotated[tuple[Annotated[int, Field(ge=0, lt=200)], ...], Field(min_length=1)] | None
-    ) = None
-    """Segments that it covers, counted from 0 at the left, seen from outside; without it, all."""
-
-    @model_validator(mode="after")
-    def _order(self) -> Strip:
-        if self.top <= self.bottom:
-            got = f"{self.top:g} m is not above the bottom, {self.bottom:g} m"
-            raise InputError("strip", "top", got, "give the higher edge as top")
-        if self.segments is not None and len(set(self.segments)) < len(self.segments):
-            got = f"{shortened(self.segments)} names one twice"
-            raise InputError("strip", "segments", got, "name each segment once")
-        return self
-
-    def covers(self, segment: int) -> bool:
-        """Whether it lies in a segment of the façade."""
-        return self.segments is None or segment in self.segments
-
-
-class Facade(Table):
-    """One side of the room, cut into equal segments and strips."""
-
-    segments: Annotated[int, Field(ge=1, le=200)] = 1
-    frame: Annotated[float, Field(ge=0)] = 0.0
-    """Width of opaque frame around every pane [m]; neighbours share it half and half."""
-    frame_reflectance: Reflectance = 0.5
-    strips: Annotated[tuple[Strip, ...], Field(max_length=2000)] = ()
-
-    def columns(self) -> list[tuple[range, tuple[Strip, ...]]]:
-        """Neighbouring segments under the same strips, with these strips from the bottom up."""
-        found: list[tuple[range, tuple[Strip, ...]]] = []
-        for i in range(self.segments):
-            stack = sorted((s for s in self.strips if s.covers(i)), key=lambda s: s.bottom)
-            if found and found[-1][1] == tuple(stack):
-                found[-1] = range(found[-1][0].start, i + 1), found[-1][1]
-            else:
-                found.append((range(i, i + 1), tuple(stack)))
-        return found
-
-
 class Room(Table):
     """Box of a room. `rotation` turns it clockwise, seen from above, about the origin."""
 
@@ -357,6 +239,7 @@ class Case(Table):
     room: Room | None = None
     facade: dict[Side, Facade] = Field(default_factory=dict)
     materials: dict[str, Material] = Field(default_factory=dict)
+    components: Annotated[dict[str, Component], Field(max_length=100)] = Field(default_factory=dict)
     furniture: Annotated[tuple[Furniture, ...], Field(max_length=10_000)] = ()
     sensors: Sensors
     shading: Shading | None = None
@@ -378,6 +261,28 @@ class Case(Table):
         facades = self.facade.items()
         return tuple(side for side, f in facades if any(s.material != "wall" for s in f.strips))
 
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """Components that stand somewhere: structures only where a strip names them."""
+        strips = {s.material for f in self.facade.values() for s in f.strips}
+        return tuple(
+            name
+            for name, component in self.components.items()
+            if name in strips or not isinstance(component, StructureComponent)
+        )
+
+    def refuse_components(self, task: str) -> None:
+        """Raise InputError where a component stands: the task counts no light by way of it."""
+        if self.standing:
+            got = f"{task} counts no light by way of {shortened(self.standing[0])}"
+            raise InputError(self.source, "components", got, "leave them out, or use evaluate")
+
+    @property
+    def panes(self) -> tuple[str, ...]:
+        """Materials that a pane can be of."""
+        solid = (MirrorMaterial, DielectricMaterial)
+        return tuple(k for k, m in self.materials.items() if not isinstance(m, solid))
+
     @model_validator(mode="after")
     def _consistent(self) -> Case:
         if self.facade and self.room is None:
@@ -386,6 +291,10 @@ class Case(Table):
             if name in self.materials:
                 got = "strips use this name for no material"
                 raise InputError("case", f"materials.{name}", got, "choose another name")
+        check_components(self.components, self.materials, self.room is not None)
+        if self.standing and isinstance(self.sun, Adaptive):
+            got = "a mesh of suns would blur what components mirror"
+            raise InputError("case", "sun.model", got, 'take "true_sun"')
         pieces = sum(piece.count[0] * piece.count[1] for piece in self.furniture)
         if pieces > MOST_PIECES:
             raise InputError("case", "furniture", f"{pieces} pieces", f"at most {MOST_PIECES}")
@@ -411,7 +320,7 @@ class Case(Table):
             raise InputError("case", "design", "there is no room", "add a [room]")
         clear = [k for k, m in self.materials.items() if isinstance(m, GlazingMaterial)]
         for key, name, known in (
-            ("film", design.film, [k for k in self.materials if k not in clear]),
+            ("film", design.film, [k for k in self.panes if k not in clear]),
             ("clear", design.clear, clear),
         ):
             if name is not None and name not in known:
@@ -436,7 +345,8 @@ class Case(Table):
         assert self.room is not None
         width, depth, height = self.room.size
         segment = (width if side in ("south", "north") else depth) / facade.segments
-        known = ["wall", "open", *self.materials]
+        structures = [k for k, c in self.components.items() if isinstance(c, StructureComponent)]
+        known = ["wall", "open", *self.panes, *structures]
 
         def refuse(strip: Strip, got: str, remedy: str) -> None:
             where = f"facade.{side}.strips, {strip.bottom:g} to {strip.top:g} m"
@@ -444,7 +354,9 @@ class Case(Table):
 
         for strip in sorted(facade.strips, key=lambda s: s.bottom):
             if strip.material not in known:
-                got = f"unknown material {shortened(strip.material)}"
+                there = strip.material in (*self.materials, *self.components)
+                what = "no pane is made of" if there else "unknown material"
+                got = f"{what} {shortened(strip.material)}"
                 refuse(strip, got, choose(strip.material, known))
             if strip.top > height:
                 refuse(strip, f"the room is {height:g} m high", "lower the top")
@@ -501,11 +413,19 @@ def shipped_folder() -> Path:
     return root if root.is_dir() else root.parent.parent / "scenes"  # an editable install
 
 
+def _shipped() -> list[str]:
+    root = shipped_folder()
+    return [p.relative_to(root).with_suffix("").as_posix() for p in root.rglob("*.toml")]
+
+
 def shipped_cases() -> list[str]:
     """Names of the cases that come with the package, such as `classroom/existing`."""
-    root = shipped_folder()
-    names = (p.relative_to(root).with_suffix("").as_posix() for p in root.rglob("*.toml"))
-    return sorted(n for n in names if not n.startswith("films/"))  # these are recipes of films
+    return sorted(set(_shipped()) - set(shipped_recipes()))
+
+
+def shipped_recipes() -> list[str]:
+    """Names of the micro-structures that come with the package, such as `films/prism`."""
+    return sorted(n for n in _shipped() if n.startswith("films/") or n.endswith("/recipe"))
 
 
 def _locate(path: str | Path) -> Path:
@@ -545,13 +465,22 @@ def load_case(path: str | Path) -> Case:
 
 
 def _with_files(case: Case) -> Case:
-    """Resolve the BSDF files of the materials, and refuse a case whose files are not there."""
+    """Resolve the files of materials and components, and refuse a case that lacks one."""
+
+    def found(file: Path, field: str) -> Path:
+        path = case.path(file)
+        if not path.is_file():
+            remedy = "give its path relative to the case file"
+            raise InputError(case.source, field, f"{file}: no such file", remedy)
+        return path
+
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
-            path = case.path(material.file)
-            if not path.is_file():
-                field = f"materials.{name}.file"
-                remedy = "give its path relative to the case file"
-                raise InputError(case.source, field, f"{material.file}: no such file", remedy)
+            path = found(material.file, f"materials.{name}.file")
             case.materials[name] = material.model_copy(update={"file": path})
+    for name, component in case.components.items():
+        if isinstance(component, StructureComponent | MeshComponent):
+            key = "recipe" if isinstance(component, StructureComponent) else "file"
+            path = found(getattr(component, key), f"components.{name}.{key}")
+            case.components[name] = component.model_copy(update={key: path})
     return case

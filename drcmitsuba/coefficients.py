@@ -7,6 +7,7 @@ a later block of sensors meets are added to the deposit; what is known is never 
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -304,10 +305,25 @@ def estimate(
     return describe(xr.Dataset(data, coords, attrs))
 
 
-def _told(replicates: list[_Replicate]) -> dict[str, float]:
-    """What became of the photons' flux, for the attributes of C."""
-    ledger = Ledger()
-    for replicate in replicates:
-        assert replicate.landed is not None
-        ledger = ledger.plus(replicate.landed.ledger)
-    return {f"photons_{name}": float(value) for name, value in asdict(ledger).items()}
+def _told(replicates: list[_Replicate]) -> dict[str, Any]:
+    """What became of the photons' flux, and what squares smear, for the attributes of C.
+
+    `photons` is JSON, see `Ledger`, `photons_smear` relative to what the sensors get.
+    """
+    landed = [r.landed for r in replicates if r.landed is not None]
+    ledgers = {name: asdict(_summed([one.ledgers[name] for one in landed]))
+               for name in landed[0].ledgers}  # fmt: skip
+    smear = np.stack([one.smear for one in landed])
+    # Less what the scatter of the replicates makes of it.
+    square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean()
+    suns = landed[0].sun.shape[1]
+    whole = np.mean([one.sensors[:, -suns:].sum(axis=1) for one in landed]) if suns else 0.0
+    smeared = float(np.sqrt(max(square, 0)) / whole) if whole else 0.0
+    return {"photons": json.dumps(ledgers), "photons_smear": smeared}
+
+
+def _summed(ledgers: list[Ledger]) -> Ledger:
+    total = Ledger()
+    for ledger in ledgers:
+        total = total.plus(ledger)
+    return total

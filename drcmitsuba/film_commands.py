@@ -106,13 +106,12 @@ def goniophotometer(
     from drcmitsuba import backend
     from drcmitsuba import goniophotometer as library
     from drcmitsuba.bsdf import xml
-    from drcmitsuba.case import shipped_folder
-    from drcmitsuba.goniophotometer.structure import unit_cell
+    from drcmitsuba.case import shipped_folder, shipped_recipes
+    from drcmitsuba.structures.structure import unit_cell
 
     path = _film_path(output)
     shipped = shipped_folder() / f"{recipe}.toml"
-    known = recipe.startswith("films/") and ".." not in recipe and shipped.is_file()
-    loaded = library.load_recipe(shipped if known else recipe)
+    loaded = library.load_recipe(shipped if recipe in shipped_recipes() else recipe)
     backend.select()
     with stages() as stage, stage("rays") as progress:
         film = library.measure(

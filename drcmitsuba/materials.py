@@ -11,7 +11,8 @@ from drcmitsuba_plugins import energy, peak
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 
 from drcmitsuba import bsdf as bsdf_files
-from drcmitsuba.case import (
+from drcmitsuba.errors import InputError
+from drcmitsuba.material_table import (
     BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,
@@ -19,7 +20,6 @@ from drcmitsuba.case import (
     MirrorMaterial,
     Reflectance,
 )
-from drcmitsuba.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -112,16 +112,31 @@ def channel_of(reflectance: Reflectance, channel: int) -> float:
     return float(reflectance[channel] if isinstance(reflectance, tuple) else reflectance)
 
 
+def _uniform(value: float) -> dict[str, Any]:
+    return {"type": "uniform", "value": value}
+
+
 def _mirror(material: MirrorMaterial) -> dict[str, Any]:
-    """One side of a mirror."""
-    value = {"type": "uniform", "value": material.reflectance}
-    rough = {"alpha": material.roughness, "distribution": "ggx"}
-    return {
-        "type": "roughconductor" if material.roughness else "conductor",
+    """One side of a mirror: its mirrored part, its diffuse part, or both."""
+    matt = {"type": "diffuse", "reflectance": _uniform(material.reflectance)}
+    if material.specular == 0:
+        return matt
+    clear: dict[str, Any] = {
+        "type": "conductor",
         "material": "none",
-        "specular_reflectance": value,
-        **(rough if material.roughness else {}),
+        "specular_reflectance": _uniform(material.reflectance),
     }
+    if material.coating is not None:
+        clear = {
+            "type": "coated_mirror",
+            "reflectance": material.reflectance,
+            "ior": material.coating,
+        }
+    elif material.roughness:
+        clear |= {"type": "roughconductor", "alpha": material.roughness, "distribution": "ggx"}
+    if material.specular == 1:
+        return clear
+    return {"type": "blendbsdf", "weight": material.specular, "first": matt, "second": clear}
 
 
 def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
@@ -129,7 +144,7 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
 
     Parameters
     ----------
-    material : Lambertian, GlazingMaterial, DiffuserMaterial or BsdfMaterial
+    material : SurfaceMaterial
     channel : int
         Colour channel that is simulated: 0 for grey and red, 1 for green, 2 for blue.
 
@@ -152,8 +167,10 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
             "channel": channel if measured.coloured else -1,
         }
     if isinstance(material, Lambertian):
-        value = channel_of(material.reflectance, channel)
-        inner = {"type": "diffuse", "reflectance": {"type": "uniform", "value": value}}
+        inner = {
+            "type": "diffuse",
+            "reflectance": _uniform(channel_of(material.reflectance, channel)),
+        }
         return {"type": "twosided", "bsdf": inner}
     if isinstance(material, MirrorMaterial):
         return {"type": "twosided", "bsdf": _mirror(material)}

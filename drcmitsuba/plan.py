@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -55,6 +56,8 @@ def plan(
     scattering = sum(isinstance(m, DiffuserMaterial) for ms in panes.values() for m in ms)
     clear = sum(isinstance(m, GlazingMaterial) for ms in panes.values() for m in ms)
     ground = case.outside.ground_reflectance
+    photons = bool(case.standing)
+    followed = "is followed by photons" if photons else "is not simulated"
     shaded = "no [shading] in the case"
     if case.shading is not None:
         shaded = f"the shade closes in {closed} of {hours} time stamps"
@@ -72,12 +75,18 @@ def plan(
         },
         "straight_through": _straight_through(case),
         "films_in_turn": {
-            "on": False,
-            "missing": in_turn,
+            "on": in_turn and photons,
+            "missing": in_turn and not photons,
             "reason": "light that a film gets from another film or a diffusing pane across the "
-            f"room ({', '.join(with_film)}), before it meets a surface, is not simulated"
+            f"room ({', '.join(with_film)}), before it meets a surface, {followed}"
             if in_turn
             else "no film that faces another scattering pane",
+        },
+        "components": {
+            "on": bool(case.standing),
+            "reason": "photons through the ports of " + ", ".join(case.standing)
+            if case.standing
+            else "no component that is geometry",
         },
         "shaded_state": {"on": closed > 0, "reason": shaded},
         "colour": {
@@ -87,10 +96,10 @@ def plan(
             else "all reflectances are grey: one channel",
         },
         "mirrored_light": {
-            "on": False,
-            "missing": mirrored,
+            "on": mirrored and photons,
+            "missing": mirrored and not photons,
             "reason": "light that enters by one façade and is mirrored by the glass of another "
-            f"({', '.join(mirrors)}) before it meets a surface is not simulated"
+            f"({', '.join(mirrors)}) before it meets a surface {followed}"
             if mirrored
             else "no mirroring glass across from another opening",
         },
@@ -138,6 +147,35 @@ def _straight_through(case: Case) -> dict[str, Any]:
         chosen = f"straight_through = {material.straight_through!r}"
         told.append(f"{share} goes straight on and {stands} ({chosen}): {'on' if seen else 'off'}")
     return {"on": views, "reason": "; ".join(told) or "no pane with a measured BSDF"}
+
+
+MOST_LOST = 1e-3
+"""Part of the photons' flux that may be given up without a note."""
+MOST_SMEARED = 0.1
+
+
+def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
+    """What is to be known of the photons, from the attributes of C, for the notes of a result."""
+    told, ledgers = [], json.loads(coefficients.get("photons", "{}"))
+    for name, ledger in ledgers.items():
+        component, kind = name.rsplit(" ", 1)
+        if not component:
+            continue
+        if kind == "sun" and ledger["emitted"] == 0:
+            told.append(f"components.{component}: no sun of the period reaches it")
+        if ledger["lost"] > MOST_LOST * ledger["emitted"]:
+            told.append(
+                f"components.{component}: {100 * ledger['lost'] / ledger['emitted']:.2g} % of the "
+                f"light from the {kind} was still under way when photons were given up and is lost;"
+                " raise accuracy.photon_surfaces"
+            )
+    smear = coefficients.get("photons_smear", 0.0)
+    if smear > MOST_SMEARED:
+        told.append(
+            f"the squares around the sensors smear what components send there straight by "
+            f"{100 * smear:.0f} % (RMS); lower accuracy.sensor_square and raise accuracy.photons"
+        )
+    return told
 
 
 def notes(case: Case) -> list[str]:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from drcmitsuba import metrics, plots
 from drcmitsuba.case import Case
-from drcmitsuba.scene import boxes
+from drcmitsuba.geometry import boxes
 from drcmitsuba.schema import luminance
 
 

@@ -16,7 +16,7 @@ from drcmitsuba import backend, scene, schema
 from drcmitsuba.case import Case
 from drcmitsuba.judgement import Judgement, judge
 from drcmitsuba.light import Daylight, daylight, luminances, save_luminances
-from drcmitsuba.plan import notes, plan
+from drcmitsuba.plan import notes, photon_notes, plan
 from drcmitsuba.progress import Stage, silent, timed
 from drcmitsuba.rounds import Reached, toward_target
 from drcmitsuba.simulation import coefficients
@@ -167,7 +167,7 @@ def summed_up(
         "case": case.source,
         "variant": backend.select(),
         "weather_source": light.source,
-        "notes": [*light.notes, *told, *missing],
+        "notes": [*light.notes, *told, *photon_notes(found.attrs), *missing],
         **case.model_dump(mode="json", exclude_none=True),
     }
     if reached is not None:

@@ -1,4 +1,4 @@
-"""Room, façade and furniture of a case as surfaces, and these as Mitsuba scenes.
+"""Room, façade, components and furniture of a case as surfaces, and these as Mitsuba scenes.
 
 `surfaces` is plain geometry (NumPy quadrilaterals) that tests and exporters can read; `build` makes
 the Mitsuba scenes that transport traces. Panes face the room: their normals point inward.
@@ -6,57 +6,30 @@ the Mitsuba scenes that transport traces. Panes face the room: their normals poi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import (
-    BsdfMaterial,
-    Case,
-    DiffuserMaterial,
-    Facade,
-    Furniture,
-    GlazingMaterial,
-    Room,
-    Side,
-)
+from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, Facade, GlazingMaterial
+from drcmitsuba.components import Placed, inside, place
 from drcmitsuba.errors import InputError
+from drcmitsuba.geometry import (
+    SIDES,
+    Port,
+    Surface,
+    box,
+    boxes,
+    ceiling,
+    quad,
+    rotation,
+    side_of,
+    wall,
+)
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf, film, lets_through
 
 State = Literal["open", "shaded"]
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front.
-
-    A triangle repeats its last corner. `component` names the component that it is a part of; ""
-    is the room, its panes and furniture. Nothing sees the backs of a `closed` body.
-    """
-
-    name: str
-    material: SurfaceMaterial
-    quads: np.ndarray
-    component: str = ""
-    closed: bool = False
-
-
-@dataclass(frozen=True)
-class Port:
-    """Rectangle (4, 3) [m] that light passes on its way to a component; its front faces inward.
-
-    Parameters
-    ----------
-    component : str
-        "" are the panes of the room.
-    quad : np.ndarray, shape (4, 3)
-        Its normal (q₁ − q₀) × (q₃ − q₀) points the way that the light goes.
-    """
-
-    component: str
-    quad: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -170,119 +143,6 @@ class Scene:
         return self.corners.max(axis=0)
 
 
-def _quad(corner: Any, u: Any, v: Any) -> np.ndarray:
-    """Quadrilateral with its front in the direction u × v."""
-    c, u, v = (np.asarray(x, float) for x in (corner, u, v))
-    return np.array([c, c + u, c + u + v, c + v])
-
-
-def _box(corner: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
-    """Faces of a box, fronts outward; a box without height is one plate."""
-    x, y, z = np.diag(size)
-    top = _quad(corner + z, x, y)
-    if size[2] == 0:
-        return [top]
-    return [
-        top,
-        _quad(corner, y, x),
-        _quad(corner, x, z),
-        _quad(corner + x, y, z),
-        _quad(corner + x + y, -x, z),
-        _quad(corner + y, -y, z),
-    ]
-
-
-def boxes(furniture: Furniture) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Corner and size of every repetition of a piece of furniture."""
-    size = np.array(furniture.size)
-    return [
-        (np.array(furniture.corner) + [i * furniture.step[0], j * furniture.step[1], 0], size)
-        for i in range(furniture.count[0])
-        for j in range(furniture.count[1])
-    ]
-
-
-def _side(room: Room, side: Side) -> tuple[np.ndarray, np.ndarray]:
-    """Foot and direction of a wall, such that direction × up points out of the room."""
-    width, depth, _ = room.size
-    return {
-        "south": (np.zeros(3), np.array([width, 0.0, 0.0])),
-        "east": (np.array([width, 0.0, 0.0]), np.array([0.0, depth, 0.0])),
-        "north": (np.array([width, depth, 0.0]), np.array([-width, 0.0, 0.0])),
-        "west": (np.array([0.0, depth, 0.0]), np.array([0.0, -depth, 0.0])),
-    }[side]
-
-
-def _wall(
-    room: Room, side: Side, facade: Facade
-) -> tuple[list[np.ndarray], list[np.ndarray], dict[str, list[np.ndarray]]]:
-    """Cut a side of the room into wall, frame and panes by material, fronts inward."""
-    foot, along = _side(room, side)
-    length = float(np.linalg.norm(along))
-    along = along / length
-    up = np.array([0.0, 0.0, 1.0])
-
-    def rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarray:
-        start = foot + along * left + up * bottom
-        return _quad(start, up * (top - bottom), along * (right - left))
-
-    wall: list[np.ndarray] = []
-    frame: list[np.ndarray] = []
-    panes: dict[str, list[np.ndarray]] = {}
-    segment, half = length / facade.segments, facade.frame / 2
-    for column, strips in facade.columns():
-        begin, end = column.start * segment, column.stop * segment
-        top = 0.0
-        for strip in strips:
-            if strip.bottom > top:
-                wall.append(rectangle(begin, end, top, strip.bottom))
-            top = strip.top
-            if strip.material == "wall":
-                wall.append(rectangle(begin, end, strip.bottom, strip.top))
-                continue
-            for i in column:
-                left, right = i * segment, (i + 1) * segment
-                inner = (left + half, right - half, strip.bottom + half, strip.top - half)
-                panes.setdefault(strip.material, []).append(rectangle(*inner))
-                if half > 0:
-                    frame += [
-                        rectangle(left, right, strip.bottom, inner[2]),
-                        rectangle(left, right, inner[3], strip.top),
-                        rectangle(left, inner[0], inner[2], inner[3]),
-                        rectangle(inner[1], right, inner[2], inner[3]),
-                    ]
-        if top < room.size[2]:
-            wall.append(rectangle(begin, end, top, room.size[2]))
-    return wall, frame, panes
-
-
-def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
-    """Quadrilaterals (rectangle, 4, 3) in the world of rectangles on a side, fronts inward [m].
-
-    Parameters
-    ----------
-    case : Case
-    side : {"south", "east", "north", "west"}
-    rectangles : np.ndarray, shape (rectangle, 4)
-        Left, right, bottom and top from the foot of the side [m].
-    """
-    assert case.room is not None
-    foot, along = _side(case.room, side)
-    along, up = along / np.linalg.norm(along), np.array([0.0, 0.0, 1.0])
-    quads = [
-        _quad(foot + along * left + up * bottom, up * (top - bottom), along * (right - left))
-        for left, right, bottom, top in rectangles
-    ]
-    return np.reshape(quads, (-1, 4, 3)) @ rotation(case).T
-
-
-def rotation(case: Case) -> np.ndarray:
-    """Matrix that turns the room's frame into the world's."""
-    angle = np.radians(case.room.rotation) if case.room else 0.0
-    s, c = np.sin(angle), np.cos(angle)
-    return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-
-
 def surfaces(case: Case, state: State = "open") -> list[Surface]:
     """List the surfaces of a case in the world frame.
 
@@ -290,42 +150,49 @@ def surfaces(case: Case, state: State = "open") -> list[Surface]:
     ----------
     case : Case
     state : {'open', 'shaded'}
-        Shaded: the shade's material stands in place of every clear pane and open hole.
+        Shaded: the shade's material stands in place of every clear pane and open hole; components
+        stay uncovered.
 
     Returns
     -------
     list of Surface
     """
+    return _surfaces(case, state, place(case))
+
+
+def _surfaces(case: Case, state: State, components: tuple[Placed, ...]) -> list[Surface]:
+    """`surfaces`, with the components of the case."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
     room = case.room
     if room is not None:
-        x, y, z = np.diag(room.size)
-        parts.append(("floor", Lambertian(room.floor), [_quad(np.zeros(3), x, y)]))
-        parts.append(("ceiling", Lambertian(room.ceiling), [_quad(z, y, x)]))
-        sides: tuple[Side, ...] = ("south", "east", "north", "west")
-        for side in sides:
+        x, y, _ = np.diag(room.size)
+        parts.append(("floor", Lambertian(room.floor), [quad(np.zeros(3), x, y)]))
+        holes = [c.hole for c in components if c.hole is not None]
+        parts.append(("ceiling", Lambertian(room.ceiling), ceiling(room, holes)))
+        for side in SIDES:
             facade = case.facade.get(side, Facade())
-            wall, frame, panes = _wall(room, side, facade)
-            parts.append((f"wall {side}", Lambertian(room.walls), wall))
+            opaque, frame, panes = wall(room, side, facade)
+            parts.append((f"wall {side}", Lambertian(room.walls), opaque))
             parts.append((f"frame {side}", Lambertian(facade.frame_reflectance), frame))
             for name, quads in panes.items():
                 material = _pane_material(case, name, state)
                 if material is not None:
                     parts.append((f"{name} {side}", material, quads))
     for piece in case.furniture:
-        quads = [face for corner, size in boxes(piece) for face in _box(corner, size)]
+        quads = [face for corner, size in boxes(piece) for face in box(corner, size)]
         parts.append((piece.name, Lambertian(piece.reflectance), quads))
     turn = rotation(case)
     bodies = {piece.name for piece in case.furniture if piece.size[2] > 0}
-    return [
+    made = [
         Surface(name, m, np.array(quads) @ turn.T, closed=name in bodies)
         for name, m, quads in parts
         if quads
     ]
+    return made + [replace(s, quads=s.quads @ turn.T) for c in components for s in c.surfaces]
 
 
 def _pane_material(case: Case, name: str, state: State) -> SurfaceMaterial | None:
-    """Material of a façade strip in a state; None for an open hole."""
+    """Material of a façade strip in a state; None for an open hole, or one for a component."""
     material = case.materials.get(name)
     covered = name == "open" or isinstance(material, GlazingMaterial)
     if state == "shaded" and case.shading is not None and covered:
@@ -421,29 +288,38 @@ def build(
 
 def load(case: Case, state: State = "open", channel: int = 0) -> Scene:
     """Build the scene of a case in a state of its shade, for one colour channel."""
-    return build(surfaces(case, state), channel, _enclosure(case, state))
+    components = place(case)
+    turn = rotation(case)
+    ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
+    enclosure = _enclosure(case, state, components)
+    return build(_surfaces(case, state, components), channel, enclosure, ports)
 
 
-def _enclosure(case: Case, state: State) -> Enclosure | None:
-    """The room with a rectangle around all openings of each façade that are clear or open."""
+def _enclosure(case: Case, state: State, components: tuple[Placed, ...]) -> Enclosure | None:
+    """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
     if case.room is None:
         return None
     openings = []
     for side, facade in case.facade.items():
         clear = [strip for strip in facade.strips if _is_opening(case, strip.material, state)]
         if clear:
-            foot, along = _side(case.room, side)
+            foot, along = side_of(case.room, side)
             inside = [i for i in range(facade.segments) if any(s.covers(i) for s in clear)]
             left, right = inside[0] / facade.segments, (inside[-1] + 1) / facade.segments
             bottom, top = min(s.bottom for s in clear), max(s.top for s in clear)
             start = foot + left * along + [0, 0, bottom]
-            openings.append(_quad(start, [0, 0, top - bottom], (right - left) * along))
+            openings.append(quad(start, [0, 0, top - bottom], (right - left) * along))
+    for component in components:
+        if component.hole is not None and component.is_open:
+            x0, x1, y0, y1 = component.hole
+            corner = [x0, y0, case.room.size[2]]
+            openings.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
     turn = rotation(case)
     return Enclosure(np.array(case.room.size), turn, np.reshape(openings, (-1, 4, 3)) @ turn.T)
 
 
 def _is_opening(case: Case, name: str, state: State) -> bool:
-    """Whether straight light comes in by a strip of a façade."""
+    """Whether straight light may come in by a strip of a façade; structures have gaps."""
     if name == "wall":
         return False
     material = _pane_material(case, name, state)
@@ -490,6 +366,8 @@ def _check_sensors(case: Case, points: np.ndarray) -> None:
         for corner, size in boxes(piece):
             near = (points > corner - margin) & (points < corner + size + margin)
             refuse(near.all(axis=1), f"in or on {piece.name!r}")
+    for name, within in inside(case, points):
+        refuse(within, f"in component {name!r}")
 
 
 def is_coloured(case: Case) -> bool:

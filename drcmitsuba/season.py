@@ -99,6 +99,7 @@ def season(case: Case, stage: Stage = silent) -> Season:
     InputError
         There is no glazing among the materials; or as `evaluate_variants`.
     """
+    case.refuse_components("a comparison of façades")
     glass = [name for name, m in case.materials.items() if isinstance(m, GlazingMaterial)]
     if not glass:
         remedy = "add the clear glazing to compare with to [materials]"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,14 @@ import xarray as xr
 from drcmitsuba import accumulate, metrics, scene, schema, uncertainty
 from drcmitsuba.case import Adaptive, BsdfMaterial, Case, ThreePhase
 from drcmitsuba.coefficients import compute
+from drcmitsuba.component_table import MeshComponent, StructureComponent
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight, sources
 from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Progress, Stage, part, silent, timed
 from drcmitsuba.refinement import mesh_of, meshed, with_straight
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.structures.recipe import Mesh, load_recipe
 from drcmitsuba.suns import Suns
 
 
@@ -194,17 +197,28 @@ def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
 
 
 def fingerprint(case: Case) -> str:
-    """Digest of all that coefficients follow from, the contents of BSDF files among it."""
-    names = {"room", "facade", "materials", "furniture", "sensors", "shading", "sun", "accuracy"}
-    told = case.model_dump(mode="json", include=names)
+    """Digest of all that coefficients follow from, the contents of files among it."""
+    names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
+    told = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
         del told["accuracy"][name]
     told |= {"subdivision": case.sky.subdivision, "diameter": case.outside.sun_diameter}
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
-            content = material.file.read_bytes()
-            told["materials"][name]["file"] = hashlib.sha256(content).hexdigest()
+            told["materials"][name]["file"] = _digest(material.file)
+    for name, component in case.components.items():
+        if isinstance(component, StructureComponent):
+            recipe = load_recipe(component.recipe)
+            told["components"][name]["recipe"] = recipe.model_dump(mode="json")
+            if isinstance(recipe.structure, Mesh):
+                told["components"][name]["mesh"] = _digest(recipe.path(recipe.structure.file))
+        elif isinstance(component, MeshComponent):
+            told["components"][name]["file"] = _digest(component.file)
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def coefficients(

@@ -7,9 +7,9 @@ import json
 import re
 import sys
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from drcmitsuba.errors import InputError
 
@@ -17,6 +17,12 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+Fraction = Annotated[float, Field(ge=0, le=1, strict=True)]
+Length = Annotated[float, Field(gt=0, le=10_000, strict=True)]
+Coordinate = Annotated[float, Field(ge=-100_000, le=100_000, strict=True)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+Side = Literal["south", "east", "north", "west"]
 
 
 class Table(BaseModel):

@@ -82,6 +82,8 @@ def evaluate_variants(
     """
     backend.select()
     first = cases[0]
+    for case in cases:
+        case.refuse_components("a comparison of façades")
     if first.accuracy.target is not None:
         got = "a target for several façades at once"
         raise InputError(first.source, "accuracy.target", got, "leave it out, or evaluate each")

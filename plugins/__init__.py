@@ -10,6 +10,7 @@ name                    kind        what it is
 `tregenza_sky`          emitter     sky patches and ground, one radiance each
 `sun_disks`             emitter     any number of suns of finite diameter
 `glazing`               BSDF        thin clear pane with angular transmittance and reflectance
+`coated_mirror`         BSDF        mirror below a clear layer
 `diffuser`              BSDF        thin Lambertian pane: sun shade, fabric, opal glass
 `tensor_tree`           BSDF        measured pane or film: LBNL tensor tree, rank 3 or 4
 `klems`                 BSDF        measured pane or film: LBNL Klems matrix
@@ -29,6 +30,7 @@ _MODULES = (
     "tregenza_sky",
     "sun_disks",
     "glazing",
+    "coated_mirror",
     "diffuser",
     "rows",
     "lobes",

@@ -156,6 +156,7 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene
     """The room without its tiles, for views, and as a scene."""
     case, room = wall.case, wall.case.room
     assert room is not None
+    case.refuse_components("a façade basis")
     others = [side for side in case.glazed if side != wall.side]
     if others:
         remedy = "a basis holds one façade: make the others wall, or evaluate each case"

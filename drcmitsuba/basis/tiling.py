@@ -11,6 +11,7 @@ from drcmitsuba import scene
 from drcmitsuba.basis.facade import FRAME, Palette, Tiles
 from drcmitsuba.case import Case, Facade, Reflectance, Side
 from drcmitsuba.errors import InputError
+from drcmitsuba.geometry import facade_quads
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.nd
     known = tuple(dict.fromkeys(map(str, kinds.ravel())))
     shares = [(kinds[:, i, None] == np.array(known)) for i in range(len(cases))]
     allowed = np.any(shares, axis=0)
-    quads = scene.facade_quads(cases[0], wall.side, rectangles)
+    quads = facade_quads(cases[0], wall.side, rectangles)
     whole = cases[0].model_copy(
         update={"materials": {k: m for case in cases for k, m in case.materials.items()}}
     )
@@ -205,7 +206,7 @@ def of_grid(
     """
     length, _ = wall.size
     rectangles = _rectangles(np.linspace(0, length, segments + 1), np.asarray(heights, float))
-    quads = scene.facade_quads(wall.case, wall.side, rectangles)
+    quads = facade_quads(wall.case, wall.side, rectangles)
     tiles = Tiles(rectangles, np.arange(len(rectangles)), quads)
     allowed = np.ones((len(rectangles), len(materials)), bool)
     return tiles, Palette.of(wall.case, materials, allowed)
@@ -220,4 +221,4 @@ def wall_around(wall: Wall, tiles: Tiles) -> np.ndarray:
     pieces = _rectangles(x, z)
     cx, cz = pieces[:, :2].mean(axis=1)[:, None], pieces[:, 2:].mean(axis=1)[:, None]
     taken = ((cx > left) & (cx < right) & (cz > bottom) & (cz < top)).any(axis=1)
-    return scene.facade_quads(wall.case, wall.side, pieces[~taken])
+    return facade_quads(wall.case, wall.side, pieces[~taken])

@@ -177,6 +177,7 @@ class FilmYear:
             The case has no film, several, one that sees different things, colours, or the adaptive
             sun model.
         """
+        case.refuse_components("the year of a film")
         if isinstance(case.sun, Adaptive):
             raise InputError(case.source, "sun.model", "adaptive", 'take "true_sun"')
         if scene.is_coloured(case):

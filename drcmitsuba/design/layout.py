@@ -17,7 +17,6 @@ from drcmitsuba.case import (
     GlazingMaterial,
     Side,
     TrueSun,
-    check_energy,
 )
 from drcmitsuba.design.optimise import Optimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
@@ -26,6 +25,7 @@ from drcmitsuba.design.realise import realise
 from drcmitsuba.design_table import Design
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import daylight
+from drcmitsuba.material_table import check_energy
 from drcmitsuba.progress import Stage, silent
 from drcmitsuba.table import checked
 
@@ -76,6 +76,7 @@ class Layout:
         if design is None:
             remedy = 'add [design] with film = "…", a material of [materials]'
             raise InputError(case.source, "design", "no such table", remedy)
+        case.refuse_components("the search for a façade")
         assert case.room is not None
         side: Side = design.side or case.glazed[0]
         facade = case.facade.get(side, Facade())

@@ -243,6 +243,7 @@ class Interior:
         InputError
             The case is coloured, has no surfaces or too many, or its names tell them not apart.
         """
+        case.refuse_components("the search for reflectances")
         start = reflectances(case)
         if not start:
             raise InputError(case.source, "room", "there is no surface", "add a [room]")

@@ -12,6 +12,6 @@ save
 
 from drcmitsuba.bsdf.xml import save
 from drcmitsuba.goniophotometer.exposure import Exposure, expose, measure
-from drcmitsuba.goniophotometer.recipe import Recipe, load_recipe
+from drcmitsuba.structures.recipe import Recipe, load_recipe
 
 __all__ = ["Exposure", "Recipe", "expose", "load_recipe", "measure", "save"]

@@ -18,9 +18,10 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
-from drcmitsuba.goniophotometer.structure import UnitCell, copies
+from drcmitsuba.materials import bsdf
 from drcmitsuba.progress import Progress
 from drcmitsuba.scene import mesh, quad_mesh
+from drcmitsuba.structures.structure import UnitCell, copies
 
 OFFSET = 1e-5
 """Rays leave a surface by this share of the period, so that they do not meet it again."""
@@ -85,7 +86,7 @@ def prepare(unit: UnitCell) -> Cell:
     moves = np.array([[i * period[0], j * period[1], 0] for i in shifts[0] for j in shifts[1]])
     vertices = (v[None] + moves[:, None]).reshape(-1, 3)
     faces = (unit.faces[None] + len(v) * np.arange(len(moves))[:, None, None]).reshape(-1, 3)
-    shapes = {"structure": mesh("structure", vertices, faces, mi.load_dict(unit.bsdf))}
+    shapes = {"structure": mesh("structure", vertices, faces, mi.load_dict(bsdf(unit.material)))}
     bounds = [v[:, 2].min() - MARGIN, v[:, 2].max() + MARGIN]
     if unit.glass is not None:
         z = v[:, 2].min() - unit.glass.distance * scale

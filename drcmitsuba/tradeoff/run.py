@@ -69,6 +69,7 @@ def tradeoff(
     """
     if not 0 < minutes < 1e6:
         raise InputError("tradeoff", "minutes", f"{minutes:g}", "give minutes above 0")
+    case.refuse_components("the reference of tradeoff")
     start = time.monotonic()
     deadline = start + 60 * minutes
     backend.select()

@@ -33,18 +33,21 @@ class Found(NamedTuple):
         Through the squares.
     mirrored : mi.Float, shape (sensor · bin,)
         The part of it that nothing but smooth surfaces have deviated.
+    inner : mi.Float, shape (sensor,)
+        Of all bins, through the middle quarter of the squares.
     """
 
     cells: mi.Float
     sensors: mi.Float
     mirrored: mi.Float
+    inner: mi.Float
 
 
 @dataclass(frozen=True)
 class Lobes:
     """What a photon needs to know of the surfaces that it meets, by number of their BSDF."""
 
-    component: mi.UInt32
+    own: mi.UInt32
     kind: mi.UInt32
     absorption: mi.Float
 
@@ -54,7 +57,9 @@ class Lobes:
         parts = ports.scene.parts
         solids = [p.material for p in parts]
         return cls(
-            table(ports.scene, [ports.names.index(p.component) for p in parts]),
+            table(
+                ports.scene, [int(ports.names.index(p.component) == ports.component) for p in parts]
+            ),
             table(ports.scene, [_kind(p) for p in parts]),
             table(
                 ports.scene,
@@ -111,9 +116,11 @@ class Recorder:
                 row = mi.UInt32(sensor)
                 half = dr.gather(mi.Float, self.half, row, meets)
                 centre = dr.gather(mi.Point2f, self.centre, row, meets)
-                meets &= (dr.abs(u - centre.x) < half) & (dr.abs(v - centre.y) < half)
+                off = dr.maximum(dr.abs(u - centre.x), dr.abs(v - centre.y))
+                meets &= off < half
                 dr.scatter_add(found.sensors, flux, row * bins + column, meets)
                 dr.scatter_add(found.mirrored, flux, row * bins + column, meets & mirrored)
+                dr.scatter_add(found.inner, flux, row, meets & (2 * off < half))
 
 
 def _pair(random: mi.PCG32) -> mi.Point2f:
@@ -173,7 +180,7 @@ def follow(
 
         index = number(bsdf)
         deviates = onward & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
-        own = dr.gather(mi.UInt32, lobes_of.component, index, deviates) == start.component
+        own = dr.gather(mi.UInt32, lobes_of.own, index, deviates) == 1
         foreign = deviates & (chain == _STRAIGHT) & ~own
         others += dr.select(foreign, flux, 0)
         kind = dr.gather(mi.UInt32, lobes_of.kind, index, deviates)

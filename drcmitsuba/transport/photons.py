@@ -20,9 +20,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -30,11 +28,13 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.errors import InputError
+from drcmitsuba.progress import Progress, part
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.deposit import launch_seed
 from drcmitsuba.transport.photon_paths import Found, Lobes, Recorder, follow
-from drcmitsuba.transport.ports import Ports, Start, patch_radii
+from drcmitsuba.transport.ports import Ports, Sources, Start, of_sky, of_suns
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 LANES = 1 << 21
@@ -83,11 +83,6 @@ class Ledger:
         names = (f.name for f in fields(self))
         return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
 
-    @property
-    def share_lost(self) -> float:
-        """Part of the emitted flux that was given up."""
-        return self.lost / self.emitted if self.emitted else 0.0
-
 
 @dataclass(frozen=True)
 class Landed:
@@ -100,7 +95,12 @@ class Landed:
         Of the cells, by ground and sky patches and by suns.
     sensors, mirrored : np.ndarray, shape (sensor, bin)
         Of the sensors, by all bins; and the purely mirrored (or refracted) part of it.
-    ledger : Ledger
+    smear : np.ndarray, shape (sensor,)
+        What the squares' size adds to D of the sensors, in the sum over all suns: D of a square of
+        edge h is off by c·h² where D is smooth, so that of the whole square is more by ¾ c·h² than
+        that of its inner quarter.
+    ledgers : dict of str to Ledger
+        Of "NAME sky" and "NAME sun" for each component; its name is empty for the panes.
     """
 
     areas: CellAreas
@@ -108,7 +108,8 @@ class Landed:
     sun: mi.TensorXf
     sensors: np.ndarray
     mirrored: np.ndarray
-    ledger: Ledger
+    smear: np.ndarray
+    ledgers: dict[str, Ledger]
 
     def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
         """D of the cells with some keys, by sky and by suns; 0 where nothing can land."""
@@ -127,30 +128,14 @@ class Landed:
         return out[0], out[1]
 
 
-class _Sources(NamedTuple):
-    """Suns, or ground and sky patches.
-
-    Parameters
-    ----------
-    bins : int
-    seen : np.ndarray of int
-        Those that shine on any port.
-    start : callable
-        Photons of those, see `Ports.from_suns`.
-    """
-
-    bins: int
-    seen: np.ndarray
-    start: Callable[..., Start]
-
-
 @dataclass(frozen=True)
 class Photons:
     """Photons of a scene.
 
     Parameters
     ----------
-    ports : Ports
+    ports : tuple of Ports
+        Of the components, and of the panes.
     areas : CellAreas
     squares : Squares
     suns : np.ndarray, shape (sun, 3)
@@ -159,12 +144,12 @@ class Photons:
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
     count : int
-        Photons of a sun in one replicate; the sky has as many for each patch.
+        Photons of a sun or a patch to each component, in one replicate.
     surfaces : int
         Followed at most.
     """
 
-    ports: Ports
+    ports: tuple[Ports, ...]
     areas: CellAreas
     squares: Squares
     suns: np.ndarray
@@ -178,17 +163,28 @@ class Photons:
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
         diameter: float, subdivision: int | None, accuracy: Accuracy,
     ) -> Photons | None:  # fmt: skip
-        """Photons for sensors at points and for all cells; None where there are no ports."""
+        """Photons for sensors at points and for all cells; None where there are no ports.
+
+        Raises
+        ------
+        InputError
+            No light can come to a component.
+        """
         if not scene.ports:
             return None
+        for ports in (found := Ports.of(scene)):
+            if ports.name and not ports.sky_share().any():
+                got = "neither sky nor ground is seen from its ports"
+                remedy = "move it, or its ports, to where light comes from"
+                raise InputError("case", f"components.{ports.name}", got, remedy)
         grid = Grid.of(scene, accuracy.cell_size)
         return cls(
-            Ports.of(scene), CellAreas.of(scene, grid, launch_seed(accuracy, 5)),
+            found, CellAreas.of(scene, grid, launch_seed(accuracy, 5)),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
             subdivision, accuracy.photons, accuracy.photon_surfaces,
         )  # fmt: skip
 
-    def traced(self, seed: int, progress: Callable[[float], None] = lambda share: None) -> Landed:
+    def traced(self, seed: int, progress: Progress = lambda share: None) -> Landed:
         """Trace all photons of a replicate.
 
         Parameters
@@ -197,76 +193,66 @@ class Photons:
         progress : callable
             Told the share that is done.
         """
-        kinds = self._sky(), self._suns()
-        everything = max(1, sum(len(kind.seen) for kind in kinds) * self.count)
-        count, done, ledger = len(self.squares.edge), 0, Ledger()
-        on_cells, through = [], []
-        for kind in kinds:
-            n = len(kind.seen)
-            sizes = len(self.areas), count, count
-            found = Found(*(dr.zeros(mi.Float, size * n) for size in sizes))
-            for first in range(0, n * self.count, LANES):
-                lanes = min(LANES, n * self.count - first)
-                start = kind.start(self.count, first, lanes, seed)
-                ledger = ledger.plus(self._follow(start, found, n, seed ^ (first + 1)))
-                done += lanes
-                progress(done / everything)
-            on_cells.append(self._per_area(found.cells, kind))
-            through.append(np.zeros((2, count, kind.bins), np.float32))
-            flux = np.reshape([found.sensors.numpy(), found.mirrored.numpy()], (2, count, n))
-            through[-1][:, :, kind.seen] = flux / self.squares.edge[:, None] ** 2
-        sky, sun = on_cells
-        sensors, mirrored = np.concatenate(through, axis=2)
-        return Landed(self.areas, sky, sun, sensors, mirrored, ledger)
-
-    def _suns(self) -> _Sources:
-        could = self.ports.could(self.suns, np.full(len(self.suns), np.radians(self.diameter) / 2))
-        seen = np.flatnonzero(could.any(axis=1))
-        suns = self.suns[seen]
-        return _Sources(
-            len(self.suns), seen, lambda *launch: self.ports.from_suns(suns, self.diameter, *launch)
+        patches = len(Patches(self.subdivision)) if self.subdivision else 0
+        sky = of_sky(self.subdivision or 1), patches, seed, part(progress, 0, 0.3)
+        suns = of_suns(self.suns, self.diameter), len(self.suns), seed + 1, part(progress, 0.3, 1)
+        (by_sky, through_sky, _, a), (by_sun, through_sun, inner, b) = (
+            self._landed(*kind) for kind in (sky, suns)
         )
+        sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
+        smear = 4 / 3 * (through_sun[0].sum(axis=1) - inner)
+        names = (ports.name for ports in self.ports)
+        ledgers = {
+            f"{name} {kind}": ledger
+            for name, *both in zip(names, a, b, strict=True)
+            for kind, ledger in zip(("sky", "sun"), both, strict=True)
+        }
+        return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
 
-    def _sky(self) -> _Sources:
-        patches = Patches(self.subdivision or 1)
-        could = self.ports.could(patches.directions, patch_radii(patches))
-        bins = len(patches) if self.subdivision else 0
-        seen = np.flatnonzero(could[:bins].any(axis=1))
-        return _Sources(bins, seen, lambda *launch: self.ports.from_sky(patches, seen, *launch))
+    def _landed(
+        self, sources: Sources, bins: int, seed: int, progress: Progress
+    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[Ledger]]:
+        """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
+        bins in the inner squares (sensor,).
+        """
+        rows, n, ledgers = len(self.areas), len(self.squares.edge), []
+        found = Found(*(dr.zeros(mi.Float, s) for s in (rows * bins, n * bins, n * bins, n)))
+        for i, ports in enumerate(self.ports):
+            seen = np.flatnonzero(ports.could(sources)[:bins].any(axis=1))
+            total, ledger = len(seen) * self.count, Ledger()
+            for first in range(0, total, LANES):
+                lanes = min(LANES, total - first)
+                key = seed + 0x10001 * i
+                start = ports.start(sources, seen, self.count, first, lanes, key)
+                ledger = ledger.plus(self._follow(ports, start, found, bins, key ^ first << 8))
+                progress((i + (first + lanes) / total) / len(self.ports))
+            ledgers.append(ledger)
+        flux = np.reshape([found.sensors.numpy(), found.mirrored.numpy()], (2, n, bins))
+        area = self.squares.edge.astype(np.float32) ** 2
+        through, inner = flux / area[:, None], found.inner.numpy() / (area / 4)
+        if not bins or not rows:
+            return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledgers
+        row = dr.arange(mi.UInt32, rows * bins) // dr.opaque(mi.UInt32, bins)
+        D = found.cells / dr.gather(mi.Float, self.areas.area, row)
+        dr.eval(D)
+        return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
 
-    def _per_area(self, flux: mi.Float, kind: _Sources) -> mi.TensorXf:
-        """D of the cells from the flux of the bins that were seen."""
-        rows, n = len(self.areas), len(kind.seen)
-        out = dr.zeros(mi.Float, rows * kind.bins)
-        if rows and n:
-            entry, count = dr.arange(mi.UInt32, rows * n), dr.opaque(mi.UInt32, n)
-            row = entry // count
-            column = dr.gather(mi.UInt32, mi.UInt32(kind.seen.astype(np.uint32)), entry % count)
-            D = flux / dr.gather(mi.Float, self.areas.area, row)
-            dr.scatter(out, D, row * dr.opaque(mi.UInt32, kind.bins) + column)
-            dr.eval(out)
-        return mi.TensorXf(out, (rows, kind.bins))
-
-    def _follow(self, start: Start, found: Found, bins: int, seed: int) -> Ledger:
+    def _follow(self, ports: Ports, start: Start, found: Found, bins: int, seed: int) -> Ledger:
         """Follow photons and add what they bring to `found`."""
-        dr.eval(start.p, start.d, start.flux, start.bin, start.component)
+        columns = start.p, start.d, start.flux, start.bin
+        dr.eval(*columns)
         lanes = dr.compress(start.flux > 0)
         if dr.width(lanes) == 0:
             return Ledger()
-        mine = Start(*(dr.gather(type(x), x, lanes) for x in _columns(start)))
+        start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
         random = mi.PCG32(dr.width(lanes), dr.opaque(mi.UInt64, seed), mi.UInt64(lanes))
         fates = follow(
-            self.ports.scene.full, Lobes.of(self.ports), self.areas, Recorder(self.squares), mine,
-            found, dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
+            ports.scene.full, Lobes.of(ports), self.areas, Recorder(self.squares), start, found,
+            dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
         )  # fmt: skip
         dr.eval(fates, found)  # together: each sum alone would follow all photons again
-        sums = [dr.sum(mi.Float64(x)) for x in (mine.flux, *fates)]
-        *fluxes, segments = (float(s[0]) for s in sums)
+        *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
         names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
         told = dict(zip(names, fluxes, strict=True))
         return Ledger(photons=dr.width(lanes), segments=round(segments), **told)
-
-
-def _columns(start: Start) -> tuple:
-    return start.p, start.d, start.flux, start.bin, start.component

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -13,15 +13,64 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
+from drcmitsuba.case import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.geometry import Port
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.gather import even_numbers
 from drcmitsuba.transport.shadow_rays import straight
 
+OFFSET = 1e-4
+"""Distance of a port from a pane [m]."""
 PILOT = 4096
 """Rays from a port that tell whether it sees anything of the sky and the ground."""
 
-Draw = Callable[[Any, Any], Any]
-"""Direction to a source, by its number and two uniform numbers."""
+
+class Sources(NamedTuple):
+    """Suns, or ground and sky patches.
+
+    Parameters
+    ----------
+    centre : np.ndarray, shape (source, 3)
+    radius : np.ndarray, shape (source,)
+        Angle [rad] around the centre that the source lies within.
+    solid_angle : np.ndarray, shape (source,)
+        [sr].
+    draw : callable
+        Direction to a source, evenly in solid angle, by its number and two uniform numbers.
+    """
+
+    centre: np.ndarray
+    radius: np.ndarray
+    solid_angle: np.ndarray
+    draw: Callable[[Any, Any], Any]
+
+
+def of_suns(suns: np.ndarray, diameter: float) -> Sources:
+    """Suns in directions (sun, 3), `diameter` [deg] across."""
+    centres = mi.Float(suns.astype(np.float32).ravel())
+    radius = np.full(len(suns), np.radians(diameter) / 2)
+    return Sources(
+        suns, radius, np.full(len(suns), disk_solid_angle(diameter)),
+        lambda sun, uv: sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv),
+    )  # fmt: skip
+
+
+def of_sky(subdivision: int) -> Sources:
+    """Ground and sky patches of Reinhart's MF."""
+    patches = Patches(subdivision)
+    low, high, west, east = patches.bounds.T
+    radius = np.hypot((high - low) / 2, np.cos(low) * (east - west) / 2)
+    radius[0], radius[-1] = np.pi / 2, high[-1] - low[-1]
+    columns = [mi.Float(c.astype(np.float32)) for c in (np.sin(low), np.sin(high), west, east)]
+
+    def draw(patch: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
+        bottom, top, begin, end = (dr.gather(mi.Float, column, patch) for column in columns)
+        z = dr.lerp(bottom, top, uv.x)
+        sine, cosine = dr.sincos(dr.lerp(begin, end, uv.y))
+        level = dr.safe_sqrt(1 - z * z)
+        return mi.Vector3f(level * sine, level * cosine, z)
+
+    return Sources(patches.directions, radius, patches.solid_angles, draw)
 
 
 @dataclass(frozen=True)
@@ -36,43 +85,49 @@ class Start:
     flux : mi.Float
         Per unit radiance of the source [m² sr].
     bin : mi.UInt32
-    component : mi.UInt32
-        Number of the port's component.
     """
 
     p: mi.Point3f
     d: mi.Vector3f
     flux: mi.Float
     bin: mi.UInt32
-    component: mi.UInt32
 
 
 @dataclass(frozen=True)
 class Ports:
-    """Ports of a scene.
+    """Ports of one component, or of the panes, of a scene.
 
     Parameters
     ----------
     scene : Scene
     quads : np.ndarray, shape (port, 4, 3)
         Parallelograms [m]; fronts face the way the light goes.
-    component : np.ndarray of int, shape (port,)
-        Number of the component among `names`.
+    component : int
+        Number among `names`.
     names : tuple of str
+        Of all components of the scene; "" stands for its panes.
     """
 
     scene: Scene
     quads: np.ndarray
-    component: np.ndarray
+    component: int
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, scene: Scene) -> Ports:
-        """Ports of a scene."""
+    def of(cls, scene: Scene) -> tuple[Ports, ...]:
+        """Ports of each component of a scene, and of the panes; none without components."""
         names = tuple(sorted({part.component for part in scene.parts}))
-        quads = np.reshape([port.quad for port in scene.ports], (-1, 4, 3))
-        component = np.array([names.index(port.component) for port in scene.ports], dtype=int)
-        return cls(scene, quads, component, names)
+        ports = [*scene.ports, *_pane_ports(scene)] if scene.ports else []
+        found = []
+        for name in sorted({port.component for port in ports}):
+            quads = np.array([port.quad for port in ports if port.component == name], float)
+            found.append(cls(scene, quads, names.index(name), names))
+        return tuple(found)
+
+    @property
+    def name(self) -> str:
+        """Of the component; "" of the panes."""
+        return self.names[self.component]
 
     def __len__(self) -> int:
         """Count the ports."""
@@ -95,20 +150,15 @@ class Ports:
         heights = (self.scene.corners[None] - self.quads[:, :1]) @ n[..., None]
         return bool((heights > -1e-6).all())
 
-    def _columns(self) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float, mi.UInt32]:
-        """Corner, edges and unit normal of every port, three numbers each, and component."""
+    def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
+        """Point on a port and its normal."""
         corner = self.quads[:, 0]
-        u, v = self.quads[:, 1] - corner, self.quads[:, 3] - corner
-        n = self.normal / self.area[:, None]
-        parts = (mi.Float(a.astype(np.float32).ravel()) for a in (corner, u, v, n))
-        return (*parts, mi.UInt32(self.component.astype(np.uint32)))
-
-    def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f, mi.UInt32]:
-        """Point on a port, its normal and its component."""
-        corner, u, v, n, component = self._columns()
-        p = dr.gather(mi.Point3f, corner, port)
-        p += uv.x * dr.gather(mi.Vector3f, u, port) + uv.y * dr.gather(mi.Vector3f, v, port)
-        return p, dr.gather(mi.Normal3f, n, port), dr.gather(mi.UInt32, component, port)
+        edges = self.quads[:, 1] - corner, self.quads[:, 3] - corner
+        columns = (corner, *edges, self.normal / self.area[:, None])
+        at, u, v, n = (
+            dr.gather(mi.Vector3f, mi.Float(a.astype(np.float32).ravel()), port) for a in columns
+        )
+        return mi.Point3f(at + uv.x * u + uv.y * v), mi.Normal3f(n)
 
     def _visible(self, p: mi.Point3f, d: mi.Vector3f, flux: mi.Float) -> mi.Float:
         """Flux that comes to points on ports from where they look."""
@@ -116,84 +166,44 @@ class Ports:
             return flux
         return flux * straight(self.scene, None, p, d, flux > 0)
 
-    def from_suns(
-        self, suns: np.ndarray, diameter: float, photons: int, first: int, lanes: int, seed: int
-    ) -> Start:
-        """Photons first … first + lanes − 1 of those from suns, `photons` of each.
+    def could(self, sources: Sources) -> np.ndarray:
+        """Bound of the area [m²] that ports turn towards sources, shape (source, port).
 
-        Their points are spread evenly over the ports and the sun's disk.
+        0 where no light of the source can pass the port.
         """
-        centres = mi.Float(suns.astype(np.float32).ravel())
-        omega = np.full(len(suns), disk_solid_angle(diameter))
-        radius = np.full(len(suns), np.radians(diameter) / 2)
-
-        def draw(sun: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
-            return sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv)
-
-        could = self.could(suns, radius)
-        return self._aimed(could, omega, draw, photons, first, lanes, seed)
-
-    def from_sky(
-        self, patches: Patches, bins: np.ndarray, photons: int, first: int, lanes: int, seed: int
-    ) -> Start:
-        """Photons first … first + lanes − 1 of those from some patches, `photons` of each.
-
-        Bins are counted within `bins`.
-        """
-        bounds = patches.bounds[bins]
-        bounds[:, :2] = np.sin(bounds[:, :2])
-        table = [mi.Float(column.astype(np.float32)) for column in bounds.T]
-
-        def draw(index: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
-            low, high, west, east = (dr.gather(mi.Float, column, index) for column in table)
-            z, azimuth = dr.lerp(low, high, uv.x), dr.lerp(west, east, uv.y)
-            level = dr.safe_sqrt(1 - z * z)
-            sine, cosine = dr.sincos(azimuth)
-            return mi.Vector3f(level * sine, level * cosine, z)
-
-        could = self.could(patches.directions[bins], patch_radii(patches)[bins])
-        return self._aimed(could, patches.solid_angles[bins], draw, photons, first, lanes, seed)
-
-    def could(self, centres: np.ndarray, radius: np.ndarray) -> np.ndarray:
-        """Bound of the area that ports turn towards sources within `radius` [rad] of `centres`.
-
-        Returns
-        -------
-        np.ndarray, shape (source, port)
-            [m²]; 0 where no light of the source can pass the port.
-        """
-        cosine = -centres @ (self.normal / self.area[:, None]).T
-        away = np.maximum(np.arccos(np.clip(cosine, -1, 1)) - radius[:, None], 0)
+        cosine = -sources.centre @ (self.normal / self.area[:, None]).T
+        away = np.maximum(np.arccos(np.clip(cosine, -1, 1)) - sources.radius[:, None], 0)
         return self.area * np.clip(np.cos(away), 0, None)
 
-    def _aimed(
-        self, could: np.ndarray, omega: np.ndarray, draw: Draw, photons: int, first: int,
-        lanes: int, seed: int,
-    ) -> Start:  # fmt: skip
-        """Photons of sources, by what ports could get of them [m²] and solid angles [sr].
+    def start(
+        self, sources: Sources, seen: np.ndarray, photons: int, first: int, lanes: int, seed: int
+    ) -> Start:
+        """Photons first … first + lanes − 1 of those from the sources `seen`, `photons` of each.
 
-        A port is chosen by the flux that it could get.
+        A port is chosen by the flux that it could get. The points of one source are spread evenly
+        over the ports and the source.
         """
         lane = dr.arange(mi.UInt32, lanes) + dr.opaque(mi.UInt32, first)
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
-        source, index = lane // each, lane % each
-        share = could / np.maximum(could.sum(axis=1, keepdims=True), 1e-30)
+        place, index = lane // each, lane % each
+        source = dr.gather(mi.UInt32, mi.UInt32(seen.astype(np.uint32)), place)
+        could = self.could(sources)[seen]
+        share = could / could.sum(axis=1, keepdims=True)
         table = mi.Float(np.cumsum(share, axis=1).astype(np.float32).ravel())
         where, at = (even_numbers(index, source, seed, pair) for pair in (0, 1))
-        row = source * count
+        row = place * count
         port = dr.binary_search(
             0, len(self) - 1, lambda i: dr.gather(mi.Float, table, row + i) <= where.x
         )
         chance = dr.gather(mi.Float, mi.Float(share.astype(np.float32).ravel()), row + port)
         before = dr.gather(mi.Float, table, row + port) - chance
         where.x = dr.clip((where.x - before) / chance, 0, 1)
-        p, n, component = self._at(port, where)
-        d = draw(source, at)
-        value = dr.gather(mi.Float, mi.Float(omega.astype(np.float32)), source)
-        value *= dr.gather(mi.Float, mi.Float(self.area.astype(np.float32)), port)
-        flux = value * dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
-        flux = self._visible(p, d, dr.select(chance > 0, flux, 0))
-        return Start(p, -d, flux, source, component)
+        p, n = self._at(port, where)
+        d = sources.draw(source, at)
+        flux = dr.gather(mi.Float, mi.Float(sources.solid_angle.astype(np.float32)), source)
+        flux *= dr.gather(mi.Float, mi.Float(self.area.astype(np.float32)), port)
+        flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
+        return Start(p, -d, self._visible(p, d, dr.select(chance > 0, flux, 0)), source)
 
     def sky_share(self, seed: int = 0) -> np.ndarray:
         """Share of its cosine-weighted hemisphere that every port sees of sky and ground."""
@@ -201,17 +211,31 @@ class Ports:
             return np.zeros(0)
         lane = dr.arange(mi.UInt32, len(self) * PILOT)
         port, index = lane // PILOT, lane % PILOT
-        p, n, _ = self._at(port, even_numbers(index, port, seed, 0))
+        p, n = self._at(port, even_numbers(index, port, seed, 0))
         at = even_numbers(index, port, seed, 1)
         d = mi.Frame3f(mi.Normal3f(-n)).to_world(mi.warp.square_to_cosine_hemisphere(at))
         seen = self._visible(p, d, dr.full(mi.Float, 1 / PILOT, dr.width(lane)))
         return np.asarray(dr.block_sum(seen, PILOT).numpy(), float)
 
 
-def patch_radii(patches: Patches) -> np.ndarray:
-    """Largest angle [rad] from the centre of every patch to a point of it, shape (bin,)."""
-    low, high, west, east = patches.bounds.T
-    widest = np.cos(np.where(low < 0, 0, low)) * (east - west) / 2
-    radius = np.hypot((high - low) / 2, widest)
-    radius[0], radius[-1] = np.pi / 2, high[-1] - low[-1]
-    return radius
+def _pane_ports(scene: Scene) -> list[Port]:
+    """Both sides of the panes that may send light to a component.
+
+    From inside a room only panes that face an opening get light that nothing has deviated.
+    """
+    ports = []
+    for part in scene.parts:
+        m = part.material
+        mirrors = isinstance(m, GlazingMaterial) and m.reflectance > 0
+        if part.component or not (mirrors or isinstance(m, BsdfMaterial | DiffuserMaterial)):
+            continue
+        for quad in part.quads:
+            n = np.cross(quad[1] - quad[0], quad[3] - quad[0])
+            n /= np.linalg.norm(n)
+            # Clear panes mirror towards the room only, which is where their fronts face.
+            if not mirrors:
+                ports.append(Port("", quad - OFFSET * n))
+            room = scene.enclosure
+            if room is None or ((room.openings - quad[0]) @ n > OFFSET).any():
+                ports.append(Port("", (quad + OFFSET * n)[::-1]))
+    return ports

@@ -12,9 +12,9 @@ from drcmitsuba_plugins.tensor import TensorTree, to_direction
 from drcmitsuba import InputError, backend
 from drcmitsuba import goniophotometer as gonio
 from drcmitsuba.bsdf.merge import merge
-from drcmitsuba.goniophotometer.mesh import read_mesh
-from drcmitsuba.goniophotometer.recipe import Recipe
-from drcmitsuba.goniophotometer.structure import arc, unit_cell
+from drcmitsuba.structures.mesh import read_mesh
+from drcmitsuba.structures.recipe import Recipe
+from drcmitsuba.structures.structure import arc, unit_cell
 from drcmitsuba.table import checked
 
 FILMS = Path(__file__).resolve().parents[2] / "scenes" / "films"

@@ -29,8 +29,8 @@ from scipy.stats import norm
 
 from drcmitsuba import backend
 from drcmitsuba import goniophotometer as gonio
-from drcmitsuba.goniophotometer.recipe import Recipe
-from drcmitsuba.goniophotometer.structure import UnitCell, unit_cell
+from drcmitsuba.structures.recipe import Recipe
+from drcmitsuba.structures.structure import UnitCell, unit_cell
 from drcmitsuba.table import checked
 from tests import radiance
 

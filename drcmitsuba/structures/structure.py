@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from drcmitsuba.errors import InputError
-from drcmitsuba.goniophotometer.mesh import read_mesh
-from drcmitsuba.goniophotometer.recipe import Glass, Lamellae, Mesh, Opaque, Prism, Recipe, Slots
+from drcmitsuba.material_table import DielectricMaterial, MirrorMaterial
+from drcmitsuba.structures.mesh import read_mesh
+from drcmitsuba.structures.recipe import Glass, Lamellae, Mesh, Opaque, Prism, Recipe, Slots
 
 ARC_STEP = 0.5
 """Arcs become facets that turn by at most so many degrees."""
@@ -19,6 +19,9 @@ MOST_EDGES = 1500
 MOST_PERIODS = 20
 """Over which one period of a structure may reach."""
 MOST_TRIANGLES = 4_000_000
+
+
+StructureMaterial = MirrorMaterial | DielectricMaterial
 
 
 @dataclass(frozen=True)
@@ -35,8 +38,7 @@ class UnitCell:
         Along x and y [mm].
     extruded : bool
         Whether the structure is the same all along x.
-    bsdf : dict
-        Material for `mi.load_dict`.
+    material : MirrorMaterial or DielectricMaterial
     glass : Glass or None
     """
 
@@ -44,7 +46,7 @@ class UnitCell:
     faces: np.ndarray
     period: np.ndarray
     extruded: bool
-    bsdf: dict[str, Any]
+    material: StructureMaterial
     glass: Glass | None = None
 
     @property
@@ -53,18 +55,12 @@ class UnitCell:
         return float(np.ptp(self.vertices[:, 2]))
 
 
-def _dielectric(n: float) -> dict[str, Any]:
-    return {"type": "dielectric", "int_ior": n, "ext_ior": 1.0}
+def _dielectric(n: float) -> DielectricMaterial:
+    return DielectricMaterial(type="dielectric", ior=n)
 
 
-def _opaque(reflectance: float, specular: float) -> dict[str, Any]:
-    value = {"type": "uniform", "value": reflectance}
-    matt = {"type": "diffuse", "reflectance": value}
-    mirror = {"type": "conductor", "material": "none", "specular_reflectance": value}
-    if specular in (0, 1):
-        return {"type": "twosided", "bsdf": mirror if specular else matt}
-    blend = {"type": "blendbsdf", "weight": specular, "first": matt, "second": mirror}
-    return {"type": "twosided", "bsdf": blend}
+def _opaque(s: Lamellae | Opaque) -> MirrorMaterial:
+    return MirrorMaterial(type="mirror", reflectance=s.reflectance, specular=s.specular)
 
 
 def arc(start: np.ndarray, end: np.ndarray, turn: float) -> np.ndarray:
@@ -102,11 +98,15 @@ def _outer(edges: np.ndarray, period: float) -> np.ndarray:
     """Drop the edges that neighbours share, back to back, also from one period to the next."""
     middle = edges.mean(axis=1)[:, 1]
     shift = np.floor(middle / period + SAME) * period
-    moved = edges - np.stack([0 * shift, shift], axis=1)[:, None]
-    whole = np.round(moved / (period * SAME)).astype(np.int64)
+    return edges[alone(edges - np.stack([0 * shift, shift], axis=1)[:, None], period)]
+
+
+def alone(edges: np.ndarray, period: float) -> np.ndarray:
+    """Which edges (edge, 2, 2) do not lie back to back with another one."""
+    whole = np.round(edges / (period * SAME)).astype(np.int64)
     keys = [tuple(e) for e in whole.reshape(-1, 4).tolist()]
     known = set(keys)
-    return edges[[(*key[2:], *key[:2]) not in known for key in keys]]
+    return np.array([(*key[2:], *key[:2]) not in known for key in keys])
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -143,7 +143,7 @@ def _check_crossing(source: str, edges: np.ndarray, period: float) -> None:
 
 
 def _extruded(
-    edges: np.ndarray, period: float, bsdf: dict[str, Any], glass: Glass | None
+    edges: np.ndarray, period: float, material: StructureMaterial, glass: Glass | None
 ) -> UnitCell:
     """Surfaces of edges (edge, 2, 2) in (z, y), air on the right-hand side of each."""
     a, b = edges[:, 0], edges[:, 1]
@@ -152,7 +152,7 @@ def _extruded(
     first = 4 * np.arange(len(edges))[:, None]
     faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
     vertices = np.stack(ends, axis=1).reshape(-1, 3)
-    return UnitCell(vertices, faces, np.array([period, period]), True, bsdf, glass)
+    return UnitCell(vertices, faces, np.array([period, period]), True, material, glass)
 
 
 def _slot_polygons(s: Slots) -> list[tuple[tuple[float, float], ...]]:
@@ -180,9 +180,9 @@ def _from_mesh(recipe: Recipe, s: Mesh) -> UnitCell:
         got = f"{len(faces)} triangles over {extent.max():.0f} periods"
         raise InputError(file, "mesh", got, "give one period, coarser, or check the scale")
     if isinstance(s.material, Opaque):
-        bsdf = _opaque(s.material.reflectance, s.material.specular)
+        material: StructureMaterial = _opaque(s.material)
     else:
-        bsdf = _dielectric(s.material.n)
+        material = _dielectric(s.material.n)
         a, b, c = (vertices[faces[:, i]] for i in range(3))
         # Sides that a neighbour closes are upright: only the area seen along z has to balance.
         area = _cross(b[:, :2] - a[:, :2], c[:, :2] - a[:, :2]) / 2
@@ -191,7 +191,7 @@ def _from_mesh(recipe: Recipe, s: Mesh) -> UnitCell:
             raise InputError(file, "mesh", "the surface is not closed", remedy)
         if (area * (a + b + c)[:, 2]).sum() < 0:
             raise InputError(file, "mesh", "the normals point inward", "turn the faces over")
-    return UnitCell(vertices, faces, np.array(s.period), False, bsdf, recipe.glass)
+    return UnitCell(vertices, faces, np.array(s.period), False, material, recipe.glass)
 
 
 def _check_distance(recipe: Recipe, period: float) -> None:
@@ -215,21 +215,32 @@ def unit_cell(recipe: Recipe) -> UnitCell:
     _check_distance(recipe, max(s.period) if isinstance(s, Mesh) else s.period)
     if isinstance(s, Mesh):
         return _from_mesh(recipe, s)
+    edges = np.concatenate(outlines(recipe))
+    if isinstance(s, Lamellae):
+        _check_crossing(recipe.source, edges, s.period)
+        return _extruded(edges, s.period, _opaque(s), recipe.glass)
+    edges = _outer(edges, s.period)
+    if len(edges) == 0:
+        raise InputError(recipe.source, "structure.polygons", "no surface", "give a cross-section")
+    _check_crossing(recipe.source, edges, s.period)
+    return _extruded(edges, s.period, _dielectric(s.n), recipe.glass)
+
+
+def outlines(recipe: Recipe) -> list[np.ndarray]:
+    """Cross-section of an extruded structure: edges (edge, 2, 2) in (z, y) of each part [mm].
+
+    A part of a clear structure is a closed polygon, counter-clockwise; slats are open.
+    """
+    s = recipe.structure
+    assert not isinstance(s, Mesh)
     if isinstance(s, Lamellae):
         direction = np.array([np.cos(np.radians(s.tilt)), np.sin(np.radians(s.tilt))])
         ends = np.array([-0.5, 0.5])[:, None] * s.width * direction
         points = np.concatenate([arc(ends[0], ends[1], -s.turn), ends[1:]])
-        edges = np.stack([points[:-1], points[1:]], axis=1)
-        _check_crossing(recipe.source, edges, s.period)
-        return _extruded(edges, s.period, _opaque(s.reflectance, s.specular), recipe.glass)
-    assert isinstance(s, Prism | Slots)
+        return [np.stack([points[:-1], points[1:]], axis=1)]
     polygons = s.polygons if isinstance(s, Prism) else _slot_polygons(s)
     count = sum(_pieces(p) for p in polygons)
     if count > MOST_EDGES:
         got = f"{count} edges, arcs resolved"
         raise InputError(recipe.source, "structure.polygons", got, f"give at most {MOST_EDGES}")
-    edges = _outer(np.concatenate([_closed(p) for p in polygons]), s.period)
-    if len(edges) == 0:
-        raise InputError(recipe.source, "structure.polygons", "no surface", "give a cross-section")
-    _check_crossing(recipe.source, edges, s.period)
-    return _extruded(edges, s.period, _dielectric(s.n), recipe.glass)
+    return [_closed(p) for p in polygons]

@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from drcmitsuba.case import check_energy
 from drcmitsuba.errors import InputError
+from drcmitsuba.material_table import check_energy
 from drcmitsuba.table import Table, checked, read_toml
 
 MAX_BYTES = 1 << 20

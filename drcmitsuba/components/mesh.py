@@ -1,0 +1,68 @@
+"""A component of any shape, read from a file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drcmitsuba.case import Case
+from drcmitsuba.component_table import MeshComponent
+from drcmitsuba.components.placed import Placed
+from drcmitsuba.errors import InputError
+from drcmitsuba.geometry import Port, Surface, box, normals
+from drcmitsuba.material_table import DielectricMaterial
+from drcmitsuba.structures.mesh import read_mesh
+from drcmitsuba.structures.solid import check_solid
+
+AIR = 1e-3
+"""Distance of the ports from the mesh that they surround [m]."""
+
+
+def triangles(component: MeshComponent) -> np.ndarray:
+    """Triangles (triangle, 3, 3) of a mesh where it stands, in the room's frame [m]."""
+    vertices, faces = read_mesh(component.file)
+    angle = np.radians(component.rotation)
+    s, c = np.sin(angle), np.cos(angle)
+    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    return (component.scale * vertices @ turn.T + component.position)[faces]
+
+
+def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
+    """Place a mesh.
+
+    Raises
+    ------
+    InputError
+        The file is unfit, a clear solid is not closed or inside out, or a port is no rectangle or
+        turns its back on the mesh.
+    """
+    corners = triangles(component)
+    material = case.materials[component.material]
+    points = corners.reshape(-1, 3)
+    if isinstance(material, DielectricMaterial):
+        check_solid(component.file, points, np.arange(len(points)).reshape(-1, 3))
+    if component.ports:
+        quads = np.array(component.ports)
+        _check(case.source, f"components.{name}.ports", quads, points)
+    else:
+        low, high = points.min(axis=0) - AIR, points.max(axis=0) + AIR
+        if case.room is not None:  # what stands on the floor has no port below it
+            size = np.array(case.room.size)
+            if (low >= -2 * AIR).all() and (high <= size + 2 * AIR).all():
+                low, high = np.maximum(low, 0), np.minimum(high, size)
+        quads = np.array(box(low, high - low))[:, [0, 3, 2, 1]]
+    surface = Surface(name, material, corners[:, [0, 1, 2, 2]], name)
+    return Placed(name, (surface,), tuple(Port(name, q) for q in quads))
+
+
+def _check(source: str, field: str, quads: np.ndarray, points: np.ndarray) -> None:
+    """Refuse ports (port, 4, 3) that are no rectangles, or that lead away from the mesh."""
+    for i, q in enumerate(quads):
+        u, v = q[1] - q[0], q[3] - q[0]
+        size = np.linalg.norm(u) * np.linalg.norm(v)
+        flat = np.linalg.norm(q[0] + u + v - q[2]) <= 1e-6 * (1 + abs(q).max())
+        if size < 1e-8 or abs(u @ v) > 1e-6 * size or not flat:
+            remedy = "give the corners of a rectangle in turn"
+            raise InputError(source, f"{field}.{i}", "no rectangle", remedy)
+        if ((points - q[0]) @ normals(q[None])[0]).max() <= 0:
+            got = "it leads away from the mesh"
+            raise InputError(source, f"{field}.{i}", got, "give its corners in the other order")

@@ -1,0 +1,58 @@
+"""The tables `[facade.SIDE]` of a case: sides of the room, cut into strips."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from drcmitsuba.errors import InputError
+from drcmitsuba.material_table import Reflectance
+from drcmitsuba.table import Length, Table, shortened
+
+
+class Strip(Table):
+    """Horizontal strip of a façade between two heights; what no strip covers is wall."""
+
+    bottom: Annotated[float, Field(ge=0)]
+    top: Length
+    material: str
+    segments: (
+        Annotated[tuple[Annotated[int, Field(ge=0, lt=200)], ...], Field(min_length=1)] | None
+    ) = None
+    """Segments that it covers, counted from 0 at the left, seen from outside; without it, all."""
+
+    @model_validator(mode="after")
+    def _order(self) -> Strip:
+        if self.top <= self.bottom:
+            got = f"{self.top:g} m is not above the bottom, {self.bottom:g} m"
+            raise InputError("strip", "top", got, "give the higher edge as top")
+        if self.segments is not None and len(set(self.segments)) < len(self.segments):
+            got = f"{shortened(self.segments)} names one twice"
+            raise InputError("strip", "segments", got, "name each segment once")
+        return self
+
+    def covers(self, segment: int) -> bool:
+        """Whether it lies in a segment of the façade."""
+        return self.segments is None or segment in self.segments
+
+
+class Facade(Table):
+    """One side of the room, cut into equal segments and strips."""
+
+    segments: Annotated[int, Field(ge=1, le=200)] = 1
+    frame: Annotated[float, Field(ge=0)] = 0.0
+    """Width of opaque frame around every pane [m]; neighbours share it half and half."""
+    frame_reflectance: Reflectance = 0.5
+    strips: Annotated[tuple[Strip, ...], Field(max_length=2000)] = ()
+
+    def columns(self) -> list[tuple[range, tuple[Strip, ...]]]:
+        """Neighbouring segments under the same strips, with these strips from the bottom up."""
+        found: list[tuple[range, tuple[Strip, ...]]] = []
+        for i in range(self.segments):
+            stack = sorted((s for s in self.strips if s.covers(i)), key=lambda s: s.bottom)
+            if found and found[-1][1] == tuple(stack):
+                found[-1] = range(found[-1][0].start, i + 1), found[-1][1]
+            else:
+                found.append((range(i, i + 1), tuple(stack)))
+        return found

@@ -1,0 +1,50 @@
+"""Triangles of a plane polygon, for the ends of extruded solids."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def triangles(points: np.ndarray) -> np.ndarray:
+    """Cut a simple polygon into triangles, by ears that are cut off one after the other.
+
+    Parameters
+    ----------
+    points : np.ndarray, shape (corner, 2)
+        Counter-clockwise.
+
+    Returns
+    -------
+    np.ndarray of int, shape (corner − 2, 3)
+        Counter-clockwise too, by number of the corner.
+    """
+    left = list(range(len(points)))
+    found: list[tuple[int, int, int]] = []
+    at = 0
+    while len(left) > 3:
+        for step in range(len(left)):
+            i = (at + step) % len(left)
+            ear = left[i - 1], left[i], left[(i + 1) % len(left)]
+            if _is_ear(points, ear, left):
+                break
+        else:  # only rounding can leave no ear: what is left is a sliver
+            i = at % len(left)
+            ear = left[i - 1], left[i], left[(i + 1) % len(left)]
+        found.append(ear)
+        left.pop(i)
+        at = i  # going on around the polygon keeps triangles from becoming slivers
+    return np.array([*found, tuple(left)])
+
+
+def _is_ear(points: np.ndarray, ear: tuple[int, int, int], left: list[int]) -> bool:
+    """Whether the triangle of three neighbours is convex and holds no other corner."""
+    a, b, c = points[list(ear)]
+    if _cross(b - a, c - b) <= 0:
+        return False
+    others = points[[k for k in left if k not in ear]]
+    sides = [_cross(q - p, others - p) for p, q in ((a, b), (b, c), (c, a))]
+    return not (np.min(sides, axis=0) >= 0).any()

@@ -1,0 +1,267 @@
+"""Photons against exact answers, and with every other kind of light against plain path tracing."""
+
+from pathlib import Path
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from drcmitsuba_plugins.sampling import disk_solid_angle
+
+from drcmitsuba import backend
+from drcmitsuba import scene as scenes
+from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.case import Case
+from drcmitsuba.coefficients import compute
+from drcmitsuba.geometry import Port, Surface
+from drcmitsuba.material_table import DielectricMaterial, MirrorMaterial
+from drcmitsuba.materials import Lambertian
+from drcmitsuba.suns import Suns
+from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.photons import Photons
+from drcmitsuba.transport.receivers import CellAreas, Squares
+
+FILM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+X, Y, Z = np.eye(3)
+DIRECTIONS = np.array([[0, -0.8, 0.6], [0.48, -0.64, 0.6], [0, -0.28, 0.96], [0, 0.8, 0.6]])
+WIDE = Suns(tuple(f"sun_{i}" for i in range(4)), DIRECTIONS, 8.0)
+"""Suns that a path tracer without emitter sampling finds."""
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+
+
+def quad(corner, u, v):
+    """Quadrilateral with its front towards u × v."""
+    c, u, v = (np.asarray(a, float) for a in (corner, u, v))
+    return np.array([c, c + u, c + u + v, c + v])
+
+
+def box(low, high, fronts=1):
+    """Six faces, fronts outward, or inward with −1."""
+    low, (x, y, z) = np.asarray(low, float), np.diag(np.subtract(high, low))
+    faces = [quad(low, y, x), quad(low, x, z), quad(low, z, y)]
+    faces += [quad(low + z, x, y), quad(low + y, z, x), quad(low + x, y, z)]
+    return np.array(faces)[:, ::fronts]
+
+
+def mirror(reflectance, **more):
+    return MirrorMaterial(type="mirror", reflectance=reflectance, **more)
+
+
+def box_ports(name, low, high):
+    """Ports on all sides of a box, 1 mm off."""
+    low, high = np.subtract(low, 1e-3), np.add(high, 1e-3)
+    return tuple(Port(name, face) for face in box(low, high, -1))
+
+
+ROOM = {
+    "room": {"size": [4.0, 4.0, 3.0], "floor": 0.3, "walls": 0.5, "ceiling": 0.7},
+    "facade": {
+        "south": {
+            "segments": 4,
+            "strips": [
+                {"bottom": 0.9, "top": 1.5, "material": "glass"},
+                {"bottom": 1.6, "top": 2.1, "material": "film"},
+                {"bottom": 2.3, "top": 2.8, "material": "open", "segments": [1]},
+            ],
+        }
+    },
+    "materials": {
+        "glass": {"type": "glazing", "transmittance": 0.7, "reflectance": 0.1},
+        "film": {"type": "bsdf", "file": str(FILM)},
+    },
+    "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 3], "spacing": 1.0},
+}
+
+
+def mirror_duct():
+    """A mirror tube of 1.2 m behind the hole in the façade."""
+    low, high = [1.0, 0.0, 2.3], [2.0, 1.2, 2.8]
+    x, y, z = np.diag(np.subtract(high, low))
+    faces = [
+        quad(low, x, y), quad(low + z, x, y), quad(low, y, z), quad(low + x, y, z),
+    ]  # fmt: skip
+    return Surface("duct", mirror(0.9), np.array(faces), "duct"), box_ports("duct", low, high)
+
+
+def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
+    case = Case.model_validate(ROOM)
+    duct, ports = mirror_duct()
+    scene = scenes.build([*scenes.surfaces(case), duct], ports=ports)
+    points, normals = scenes.sensor_points(case)
+    accuracy = Accuracy(
+        replicates=16, paths=512, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 13,
+        sensor_square=0.1, sensor_sun_samples=64, pane_points=128,
+    )  # fmt: skip
+    here = compute(scene, points, normals, WIDE, accuracy)
+    world = {f"s{i}": shape for i, shape in enumerate(scene.full.shapes())}
+    world["sky"] = {"type": "tregenza_sky"}
+    directions = mi.TensorXf(DIRECTIONS.astype(np.float32))
+    world["suns"] = {"type": "sun_disks", "directions": directions, "diameter": WIDE.diameter}
+    there = plain_coefficients(
+        mi.load_dict({"type": "scene", **world}, optimize=False), points, normals, spp=1 << 14
+    ).sum(axis=0)
+    C = here["replicates"].values
+    same(C[..., :146], other=there[..., :146], within=0.01)
+    same(C[..., 146:], other=there[..., 146:], within=0.02)
+
+
+# ---- receivers --------------------------------------------------------------------------------
+
+
+def test_areas_of_cells_are_those_of_what_light_can_reach():
+    room, body = box([0, 0, 0], [4, 3, 2], -1), box([1, 1, 0.5], [2, 2, 1.0])
+    surfaces = [
+        Surface("room", Lambertian(0.5), room),
+        Surface("body", Lambertian(0.5), body, closed=True),
+    ]
+    scene = scenes.build(surfaces)
+    areas = CellAreas.of(scene, Grid.of(scene, 0.3), seed=1)
+    # Both sides of the room's surfaces, which might be seen from outside, and the body's outside.
+    assert dr.sum(areas.area)[0] == pytest.approx(2 * 52 + 4, rel=1e-4)
+    top = areas.grid.key(mi.Point3f(1.5, 1.5, 1.0), mi.Normal3f(0, 0, 1))
+    under = areas.grid.key(mi.Point3f(1.5, 1.5, 1.0), mi.Normal3f(0, 0, -1))
+    assert areas.at(top)[1][0]
+    assert not areas.at(under)[1][0]
+
+
+def test_area_of_a_whole_face_of_a_cell():
+    scene = scenes.build([Surface("floor", Lambertian(0.5), quad([0, 0, 0], 9 * X, 9 * Y)[None])])
+    areas = CellAreas.of(scene, Grid.of(scene, 1.0), seed=2)
+    middle = areas.grid.key(mi.Point3f(4.6, 4.6, 0), mi.Normal3f(0, 0, 1))
+    assert areas.area[areas.at(middle)[0][0]] == pytest.approx(1.0, rel=0.005)
+
+
+def test_squares_reach_neither_beyond_walls_nor_to_a_neighbours_centre():
+    case = Case.model_validate({**ROOM, "materials": {}, "facade": {}})
+    points = np.array([[0.05, 2, 0.8], [1, 1, 0.8], [1.2, 1, 0.8], [3, 3, 0.8], [3, 3, 1.2]])
+    squares = Squares.of(scenes.load(case), points, np.tile(Z, (5, 1)), 0.3)
+    np.testing.assert_allclose(squares.edge, [0.1, 0.2, 0.2, 0.3, 0.3], atol=1e-9)
+    assert len(squares.planes) == 2
+
+
+# ---- photons ----------------------------------------------------------------------------------
+
+STEEP = np.array([[0.0, 0.0, 1.0]])
+
+
+def traced(surfaces, ports, suns=STEEP, *, count=1 << 16, surfaces_followed=256, sensors=None,
+           diameter=0.5, subdivision=None, square=0.3):  # fmt: skip
+    """One replicate of photons, and the flux that landed on cells by bin (sky, sun)."""
+    scene = scenes.build(surfaces, ports=ports)
+    points = np.zeros((1, 3)) + 50 if sensors is None else np.asarray(sensors, float)
+    accuracy = Accuracy(
+        photons=count, cell_size=1.0, sensor_square=square, photon_surfaces=surfaces_followed
+    )
+    photons = Photons.of(
+        scene, points, np.tile(Z, (len(points), 1)), suns, diameter, subdivision, accuracy
+    )
+    landed = photons.traced(1)
+    area = landed.areas.area.numpy()[:, None]
+    return landed, landed.sun.numpy() * area, landed.sky.numpy() * area
+
+
+FLOOR = Surface("floor", Lambertian(0.5), quad([-20, -20, -1], 40 * X, 40 * Y)[None])
+
+
+def tilted(z, angle, half=0.5):
+    """Square mirror about (0, 0, z), turned by `angle` [deg] about x."""
+    s, c = np.sin(np.radians(angle)), np.cos(np.radians(angle))
+    v = 2 * half * np.array([0, c, s])
+    return quad(np.array([-half, 0, z]) - v / 2, 2 * half * X, v)
+
+
+def glass_block(absorption=0.0, ior=1.5, size=1.0, thickness=0.2, roughness=0.0):
+    solid = DielectricMaterial(
+        type="dielectric", ior=ior, absorption=absorption, roughness=roughness
+    )
+    low, high = [-size / 2, -size / 2, 0], [size / 2, size / 2, thickness]
+    return Surface("block", solid, box(low, high), "block"), box_ports("block", low, high)
+
+
+CHAINS = {
+    "absorbing block": lambda: glass_block(absorption=3.0),
+    "rough block": lambda: glass_block(roughness=0.2),
+    "rough mirror": lambda: (
+        Surface("m", mirror(0.8, roughness=0.3), tilted(1, 30)[None], "m"),
+        box_ports("m", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])),
+    "mirror that is matt in part": lambda: (
+        Surface("m", mirror(0.8, specular=0.6), tilted(1, 30)[None], "m"),
+        box_ports("m", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])),
+    "coated mirror": lambda: (
+        Surface("m", mirror(0.8, coating=1.5), tilted(1, 30)[None], "m"),
+        box_ports("m", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_all_flux_is_accounted_for(name):
+    component, ports = CHAINS[name]()
+    landed, _, _ = traced([component, FLOOR], ports, subdivision=1, count=1 << 12)
+    assert len(landed.ledgers) == 2
+    for ledger in landed.ledgers.values():
+        fates = ledger.landed + ledger.absorbed + ledger.escaped + ledger.others + ledger.lost
+        assert ledger.emitted > 0
+        assert fates == pytest.approx(ledger.emitted + ledger.roulette, rel=1e-6)
+        assert fates == pytest.approx(ledger.emitted, rel=2e-3 if "rough" in name else 1e-3)
+
+
+def test_light_under_way_after_the_last_surface_is_told_as_lost():
+    walls = [quad([0, 0, 0], X, 40 * Z), quad([0, 1, 0], X, 40 * Z),
+             quad([0, 0, 0], Y, 40 * Z), quad([1, 0, 0], Y, 40 * Z)]  # fmt: skip
+    pipe = Surface("pipe", mirror(0.99), np.array(walls), "pipe")
+    port = Port("pipe", quad([0, 0, 40], Y, X))
+    sun = np.array([[np.sin(np.radians(60)), 0, np.cos(np.radians(60))]])
+    shares = []
+    for limit in (8, 256):
+        landed, _, _ = traced([pipe, FLOOR], (port,), sun, surfaces_followed=limit, count=1 << 12)
+        ledger = landed.ledgers["pipe sun"]
+        shares.append(ledger.lost / ledger.emitted)
+    # 40 tan 60° = 69.3 reflections: eight of them leave 0.99⁸ of the light on its way.
+    assert shares[0] == pytest.approx(0.99**8, rel=1e-3)
+    assert shares[1] == 0
+
+
+def test_light_that_two_components_deviate_is_counted_once():
+    # A mirror sends the sun to a second one, which sends it down to the floor.
+    first, second = tilted(2, 45), tilted(2, 45) - [0, 3.0, 0]
+    down = np.array([[0.0, 0.0, 1.0]])
+    parts = [
+        Surface("a", mirror(0.9), first[None], "a"),
+        Surface("b", mirror(0.8), second[None], "b"),
+    ]
+    boxes = [(f.reshape(-1, 3).min(axis=0), f.reshape(-1, 3).max(axis=0)) for f in (first, second)]
+    ports = (*box_ports("a", *boxes[0]), *box_ports("b", *boxes[1]))
+    _, apart, _ = traced([*parts, FLOOR], ports, down)
+    low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+    joined = [Surface(s.name, s.material, s.quads, "both") for s in parts]
+    _, together, _ = traced([*joined, FLOOR], box_ports("both", low, high), down)
+    assert apart.sum() > 0
+    assert apart.sum() == pytest.approx(together.sum(), rel=5e-3)
+
+
+def test_a_sun_in_a_mirror_is_told_as_straight_and_sunlight_by_a_rough_one_is_not():
+    sensors = [[0, 1.5, 0.0]]
+    sun = np.array([[0, -np.cos(np.radians(70)), np.sin(np.radians(70))]])
+    towards = np.array([0, 1.5, -1.0])
+    towards /= np.linalg.norm(towards)
+    half = sun[0] + towards
+    angle = np.degrees(np.arctan2(half[2], half[1]))
+    component = tilted(1.0, angle - 90)
+    found = []
+    for roughness in (0.0, 0.1):
+        material = mirror(0.9, roughness=roughness)
+        low, high = component.min(axis=0), component.max(axis=0)
+        landed, _, _ = traced(
+            [Surface("m", material, component[None], "m"), FLOOR],
+            box_ports("m", low - 0.01, high + 0.01), sun, sensors=sensors, count=1 << 18,
+        )  # fmt: skip
+        found.append((landed.sensors[0, 0], landed.mirrored[0, 0]))
+    omega = disk_solid_angle(0.5)
+    assert found[0][1] == found[0][0]
+    assert found[0][0] == pytest.approx(0.9 * omega * -towards[2], rel=0.02)
+    assert found[1][0] > 0
+    assert found[1][1] == 0
