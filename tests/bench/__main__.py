@@ -328,7 +328,13 @@ def component(room: Classroom, options: argparse.Namespace, folder: Path) -> Non
             errors = photons.year_errors(illuminance)
         time, memory, disk = took
         row = [f"{time:.0f}", *(f"{np.quantile(errors, q):.1%}" for q in (0.5, 0.95))]
-        head = ["seconds of the year", "median error", "95th percentile", "memory [MiB]", "disk [MB]"]
+        head = [
+            "seconds of the year",
+            "median error",
+            "95th percentile",
+            "memory [MiB]",
+            "disk [MB]",
+        ]
         table(head, [[*row, f"{memory:.0f}", f"{disk:.1f}"]])
     known, own = photons.converged(lamellae)
     print(f"Reference: ours, own RMS {own:.1%}. Errors are RMS, bias included, over the mean.\n")

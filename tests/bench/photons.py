@@ -82,12 +82,14 @@ def photon_rate(lamellae: Lamellae, photons: int = 1 << 18, runs: int = 3) -> tu
         Accuracy(photons=photons, sensor_square=0.25),
     )  # fmt: skip
     assert traced is not None
-    rates, ledger = [], traced.traced(0).ledger  # compiles
+    traced.traced(0)  # compiles
+    rates = []
     for run in range(runs):
         start = perf_counter()
-        ledger = traced.traced(run + 1).ledger
-        rates.append(ledger.segments / (perf_counter() - start))
-    return max(rates), ledger.segments / ledger.photons
+        books = traced.traced(run + 1).ledgers.values()
+        segments = sum(book.segments for book in books)
+        rates.append(segments / (perf_counter() - start))
+    return max(rates), segments / sum(book.photons for book in books)
 
 
 def ray_rate(lamellae: Lamellae, lanes: int = 1 << 21, runs: int = 5) -> float:
@@ -98,7 +100,9 @@ def ray_rate(lamellae: Lamellae, lanes: int = 1 << 21, runs: int = 5) -> float:
         random = mi.PCG32(lanes, dr.opaque(mi.UInt64, seed))
         at = [random.next_float32() for _ in range(5)]
         p = mi.Point3f(*(dr.opaque(mi.Float, float(a)) for a in low))
-        p += mi.Vector3f(*at[:3]) * mi.Vector3f(*(dr.opaque(mi.Float, float(b)) for b in high - low))
+        p += mi.Vector3f(*at[:3]) * mi.Vector3f(
+            *(dr.opaque(mi.Float, float(b)) for b in high - low)
+        )
         ray = mi.Ray3f(p, mi.warp.square_to_uniform_sphere(mi.Point2f(*at[3:])))
         dr.eval(ray)
         dr.sync_thread()
@@ -127,7 +131,7 @@ def relative_error(found: np.ndarray, known: np.ndarray) -> float:
 
 
 def year_errors(illuminance: xr.Dataset, least: float = 1.0) -> np.ndarray:
-    """Relative standard errors of sunlight over the sensor-hours with at least so many lux of it."""
+    """Relative standard errors of sunlight where there is at least so much of it [lx]."""
     sun, error = (illuminance[f"sun_open{end}"].values for end in ("", "_se"))
     lit = sun >= least
     return error[lit] / sun[lit]
