@@ -10,6 +10,8 @@ are. What was found out about it (Radiance 6.0a, and read in its source):
   points into the room. A hole needs a port of `antimatter`, which photons cross unchanged.
 - Photons lie on surfaces; at a sensor in mid-air a look-up finds those of the floor, or none.
   A receiver is `antimatter` named by `-aps`; it keeps photons that come to its front.
+- A receiver next to a surface that faces the same way has photons in both counted: twice the light.
+- Shadow rays do not pass an `antimatter` port: light straight through its hole is lost.
 - A look-up takes the `bandwidth` photons nearest to the sensor **of all suns together** over one
   common area. So a sensor in the dark of one sun, lit by the others, has a share of what light of
   that sun lies near; and a sun's own estimate has only its share of the photons. The estimate is
