@@ -22,7 +22,15 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import BsdfMaterial, Case, Facade, GlazingMaterial, Strip
+from drcmitsuba.case import (
+    BsdfMaterial,
+    Case,
+    DielectricMaterial,
+    Facade,
+    GlazingMaterial,
+    MirrorMaterial,
+    Strip,
+)
 from drcmitsuba.materials import Lambertian, channel_of, lets_through
 from drcmitsuba.scene import Scene, Surface
 from drcmitsuba.weather import Site
@@ -210,10 +218,36 @@ def with_glass(scene: Scene, transmissivity: float) -> Scene:
     return scene
 
 
+UNCOATED = 1.1e-3
+"""Roughness of `metal` from which on Radiance adds no Fresnel reflection of its own; 0.06°."""
+
+
+def mirror(name: str, material: MirrorMaterial) -> str:
+    """A mirror of the same reflectance at any incidence, on both sides.
+
+    `metal`, because the back of Radiance's `mirror` is black. Its roughness is Ward's α, which for
+    small ones is GGX's in width but not in shape.
+    """
+    if material.coating is not None or material.specular < 1:
+        raise TypeError(f"{material} has no Radiance twin here")
+    colour = 3 * f" {material.reflectance:.9g}"
+    return f"void metal {name} 0 0 5{colour} 1 {max(material.roughness, UNCOATED):.9g}"
+
+
+def dielectric(name: str, material: DielectricMaterial) -> str:
+    """A clear solid with smooth surfaces, whose normals point outward."""
+    if material.roughness > 0:
+        raise TypeError(f"{material} has no Radiance twin here")
+    colour = 3 * f" {np.exp(-material.absorption):.9g}"
+    return f"void dielectric {name} 0 0 5{colour} {material.ior:.9g} 0"
+
+
 def scene_text(
     surfaces: Sequence[Surface], transmissivity: float | None = None, *, black: bool = False
 ) -> str:
     """Grey diffuse surfaces as `plastic` without gloss, clear panes as `glass` if it is given.
+
+    The modifier of surface i is m{i}.
 
     `black`: no surface reflects but films and glass.
     """
@@ -229,12 +263,21 @@ def scene_text(
             lines.append(f"void plastic m{i} 0 0 5 {r:.9g} {r:.9g} {r:.9g} 0 0")
         elif isinstance(surface.material, GlazingMaterial) and transmissivity is not None:
             lines.append(f"void glass m{i} 0 0 3" + 3 * f" {transmissivity:.9g}")
+        elif isinstance(surface.material, MirrorMaterial):
+            lines.append(mirror(f"m{i}", surface.material))
+        elif isinstance(surface.material, DielectricMaterial):
+            lines.append(dielectric(f"m{i}", surface.material))
         else:
             raise TypeError(f"{surface.name}: {surface.material} has no Radiance twin here")
-        for k, quad in enumerate(quads):
-            corners = " ".join(f"{v:.9g}" for v in quad.ravel())
-            lines.append(f"m{i} polygon p{i}.{k} 0 0 12 {corners}")
+        lines += [polygon(f"m{i}", f"p{i}.{k}", quad) for k, quad in enumerate(quads)]
     return "\n".join(lines) + "\n"
+
+
+def polygon(modifier: str, name: str, corners: np.ndarray) -> str:
+    """A polygon (corner, 3); the second of two equal corners is left out."""
+    kept = corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]
+    numbers = " ".join(f"{v:.9g}" for v in kept.ravel())
+    return f"{modifier} polygon {name} 0 0 {kept.size} {numbers}"
 
 
 SUN_RADIANCE = 1e6

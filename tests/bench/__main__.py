@@ -1,6 +1,6 @@
 """Time and error of ours and of Radiance, in one run on one machine.
 
-    python -m tests.bench [--parts a,b,c,d,e] [--reference DIR] [--weather FILE] [--quick]
+    python -m tests.bench [--parts a,b,c,d,e,f] [--reference DIR] [--weather FILE] [--quick]
 
 from the repository's root, with the test extras installed; prints Markdown.
 
@@ -10,6 +10,9 @@ from the repository's root, with the test extras installed; prints Markdown.
 (d) Seconds against the number of sensors.
 (e) Suns of a year by way of a film (O2): as (b), by `rtrace` for one sun at a time, 4 of them, and
     by `rcontrib -V+` for 100, these among them.
+(f) Photons by mirror lamellae: segments a second against bare closest hits; the year of the case
+    `lamella` as a user starts it, and its errors; and a small room against `mkpmap -apC` with
+    `rcontrib -ap`, each at the equal error of the other: seconds × (ratio of errors)².
 
 Equal error: ours is at most Radiance's, over all entries, and in further rows also over those
 without direct light; against converged coefficients, which take minutes to make and are kept in the
@@ -37,12 +40,13 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend
 from drcmitsuba.suns import Suns
 from tests import radiance
-from tests.bench import films
+from tests.bench import films, photons
 from tests.bench.classroom import BINS, CASE, NO_SUNS, Classroom, Errors, Reference, reference
 
 PROCESSES = ["-n", "2"]
@@ -208,31 +212,45 @@ def suns(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
     compare(room, search, room.year, name, list(room.suns.labels), known, theirs, rows)
 
 
+def started(
+    command: list[str], environment: dict[str, str], out: Path
+) -> tuple[float, float, float] | None:
+    """Wall seconds, peak memory [MiB] and disk [MB] of an evaluation; None where it failed."""
+    start = perf_counter()
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    time = perf_counter() - start
+    if process.returncode:
+        print(f"`{' '.join(command)}` ended with exit code {process.returncode}.\n")
+        return None
+    memory = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    disk = sum(f.stat().st_size for f in out.rglob("*") if f.is_file())
+    return time, memory / 2**20, disk / 1e6
+
+
+def evaluation(case: str, out: Path, weather: Path | None) -> list[str]:
+    """Command of an evaluation."""
+    command = [sys.executable, "-m", "drcmitsuba.cli", "evaluate", case, "-o", str(out)]
+    return [*command, "--weather", str(weather)] if weather else command
+
+
 def whole(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
     """Part (c)."""
     print(f"## (c) `drcmitsuba evaluate {CASE}`, both shade states, all files and plots\n")
     cache, out = folder / "kernels", folder / "results"
     cache.mkdir()
-    command = [sys.executable, "-m", "drcmitsuba.cli", "evaluate", CASE, "-o", str(out)]
-    if room.weather:
-        command += ["--weather", str(room.weather)]
     environment = {**os.environ, "DRJIT_CACHE_DIR": str(cache)}
     rows = []
     for name in ("no kernels cached", "kernels cached", "kernels cached, again"):
-        start = perf_counter()
-        process = subprocess.Popen(
-            command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        time = perf_counter() - start
-        if process.returncode:
-            print(f"`{' '.join(command)}` ended with exit code {process.returncode}.\n")
+        took = started(evaluation(CASE, out, room.weather), environment, out)
+        if took is None:
             return
-        memory = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        disk = sum(f.stat().st_size for f in out.rglob("*") if f.is_file())
+        time, memory, disk = took
         kernels = len(list(cache.iterdir()))
-        rows.append([name, f"{time:.1f}", f"{memory / 2**20:.0f}", f"{disk / 1e6:.1f}", kernels])
+        rows.append([name, f"{time:.1f}", f"{memory:.0f}", f"{disk:.1f}", kernels])
     table(["", "seconds", "peak memory [MiB]", "disk [MB]", "kernels in the cache after"], rows)
 
 
@@ -285,7 +303,64 @@ def film(plain: Classroom, options: argparse.Namespace, folder: Path) -> None:
     compare(room, search, room.year, name, list(room.suns.labels), known, theirs, rows)
 
 
-PARTS = {"a": sky, "b": suns, "c": whole, "d": scaling, "e": film}
+PHOTON_MAPS = ((100_000, 50), (100_000, 200), (800_000, 50), (800_000, 200))
+"""Photons of a map and of a look-up."""
+PHOTON_SETTINGS = (
+    {"replicates": 2, "photons": 512, "paths": 128, "cell_size": 0.3},
+    {"replicates": 2, "photons": 2048, "paths": 256, "cell_size": 0.3},
+    {"replicates": 2, "photons": 8192, "paths": 512, "cell_size": 0.3},
+)
+
+
+def component(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
+    """Part (f)."""
+    print("## (f) Photons by mirror lamellae\n")
+    lamellae = photons.Lamellae()
+    (rate, length), bare = photons.photon_rate(lamellae), photons.ray_rate(lamellae)
+    print(
+        f"{rate / 1e6:.1f} M segments of photons a second, {length:.1f} to a photon: "
+        f"{rate / bare:.0%} of {bare / 1e6:.1f} M bare closest hits.\n"
+    )
+    out = folder / "results"
+    took = started(evaluation(photons.CASE, out, None), dict(os.environ), out)
+    if took is not None:
+        with xr.open_dataset(out / "illuminance.nc", engine="h5netcdf") as illuminance:
+            errors = photons.year_errors(illuminance)
+        time, memory, disk = took
+        row = [f"{time:.0f}", *(f"{np.quantile(errors, q):.1%}" for q in (0.5, 0.95))]
+        head = [
+            "seconds of the year",
+            "median error",
+            "95th percentile",
+            "memory [MiB]",
+            "disk [MB]",
+        ]
+        table(head, [[*row, f"{memory:.0f}", f"{disk:.1f}"]])
+    known, own = photons.converged(lamellae)
+    print(f"Reference: ours, own RMS {own:.1%}. Errors are RMS, bias included, over the mean.\n")
+    ours, rows = [], []
+    for accuracy in PHOTON_SETTINGS[:1] if options.quick else PHOTON_SETTINGS:
+        settings = {**accuracy, "cell_sky_rays": 1, "sensor_sky_rays": 1, "sensor_square": 0.25}
+        lamellae.ours(**settings)
+        C, spent = timed(partial(lamellae.ours, **settings))
+        error = photons.relative_error(C["replicates"].values.mean(axis=0), known)
+        ours.append((error, spent[0]))
+        rows.append([f"ours, {short(accuracy)}", f"{spent[0]:.2f}", f"{error:.3f}", "", ""])
+    traced, suns = lamellae.theirs(folder), lamellae.suns
+    for count, bandwidth in PHOTON_MAPS[:1] if options.quick else PHOTON_MAPS:
+        ask = partial(traced.photons, suns.directions, suns.diameter)
+        found = ask(count=count, bandwidth=bandwidth)
+        error = photons.relative_error(found.coefficients, known)
+        nearest, spent = min(ours, key=lambda o: abs(np.log(o[0] / error)))
+        ratio = found.seconds * (error / nearest) ** 2 / spent
+        split = f"{found.emission:.2f} + {found.look_up:.2f}"
+        name = f"`mkpmap -apC` {count:,} + `rcontrib -ap` {bandwidth}"
+        rows.append([name, split, f"{error:.3f}", f"{found.size / 1e6:.0f}", f"{ratio:.0f} ×"])
+    head = ["", "seconds", "RMS", "disk [MB]", "ours is faster at equal error by"]
+    table(head, rows)
+
+
+PARTS = {"a": sky, "b": suns, "c": whole, "d": scaling, "e": film, "f": component}
 
 
 def machine() -> str:
@@ -305,7 +380,7 @@ def main() -> None:
         prog="python -m tests.bench", description=about,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("--parts", default="a,b,c,d,e", help="which parts, default a,b,c,d,e")
+    parser.add_argument("--parts", default="a,b,c,d,e,f", help="which parts, default a,b,c,d,e,f")
     parser.add_argument("--reference", type=Path, help="folder that keeps the reference")
     parser.add_argument("--weather", type=Path, help="weather file instead of Geneva's")
     parser.add_argument("--quick", action="store_true", help="coarse reference, small searches")
@@ -313,8 +388,8 @@ def main() -> None:
     parts = options.parts.split(",")
     if unknown := set(parts) - set(PARTS):
         parser.error(f"--parts: {', '.join(sorted(unknown))} is none of {', '.join(PARTS)}")
-    if {"a", "b", "e"} & set(parts) and radiance.home() is None:
-        parser.error("parts a, b and e need Radiance: pip install pyradiance")
+    if {"a", "b", "e", "f"} & set(parts) and radiance.home() is None:
+        parser.error("parts a, b, e and f need Radiance: pip install pyradiance")
     variant = backend.select()
     versions = ", ".join(f"{k} {v}" for k, v in backend.report().items())
     print(f"# Benchmark, {datetime.date.today().isoformat()}\n\n{machine()}; {variant}; {versions}")
