@@ -20,7 +20,10 @@ from drcmitsuba.transport.gather import even_numbers
 from drcmitsuba.transport.shadow_rays import straight
 
 OFFSET = 1e-4
-"""Distance of a port from a pane [m]."""
+"""Of a port from a pane, and of photons from their port, for each metre of coordinates [m].
+
+Photons start this far before their port: a pane in its plane is behind it, whatever is rounded.
+"""
 PILOT = 4096
 """Rays from a port that tell whether it sees anything of the sky and the ground."""
 
@@ -148,13 +151,14 @@ class Ports:
         """Whether nothing lies before any port: what it faces is sky or ground."""
         n = self.normal / self.area[:, None]
         heights = (self.scene.corners[None] - self.quads[:, :1]) @ n[..., None]
-        return bool((heights > -1e-6).all())
+        return bool((heights > -_offset(self.quads)).all())
 
     def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
         """Point on a port and its normal."""
-        corner = self.quads[:, 0]
-        edges = self.quads[:, 1] - corner, self.quads[:, 3] - corner
-        columns = (corner, *edges, self.normal / self.area[:, None])
+        n = self.normal / self.area[:, None]
+        corner = self.quads[:, 0] - n * _offset(self.quads)
+        edges = self.quads[:, 1] - self.quads[:, 0], self.quads[:, 3] - self.quads[:, 0]
+        columns = (corner, *edges, n)
         at, u, v, n = (
             dr.gather(mi.Vector3f, mi.Float(a.astype(np.float32).ravel()), port) for a in columns
         )
@@ -218,6 +222,11 @@ class Ports:
         return np.asarray(dr.block_sum(seen, PILOT).numpy(), float)
 
 
+def _offset(points: np.ndarray) -> float:
+    """Distance that tells before from behind, in the world of some points (…, 3) [m]."""
+    return OFFSET * (1 + float(abs(points).max()))
+
+
 def _pane_ports(scene: Scene) -> list[Port]:
     """Both sides of the panes that may send light to a component.
 
@@ -234,8 +243,8 @@ def _pane_ports(scene: Scene) -> list[Port]:
             n /= np.linalg.norm(n)
             # Clear panes mirror towards the room only, which is where their fronts face.
             if not mirrors:
-                ports.append(Port("", quad - OFFSET * n))
+                ports.append(Port("", quad))
             room = scene.enclosure
-            if room is None or ((room.openings - quad[0]) @ n > OFFSET).any():
-                ports.append(Port("", (quad + OFFSET * n)[::-1]))
+            if room is None or ((room.openings - quad[0]) @ n > 1e-3).any():
+                ports.append(Port("", quad[::-1]))
     return ports

@@ -18,6 +18,7 @@ from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.coefficients import compute
 from drcmitsuba.suns import Suns
 from drcmitsuba.transport.photons import Photons
+from drcmitsuba.transport.ports import of_suns
 from tests import radiance
 from tests.validation import lamella_room as room
 from tests.validation.radiance_photons import PhotonRoom, modifiers, receivers
@@ -75,45 +76,58 @@ class Lamellae:
         return PhotonRoom(text + receivers(room.receiver()), *self.sensors, folder, ports)
 
 
-def photon_rate(lamellae: Lamellae, photons: int = 1 << 18, runs: int = 3) -> tuple[float, float]:
-    """Segments of photons in a second, and segments to a photon; the fastest of some runs."""
+def tracer(lamellae: Lamellae, photons: int = 1 << 17) -> Photons:
+    """Photons of the suns."""
     traced = Photons.of(
         lamellae.scene, *lamellae.sensors, lamellae.suns.directions, DIAMETER, None,
         Accuracy(photons=photons, sensor_square=0.25),
     )  # fmt: skip
     assert traced is not None
-    traced.traced(0)  # compiles
-    rates = []
-    for run in range(runs):
-        start = perf_counter()
-        books = traced.traced(run + 1).ledgers.values()
-        segments = sum(book.segments for book in books)
-        rates.append(segments / (perf_counter() - start))
-    return max(rates), segments / sum(book.photons for book in books)
+    return traced
 
 
-def ray_rate(lamellae: Lamellae, lanes: int = 1 << 21, runs: int = 5) -> float:
-    """Bare closest hits in a second, of rays that go from anywhere in the room in any direction."""
-    low, high = lamellae.scene.low, lamellae.scene.high
+def photon_rate(traced: Photons, run: int) -> tuple[float, float]:
+    """Segments of photons in a second, and segments to a photon."""
+    start = perf_counter()
+    books = traced.traced(run).ledgers.values()
+    segments = sum(book.segments for book in books)
+    return segments / (perf_counter() - start), segments / sum(book.photons for book in books)
 
-    def hits(seed: int) -> tuple[mi.Ray3f, float]:
-        random = mi.PCG32(lanes, dr.opaque(mi.UInt64, seed))
-        at = [random.next_float32() for _ in range(5)]
-        p = mi.Point3f(*(dr.opaque(mi.Float, float(a)) for a in low))
-        p += mi.Vector3f(*at[:3]) * mi.Vector3f(
-            *(dr.opaque(mi.Float, float(b)) for b in high - low)
-        )
-        ray = mi.Ray3f(p, mi.warp.square_to_uniform_sphere(mi.Point2f(*at[3:])))
+
+def ray_rate(traced: Photons, run: int) -> float:
+    """Bare closest hits in a second, of the photons' own rays from surface to surface.
+
+    Random rays through the room would not compare: between lamellae a ray takes thrice as long.
+    """
+    (ports,) = traced.ports
+    scene, sources = ports.scene.full, of_suns(traced.suns, traced.diameter)
+    seen = np.arange(len(traced.suns))
+    start = ports.start(sources, seen, traced.count, 0, len(seen) * traced.count, run)
+    p, d, active = start.p, start.d, start.flux > 0
+    hits, seconds = 0, 0.0
+    while True:
+        lanes = dr.compress(active)
+        if not dr.width(lanes):
+            return hits / seconds
+        random = mi.PCG32(dr.width(lanes), dr.opaque(mi.UInt64, run + hits))
+        p, d = dr.gather(mi.Point3f, p, lanes), dr.gather(mi.Vector3f, d, lanes)
+        ray = mi.Ray3f(p, d)
         dr.eval(ray)
         dr.sync_thread()
-        start = perf_counter()
-        found = lamellae.scene.full.ray_intersect_preliminary(ray, coherent=False)
-        dr.eval(found.t)
+        begin = perf_counter()
+        found = scene.ray_intersect_preliminary(ray, coherent=False)
+        dr.eval(found)
         dr.sync_thread()
-        return ray, perf_counter() - start
-
-    hits(0)  # compiles
-    return lanes / min(hits(seed + 1)[1] for seed in range(runs))
+        seconds += perf_counter() - begin
+        hits += dr.width(lanes)
+        si = found.compute_surface_interaction(ray)
+        u = [random.next_float32() for _ in range(3)]
+        ctx = mi.BSDFContext(mi.TransportMode.Importance)
+        bs, weight = si.bsdf().sample(ctx, si, u[0], mi.Point2f(u[1], u[2]), si.is_valid())
+        d = si.to_world(bs.wo)
+        p = si.spawn_ray(d).o
+        diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
+        active = si.is_valid() & (weight[0] > 0) & ~diffuse
 
 
 def converged(lamellae: Lamellae) -> tuple[np.ndarray, float]:
