@@ -22,7 +22,8 @@ from drcmitsuba.transport.shadow_rays import straight
 OFFSET = 1e-4
 """Of a port from a pane, and of photons from their port, for each metre of coordinates [m].
 
-Photons start this far before their port: a pane in its plane is behind it, whatever is rounded.
+Photons start so far before their port, on the way that they come: a pane in its plane is behind
+it, whatever is rounded.
 """
 PILOT = 4096
 """Rays from a port that tell whether it sees anything of the sky and the ground."""
@@ -156,7 +157,7 @@ class Ports:
     def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
         """Point on a port and its normal."""
         n = self.normal / self.area[:, None]
-        corner = self.quads[:, 0] - n * _offset(self.quads)
+        corner = self.quads[:, 0]
         edges = self.quads[:, 1] - self.quads[:, 0], self.quads[:, 3] - self.quads[:, 0]
         columns = (corner, *edges, n)
         at, u, v, n = (
@@ -204,6 +205,7 @@ class Ports:
         where.x = dr.clip((where.x - before) / chance, 0, 1)
         p, n = self._at(port, where)
         d = sources.draw(source, at)
+        p += _offset(self.quads) * d
         flux = dr.gather(mi.Float, mi.Float(sources.solid_angle.astype(np.float32)), source)
         flux *= dr.gather(mi.Float, mi.Float(self.area.astype(np.float32)), port)
         flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))

@@ -24,7 +24,7 @@ from drcmitsuba.transport.receivers import CellAreas, Squares
 FILM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
 X, Y, Z = np.eye(3)
 DIRECTIONS = np.array([[0, -0.8, 0.6], [0.48, -0.64, 0.6], [0, -0.28, 0.96], [0, 0.8, 0.6]])
-WIDE = Suns(tuple(f"sun_{i}" for i in range(4)), DIRECTIONS, 8.0)
+WIDE = Suns(tuple(f"sun_{i}" for i in range(4)), DIRECTIONS, 30.0)
 """Suns that a path tracer without emitter sampling finds."""
 
 
@@ -102,7 +102,7 @@ def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
     points, normals = scenes.sensor_points(case)
     accuracy = Accuracy(
         replicates=16, paths=512, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 11,
-        sensor_square=0.2, sensor_sun_samples=64, pane_points=128,
+        sensor_square=0.15, sensor_sun_samples=64, pane_points=128,
     )  # fmt: skip
     here = compute(scene, points, normals, WIDE, accuracy)
     there = plain_coefficients(
@@ -110,8 +110,8 @@ def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
     ).sum(axis=0)
     C = here["replicates"].values
     # Light by each of the three, and not in their place: none is small.
-    same(C[..., :146], other=there[..., :146], within=0.015)
-    same(C[..., 146:], other=there[..., 146:], within=0.03)
+    same(C[..., :146], other=there[..., :146], within=0.025)
+    same(C[..., 146:], other=there[..., 146:], within=0.04)
 
 
 # ---- receivers --------------------------------------------------------------------------------
