@@ -56,8 +56,8 @@ class Accuracy(Table):
     """Deposit: points on the scattering panes that a sensor or a cell looks at."""
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
     """Deposit: directions to the sky from every outgoing cell of a film."""
-    photons: Annotated[int, Field(ge=1, le=1 << 22)] = 2048
-    """Deposit: photons of every sun that reaches a component, and of every patch in the mean."""
+    photons: Annotated[int, Field(ge=1, le=1 << 22)] = 1024
+    """Deposit: photons of every sun and every patch of the sky to each component."""
     photon_surfaces: Annotated[int, Field(ge=2, le=10_000)] = 256
     """Surfaces that a photon is followed over; what is still under way is told as lost."""
     sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3

@@ -270,3 +270,32 @@ def test_a_sun_in_a_mirror_is_told_as_straight_and_sunlight_by_a_rough_one_is_no
     assert found[0][0] == pytest.approx(0.9 * omega * -towards[2], rel=0.02)
     assert found[1][0] > 0
     assert found[1][1] == 0
+
+
+def test_stored_photons_of_the_plugin_agree(same):
+    """The second route: photons of `photon_map`, followed through all diffuse reflections."""
+    duct, _ = mirror_duct()
+    hole = {"bottom": 2.3, "top": 2.8, "material": "open", "segments": [1]}
+    facade = {"south": {"segments": 4, "strips": [hole]}}
+    case = Case.model_validate({**ROOM, "materials": {}, "facade": facade})
+    inlet = Port("duct", quad([1.0, 0, 2.3], 0.5 * Z, X))
+    scene = scenes.build([*scenes.surfaces(case), duct], ports=(inlet,))
+    points, normals = scenes.sensor_points(case)
+    accuracy = Accuracy(
+        replicates=12, paths=1024, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 12,
+        sensor_square=0.26, sensor_sun_samples=64,
+    )  # fmt: skip
+    here = compute(scene, points, normals, WIDE, accuracy)["replicates"].values
+    plugin = mi.load_dict(
+        {
+            "type": "photon_map",
+            "radius": 0.26 / np.sqrt(np.pi),  # as much area as the squares
+            "kernel": "constant",
+            "ports": mi.TensorXf(inlet.quad[None].astype(np.float32)),
+        }
+    )
+    world = sources(scene, DIRECTIONS, WIDE.diameter)
+    there = [plugin.sensors(world, points, normals, 1 << 20, seed).numpy() for seed in range(8)]
+    there = np.sum(there, axis=1)
+    same(here[..., :146], other=there[..., :146], within=0.02)
+    same(here[..., 146:], other=there[..., 146:], within=0.02)
