@@ -11,7 +11,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from drcmitsuba.basis import Tiles
 from drcmitsuba.design.optimise import Front, Optimum
-from drcmitsuba.design.problem import Score
+from drcmitsuba.design.problem import FacadeScore
 from drcmitsuba.plots import BLUE, GREY, INK, ORANGE
 
 WALL, GLASS, FILM = "#D9D4CC", "#A9D8F2", "#E69F00"
@@ -20,7 +20,7 @@ OTHER = ("#CC79A7", "#009E73")
 
 
 def front(
-    found: Front, named: Mapping[str, Score] | None = None, chosen: Score | None = None
+    found: Front, named: Mapping[str, FacadeScore] | None = None, chosen: FacadeScore | None = None
 ) -> Figure:
     """Draw ASE against what is to be large, with the best of each.
 

@@ -18,7 +18,7 @@ from drcmitsuba.case import (
     Side,
     TrueSun,
 )
-from drcmitsuba.design.optimise import Optimum, Search
+from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
@@ -147,7 +147,7 @@ class Layout:
         d = self.design
         return Search(d.starts, d.sharpness, d.iterations, d.seed)
 
-    def built(self, found: Optimum) -> Case:
+    def built(self, found: FacadeOptimum) -> Case:
         """Make the case that an optimum is, with its transmittances where these were turned."""
         year, values = found.problem.year, found.problem.named(found.best.x)
         case = realise(
