@@ -78,6 +78,7 @@ class Layout:
             raise InputError(case.source, "design", "no such table", remedy)
         case.refuse_components("the search for a façade")
         assert case.room is not None
+        assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]
         facade = case.facade.get(side, Facade())
         if facade.frame > 0:
