@@ -93,6 +93,8 @@ def _tilt(case: Case, output: Path, stage: Stage) -> None:
     with stage("writing"):
         _save_tilt(found, fresh, output)
     _print(found, "best tilt", fresh, [])
+    if alike := problem.alike(tilt):
+        print(f"{len(alike)} other tilts are not told apart from it: their intervals overlap")
     print(f"{len(problem.known)} tilts simulated in {found.seconds:.1f} s")
 
 

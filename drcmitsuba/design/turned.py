@@ -236,10 +236,21 @@ class Turned:
         tilt = self.at(found.x)
         aim = self.known[tilt].aim
         told: dict[str, Any] = {"simulations": len(self.known), "low": aim.low, "high": aim.high}
+        told["intervals_overlap"] = self.alike(tilt)
         if all(t in self.known for t in self.beside(tilt)):
             slope = self.slope(found.x, found.sharpness)
             told |= {"slope_per_degree": slope.value, "ASE_slope_per_degree": slope.ase}
         return told
+
+    def alike(self, tilt: float) -> list[float]:
+        """Other tilts [deg] that hold the limit and whose intervals overlap with this one's."""
+        own = self.known[tilt].aim
+        return sorted(
+            other
+            for other, (E, aim) in self.known.items()
+            if other != tilt and aim.low <= own.high and own.low <= aim.high
+            and self.measure.hard(E)[1] <= self.goal.ase_limit + 1e-9
+        )  # fmt: skip
 
     def _simulated(self, case: Case, progress: Progress) -> Simulated:
         """Coefficients, illuminances and intervals of a case.

@@ -174,6 +174,8 @@ def test_what_is_found_is_the_best_by_hard_numbers_and_tells_its_slope(tmp_path)
     assert told["low"] <= told["sDA"] <= told["high"]
     assert told["simulations"] == len(problem.known)
     assert abs(told["slope_per_degree"]) < 0.5  # it is a maximum
+    near = {t for t, s in problem.known.items() if s.aim.value >= told["sDA"] - 4}
+    assert {told["tilt"], *told["intervals_overlap"]} == near
     design_pictures.tilts(found).savefig(tmp_path / "tilt.png")
     design_pictures.search(found).savefig(tmp_path / "search.png")
 
