@@ -318,6 +318,9 @@ class Case(Table):
         """Refuse a design of unknown materials, or of a façade that is not there."""
         if self.room is None:
             raise InputError("case", "design", "there is no room", "add a [room]")
+        if design.component is not None:
+            self._check_turned(design.component)
+            return
         clear = [k for k, m in self.materials.items() if isinstance(m, GlazingMaterial)]
         for key, name, known in (
             ("film", design.film, [k for k in self.panes if k not in clear]),
@@ -339,6 +342,17 @@ class Case(Table):
         if bare and (design.band is None or design.wwr == "fixed"):
             got = f"the {design.side} side has no panes"
             raise InputError("case", "design.side", got, "give band and wwr = [low, high]")
+
+    def _check_turned(self, name: str) -> None:
+        """Refuse to tilt what is no structure, or stands nowhere."""
+        known = [k for k, c in self.components.items() if isinstance(c, StructureComponent)]
+        where = "design.component"
+        if name not in known:
+            got = f"{shortened(name)} is no structure in [components]"
+            raise InputError("case", where, got, choose(name, known))
+        if name not in self.standing:
+            got = f"{shortened(name)} stands nowhere"
+            raise InputError("case", where, got, "name it as the material of a strip")
 
     def _check_facade(self, side: str, facade: Facade) -> None:
         """Refuse strips that do not fit into their wall, or of an unknown material."""
@@ -395,6 +409,12 @@ class Case(Table):
     def with_materials(self, materials: Mapping[str, Material]) -> Case:
         """Replace the materials; their names stay the same."""
         changed = self.model_copy(update={"materials": dict(materials)})
+        changed._source, changed._folder = self._source, self._folder
+        return changed
+
+    def with_components(self, components: Mapping[str, Component]) -> Case:
+        """Replace the components; their names stay the same."""
+        changed = self.model_copy(update={"components": dict(components)})
         changed._source, changed._folder = self._source, self._folder
         return changed
 

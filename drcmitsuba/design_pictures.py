@@ -11,7 +11,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from drcmitsuba.basis import Tiles
 from drcmitsuba.design.optimise import Front, Optimum
-from drcmitsuba.design.problem import Score
+from drcmitsuba.design.problem import FacadeScore
+from drcmitsuba.design.turned_search import TiltOptimum
 from drcmitsuba.plots import BLUE, GREY, INK, ORANGE
 
 WALL, GLASS, FILM = "#D9D4CC", "#A9D8F2", "#E69F00"
@@ -20,7 +21,7 @@ OTHER = ("#CC79A7", "#009E73")
 
 
 def front(
-    found: Front, named: Mapping[str, Score] | None = None, chosen: Score | None = None
+    found: Front, named: Mapping[str, FacadeScore] | None = None, chosen: FacadeScore | None = None
 ) -> Figure:
     """Draw ASE against what is to be large, with the best of each.
 
@@ -145,6 +146,40 @@ def search(found: Optimum) -> Figure:
     ax.set(xlabel="evaluation", ylabel="objective [%]")
     _tidy(ax)
     ax.legend(loc="lower right", frameon=False, fontsize=9)
+    return figure
+
+
+def tilts(found: TiltOptimum) -> Figure:
+    """Draw what is to be large, with its 95 % intervals, and ASE over the tilt."""
+    figure = Figure(figsize=(7.6, 5.8), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    problem = found.problem
+    steps = {problem.at(step.found.x): step.found for step in found.history.steps}
+    at = np.array(sorted(steps))
+    hard, smooth = (
+        np.array([getattr(steps[t], kind).aim for t in at]) for kind in ("hard", "smooth")
+    )
+    intervals = [problem.known[t].aim for t in at]
+    ends = np.array(
+        [(value - i.low, i.high - value) for value, i in zip(hard, intervals, strict=True)]
+    )
+    above.errorbar(at, hard, np.maximum(ends, 0).T, fmt="o", markersize=4, linewidth=1, capsize=2,
+                   color=BLUE, label="with its 95 % interval")  # fmt: skip
+    above.plot(at, smooth, color="#BBBBBB", linewidth=1.2, zorder=1, label="smooth twin")
+    name = "sDA" if problem.goal.aim == "sDA" else "msDA of the worst month"
+    above.set_title("Which tilt?", loc="left", weight="bold", fontsize=11)
+    above.set_ylabel(f"{name} [%]")
+    ase = [steps[t].hard.ase for t in at]
+    below.plot(at, ase, color=ORANGE, marker="o", markersize=4, linewidth=1.2)
+    limit = problem.goal.ase_limit
+    below.axhline(limit, color=GREY, linewidth=1, linestyle=(0, (4, 3)))
+    below.annotate(f"limit {limit:g} %", (at[0], limit), (2, 3), textcoords="offset points",
+                   fontsize=9, color=GREY)  # fmt: skip
+    below.set(xlabel=f"tilt of {problem.component} [°]", ylabel="ASE [%]")
+    for ax in (above, below):
+        ax.axvline(problem.at(found.best.x), color=INK, linewidth=1, zorder=1)
+        _tidy(ax)
+    above.legend(loc="best", frameon=False, fontsize=9)
     return figure
 
 

@@ -11,13 +11,25 @@ from drcmitsuba.table import Table
 
 Part = Annotated[float, Field(ge=0, le=1)]
 Percent = Annotated[float, Field(ge=0, le=100)]
+Tilt = Annotated[float, Field(gt=-90, lt=90)]
+
+OF_TILT = ("tilt", "tilt_step")
+"""Keys that say something of lamellae only."""
+OF_BOTH = ("objective", "ase_limit", "sharpness")
+"""Keys of both kinds of search; all others are those of a façade."""
 
 
 class Design(Table):
-    """A façade to be optimised; only the film has to be named."""
+    """What is to be optimised: a façade, its film has to be named; or the tilt of lamellae."""
 
-    film: str
+    film: str | None = None
     """Material that may take the place of the clear one; the shade does not cover it."""
+    component: str | None = None
+    """Lamellae that are tilted, in place of a film: a structure of [components]."""
+    tilt: tuple[Tilt, Tilt] = (-30.0, 30.0)
+    """Least and most tilt of the lamellae [deg]."""
+    tilt_step: Annotated[float, Field(gt=0, le=45)] = 1.0
+    """What differences are taken over, and how finely the tilt is searched [deg]."""
     clear: str | None = None
     """Without it, the clear material of the façade as it is."""
     side: Literal["south", "east", "north", "west"] | None = None
@@ -51,6 +63,27 @@ class Design(Table):
     """Range of that of the clear material; without it, it stays as it is."""
     shade_vlt: tuple[Part, Part] | None = None
     """Range of the shade's transmittance; without it, it stays as it is."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Design:
+        if self.component is None:
+            if self.film is None:
+                got = "neither film nor component is named"
+                raise InputError("design", "film", got, "name a material, or lamellae to be tilted")
+            for key in OF_TILT:
+                if key in self.model_fields_set:
+                    got = "no component is named"
+                    raise InputError("design", key, got, "name the lamellae: component = …")
+            return self
+        for key in sorted(self.model_fields_set - {"component", *OF_TILT, *OF_BOTH}):
+            got = "the tilt of a component is searched, not a façade"
+            raise InputError("design", key, got, "leave it out")
+        low, high = self.tilt
+        if high - low < 2 * self.tilt_step:
+            got = f"{low:g} to {high:g}"
+            remedy = f"give the lower value first, and at least {2 * self.tilt_step:g}° between"
+            raise InputError("design", "tilt", got, remedy)
+        return self
 
     @model_validator(mode="after")
     def _ranges(self) -> Design:

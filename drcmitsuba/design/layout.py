@@ -18,7 +18,7 @@ from drcmitsuba.case import (
     Side,
     TrueSun,
 )
-from drcmitsuba.design.optimise import Optimum, Search
+from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
@@ -78,6 +78,7 @@ class Layout:
             raise InputError(case.source, "design", "no such table", remedy)
         case.refuse_components("the search for a façade")
         assert case.room is not None
+        assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]
         facade = case.facade.get(side, Facade())
         if facade.frame > 0:
@@ -147,7 +148,7 @@ class Layout:
         d = self.design
         return Search(d.starts, d.sharpness, d.iterations, d.seed)
 
-    def built(self, found: Optimum) -> Case:
+    def built(self, found: FacadeOptimum) -> Case:
         """Make the case that an optimum is, with its transmittances where these were turned."""
         year, values = found.problem.year, found.problem.named(found.best.x)
         case = realise(

@@ -15,19 +15,18 @@ References
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeAlias
 
 import numpy as np
 from scipy.optimize import minimize
 
 from drcmitsuba import schema
-from drcmitsuba.design.history import History, row
-from drcmitsuba.design.problem import Evaluation, Problem
-from drcmitsuba.errors import InputError, was_stopped
+from drcmitsuba.design.history import E, History, P, row
+from drcmitsuba.design.problem import Composed, Problem
+from drcmitsuba.errors import InputError
 from drcmitsuba.progress import Progress, part
 
 SHARPNESS = (4.0, 8.0, 16.0, 32.0)
@@ -65,12 +64,12 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Optimum:
+class Optimum(Generic[P, E]):
     """What a search found.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Searched
     best : Evaluation
         Its hard numbers are those to report.
     history : History
@@ -79,14 +78,14 @@ class Optimum:
         Whether the search came to its end; false where it was stopped.
     """
 
-    problem: Problem
-    best: Evaluation
-    history: History
+    problem: P
+    best: E
+    history: History[P, E]
     finished: bool
 
     @property
     def evaluations(self) -> int:
-        """How many compositions were evaluated, each with its gradients."""
+        """How many designs were evaluated."""
         return len(self.history.steps)
 
     @property
@@ -107,10 +106,7 @@ class Optimum:
             "evaluations": self.evaluations,
             "seconds": round(self.seconds, 3),
             **row(self.problem, self.best),
-            "composition": {
-                name: [round(float(v), 5) for v in column]
-                for name, column in zip(self.problem.year.materials, self.best.share.T, strict=True)
-            },
+            **self.problem.details(self.best),
         }
 
     def save(self, folder: str | Path) -> None:
@@ -119,6 +115,9 @@ class Optimum:
         folder.mkdir(parents=True, exist_ok=True)
         schema.save_json(self.as_dict(), folder / "optimum.json")
         self.history.save(folder / "history.csv")
+
+
+FacadeOptimum: TypeAlias = Optimum[Problem, Composed]
 
 
 @dataclass(frozen=True)
@@ -136,8 +135,8 @@ class Front:
     """
 
     problem: Problem
-    points: tuple[Evaluation, ...]
-    history: History
+    points: tuple[Composed, ...]
+    history: History[Problem, Composed]
     finished: bool
 
     def save(self, file: Path) -> None:
@@ -153,7 +152,7 @@ def optimise(
     search: Search = Search(),
     progress: Progress = lambda share: None,
     known: Sequence[np.ndarray] = (),
-) -> Optimum:
+) -> FacadeOptimum:
     """Find the best values of a problem.
 
     Parameters
@@ -176,9 +175,9 @@ def optimise(
     KeyboardInterrupt
         It was stopped before anything was evaluated.
     """
-    history = History(problem)
+    history: History[Problem, Composed] = History(problem)
     rng = np.random.default_rng(search.seed)
-    with _until_stopped(history) as stopped:
+    with history.until_stopped() as stopped:
         random = [rng.random(problem.size) for _ in range(search.starts - 1)]
         for x in known:
             history.evaluate(np.asarray(x, float), search.sharpness[-1], "known")
@@ -196,7 +195,7 @@ def optimise(
 
 
 def pareto(
-    optimum: Optimum,
+    optimum: FacadeOptimum,
     limits: Sequence[float],
     search: Search = Search(),
     progress: Progress = lambda share: None,
@@ -221,7 +220,7 @@ def pareto(
     """
     history = History(optimum.problem, list(optimum.history.steps))
     short = replace(search, sharpness=search.sharpness[-2:])
-    with _until_stopped(history) as stopped:
+    with history.until_stopped() as stopped:
         for i, limit in enumerate(sorted(limits, reverse=True)):
             near = history.best(limit)
             assert near is not None
@@ -232,7 +231,7 @@ def pareto(
 
 
 def _continue(
-    history: History,
+    history: History[Problem, Composed],
     x: np.ndarray,
     search: Search,
     label: str,
@@ -252,12 +251,17 @@ def _continue(
 
 
 def _stage(
-    history: History, x: np.ndarray, k: float, limit: float | None, iterations: int, label: str
+    history: History[Problem, Composed],
+    x: np.ndarray,
+    k: float,
+    limit: float | None,
+    iterations: int,
+    label: str,
 ) -> np.ndarray:
     """Search at one sharpness by SLSQP, in units of 100 % and of the window's area."""
-    known: dict[bytes, Evaluation] = {}
+    known: dict[bytes, Composed] = {}
 
-    def at(point: np.ndarray) -> Evaluation:
+    def at(point: np.ndarray) -> Composed:
         # Where limits contradict each other, SLSQP may ask for NaN: it is shown its start.
         inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
         key = inside.tobytes()  # value and gradients are asked for one by one
@@ -304,7 +308,7 @@ def _stage(
     return at(found.x).x
 
 
-def _pattern(history: History, progress: Progress) -> None:
+def _pattern(history: History[Problem, Composed], progress: Progress) -> None:
     """Walk along the axes by hard numbers, from the best, with ever smaller steps."""
     for i, length in enumerate(PATTERN):
         best = history.best()
@@ -322,15 +326,3 @@ def _pattern(history: History, progress: Progress) -> None:
                 break
             best = now
         progress((i + 1) / len(PATTERN))
-
-
-@contextmanager
-def _until_stopped(history: History) -> Iterator[list[bool]]:
-    """End the work within at Ctrl-C, where there is something to keep; tells whether it was."""
-    stopped: list[bool] = []
-    try:
-        yield stopped
-    except (KeyboardInterrupt, RuntimeError) as error:
-        if not was_stopped(error) or not history.steps:
-            raise
-        stopped.append(True)

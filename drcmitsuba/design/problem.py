@@ -15,24 +15,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import xarray as xr
 
-from drcmitsuba import metrics, smooth
 from drcmitsuba.basis.year import Illuminances, Year
+from drcmitsuba.design.history import AREA_TOLERANCE
+from drcmitsuba.design.measure import Aim, Evaluation, Measure, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.errors import InputError
 from drcmitsuba.uncertainty.rules import Rules
-
-Aim = Literal["sDA", "worst month"]
-AREA_TOLERANCE = 2e-3
-"""Of the window's area: what it may be off by."""
-SOFTEST = 50.0
-"""Points of msDA over the sharpness: how near months count as the worst together."""
 
 
 @dataclass(frozen=True)
@@ -64,47 +58,34 @@ class Goal:
 
 
 @dataclass(frozen=True)
-class Score:
+class FacadeScore(Score):
     """One composition in numbers.
 
     Parameters
     ----------
-    value : float
-        The objective [%].
-    aim, ase : float
-        What is to be large, and ASE [%].
     film_area, window_area : float
         [m²].
     """
 
-    value: float
-    aim: float
-    ase: float
     film_area: float
     window_area: float
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Composed(Evaluation):
     """A composition, smooth and hard.
 
     Parameters
     ----------
-    x : np.ndarray, shape (free,)
-        Free values, 0 to 1 between their bounds.
+    smooth, hard : FacadeScore
     share : np.ndarray, shape (tile, material)
-    sharpness : float
-        Of the smooth numbers.
-    smooth, hard : Score
     gradient, ase_gradient, area_gradient : np.ndarray, shape (free,)
         Of the smooth objective, ASE [%] and of the window's area [m²] by x.
     """
 
-    x: np.ndarray
+    smooth: FacadeScore
+    hard: FacadeScore
     share: np.ndarray
-    sharpness: float
-    smooth: Score
-    hard: Score
     gradient: np.ndarray
     ase_gradient: np.ndarray
     area_gradient: np.ndarray
@@ -196,7 +177,7 @@ class Problem:
         scale = {f.material: values[f.parameter.key] / f.now for f in self.factors}
         return share, self.year.illuminance(share, scale=scale)
 
-    def evaluate(self, x: np.ndarray, sharpness: float) -> Evaluation:
+    def evaluate(self, x: np.ndarray, sharpness: float) -> Composed:
         """Evaluate a composition and its gradients, smooth and hard.
 
         Parameters
@@ -208,45 +189,65 @@ class Problem:
 
         Returns
         -------
-        Evaluation
+        Composed
         """
         turned = mi.Float(np.clip(x, 0, 1).astype(np.float32))
         dr.enable_grad(turned)
         share, E = self.illuminance(self.values(turned))
-        value, aim, ase = self._smooth(share, E, sharpness)
         window, film = self._window_area(share), self._film_area(share)
+        aim, ase = self.measure.smooth(E, sharpness)
+        value = aim - self._cost(film)
         numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
         gradients = self._gradients(turned, (value, ase, window))
-        return Evaluation(
+        return Composed(
             x=np.array(x, float),
             share=share.numpy(),
             sharpness=sharpness,
-            smooth=Score(*numbers),
+            smooth=FacadeScore(*numbers),
             hard=self._hard(E, film=numbers[3], window=numbers[4]),
             gradient=gradients[0],
             ase_gradient=gradients[1],
             area_gradient=gradients[2],
         )
 
-    def hard(self, share: np.ndarray) -> Score:
+    def hard(self, share: np.ndarray) -> FacadeScore:
         """Give the hard numbers of any composition (tile, material), such as a named variant."""
         given = mi.TensorXf(np.asarray(share, np.float32))
         film, window = float(self._film_area(given)[0]), float(self._window_area(given)[0])
         return self._hard(self.year.illuminance(given), film, window)
 
-    def is_feasible(self, score: Score) -> bool:
+    def is_feasible(self, score: FacadeScore) -> bool:
         """Whether the constraints hold; areas to `AREA_TOLERANCE`."""
         goal = self.goal
         if goal.ase_limit is not None and score.ase > goal.ase_limit + 1e-9:
             return False
         return self.missing_area(score) <= AREA_TOLERANCE
 
-    def missing_area(self, score: Score) -> float:
+    def missing_area(self, score: FacadeScore) -> float:
         """How far the panes are from the area asked for, of that."""
         if self.goal.window_area is None:
             return 0.0
         low, high = self.goal.window_area
         return max(low - score.window_area, score.window_area - high, 0.0) / max(high, 1e-9)
+
+    def numbers(self, score: FacadeScore) -> dict[str, float]:
+        """What the history tells of a composition beside the objective: areas [m²]."""
+        return {"film_m2": score.film_area, "window_m2": score.window_area}
+
+    def details(self, found: Composed) -> dict[str, Any]:
+        """What else `optimum.json` tells."""
+        columns = zip(self.year.materials, found.share.T, strict=True)
+        return {"composition": {k: [round(float(v), 5) for v in column] for k, column in columns}}
+
+    @cached_property
+    def measure(self) -> Measure:
+        """How the year is judged."""
+        return Measure(self.goal.rules, self.goal.aim, self.year.months)
+
+    def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
+        """Numbers by `metrics`, of illuminances."""
+        aim, ase = self.measure.hard(E)
+        return FacadeScore(aim - self._cost(film), aim, ase, film, window)
 
     @staticmethod
     def _gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
@@ -259,37 +260,6 @@ class Problem:
             found.append(dr.grad(x).numpy().astype(float))
             dr.set_grad(x, 0)
         return found
-
-    def _smooth(
-        self, share: mi.TensorXf, E: Illuminances, k: float
-    ) -> tuple[mi.Float, mi.Float, mi.Float]:
-        """Objective, what is to be large, and ASE [%], with gradients."""
-        rules, t = self.goal.rules, self.goal.rules.metrics
-        closed = smooth.shade_closed(E.direct, rules.shade_threshold, rules.shade_area, sharpness=k)
-        total = smooth.applied(E.open, E.shaded, closed)
-        if self.goal.aim == "sDA":
-            aim = smooth.sda(total, t.sda_threshold, t.sda_fraction, sharpness=k)
-        else:
-            months = smooth.msda(
-                total, self.year.months, t.sda_threshold, t.sda_fraction, sharpness=k
-            )
-            aim = _soft_least(months.array, k / SOFTEST)
-        ase = smooth.ase(E.direct, t.ase_threshold, t.ase_hours, rules.step_hours, sharpness=k)
-        return aim - self._cost(self._film_area(share)), aim, ase
-
-    def _hard(self, E: Illuminances, film: float, window: float) -> Score:
-        """Numbers by `metrics`, of illuminances."""
-        rules, t = self.goal.rules, self.goal.rules.metrics
-        direct, is_open, shaded = (v.numpy() for v in (E.direct, E.open, E.shaded))
-        sun = _dated(direct, self.year.months)
-        closed = metrics.shade_closed(sun, rules.shade_threshold, rules.shade_area).values
-        total = _dated(np.where(closed[:, None], shaded, is_open), self.year.months)
-        if self.goal.aim == "sDA":
-            aim = metrics.sda(total, t.sda_threshold, t.sda_fraction)
-        else:
-            aim = float(np.nanmin(metrics.msda(total, t.sda_threshold, t.sda_fraction)))
-        ase = metrics.ase(sun, t.ase_threshold, t.ase_hours, rules.step_hours)
-        return Score(aim - self._cost(film), aim, ase, film, window)
 
     def _cost(self, film_area: Any) -> Any:
         """Points that the film costs."""
@@ -309,15 +279,3 @@ class Problem:
         column = dr.arange(mi.UInt32, tiles) * materials + self.year.materials.index(material)
         area = mi.Float(self.year.tiles.area.astype(np.float32))
         return dr.sum(dr.gather(mi.Float, share.array, column) * area)
-
-
-def _soft_least(values: mi.Float, beta: float) -> mi.Float:
-    """Smooth minimum −ln(mean exp(−β·v)) / β; tends to the least as β grows."""
-    least = dr.detach(dr.min(values))
-    return least - dr.log(dr.mean(dr.exp((least - values) * beta))) / beta
-
-
-def _dated(values: np.ndarray, months: np.ndarray) -> xr.DataArray:
-    """Illuminance with a date in its month for each time stamp."""
-    dates = np.datetime64("2001-01", "M") + (np.asarray(months) - 1)
-    return xr.DataArray(values, {"time": dates.astype("M8[ns]")}, ("time", "sensor"))

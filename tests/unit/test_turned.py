@@ -1,0 +1,238 @@
+"""The tilt of lamellae as a design variable: differences, the search, and what is refused."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from drcmitsuba import backend, design_pictures, simulation
+from drcmitsuba.basis.year import Illuminances
+from drcmitsuba.case import Case, Metrics
+from drcmitsuba.design.measure import Measure
+from drcmitsuba.design.parameters import Parameter
+from drcmitsuba.design.turned import Simulated, TiltGoal, Turned
+from drcmitsuba.design.turned_search import turn
+from drcmitsuba.errors import InputError
+from drcmitsuba.judgement import judge
+from drcmitsuba.metrics import Interval
+from drcmitsuba.table import checked
+from drcmitsuba.uncertainty.rules import Rules
+
+SLATS = """[structure]
+kind = "lamellae"
+period = 100
+width = 100
+tilt = 5
+turn = -30
+reflectance = 0.9
+specular = 1
+"""
+PRISM = """[structure]
+kind = "prism"
+n = 1.49
+period = 20
+polygons = [[[0, 0], [4, 0], [14, 4, 10], [4, 20], [0, 20]]]
+"""
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+
+
+def case(folder, text=SLATS, design=None, strip="lamellae", **changes):
+    (folder / "recipe.toml").write_text(text)
+    (folder / "stamps.csv").write_text("time\n2015-03-20T12:00\n2015-06-20T10:00\n")
+    tables = {
+        "period": {"timestamps": str(folder / "stamps.csv")},
+        "room": {"size": [4.0, 4.0, 3.0]},
+        "facade": {"south": {"strips": [{"bottom": 1.8, "top": 2.8, "material": strip}]}},
+        "materials": {
+            "glass": {"type": "glazing", "transmittance": 0.7},
+            "shade": {"type": "diffuser", "transmittance": 0.1},
+        },
+        "components": {"lamellae": {"type": "structure", "recipe": str(folder / "recipe.toml")}},
+        "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 3], "spacing": 1.0},
+        "metrics": {"sda_threshold": 3000.0, "ase_hours": 1.0},
+        "accuracy": {
+            "replicates": 8, "paths": 128, "photons": 1024, "sensor_sky_rays": 2048,
+            "cell_sky_rays": 64, "sensor_square": 1.0,
+        },
+        "design": {"component": "lamellae"} if design is None else design,
+    }  # fmt: skip
+    return checked(Case, tables | changes, "room.toml")
+
+
+def with_seed(problem, seed, step):
+    accuracy = problem.case.accuracy.model_copy(update={"seed": seed})
+    seeded = problem.case.model_copy(update={"accuracy": accuracy})
+    return replace(problem, case=seeded, step=step, known={})
+
+
+def test_slopes_add_up_to_a_wide_difference_with_other_seeds(tmp_path):
+    """Over four degrees by two slopes of two degrees each, whatever the curve in between.
+
+    The two ends of the wide difference share no seed.
+    """
+    problem, k = Turned.of(case(tmp_path)), 1.0
+    narrow, wide = [], []
+    for seed in range(4):
+        one = with_seed(problem, seed, 1.0)
+        slopes = [one.slope(problem.free(tilt), k).value for tilt in (23.0, 25.0)]
+        narrow.append(np.mean(slopes))
+        ends = [
+            with_seed(problem, 100 + 2 * seed + i, 1.0).evaluate(problem.free(tilt), k).smooth.value
+            for i, tilt in enumerate((22.0, 26.0))
+        ]
+        wide.append((ends[1] - ends[0]) / 4)
+    error = np.hypot(*(np.std(v, ddof=1) / np.sqrt(len(v)) for v in (narrow, wide)))
+    expected = np.mean(wide)
+    print(f"{np.mean(narrow):.3f} and {expected:.3f}, ± {error:.3f} of the difference")
+    assert error < 0.08 * abs(expected)  # or it would tell nothing
+    assert abs(np.mean(narrow) - expected) < max(0.02 * abs(expected), 3 * error)
+
+
+def test_numbers_are_those_of_an_evaluation_with_the_same_seed(tmp_path):
+    """Also with a shade, whose twin needs more of the shaded state than an evaluation does."""
+    shade = {"material": "shade", "threshold": 500.0}
+    facade = {"south": {"strips": [
+        {"bottom": 0.5, "top": 1.5, "material": "glass"},
+        {"bottom": 1.8, "top": 2.8, "material": "lamellae"},
+    ]}}  # fmt: skip
+    problem = Turned.of(case(tmp_path, shading=shade, facade=facade))
+    built = problem.built(23.0)
+    assert built.components["lamellae"].tilt == 23.0
+    assert built.source == problem.case.source
+    judged = judge(built, problem.light, simulation.coefficients(built, problem.light))
+    assert judged.illuminance["shade_closed"].any()
+    found = problem.evaluate(problem.free(23.0), 1e4)
+    assert found.hard.aim == pytest.approx(judged.metrics["sDA"]["value"])
+    assert found.hard.ase == pytest.approx(judged.metrics["ASE"]["value"])
+    assert found.smooth.aim == pytest.approx(found.hard.aim, abs=1)
+    assert problem.known[23.0].aim == Interval(**judged.metrics["sDA"])
+    E = problem.known[23.0].E
+    closed = judged.illuminance["shade_closed"].values[:, None]
+    applied = np.where(closed, E.shaded.numpy(), E.open.numpy())
+    np.testing.assert_allclose(applied, judged.illuminance["total"].values, rtol=1e-4)
+    assert problem.afresh(23.0).accuracy.seed != built.accuracy.seed
+
+
+class ByFormula(Turned):
+    """E by formula: brightest at a tilt of `BEST`, in the sun above another one."""
+
+    BEST, SUNNY, STOP = 7.3, 90.0, 99
+    rules = Rules(Metrics(sda_threshold=500.0, ase_hours=5.0), 1e4, 1.0, 1.0)
+    measure = Measure(rules, "sDA", np.ones(10, int))
+
+    def simulate(self, tilt, progress=lambda share: None):
+        if tilt not in self.known:
+            if len(self.known) == self.STOP:
+                raise KeyboardInterrupt
+            progress(1.0)
+            light = 1000 * np.exp(-(((tilt - self.BEST) / 40) ** 2))
+            E = np.outer(np.ones(10), light * np.linspace(0.3, 1, 200))
+            sun = np.full(E.shape, 2000.0 if tilt > self.SUNNY else 1.0)
+            E, sun = (mi.TensorXf(a.astype(np.float32)) for a in (E, sun))
+            sda = self.measure.hard(Illuminances(E, E, sun))[0]
+            self.known[tilt] = Simulated(Illuminances(E, E, sun), Interval(sda, sda - 2, sda + 2))
+        return self.known[tilt]
+
+
+def by_formula(low=-30.0, high=30.0, start=0.0, **attributes):
+    kind = type("Formula", (ByFormula,), attributes)
+    light = SimpleNamespace()  # of no use: nothing is simulated
+    tilt = Parameter("tilt", low, high, start)
+    return kind(None, "lamellae", light, TiltGoal("sDA", 10.0), tilt, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [({}, 7.3), ({"BEST": -40.0}, -30.0), ({"BEST": 40.0, "start": 12.0}, 30.0),
+     ({"SUNNY": 3.2}, 3.2), ({"low": 2.0, "high": 8.0, "start": 2.0}, 7.3)],
+)  # fmt: skip
+def test_the_search_finds_the_tilt_in_few_simulations(options, expected):
+    problem, told = by_formula(**options), []
+    found = turn(problem, 32.0, told.append)
+    assert found.finished
+    assert found.is_feasible
+    assert problem.at(found.best.x) == pytest.approx(expected, abs=1.0)
+    assert len(problem.known) < 20
+    assert told == sorted(told)
+    assert told[-1] == 1
+
+
+def test_what_is_found_is_the_best_by_hard_numbers_and_tells_its_slope(tmp_path):
+    problem = by_formula()
+    found = turn(problem)
+    assert found.best.hard.value == max(s.found.hard.value for s in found.history.steps)
+    found.save(tmp_path)
+    told = json.loads((tmp_path / "optimum.json").read_text())
+    assert told["tilt"] == problem.at(found.best.x)
+    assert told["low"] <= told["sDA"] <= told["high"]
+    assert told["simulations"] == len(problem.known)
+    assert abs(told["slope_per_degree"]) < 0.5  # it is a maximum
+    near = {t for t, s in problem.known.items() if s.aim.value >= told["sDA"] - 4}
+    assert {told["tilt"], *told["intervals_overlap"]} == near
+    design_pictures.tilts(found).savefig(tmp_path / "tilt.png")
+    design_pictures.search(found).savefig(tmp_path / "search.png")
+
+
+def test_slopes_are_one_sided_at_the_bounds():
+    problem = by_formula(BEST=0.0)
+    assert problem.beside(-30.0) == (-30.0, -29.0)
+    assert problem.beside(30.0) == (29.0, 30.0)
+    assert problem.beside(3.0) == (2.0, 4.0)
+    left, right = (problem.slope(problem.free(t), 4.0).value for t in (-30.0, 30.0))
+    assert left > 0
+    assert right == pytest.approx(-left)
+
+
+def test_ctrl_c_keeps_the_best_so_far():
+    found = turn(by_formula(STOP=3))
+    assert not found.finished
+    assert found.evaluations == 3
+    assert "slope_per_degree" not in found.as_dict()
+    with pytest.raises(KeyboardInterrupt):
+        turn(by_formula(STOP=0))
+
+
+@pytest.mark.parametrize(
+    ("design", "line"),
+    [
+        ({"component": "slats"}, 'design.component: "slats" is no structure in [components]; '
+         'choose from: "lamellae"'),
+        ({"component": "lamellae", "film": "shade"}, "design.film: the tilt of a component is "
+         "searched, not a façade; leave it out"),
+        ({"component": "lamellae", "wwr": [0.2, 0.4]}, "design.wwr: the tilt of a component is "
+         "searched, not a façade; leave it out"),
+        ({"component": "lamellae", "tilt": [10.0, -10.0]}, "design.tilt: 10 to -10; give the lower "
+         "value first, and at least 2° between"),
+        ({"component": "lamellae", "tilt": [-90.0, 0.0]}, "design.tilt.0: got -90.0; input should "
+         "be greater than -90"),
+        ({"component": "lamellae", "tilt_step": 0}, "design.tilt_step: got 0; input should be "
+         "greater than 0"),
+        ({"film": "shade", "tilt": [0.0, 9.0]}, "design.tilt: no component is named; name the "
+         "lamellae: component = …"),
+        ({}, "design.film: neither film nor component is named; name a material, or lamellae to be "
+         "tilted"),
+    ],
+)  # fmt: skip
+def test_a_wrong_design_is_told_with_a_remedy(tmp_path, design, line):
+    with pytest.raises(InputError) as caught:
+        case(tmp_path, design=design)
+    assert str(caught.value) == f"room.toml: {line}"
+
+
+def test_what_cannot_be_tilted_is_told(tmp_path):
+    with pytest.raises(InputError, match=r'"lamellae" stands nowhere; name it as the material'):
+        case(tmp_path, strip="glass")
+    with pytest.raises(InputError, match=r'recipe of "lamellae" is of kind prism; only lamellae'):
+        Turned.of(case(tmp_path, PRISM))
+    thick = SLATS.replace("width = 100", "width = 1500")
+    with pytest.raises(InputError, match="a period takes"):
+        Turned.of(case(tmp_path, thick, {"component": "lamellae", "tilt": [0.0, 60.0]}))
+    with pytest.raises(InputError, match="design: no component is named"):
+        Turned.of(case(tmp_path).model_copy(update={"design": None}))
