@@ -50,8 +50,12 @@ class Grid:
         InputError
             The scene is so large that the cells would not fit in memory.
         """
+        # Laid from the room's corner, the origin, so that what stands outside moves no cell.
+        low = scene.low
+        if scene.enclosure is not None:
+            low = size * np.floor(low / size + 1e-6)
         # Surfaces on a border of the grid must not flip between two cubes by rounding.
-        low = scene.low - 0.37 * size
+        low = low - 0.37 * size
         count = np.ceil((scene.high - low) / size + 0.01).astype(int) + 1
         if 6 * int(np.prod(count.astype(float))) > MAX_KEYS:
             extent = " × ".join(f"{v:.4g}" for v in scene.high - scene.low)
