@@ -205,7 +205,7 @@ class Ports:
         where.x = dr.clip((where.x - before) / chance, 0, 1)
         p, n = self._at(port, where)
         d = sources.draw(source, at)
-        p += _offset(self.quads) * d
+        p = mi.Point3f(p + _offset(self.quads) * d)
         flux = dr.gather(mi.Float, mi.Float(sources.solid_angle.astype(np.float32)), source)
         flux *= dr.gather(mi.Float, mi.Float(self.area.astype(np.float32)), port)
         flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
