@@ -40,11 +40,14 @@ class Lamellae:
     count : int
         Suns.
     side : int
-        Sensors along a side of the room.
+        Sensors along a side of the room, in the middle of fields that our squares fill.
+    finer : int
+        Look-ups of Radiance along a side of such a field.
     """
 
-    count: int = 8
+    count: int = 64
     side: int = 16
+    finer: int = 4
 
     @property
     def surfaces(self) -> list[scene.Surface]:
@@ -71,12 +74,18 @@ class Lamellae:
 
     def theirs(self, folder: Path) -> PhotonRoom:
         """What Radiance is given."""
+        points = room.sensors(self.side * self.finer)
         text = radiance.scene_text(self.surfaces, room.TRANSMISSIVITY)
         ports = modifiers(self.surfaces, ["pane"])
-        return PhotonRoom(text + receivers(room.receiver()), *self.sensors, folder, ports)
+        return PhotonRoom(text + receivers(room.receiver()), *points, folder, ports)
+
+    def by_field(self, fine: np.ndarray) -> np.ndarray:
+        """Means over the fields, shape (sensor, sun), of Radiance's look-ups."""
+        n, k = self.side, self.finer
+        return fine.reshape(n, k, n, k, -1).mean(axis=(1, 3)).reshape(n * n, -1)
 
 
-def tracer(lamellae: Lamellae, photons: int = 1 << 17) -> Photons:
+def tracer(lamellae: Lamellae, photons: int = 1 << 14) -> Photons:
     """Photons of the suns."""
     traced = Photons.of(
         lamellae.scene, *lamellae.sensors, lamellae.suns.directions, DIAMETER, None,

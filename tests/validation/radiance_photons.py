@@ -24,6 +24,7 @@ are. What was found out about it (Radiance 6.0a, and read in its source):
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -111,13 +112,14 @@ class PhotonRoom(radiance.Room):
             ports = [word for port in self.ports for word in ("-apo", port)]
             start = perf_counter()
             radiance.run(
-                ["mkpmap", "-apC", "suns.cpm", f"{count}", "-apr", f"{seed}", "-fo+", *ports,
-                 "-aps", "receiver", octree], self.folder,
+                ["mkpmap", "-n", f"{os.cpu_count()}", "-apC", "suns.cpm", f"{count}",
+                 "-apr", f"{seed}", "-fo+", *ports, "-aps", "receiver", octree], self.folder,
             )  # fmt: skip
             half = perf_counter()
             output = radiance.run(
-                ["rcontrib", "-h", "-faf", "-I+", "-V+", *options, "-ap", "suns.cpm",
-                 f"{bandwidth}", "-M", "suns.txt", octree], self.folder, self._rays(1),
+                ["rcontrib", "-n", f"{os.cpu_count()}", "-h", "-faf", "-I+", "-V+", *options,
+                 "-ap", "suns.cpm", f"{bandwidth}", "-M", "suns.txt", octree],
+                self.folder, self._rays(1),
             )  # fmt: skip
             taken += half - start, perf_counter() - half
             size += (self.folder / "suns.cpm").stat().st_size
