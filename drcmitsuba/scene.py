@@ -163,7 +163,7 @@ def surfaces(case: Case, state: State = "open") -> list[Surface]:
 def _surfaces(case: Case, state: State, components: tuple[Placed, ...]) -> list[Surface]:
     """`surfaces`, with the components of the case."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
-    room = case.room
+    turn, room = rotation(case), case.room
     if room is not None:
         x, y, _ = np.diag(room.size)
         parts.append(("floor", Lambertian(room.floor), [quad(np.zeros(3), x, y)]))
@@ -178,17 +178,13 @@ def _surfaces(case: Case, state: State, components: tuple[Placed, ...]) -> list[
                 material = _pane_material(case, name, state)
                 if material is not None:
                     parts.append((f"{name} {side}", material, quads))
+    made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
     for piece in case.furniture:
         quads = [face for corner, size in boxes(piece) for face in box(corner, size)]
-        parts.append((piece.name, Lambertian(piece.reflectance), quads))
-    turn = rotation(case)
-    bodies = {piece.name for piece in case.furniture if piece.size[2] > 0}
-    made = [
-        Surface(name, m, np.array(quads) @ turn.T, closed=name in bodies)
-        for name, m, quads in parts
-        if quads
-    ]
-    return made + [replace(s, quads=s.quads @ turn.T) for c in components for s in c.surfaces]
+        is_body, m = piece.size[2] > 0, Lambertian(piece.reflectance)
+        made.append(Surface(piece.name, m, np.array(quads), closed=is_body))
+    made += [surface for component in components for surface in component.surfaces]
+    return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
 
 
 def _pane_material(case: Case, name: str, state: State) -> SurfaceMaterial | None:

@@ -11,7 +11,7 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import Port, Surface, box, normals
 from drcmitsuba.material_table import DielectricMaterial
 from drcmitsuba.structures.mesh import read_mesh
-from drcmitsuba.structures.solid import check_solid
+from drcmitsuba.structures.solid import check_solid, is_closed, volume
 
 AIR = 1e-3
 """Distance of the ports from the mesh that they surround [m]."""
@@ -50,7 +50,11 @@ def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
             if (low >= -2 * AIR).all() and (high <= size + 2 * AIR).all():
                 low, high = np.maximum(low, 0), np.minimum(high, size)
         quads = np.array(box(low, high - low))[:, [0, 3, 2, 1]]
-    surface = Surface(name, material, corners[:, [0, 1, 2, 2]], name)
+    faces = np.arange(len(points)).reshape(-1, 3)
+    closed = is_closed(points, faces)
+    if closed and volume(points, faces) < 0:
+        corners = corners[:, [0, 2, 1]]  # a mirror is the same on both sides
+    surface = Surface(name, material, corners[:, [0, 1, 2, 2]], name, closed)
     return Placed(name, (surface,), tuple(Port(name, q) for q in quads))
 
 

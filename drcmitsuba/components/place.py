@@ -21,6 +21,10 @@ from drcmitsuba.structures.solid import is_closed, winding
 
 NEAR = 1e-6
 """What is this close to a wall's plane lies in it [m]."""
+IN_A_WALL = "it lies in a wall", "move it into an opening"
+TURNED = "it turns its back on every opening", "give its corners in the other order"
+DARK = (IN_A_WALL, TURNED)
+"""What is wrong with ports that no light gets to at all, and what to do."""
 
 
 def place(case: Case) -> tuple[Placed, ...]:
@@ -90,8 +94,11 @@ def _within(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Which points (point, 3) lie in each of some solids, whichever way their normals point."""
     for name, corners in solids:
-        faces = np.arange(3 * len(corners)).reshape(-1, 3)
-        yield name, abs(winding(corners.reshape(-1, 3), faces, points)) > 0.5
+        faces, vertices = np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 3)
+        within = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
+        if within.any():
+            within[within] = abs(winding(vertices, faces, points[within])) > 0.5
+        yield name, within
 
 
 def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
@@ -105,6 +112,8 @@ def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
         component = case.components[placed.name]
         by_box = isinstance(component, MeshComponent) and not component.ports
         faults = [_fault(case, port.quad, openings, solids) for port in placed.ports]
+        if by_box:  # what a wall or a solid covers of a face, no light gets to
+            faults = [fault if fault in DARK else None for fault in faults]
         for i, fault in enumerate(faults):
             if fault is not None and (not by_box or None not in faults):
                 raise InputError(case.source, f"components.{placed.name}.ports.{i}", *fault)
@@ -146,11 +155,11 @@ def _fault(
     if indoors.any() and outdoors.any():
         return "it goes through a wall", "keep it on one side, or in the plane of an opening"
     if not indoors.any() and not outdoors.any() and not _in_an_opening(points, openings):
-        return "it lies in a wall", "move it into an opening"
+        return IN_A_WALL
     if indoors.all() and len(openings):
         behind = (openings.reshape(-1, 3) - middle) @ normals(q[None])[0]
         if behind.min() >= 0:
-            return "it turns its back on every opening", "give its corners in the other order"
+            return TURNED
     return None
 
 

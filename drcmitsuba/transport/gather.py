@@ -23,10 +23,33 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
+from drcmitsuba.material_table import DielectricMaterial
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid, Vertices
 
 ROULETTE_DEPTH = 3
+
+
+def number(bsdf: mi.BSDFPtr) -> mi.UInt32:
+    """Number of a BSDF in Dr.Jit's registry."""
+    return dr.reinterpret_array(mi.UInt32, bsdf)
+
+
+def numbers(scene: Scene) -> list[int]:
+    """Numbers of the BSDFs of a scene's parts."""
+    return [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
+
+
+def absorption(scene: Scene) -> mi.Float | None:
+    """Absorption [1/m] of the solid behind a BSDF, by its number; None where nothing absorbs."""
+    solids = [part.material for part in scene.parts]
+    values = [m.absorption if isinstance(m, DielectricMaterial) else 0.0 for m in solids]
+    if not any(values):
+        return None
+    at = numbers(scene)
+    table = np.zeros(max(at) + 1, np.float32)
+    table[at] = values
+    return mi.Float(table)
 
 
 # 2³² / φʲ with φ⁵ = φ + 1: steps of a sequence that fills four dimensions evenly [1]_.
@@ -141,13 +164,17 @@ def _trace(
     ray = mi.Ray3f(p, wo)
     beta = mi.Float(1)
     depth, mark = mi.UInt32(0), mi.UInt32(0)
+    solids = absorption(scene)
+    inside, before = mi.Float(0), mi.Point3f(p)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     count, room = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, capacity)
-    while dr.hint(active, exclude=[grid, scene, count, room, marks]):
+    while dr.hint(active, exclude=[grid, scene, count, room, marks, solids]):
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
+        if dr.hint(solids is not None, mode="scalar"):
+            beta *= dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
         bsdf, may_be_cell = si.bsdf(), mi.Bool(True)
         if dr.hint(marks is not None, mode="scalar"):
             bsdf, mark, factor, may_be_cell = marks.meet(si, mark, sampler.next_1d(active))  # type: ignore[union-attr]
@@ -157,13 +184,18 @@ def _trace(
         bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), uv, active)
         beta *= weight[0]
         active &= beta > 0
-        lobes = bsdf.flags()
+        # Of what mirrors a part: only where the diffuse part was drawn.
         is_cell = (
             active
             & may_be_cell
-            & mi.has_flag(lobes, mi.BSDFFlags.DiffuseReflection)
-            & ~mi.has_flag(lobes, mi.BSDFFlags.Transmission)
+            & mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
+            & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
         )
+        if dr.hint(solids is not None, mode="scalar"):
+            crossed = active & (bs.eta != 1)
+            into = dr.gather(mi.Float, solids, number(bsdf), crossed & (bs.wo.z < 0))
+            inside = dr.select(crossed, into, inside)
+            before = si.p
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         slot = dr.scatter_inc(counter, mi.UInt32(0), is_cell)
         kept = is_cell & (slot < room)

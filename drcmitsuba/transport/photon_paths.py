@@ -18,8 +18,9 @@ from drcmitsuba.material_table import (
 )
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, is_diffuse
 from drcmitsuba.scene import Part
+from drcmitsuba.transport.gather import absorption, number, numbers
 from drcmitsuba.transport.ports import Ports, Start
-from drcmitsuba.transport.receivers import CellAreas, Squares, number, numbers
+from drcmitsuba.transport.receivers import CellAreas, Squares
 
 WEAK = 0.25
 """Share of its first flux below which a photon goes on by chance, with this share."""
@@ -60,27 +61,25 @@ class Traits:
     ----------
     bits : mi.UInt32
         `OWN`, `FILM`, `DIFFUSER`, `RECEIVES`.
-    absorption : mi.Float
-        Of a solid [1/m].
+    absorption : mi.Float or None
+        Of a solid [1/m]; None where nothing absorbs.
     smooth : bool
         Whether photons go on from no surface by chance, but for mirrored or refracted.
     """
 
     bits: mi.UInt32
-    absorption: mi.Float
+    absorption: mi.Float | None
     smooth: bool
 
     @classmethod
     def of(cls, ports: Ports) -> Traits:
         """Traits of the parts of a scene, as photons from some ports see them."""
         at = numbers(ports.scene)
-        bits, absorption = np.zeros(max(at) + 1, np.uint32), np.zeros(max(at) + 1, np.float32)
+        bits = np.zeros(max(at) + 1, np.uint32)
         for i, part in zip(at, ports.scene.parts, strict=True):
             bits[i] = _bits(part) | (OWN if part.component == ports.name else 0)
-            if isinstance(part.material, DielectricMaterial):
-                absorption[i] = part.material.absorption
         smooth = all(_is_smooth(part.material) for part in ports.scene.parts)
-        return cls(mi.UInt32(bits), mi.Float(absorption), smooth)
+        return cls(mi.UInt32(bits), absorption(ports.scene), smooth)
 
 
 def _is_smooth(material: SurfaceMaterial) -> bool:
@@ -165,10 +164,11 @@ def follow(
         counts = chain == _OWN
         squares.record(ray.o, ray.d, si.t, start.bin, bins, flux, mirrored, found, active & counts)
         escaped += dr.select(active & ~met, flux, 0)
-        # From surface to surface: the ray began a little off the last one.
-        left = dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
-        absorbed += dr.select(met, flux * (1 - left), 0)
-        flux = dr.select(met, flux * left, flux)
+        if dr.hint(traits.absorption is not None, mode="scalar"):
+            # From surface to surface: the ray began a little off the last one.
+            left = dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
+            absorbed += dr.select(met, flux * (1 - left), 0)
+            flux = dr.select(met, flux * left, flux)
 
         si.wi = si.to_local(-ray.d)
         bsdf = si.bsdf()
@@ -201,9 +201,11 @@ def follow(
         now = dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN))
         chain = dr.select(deviates, now, chain)
         mirrored &= ~deviates | mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
-        crossed = deviates & (bs.eta != 1)
-        into = dr.gather(mi.Float, traits.absorption, index, crossed & (bs.wo.z < 0))
-        inside = dr.select(crossed, into, inside)
+        if dr.hint(traits.absorption is not None, mode="scalar"):
+            crossed = deviates & (bs.eta != 1)
+            into = dr.gather(mi.Float, traits.absorption, index, crossed & (bs.wo.z < 0))
+            inside = dr.select(crossed, into, inside)
+            before = si.p
 
         step += 1
         active = onward & ~foreign & (flux > 0)
@@ -215,6 +217,5 @@ def follow(
         roulette += dr.select(faint, kept - flux, 0)
         flux = dr.select(faint, kept, flux)
         active &= flux > 0
-        before = si.p
         ray = si.spawn_ray(si.to_world(bs.wo))
     return landed, absorbed, escaped, others, lost, roulette, mi.Float(step)

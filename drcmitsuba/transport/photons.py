@@ -38,7 +38,7 @@ from drcmitsuba.transport.ports import Ports, Sources, Start, of_sky, of_suns
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 LANES = 1 << 21
-"""Photons of one launch."""
+"""Photons of one launch, unless those of one source are more."""
 
 
 @dataclass(frozen=True)
@@ -172,8 +172,10 @@ class Photons:
         """
         if not scene.ports:
             return None
-        for ports in (found := Ports.of(scene)):
-            if ports.name and not ports.sky_share().any():
+        found = Ports.of(scene)
+        # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
+        for ports in found if all(ports.name for ports in found) else ():
+            if not ports.sky_share().any():
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"
                 raise InputError("case", f"components.{ports.name}", got, remedy)
@@ -216,18 +218,20 @@ class Photons:
         bins in the inner squares (sensor,).
         """
         rows, n, ledgers = len(self.areas), len(self.squares.edge), []
-        found = Found(*(dr.zeros(mi.Float, s) for s in (rows * bins, n * bins, n * bins, n)))
+        # One entry at least: a kernel takes no empty array.
+        sizes = (max(1, size) for size in (rows * bins, n * bins, n * bins, n))
+        found = Found(*(dr.zeros(mi.Float, size) for size in sizes))
         for i, ports in enumerate(self.ports):
             seen = np.flatnonzero(ports.could(sources)[:bins].any(axis=1))
-            total, ledger = len(seen) * self.count, Ledger()
-            for first in range(0, total, LANES):
-                lanes = min(LANES, total - first)
-                key = seed + 0x10001 * i
-                start = ports.start(sources, seen, self.count, first, lanes, key)
+            block, ledger = max(1, LANES // self.count), Ledger()
+            for first in range(0, len(seen), block):
+                some, key = seen[first : first + block], seed + 0x10001 * i
+                start = ports.start(sources, some, self.count, key)
                 ledger = ledger.plus(self._follow(ports, start, found, bins, key ^ first << 8))
-                progress((i + (first + lanes) / total) / len(self.ports))
+                progress((i + (first + len(some)) / len(seen)) / len(self.ports))
             ledgers.append(ledger)
-        flux = np.reshape([found.sensors.numpy(), found.mirrored.numpy()], (2, n, bins))
+        flux = np.stack([found.sensors.numpy(), found.mirrored.numpy()])
+        flux = flux[:, : n * bins].reshape(2, n, bins)
         area = self.squares.edge.astype(np.float32) ** 2
         through, inner = flux / area[:, None], found.inner.numpy() / (area / 4)
         if not bins or not rows:

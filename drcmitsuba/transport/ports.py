@@ -150,9 +150,20 @@ class Ports:
     @cached_property
     def exposed(self) -> bool:
         """Whether nothing lies before any port: what it faces is sky or ground."""
+        corners, least = self.scene.corners, -_offset(self.quads)
+        planes = zip(self.quads[:, 0], self.normal / self.area[:, None], strict=True)
+        return all(((corners - q) @ n > least).all() for q, n in planes)
+
+    @cached_property
+    def in_line(self) -> bool:
+        """Whether light might pass one port after another."""
         n = self.normal / self.area[:, None]
-        heights = (self.scene.corners[None] - self.quads[:, :1]) @ n[..., None]
-        return bool((heights > -_offset(self.quads)).all())
+        heights = (
+            np.einsum("pi,qci->pqc", n, self.quads)
+            - (n * self.quads[:, 0]).sum(axis=1)[:, None, None]
+        )
+        behind = (heights > _offset(self.quads)).any(axis=2)
+        return bool((behind & (n @ n.T > 1e-6 - 1)).any())
 
     def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
         """Point on a port and its normal."""
@@ -167,9 +178,22 @@ class Ports:
 
     def _visible(self, p: mi.Point3f, d: mi.Vector3f, flux: mi.Float) -> mi.Float:
         """Flux that comes to points on ports from where they look."""
+        if self.in_line:
+            flux = dr.select(self._passed(p, d), 0, flux)
         if self.exposed:
             return flux
         return flux * straight(self.scene, None, p, d, flux > 0)
+
+    def _passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+        """Whether light that comes to points from directions has passed another port before."""
+        corner = self.quads[:, 0]
+        u, v = self.quads[:, 1] - corner, self.quads[:, 3] - corner
+        n = self.normal
+        square = (n * n).sum(axis=1, keepdims=True)
+        # Edges of the parallelogram's dual: their products with a point are its coordinates.
+        columns = (corner, np.cross(v, n) / square, np.cross(n, u) / square, n)
+        tables = [mi.Float(a.astype(np.float32).ravel()) for a in columns]
+        return _crossed(tables, dr.opaque(mi.UInt32, len(self)), p, d)
 
     def could(self, sources: Sources) -> np.ndarray:
         """Bound of the area [m²] that ports turn towards sources, shape (source, port).
@@ -180,15 +204,13 @@ class Ports:
         away = np.maximum(np.arccos(np.clip(cosine, -1, 1)) - sources.radius[:, None], 0)
         return self.area * np.clip(np.cos(away), 0, None)
 
-    def start(
-        self, sources: Sources, seen: np.ndarray, photons: int, first: int, lanes: int, seed: int
-    ) -> Start:
-        """Photons first … first + lanes − 1 of those from the sources `seen`, `photons` of each.
+    def start(self, sources: Sources, seen: np.ndarray, photons: int, seed: int) -> Start:
+        """Photons from the sources `seen`, `photons` of each.
 
         A port is chosen by the flux that it could get. The points of one source are spread evenly
         over the ports and the source.
         """
-        lane = dr.arange(mi.UInt32, lanes) + dr.opaque(mi.UInt32, first)
+        lane = dr.arange(mi.UInt32, len(seen) * photons)
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
         place, index = lane // each, lane % each
         source = dr.gather(mi.UInt32, mi.UInt32(seen.astype(np.uint32)), place)
@@ -222,6 +244,20 @@ class Ports:
         d = mi.Frame3f(mi.Normal3f(-n)).to_world(mi.warp.square_to_cosine_hemisphere(at))
         seen = self._visible(p, d, dr.full(mi.Float, 1 / PILOT, dr.width(lane)))
         return np.asarray(dr.block_sum(seen, PILOT).numpy(), float)
+
+
+@dr.syntax
+def _crossed(tables: list[mi.Float], count: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+    """Whether rays cross any parallelogram (corner, two dual edges, normal) from the front."""
+    i, crossed = mi.UInt32(0), mi.Bool(False)
+    while dr.hint(i < count, exclude=[tables, p, d, count]):
+        corner, u, v, n = (dr.gather(mi.Vector3f, table, i) for table in tables)
+        t = dr.dot(corner - p, n) / dr.dot(d, n)
+        at = p + t * d - corner
+        a, b = dr.dot(at, u), dr.dot(at, v)
+        crossed |= (dr.dot(d, n) < 0) & (t > 0) & (a >= 0) & (a < 1) & (b >= 0) & (b < 1)
+        i += 1
+    return crossed
 
 
 def _offset(points: np.ndarray) -> float:

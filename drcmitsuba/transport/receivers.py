@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from drcmitsuba.materials import is_diffuse
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.gather import even_numbers
+from drcmitsuba.transport.gather import even_numbers, number, numbers
 
 POINTS = 1024
 """Points that measure the area of a whole face of a cell."""
@@ -25,6 +25,8 @@ OFFSET = 1e-4
 """Distance from a surface at which it is looked at [m]."""
 SMALLEST = 0.02
 """Least edge of a square [m]."""
+AROUND = 32
+"""Directions in which a sensor looks for what its square may not reach into."""
 _NONE = 0xFFFFFFFF
 
 
@@ -117,16 +119,6 @@ def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
     return ~(si.is_valid() & of_body & (dr.dot(si.n, n) > 0))
 
 
-def number(bsdf: mi.BSDFPtr) -> mi.UInt32:
-    """Number of a BSDF in Dr.Jit's registry."""
-    return dr.reinterpret_array(mi.UInt32, bsdf)
-
-
-def numbers(scene: Scene) -> list[int]:
-    """Numbers of the BSDFs of a scene's parts."""
-    return [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
-
-
 @dataclass(frozen=True)
 class Plane:
     """Sensors in one plane, and a raster over it that names those near.
@@ -173,13 +165,13 @@ class Squares:
     def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, size: float) -> Squares:
         """Lay squares of at most `size` [m] around sensors.
 
-        None reaches beyond the room, or to a neighbour's centre; sensors that are closer than
-        `SMALLEST` to something have it all the same.
+        None reaches beyond the room, into furniture, or to a neighbour's centre; sensors that are
+        closer than `SMALLEST` to something have it all the same.
         """
-        near = np.full(len(points), np.inf)
+        near = 2 * np.minimum(_to_walls(scene, points), _to_things(scene, points, normals))
         if len(points) > 1:
-            near = cKDTree(points).query(points, 2, p=np.inf)[0][:, 1]
-        edge = np.clip(np.minimum(near, 2 * _to_walls(scene, points)), SMALLEST, size)
+            near = np.minimum(near, cKDTree(points).query(points, 2, p=np.inf)[0][:, 1])
+        edge = np.clip(near, SMALLEST, size)
         turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
         offset = np.einsum("si,si->s", points, normals)
         keys = np.round(np.column_stack([normals, offset]), 4)
@@ -235,3 +227,22 @@ def _to_walls(scene: Scene, points: np.ndarray) -> np.ndarray:
         return np.full(len(points), np.inf)
     at, size = points @ scene.enclosure.turn, scene.enclosure.size
     return np.minimum(at, size - at)[:, :2].min(axis=1)
+
+
+def _to_things(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Distance to what stands in the sensors' planes, in `AROUND` directions [m]."""
+    turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
+    lane = dr.arange(mi.UInt32, len(points) * AROUND)
+    sensor, angle = lane // AROUND, mi.Float(lane % AROUND) * (2 * np.pi / AROUND)
+    p, n = (
+        dr.gather(mi.Vector3f, mi.Float(a.astype(np.float32).ravel()), sensor)
+        for a in (points, normals)
+    )
+    x = mi.Vector3f(*map(float, turn[:, 0]))
+    x = dr.normalize(x - dr.dot(x, n) * n)
+    x = dr.select(dr.isfinite(x.x), x, mi.Frame3f(n).s)
+    sine, cosine = dr.sincos(angle)
+    ray = mi.Ray3f(mi.Point3f(p), cosine * x + sine * dr.cross(n, x))
+    t = scene.full.ray_intersect_preliminary(ray, coherent=False).t
+    away = (t * dr.maximum(dr.abs(sine), dr.abs(cosine))).numpy()
+    return away.reshape(-1, AROUND).min(axis=1)

@@ -111,7 +111,7 @@ def ray_rate(traced: Photons, run: int) -> float:
     (ports,) = traced.ports
     scene, sources = ports.scene.full, of_suns(traced.suns, traced.diameter)
     seen = np.arange(len(traced.suns))
-    start = ports.start(sources, seen, traced.count, 0, len(seen) * traced.count, run)
+    start = ports.start(sources, seen, traced.count, run)
     p, d, active = start.p, start.d, start.flux > 0
     hits, seconds = 0, 0.0
     while True:

@@ -13,6 +13,7 @@ from drcmitsuba import scene as scenes
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import Port, Surface
 from drcmitsuba.material_table import DielectricMaterial, MirrorMaterial
 from drcmitsuba.materials import Lambertian
@@ -299,3 +300,124 @@ def test_stored_photons_of_the_plugin_agree(same):
     there = np.sum(there, axis=1)
     same(here[..., :146], other=there[..., :146], within=0.02)
     same(here[..., 146:], other=there[..., 146:], within=0.02)
+
+
+# ---- in rooms ---------------------------------------------------------------------------------
+
+OPEN = {
+    **ROOM,
+    "facade": {"south": {"strips": [{"bottom": 0.9, "top": 2.5, "material": "open"}]}},
+    "materials": {},
+}
+ACCURACY = Accuracy(
+    replicates=8, paths=1024, photons=1 << 12, sensor_sky_rays=4096, cell_size=0.15,
+    sensor_sun_samples=64,
+)  # fmt: skip
+
+
+LOW, HIGH = [0.05, 3.5, 0.1], [3.95, 3.9, 2.8]
+
+
+def beside(material, component="part"):
+    """Sensors of a room with a block before its back wall, and the scene."""
+    case = Case.model_validate(OPEN)
+    part = Surface("part", material, box(LOW, HIGH), component, closed=True)
+    ports = box_ports("part", LOW, HIGH) if component else ()
+    return scenes.build([*scenes.surfaces(case), part], ports=ports), scenes.sensor_points(case)
+
+
+def test_a_block_that_mirrors_a_part(same, plain_coefficients):
+    scene, sensors = beside(mirror(0.9, specular=0.5))
+    here = compute(scene, *sensors, WIDE, ACCURACY)["replicates"].values
+    world = sources(scene, DIRECTIONS, WIDE.diameter)
+    there = plain_coefficients(world, *sensors, spp=1 << 12).sum(axis=0)
+    same(here[..., :146], other=there[..., :146], within=0.02)
+    same(here[..., 146:], other=there[..., 146:], within=0.02)
+
+
+def test_a_block_that_swallows_what_enters_it():
+    """It reflects next to nothing, and exp(−30 · 0.4) of the light gets through: it looks black."""
+    clear = DielectricMaterial(type="dielectric", ior=1.05, absorption=30.0)
+    totals = []
+    for scene, sensors in (beside(clear), beside(Lambertian(0.0), component="")):
+        C = compute(scene, *sensors, WIDE, ACCURACY)["replicates"].values
+        totals.append([C[..., part].sum() for part in (np.s_[:146], np.s_[146:])])
+    assert totals[0] == pytest.approx(totals[1], rel=0.02)
+
+
+def test_light_that_passes_two_ports_of_a_component_is_counted_once():
+    """Two panes of mirrors, one behind the other: as one component, and as two."""
+    low = [([-0.5, 0, 0], [0.5, 0.1, 1]), ([-0.5, 2, 0], [0.5, 2.1, 1])]
+    slats = [
+        np.array([quad([-0.5, y, z], X, 0.1 * Y + 0.05 * Z) for z in np.arange(0, 0.95, 0.1)])
+        for y in (0.0, 2.0)
+    ]
+    sun = np.array([[0.02, -1, 0.1]]) / np.linalg.norm([0.02, -1, 0.1])
+    sums = []
+    for names in (("a", "b"), ("a", "a")):
+        parts = [Surface(n, mirror(0.9), quads, n) for n, quads in zip(names, slats, strict=True)]
+        ports = tuple(
+            Port(n, quad(corners[0], Z, X)) for n, corners in zip(names, low, strict=True)
+        )
+        _, flux, _ = traced([*parts, FLOOR], ports, sun, count=1 << 17)
+        sums.append(flux.sum())
+    assert sums[0] > 0
+    assert sums[1] == pytest.approx(sums[0], rel=0.01)
+
+
+def test_a_plate_that_shares_its_name_with_a_box_is_no_body():
+    pieces = [
+        {"corner": [0, 0, 0.7], "size": [1.0, 1.0, 0.0]},
+        {"corner": [2.0, 2.0, 0.0], "size": [1.0, 1.0, 0.5]},
+    ]
+    case = Case.model_validate({**OPEN, "furniture": pieces})
+    assert [s.closed for s in scenes.surfaces(case) if s.name == "furniture"] == [False, True]
+
+
+def test_squares_stop_at_furniture():
+    cabinet = {"corner": [1.03, 0.5, 0.0], "size": [1.0, 1.0, 1.2]}
+    case = Case.model_validate({**OPEN, "furniture": [cabinet]})
+    points = np.array([[1.0, 1.0, 0.8], [0.5, 1.0, 0.8]])
+    squares = Squares.of(scenes.load(case), points, np.tile(Z, (2, 1)), 0.3)
+    np.testing.assert_allclose(squares.edge, [0.06, 0.3], atol=1e-4)
+
+
+def test_a_component_behind_a_closed_shade(tmp_path):
+    (tmp_path / "shelf.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 1 0.5 0.5\nv 0 0.5 0.5\nf 1 2 3\nf 1 3 4\n"
+    )
+    shelf = {"type": "mesh", "file": str(tmp_path / "shelf.obj"), "material": "silver"}
+    case = Case.model_validate(
+        {
+            **OPEN,
+            "components": {"shelf": {**shelf, "position": [1.0, 1.0, 2.0]}},
+            "materials": {
+                "silver": {"type": "mirror", "reflectance": 0.9},
+                "cloth": {"type": "diffuser", "transmittance": 0.1},
+            },
+            "shading": {"material": "cloth"},
+        }
+    )
+    points, normals = scenes.sensor_points(case)
+    rough = ACCURACY.model_copy(update={"replicates": 2, "photons": 256, "paths": 64})
+    is_open, shaded = (
+        compute(scenes.load(case, state), points, normals, WIDE, rough)["replicates"].values
+        for state in ("open", "shaded")
+    )
+    assert 0 < shaded.sum() < is_open.sum()
+
+
+def test_a_component_that_no_light_gets_to_is_refused():
+    boxed = Surface("box", Lambertian(0.5), box([-1, -1, 0], [1, 1, 2]))
+    part = Surface("part", mirror(0.9), tilted(1, 30)[None], "part")
+    ports = box_ports("part", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])
+    with pytest.raises(InputError, match=r"components\.part: neither sky nor ground"):
+        traced([boxed, part], ports)
+
+
+def test_a_mirror_alone_lets_everything_escape():
+    part = Surface("part", mirror(1.0), tilted(1, 30)[None], "part")
+    ports = box_ports("part", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])
+    landed, _, _ = traced([part], ports, subdivision=1, count=64)
+    for ledger in landed.ledgers.values():
+        assert ledger.escaped == pytest.approx(ledger.emitted, rel=1e-6)
