@@ -24,6 +24,7 @@ from drcmitsuba.material_table import GlazingMaterial
 from drcmitsuba.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.structures.block import MM, Block, block, is_clear
 from drcmitsuba.structures.recipe import Lamellae, Mesh, Recipe, load_recipe
+from drcmitsuba.structures.structure import MOST_TRIANGLES
 
 FINEST = 20
 """Periods are at least so many ray offsets long; finer structures are a matter for a BSDF.
@@ -142,13 +143,20 @@ def structure(
         )  # fmt: skip
     inner = case.materials[component.inner] if component.inner is not None else None
     found: dict[str, list[np.ndarray]] = {"structure": [], "casing": [], "outer": [], "inner": []}
-    ports, blocks = [], {}
+    ports, blocks, count = [], {}, 0
     for pane in panes:
         opening = Opening.of(pane)
         size = round(opening.width, 9), round(opening.height, 9)
         if size not in blocks:
             slit = component.gap if is_clear(recipe) else 0.0
             blocks[size] = block(recipe, size[0] - 2 * slit, size[1] - 2 * slit)
+        count += 2 * len(blocks[size].quads)
+        if count > MOST_TRIANGLES:
+            got, remedy = (
+                f"more than {MOST_TRIANGLES} triangles in all panes",
+                "give longer periods",
+            )
+            raise InputError(case.source, f"components.{name}.recipe", got, remedy)
         ports += _fill(found, opening, blocks[size], component, recipe, outer is not None)
     casing = Lambertian(component.casing)
     made: dict[str, SurfaceMaterial | None] = {"casing": casing, "outer": outer, "inner": inner}

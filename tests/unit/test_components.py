@@ -717,3 +717,29 @@ def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
     after = simulation.fingerprint(slats), simulation.fingerprint(cube)
     assert not set(before) & set(after)
     assert simulation.fingerprint(with_strip(tmp_path, SLATS, tilt=11.0)) != before[0]
+
+
+def test_panes_together_may_not_have_too_many_triangles(tmp_path, monkeypatch):
+    placed = only(components.place(with_strip(tmp_path, SLATS)))
+    half = 2 * len(part(placed, "structure").quads) // 2  # triangles of one of two panes
+    monkeypatch.setattr("drcmitsuba.components.structure.MOST_TRIANGLES", half)
+    with pytest.raises(InputError, match=r"panel\.recipe: more than \d+ triangles in all panes"):
+        components.place(with_strip(tmp_path, SLATS))
+
+
+def test_ports_of_a_mesh_that_stands_half_outside_are_kept(tmp_path):
+    """What a wall covers of a face is dark by itself; the rest lets light in."""
+    (tmp_path / "shelf.obj").write_text(
+        "v 0 0 0\nv 2 0 0\nv 2 1 0.2\nv 0 1 0.2\nf 1 2 3\nf 1 3 4\n"
+    )
+    shelf = {"type": "mesh", "file": str(tmp_path / "shelf.obj"), "material": "silver"}
+    strips = [{"bottom": 1.0, "top": 2.0, "material": "open"}]
+    placed = only(
+        components.place(
+            case(
+                components={"shelf": shelf | {"position": [1.0, -0.5, 1.5]}},
+                facade={"south": {"strips": strips}},
+            )
+        )
+    )
+    assert len(placed.ports) == 5  # all but the one that turns its back on the opening
