@@ -9,8 +9,8 @@ Squares around the sensors record what crosses them. Per unit radiance of bin b,
 Every path of light is counted once. A photon counts where its chain is one that no other estimator
 knows: it begins with a deviation (anything but going straight through a pane) by the component of
 its own port, and it is not a film followed by diffusing panes, which the pane deposits find. So
-straight light, and light that another component deviates first, end without a trace, and two
-ports of one component must not lie behind one another.
+straight light, and light that another component deviates first, end without a trace, and of two
+ports of one component that lie behind one another light counts from the first.
 
 References
 ----------

@@ -106,32 +106,21 @@ class Ports:
     scene : Scene
     quads : np.ndarray, shape (port, 4, 3)
         Parallelograms [m]; fronts face the way the light goes.
-    component : int
-        Number among `names`.
-    names : tuple of str
-        Of all components of the scene; "" stands for its panes.
+    name : str
+        Of the component; "" stands for the panes.
     """
 
     scene: Scene
     quads: np.ndarray
-    component: int
-    names: tuple[str, ...]
+    name: str
 
     @classmethod
     def of(cls, scene: Scene) -> tuple[Ports, ...]:
         """Ports of each component of a scene, and of the panes; none without components."""
-        names = tuple(sorted({part.component for part in scene.parts}))
-        ports = [*scene.ports, *_pane_ports(scene)] if scene.ports else []
-        found = []
-        for name in sorted({port.component for port in ports}):
-            quads = np.array([port.quad for port in ports if port.component == name], float)
-            found.append(cls(scene, quads, names.index(name), names))
-        return tuple(found)
-
-    @property
-    def name(self) -> str:
-        """Of the component; "" of the panes."""
-        return self.names[self.component]
+        quads: dict[str, list[np.ndarray]] = {}
+        for port in [*scene.ports, *_pane_ports(scene)] if scene.ports else []:
+            quads.setdefault(port.component, []).append(port.quad)
+        return tuple(cls(scene, np.array(quads[name], float), name) for name in sorted(quads))
 
     def __len__(self) -> int:
         """Count the ports."""
@@ -167,10 +156,9 @@ class Ports:
 
     def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
         """Point on a port and its normal."""
-        n = self.normal / self.area[:, None]
         corner = self.quads[:, 0]
-        edges = self.quads[:, 1] - self.quads[:, 0], self.quads[:, 3] - self.quads[:, 0]
-        columns = (corner, *edges, n)
+        edges = self.quads[:, 1] - corner, self.quads[:, 3] - corner
+        columns = (corner, *edges, self.normal / self.area[:, None])
         at, u, v, n = (
             dr.gather(mi.Vector3f, mi.Float(a.astype(np.float32).ravel()), port) for a in columns
         )
@@ -235,8 +223,6 @@ class Ports:
 
     def sky_share(self, seed: int = 0) -> np.ndarray:
         """Share of its cosine-weighted hemisphere that every port sees of sky and ground."""
-        if len(self) == 0:
-            return np.zeros(0)
         lane = dr.arange(mi.UInt32, len(self) * PILOT)
         port, index = lane // PILOT, lane % PILOT
         p, n = self._at(port, even_numbers(index, port, seed, 0))

@@ -21,6 +21,8 @@ from drcmitsuba.transport.gather import even_numbers, number, numbers
 
 POINTS = 1024
 """Points that measure the area of a whole face of a cell."""
+MOST_POINTS = 1 << 23
+"""Of all cells together; the areas of very large scenes are told more coarsely."""
 OFFSET = 1e-4
 """Distance from a surface at which it is looked at [m]."""
 SMALLEST = 0.02
@@ -53,41 +55,16 @@ class CellAreas:
 
         Points inside closed bodies do not count: looking along the normal they see a back.
         """
-        parts = [p for p in scene.parts if is_diffuse(p.material)]
-        quads = np.concatenate([p.quads for p in parts]) if parts else np.zeros((0, 4, 3))
-        corners = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3, 3)
-        u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        normal = np.cross(u, v)
-        size = np.linalg.norm(normal, axis=1) / 2
-        corners, u, v, normal, size = (a[size > 0] for a in (corners, u, v, normal, size))
         area = dr.zeros(mi.Float64, len(grid))
-        if len(size):
-            n = int(np.ceil(size.sum() / grid.size**2 * POINTS))
-            shares = np.cumsum(size) / size.sum()
-            lane = dr.arange(mi.UInt32, n)
-            at = (mi.Float64(lane) + 0.5) / n
-            table = mi.Float64(shares[:-1])
-            triangle = dr.binary_search(
-                0, len(shares) - 1, lambda i: dr.gather(mi.Float64, table, i) < at
-            )
-            which = dr.arange(mi.UInt32, n)
-            a, b = even_numbers(which, dr.zeros(mi.UInt32, n), seed, 0)
-            over = a + b > 1
-            a, b = dr.select(over, 1 - a, a), dr.select(over, 1 - b, b)
-            corner, u_, v_, n_ = (
-                dr.gather(mi.Vector3f, mi.Float(x.astype(np.float32).ravel()), triangle)
-                for x in (
-                    corners[:, 0],
-                    u,
-                    v,
-                    normal / np.linalg.norm(normal, axis=1, keepdims=True),
-                )
-            )
-            p = mi.Point3f(corner + a * u_ + b * v_)
-            for facing in (n_, -n_):
+        triangles = _triangles([p.quads for p in scene.parts if is_diffuse(p.material)])
+        if len(triangles):
+            whole = float(_sizes(triangles).sum())
+            count = min(MOST_POINTS, int(np.ceil(whole / grid.size**2 * POINTS)))
+            p, n = _spread(triangles, count, seed)
+            for facing in (n, -n):
                 exposed = _exposed(scene, p, facing)
                 key = grid.key(p, mi.Normal3f(facing))
-                dr.scatter_add(area, mi.Float64(size.sum() / n), key, exposed)
+                dr.scatter_add(area, mi.Float64(whole / count), key, exposed)
         there = dr.compress(area > 0)
         row = dr.full(mi.UInt32, _NONE, len(grid))
         if dr.width(there):
@@ -104,6 +81,39 @@ class CellAreas:
         """Rows of keys, and whether there are such."""
         row = dr.gather(mi.UInt32, self.row, key, active)
         return row, (row != _NONE) & active
+
+
+def _triangles(quads: list[np.ndarray]) -> np.ndarray:
+    """Triangles (triangle, 3, 3) of quadrilaterals (quad, 4, 3), without those of no area."""
+    q = np.concatenate([np.zeros((0, 4, 3)), *quads])
+    triangles = q[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+    return triangles[_sizes(triangles) > 0]
+
+
+def _sizes(triangles: np.ndarray) -> np.ndarray:
+    """Areas of triangles [m²]."""
+    u, v = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    return np.linalg.norm(np.cross(u, v), axis=1) / 2
+
+
+def _spread(triangles: np.ndarray, count: int, seed: int) -> tuple[mi.Point3f, mi.Vector3f]:
+    """Points spread evenly over triangles (triangle, 3, 3), and the normals there."""
+    corner = triangles[:, 0]
+    u, v = triangles[:, 1] - corner, triangles[:, 2] - corner
+    normal = np.cross(u, v)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    shares = np.cumsum(_sizes(triangles))
+    lane = dr.arange(mi.UInt32, count)
+    at, table = (mi.Float64(lane) + 0.5) / count, mi.Float64(shares[:-1] / shares[-1])
+    which = dr.binary_search(0, len(shares) - 1, lambda i: dr.gather(mi.Float64, table, i) < at)
+    a, b = even_numbers(lane, dr.zeros(mi.UInt32, count), seed, 0)
+    over = a + b > 1
+    a, b = dr.select(over, 1 - a, a), dr.select(over, 1 - b, b)
+    c, u_, v_, n = (
+        dr.gather(mi.Vector3f, mi.Float(x.astype(np.float32).ravel()), which)
+        for x in (corner, u, v, normal)
+    )
+    return mi.Point3f(c + a * u_ + b * v_), n
 
 
 def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
