@@ -57,7 +57,7 @@ class Accuracy(Table):
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
     """Deposit: directions to the sky from every outgoing cell of a film."""
     photons: Annotated[int, Field(ge=1, le=1 << 22)] = 1024
-    """Deposit: photons of every sun and every patch of the sky to each component."""
+    """Deposit: photons of every sun to each component; of a patch of the sky four times as many."""
     photon_surfaces: Annotated[int, Field(ge=2, le=10_000)] = 256
     """Surfaces that a photon is followed over; what is still under way is told as lost."""
     sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3

@@ -39,6 +39,8 @@ from drcmitsuba.transport.receivers import CellAreas, Squares
 
 LANES = 1 << 21
 """Photons of one launch, unless those of one source are more."""
+PATCH = 4
+"""Photons of a patch of the sky for each of a sun: a patch counts in every hour."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +146,7 @@ class Photons:
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
     count : int
-        Photons of a sun or a patch to each component, in one replicate.
+        Photons of a sun to each component, in one replicate; of a patch `PATCH` times as many.
     surfaces : int
         Followed at most.
     """
@@ -196,11 +198,13 @@ class Photons:
             Told the share that is done.
         """
         patches = len(Patches(self.subdivision)) if self.subdivision else 0
-        sky = of_sky(self.subdivision or 1), patches, seed, part(progress, 0, 0.3)
-        suns = of_suns(self.suns, self.diameter), len(self.suns), seed + 1, part(progress, 0.3, 1)
-        (by_sky, through_sky, _, a), (by_sun, through_sun, inner, b) = (
-            self._landed(*kind) for kind in (sky, suns)
+        by_sky, through_sky, _, a = self._landed(
+            of_sky(self.subdivision or 1), patches, PATCH * self.count, seed, part(progress, 0, 0.3)
         )
+        by_sun, through_sun, inner, b = self._landed(
+            of_suns(self.suns, self.diameter), len(self.suns), self.count, seed + 1,
+            part(progress, 0.3, 1),
+        )  # fmt: skip
         sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
         smear = 4 / 3 * (through_sun[0].sum(axis=1) - inner)
         names = (ports.name for ports in self.ports)
@@ -212,7 +216,7 @@ class Photons:
         return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
 
     def _landed(
-        self, sources: Sources, bins: int, seed: int, progress: Progress
+        self, sources: Sources, bins: int, photons: int, seed: int, progress: Progress
     ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[Ledger]]:
         """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
         bins in the inner squares (sensor,).
@@ -223,10 +227,10 @@ class Photons:
         found = Found(*(dr.zeros(mi.Float, size) for size in sizes))
         for i, ports in enumerate(self.ports):
             seen = np.flatnonzero(ports.could(sources)[:bins].any(axis=1))
-            block, ledger = max(1, LANES // self.count), Ledger()
+            block, ledger = max(1, LANES // photons), Ledger()
             for first in range(0, len(seen), block):
                 some, key = seen[first : first + block], seed + 0x10001 * i
-                start = ports.start(sources, some, self.count, key)
+                start = ports.start(sources, some, photons, key)
                 ledger = ledger.plus(self._follow(ports, start, found, bins, key ^ first << 8))
                 progress((i + (first + len(some)) / len(seen)) / len(self.ports))
             ledgers.append(ledger)
