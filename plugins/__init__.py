@@ -45,11 +45,18 @@ _MODULES = (
 )
 
 
+_registered: set[str] = set()
+
+
 def _register(*_variants: object) -> None:
-    """Import the plugin modules for the current variant; their last lines register them."""
+    """Import the plugin modules for the current variant; their last lines register them.
+
+    Once for each: Mitsuba keeps what a variant had when another one is set.
+    """
     variant = mi.variant()
-    if variant is None or variant.startswith("scalar"):
+    if variant is None or variant.startswith("scalar") or variant in _registered:
         return  # a plugin in Python needs a vectorised variant
+    _registered.add(variant)
     for name in _MODULES:
         full = f"{__name__}.{name}"
         if full in sys.modules:

@@ -300,9 +300,11 @@ def test_points_on_panes_change_no_mean(same, plain_coefficients, monkeypatch):
     }
     scene = load(suns=suns(), **panes, **furnished())
     both = plain_coefficients(scene, [[0, 0, 0.2], [0.2, -1.0, 0.1]], [UP, [0, 0.6, 0.8]], seed=1)
-    code = type(mi.load_dict({"type": "coefficient"})).sensors.__globals__
-    monkeypatch.setattr(code["Coefficient"], "_pane_sampling", lambda *arguments: None)
-    monkeypatch.setattr(code["_Panes"], "density", lambda *arguments: mi.Float(0))
+    plugin = type(mi.load_dict({"type": "coefficient"}))
+    monkeypatch.setattr(plugin, "_pane_sampling", lambda *arguments: None)
+    monkeypatch.setattr(
+        plugin.sensors.__globals__["_Panes"], "density", lambda *arguments: mi.Float(0)
+    )
     one = plain_coefficients(
         scene, [[0, 0, 0.2], [0.2, -1.0, 0.1]], [UP, [0, 0.6, 0.8]], seed=2, spp=1 << 14
     )
