@@ -355,11 +355,11 @@ def component(room: Classroom, options: argparse.Namespace, folder: Path) -> Non
         ask = partial(traced.photons, suns.directions, suns.diameter)
         found = ask(count=count, bandwidth=bandwidth)
         error = photons.relative_error(lamellae.by_field(found.coefficients), known)
-        nearest, spent = min(ours, key=lambda o: abs(np.log(o[0] / error)))
         # Of the look-ups one in each field is counted: means of many only spare Radiance the blame
         # for telling points where our squares tell fields.
         seconds = found.emission + found.look_up / lamellae.finer**2
-        ratio = seconds * (error / nearest) ** 2 / spent
+        errors, times = np.log(sorted(ours)).T
+        ratio = seconds / np.exp(np.interp(np.log(error), errors, times))
         split = f"{found.emission:.2f} + {seconds - found.emission:.3f}"
         name = f"`mkpmap -apC` {count:,} + `rcontrib -ap` {bandwidth}"
         rows.append([name, split, f"{error:.3f}", f"{found.size / 1e6:.0f}", f"{ratio:.0f} ×"])
