@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -77,7 +78,9 @@ class Lamellae:
         points = room.sensors(self.side * self.finer)
         text = radiance.scene_text(self.surfaces, room.TRANSMISSIVITY)
         ports = modifiers(self.surfaces, ["pane"])
-        return PhotonRoom(text + receivers(room.receiver()), *points, folder, ports)
+        return PhotonRoom(
+            text + receivers(room.receiver()), *points, folder, ports, os.cpu_count() or 1
+        )
 
     def by_field(self, fine: np.ndarray) -> np.ndarray:
         """Means over the fields, shape (sensor, sun), of Radiance's look-ups."""

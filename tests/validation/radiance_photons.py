@@ -24,7 +24,6 @@ are. What was found out about it (Radiance 6.0a, and read in its source):
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -75,9 +74,12 @@ class PhotonRoom(radiance.Room):
     ----------
     ports : tuple of str
         Modifiers of the surfaces that photons start on.
+    cores : int
+        Processes; photons depend on their number.
     """
 
     ports: tuple[str, ...] = ()
+    cores: int = 1
 
     def photons(
         self, directions: np.ndarray, diameter: float, *, count: int, bandwidth: int,
@@ -112,12 +114,12 @@ class PhotonRoom(radiance.Room):
             ports = [word for port in self.ports for word in ("-apo", port)]
             start = perf_counter()
             radiance.run(
-                ["mkpmap", "-n", f"{os.cpu_count()}", "-apC", "suns.cpm", f"{count}",
+                ["mkpmap", "-n", f"{self.cores}", "-apC", "suns.cpm", f"{count}",
                  "-apr", f"{seed}", "-fo+", *ports, "-aps", "receiver", octree], self.folder,
             )  # fmt: skip
             half = perf_counter()
             output = radiance.run(
-                ["rcontrib", "-n", f"{os.cpu_count()}", "-h", "-faf", "-I+", "-V+", *options,
+                ["rcontrib", "-n", f"{self.cores}", "-h", "-faf", "-I+", "-V+", *options,
                  "-ap", "suns.cpm", f"{bandwidth}", "-M", "suns.txt", octree],
                 self.folder, self._rays(1),
             )  # fmt: skip
