@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from functools import reduce
 from typing import Any
 
 import drjit as dr
@@ -60,14 +61,16 @@ class _Replicate:
     landed: Landed | None = None
     cells: Irradiance | None = None
 
-    def add_cells(self, vertices: Vertices, cells: Cells, first: int, key: tuple[int, ...]) -> None:
-        """Find D of cells that were met for the first time, those from number `first` on."""
-        count = cells.count - first
-        p, n = draw_points(vertices, cells.of(vertices), first, count, self.number)
+    def add_cells(
+        self, vertices: Vertices, cell: mi.UInt32, new: range, keys: mi.UInt32,
+        key: tuple[int, ...],
+    ) -> None:  # fmt: skip
+        """Find D of cells that were met for the first time, of some keys in the grid."""
+        p, n = draw_points(vertices, cell, new.start, len(new), self.number)
         straight = self.deposit.straight(p, n, key, self.deposit.accuracy.cell_sky_rays)
         found = straight.plus(self.deposit.scattered(p, n, key))
         if self.landed is not None:
-            found = found.plus(Irradiance(*self.landed.on(cells.keys(first))))
+            found = found.plus(Irradiance(*self.landed.on(keys)))
         self.cells = found if self.cells is None else self.cells.followed_by(found)
 
     def sensors(
@@ -285,11 +288,13 @@ def estimate(
         known = cells.count
         cells = cells.extended(vertices)
         cell = cells.of(vertices)
+        keys = mi.UInt32() if photons is None else cells.keys(known)
         found = []
         for replicate in replicates:
             key = (replicate.number, 1, block)
             if cells.count > known:
-                replicate.add_cells(vertices, cells, known, (*key, 0))
+                new = range(known, cells.count)
+                replicate.add_cells(vertices, cell, new, keys, (*key, 0))
             straight, direct = replicate.sensors(p, n, here, (*key, 1), sun_samples)
             interreflected = replicate.interreflected(vertices, cell, count)
             found.append((straight, direct, interreflected))
@@ -311,8 +316,10 @@ def _told(replicates: list[_Replicate]) -> dict[str, Any]:
     `photons` is JSON, see `Ledger`, `photons_smear` relative to what the sensors get.
     """
     landed = [r.landed for r in replicates if r.landed is not None]
-    ledgers = {name: asdict(_summed([one.ledgers[name] for one in landed]))
-               for name in landed[0].ledgers}  # fmt: skip
+    ledgers = {
+        name: asdict(reduce(Ledger.plus, (one.ledgers[name] for one in landed)))
+        for name in landed[0].ledgers
+    }
     smear = np.stack([one.smear for one in landed])
     # Less what the scatter of the replicates makes of it.
     square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean()
@@ -320,10 +327,3 @@ def _told(replicates: list[_Replicate]) -> dict[str, Any]:
     whole = np.mean([one.sensors[:, -suns:].sum(axis=1) for one in landed]) if suns else 0.0
     smeared = float(np.sqrt(max(square, 0)) / whole) if whole else 0.0
     return {"photons": json.dumps(ledgers), "photons_smear": smeared}
-
-
-def _summed(ledgers: list[Ledger]) -> Ledger:
-    total = Ledger()
-    for ledger in ledgers:
-        total = total.plus(ledger)
-    return total

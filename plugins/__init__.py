@@ -56,13 +56,13 @@ def _register(*_variants: object) -> None:
     variant = mi.variant()
     if variant is None or variant.startswith("scalar") or variant in _registered:
         return  # a plugin in Python needs a vectorised variant
-    _registered.add(variant)
     for name in _MODULES:
         full = f"{__name__}.{name}"
         if full in sys.modules:
             importlib.reload(sys.modules[full])
         else:
             importlib.import_module(full)
+    _registered.add(variant)
 
 
 mi.detail.add_variant_callback(_register)

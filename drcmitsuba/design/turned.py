@@ -30,7 +30,7 @@ import xarray as xr
 
 from drcmitsuba import accumulate, components, simulation
 from drcmitsuba.basis.year import Illuminances
-from drcmitsuba.case import Adaptive, Case, TrueSun
+from drcmitsuba.case import Case
 from drcmitsuba.component_table import StructureComponent
 from drcmitsuba.design.measure import Aim, Evaluation, Measure, Score
 from drcmitsuba.design.parameters import Parameter
@@ -123,8 +123,6 @@ class Turned:
     def of(cls, case: Case, stage: Stage = silent) -> Turned:
         """Read it from a case.
 
-        An adaptive sun gives way to the true suns: its mesh would be another one for every tilt.
-
         Raises
         ------
         InputError
@@ -141,8 +139,6 @@ class Turned:
         if not isinstance(structure, Lamellae):
             got = f"the recipe of {shortened(design.component)} is of kind {structure.kind}"
             raise InputError(case.source, "design.component", got, "only lamellae are tilted")
-        if isinstance(case.sun, Adaptive):
-            case = case.model_copy(update={"sun": TrueSun()})
         now = structure.tilt if component.tilt is None else component.tilt
         low, high = design.tilt
         tilt = Parameter("tilt", low, high, min(max(now, low), high))

@@ -23,33 +23,11 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
-from drcmitsuba.material_table import DielectricMaterial
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid, Vertices
+from drcmitsuba.transport.parts import absorption, number
 
 ROULETTE_DEPTH = 3
-
-
-def number(bsdf: mi.BSDFPtr) -> mi.UInt32:
-    """Number of a BSDF in Dr.Jit's registry."""
-    return dr.reinterpret_array(mi.UInt32, bsdf)
-
-
-def numbers(scene: Scene) -> list[int]:
-    """Numbers of the BSDFs of a scene's parts."""
-    return [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in scene.parts]
-
-
-def absorption(scene: Scene) -> mi.Float | None:
-    """Absorption [1/m] of the solid behind a BSDF, by its number; None where nothing absorbs."""
-    solids = [part.material for part in scene.parts]
-    values = [m.absorption if isinstance(m, DielectricMaterial) else 0.0 for m in solids]
-    if not any(values):
-        return None
-    at = numbers(scene)
-    table = np.zeros(max(at) + 1, np.float32)
-    table[at] = values
-    return mi.Float(table)
 
 
 # 2³² / φʲ with φ⁵ = φ + 1: steps of a sequence that fills four dimensions evenly [1]_.

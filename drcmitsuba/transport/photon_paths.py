@@ -18,7 +18,7 @@ from drcmitsuba.material_table import (
 )
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, is_diffuse
 from drcmitsuba.scene import Part
-from drcmitsuba.transport.gather import absorption, number, numbers
+from drcmitsuba.transport.parts import absorption, number, table
 from drcmitsuba.transport.ports import Ports, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
@@ -74,12 +74,10 @@ class Traits:
     @classmethod
     def of(cls, ports: Ports) -> Traits:
         """Traits of the parts of a scene, as photons from some ports see them."""
-        at = numbers(ports.scene)
-        bits = np.zeros(max(at) + 1, np.uint32)
-        for i, part in zip(at, ports.scene.parts, strict=True):
-            bits[i] = _bits(part) | (OWN if part.component == ports.name else 0)
-        smooth = all(_is_smooth(part.material) for part in ports.scene.parts)
-        return cls(mi.UInt32(bits), absorption(ports.scene), smooth)
+        scene, parts = ports.scene, ports.scene.parts
+        bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
+        smooth = all(_is_smooth(part.material) for part in parts)
+        return cls(mi.UInt32(table(scene, bits, np.uint32)), absorption(scene), smooth)
 
 
 def _is_smooth(material: SurfaceMaterial) -> bool:

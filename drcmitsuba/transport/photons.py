@@ -225,13 +225,18 @@ class Photons:
         # One entry at least: a kernel takes no empty array.
         sizes = (max(1, size) for size in (rows * bins, n * bins, n * bins, n))
         found = Found(*(dr.zeros(mi.Float, size) for size in sizes))
+        squares = Recorder(self.squares)
         for i, ports in enumerate(self.ports):
-            seen = np.flatnonzero(ports.could(sources)[:bins].any(axis=1))
+            could, traits = ports.could(sources)[:bins], Traits.of(ports)
+            seen = np.flatnonzero(could.any(axis=1))
             block, ledger = max(1, LANES // photons), Ledger()
             for first in range(0, len(seen), block):
                 some, key = seen[first : first + block], seed + 0x10001 * i
-                start = ports.start(sources, some, photons, key)
-                ledger = ledger.plus(self._follow(ports, start, found, bins, key ^ first << 8))
+                start = ports.start(sources, some, could[some], photons, key)
+                fate = self._follow(
+                    ports.scene, traits, squares, start, found, bins, key ^ first << 8
+                )
+                ledger = ledger.plus(fate)
                 progress((i + (first + len(some)) / len(seen)) / len(self.ports))
             ledgers.append(ledger)
         flux = np.stack([found.sensors.numpy(), found.mirrored.numpy()])
@@ -245,7 +250,10 @@ class Photons:
         dr.eval(D)
         return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
 
-    def _follow(self, ports: Ports, start: Start, found: Found, bins: int, seed: int) -> Ledger:
+    def _follow(
+        self, scene: Scene, traits: Traits, squares: Recorder, start: Start, found: Found,
+        bins: int, seed: int,
+    ) -> Ledger:  # fmt: skip
         """Follow photons and add what they bring to `found`."""
         columns = start.p, start.d, start.flux, start.bin
         dr.eval(*columns)
@@ -256,7 +264,7 @@ class Photons:
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
         random = mi.PCG32(dr.width(lanes), dr.opaque(mi.UInt64, seed))
         fates = follow(
-            ports.scene.full, Traits.of(ports), self.areas, Recorder(self.squares), start, found,
+            scene.full, traits, self.areas, squares, start, found,
             dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
         )  # fmt: skip
         dr.eval(fates, found)  # together: each sum alone would follow all photons again

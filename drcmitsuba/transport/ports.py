@@ -51,7 +51,7 @@ class Sources(NamedTuple):
 
 def of_suns(suns: np.ndarray, diameter: float) -> Sources:
     """Suns in directions (sun, 3), `diameter` [deg] across."""
-    centres = mi.Float(suns.astype(np.float32).ravel())
+    centres = _flat(suns)
     radius = np.full(len(suns), np.radians(diameter) / 2)
     return Sources(
         suns, radius, np.full(len(suns), disk_solid_angle(diameter)),
@@ -65,7 +65,7 @@ def of_sky(subdivision: int) -> Sources:
     low, high, west, east = patches.bounds.T
     radius = np.hypot((high - low) / 2, np.cos(low) * (east - west) / 2)
     radius[0], radius[-1] = np.pi / 2, high[-1] - low[-1]
-    columns = [mi.Float(c.astype(np.float32)) for c in (np.sin(low), np.sin(high), west, east)]
+    columns = [_flat(column) for column in (np.sin(low), np.sin(high), west, east)]
 
     def draw(patch: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
         bottom, top, begin, end = (dr.gather(mi.Float, column, patch) for column in columns)
@@ -126,42 +126,41 @@ class Ports:
         """Count the ports."""
         return len(self.quads)
 
-    @cached_property
-    def normal(self) -> np.ndarray:
-        """Area times unit normal [m²], shape (port, 3)."""
-        return np.cross(self.quads[:, 1] - self.quads[:, 0], self.quads[:, 3] - self.quads[:, 0])
+    @property
+    def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Corner and the two edges from there, shape (port, 3) each [m]."""
+        corner = self.quads[:, 0]
+        return corner, self.quads[:, 1] - corner, self.quads[:, 3] - corner
 
     @cached_property
     def area(self) -> np.ndarray:
         """Of every port [m²]."""
-        return np.linalg.norm(self.normal, axis=1)
+        return np.linalg.norm(np.cross(*self.edges[1:]), axis=1)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Unit normals, the way the light goes, shape (port, 3)."""
+        return np.cross(*self.edges[1:]) / self.area[:, None]
 
     @cached_property
     def exposed(self) -> bool:
         """Whether nothing lies before any port: what it faces is sky or ground."""
         corners, least = self.scene.corners, -_offset(self.quads)
-        planes = zip(self.quads[:, 0], self.normal / self.area[:, None], strict=True)
+        planes = zip(self.quads[:, 0], self.normal, strict=True)
         return all(((corners - q) @ n > least).all() for q, n in planes)
 
     @cached_property
     def in_line(self) -> bool:
         """Whether light might pass one port after another."""
-        n = self.normal / self.area[:, None]
-        heights = (
-            np.einsum("pi,qci->pqc", n, self.quads)
-            - (n * self.quads[:, 0]).sum(axis=1)[:, None, None]
-        )
-        behind = (heights > _offset(self.quads)).any(axis=2)
+        n, quads = self.normal, self.quads
+        heights = np.einsum("pi,pqci->pqc", n, quads[None] - quads[:, None, :1])
+        behind = (heights > _offset(quads)).any(axis=2)
         return bool((behind & (n @ n.T > 1e-6 - 1)).any())
 
     def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
         """Point on a port and its normal."""
-        corner = self.quads[:, 0]
-        edges = self.quads[:, 1] - corner, self.quads[:, 3] - corner
-        columns = (corner, *edges, self.normal / self.area[:, None])
-        at, u, v, n = (
-            dr.gather(mi.Vector3f, mi.Float(a.astype(np.float32).ravel()), port) for a in columns
-        )
+        columns = (*self.edges, self.normal)
+        at, u, v, n = (dr.gather(mi.Vector3f, _flat(column), port) for column in columns)
         return mi.Point3f(at + uv.x * u + uv.y * v), mi.Normal3f(n)
 
     def _visible(self, p: mi.Point3f, d: mi.Vector3f, flux: mi.Float) -> mi.Float:
@@ -174,13 +173,11 @@ class Ports:
 
     def _passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
         """Whether light that comes to points from directions has passed another port before."""
-        corner = self.quads[:, 0]
-        u, v = self.quads[:, 1] - corner, self.quads[:, 3] - corner
-        n = self.normal
-        square = (n * n).sum(axis=1, keepdims=True)
+        corner, u, v = self.edges
+        n, area = self.normal, self.area[:, None]
         # Edges of the parallelogram's dual: their products with a point are its coordinates.
-        columns = (corner, np.cross(v, n) / square, np.cross(n, u) / square, n)
-        tables = [mi.Float(a.astype(np.float32).ravel()) for a in columns]
+        columns = (corner, np.cross(v, n) / area, np.cross(n, u) / area, n)
+        tables = [_flat(column) for column in columns]
         return _crossed(tables, dr.opaque(mi.UInt32, len(self)), p, d)
 
     def could(self, sources: Sources) -> np.ndarray:
@@ -188,36 +185,37 @@ class Ports:
 
         0 where no light of the source can pass the port.
         """
-        cosine = -sources.centre @ (self.normal / self.area[:, None]).T
+        cosine = -sources.centre @ self.normal.T
         away = np.maximum(np.arccos(np.clip(cosine, -1, 1)) - sources.radius[:, None], 0)
         return self.area * np.clip(np.cos(away), 0, None)
 
-    def start(self, sources: Sources, seen: np.ndarray, photons: int, seed: int) -> Start:
+    def start(
+        self, sources: Sources, seen: np.ndarray, could: np.ndarray, photons: int, seed: int
+    ) -> Start:
         """Photons from the sources `seen`, `photons` of each.
 
-        A port is chosen by the flux that it could get. The points of one source are spread evenly
-        over the ports and the source.
+        A port is chosen by what it `could` get of the source, see there, shape (seen, port). The
+        points of one source are spread evenly over the ports and the source.
         """
         lane = dr.arange(mi.UInt32, len(seen) * photons)
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
         place, index = lane // each, lane % each
         source = dr.gather(mi.UInt32, mi.UInt32(seen.astype(np.uint32)), place)
-        could = self.could(sources)[seen]
         share = could / could.sum(axis=1, keepdims=True)
-        table = mi.Float(np.cumsum(share, axis=1).astype(np.float32).ravel())
+        table = _flat(np.cumsum(share, axis=1))
         where, at = (even_numbers(index, source, seed, pair) for pair in (0, 1))
         row = place * count
         port = dr.binary_search(
             0, len(self) - 1, lambda i: dr.gather(mi.Float, table, row + i) <= where.x
         )
-        chance = dr.gather(mi.Float, mi.Float(share.astype(np.float32).ravel()), row + port)
+        chance = dr.gather(mi.Float, _flat(share), row + port)
         before = dr.gather(mi.Float, table, row + port) - chance
         where.x = dr.clip((where.x - before) / chance, 0, 1)
         p, n = self._at(port, where)
         d = sources.draw(source, at)
         p = mi.Point3f(p + _offset(self.quads) * d)
-        flux = dr.gather(mi.Float, mi.Float(sources.solid_angle.astype(np.float32)), source)
-        flux *= dr.gather(mi.Float, mi.Float(self.area.astype(np.float32)), port)
+        flux = dr.gather(mi.Float, _flat(sources.solid_angle), source)
+        flux *= dr.gather(mi.Float, _flat(self.area), port)
         flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
         return Start(p, -d, self._visible(p, d, dr.select(chance > 0, flux, 0)), source)
 
@@ -244,6 +242,10 @@ def _crossed(tables: list[mi.Float], count: mi.UInt32, p: mi.Point3f, d: mi.Vect
         crossed |= (dr.dot(d, n) < 0) & (t > 0) & (a >= 0) & (a < 1) & (b >= 0) & (b < 1)
         i += 1
     return crossed
+
+
+def _flat(a: np.ndarray) -> mi.Float:
+    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
 
 
 def _offset(points: np.ndarray) -> float:

@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 from drcmitsuba.materials import is_diffuse
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.gather import even_numbers, number, numbers
+from drcmitsuba.transport.gather import even_numbers
+from drcmitsuba.transport.parts import number, table
 
 POINTS = 1024
 """Points that measure the area of a whole face of a cell."""
@@ -120,10 +121,7 @@ def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
     """Whether points on a surface lie outside of all closed bodies, on the side of `n`."""
     if not any(part.closed for part in scene.parts):
         return mi.Bool(True)
-    at = numbers(scene)
-    of_parts = np.zeros(max(at) + 1, np.uint32)
-    of_parts[at] = [part.closed for part in scene.parts]
-    closed = mi.UInt32(of_parts)
+    closed = mi.UInt32(table(scene, [part.closed for part in scene.parts], np.uint32))
     si = scene.full.ray_intersect(mi.Ray3f(p + OFFSET * n, n), mi.RayFlags.Minimal, coherent=False)
     of_body = dr.gather(mi.UInt32, closed, number(si.bsdf()), si.is_valid()) == 1
     return ~(si.is_valid() & of_body & (dr.dot(si.n, n) > 0))

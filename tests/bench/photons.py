@@ -113,8 +113,8 @@ def ray_rate(traced: Photons, run: int) -> float:
     """
     (ports,) = traced.ports
     scene, sources = ports.scene.full, of_suns(traced.suns, traced.diameter)
-    seen = np.arange(len(traced.suns))
-    start = ports.start(sources, seen, traced.count, run)
+    could = ports.could(sources)
+    start = ports.start(sources, np.arange(len(could)), could, traced.count, run)
     p, d, active = start.p, start.d, start.flux > 0
     hits, seconds = 0, 0.0
     while True:
