@@ -18,6 +18,11 @@ if backend.cuda_available():
     VARIANTS += ["cuda_ad_mono", "cuda_ad_rgb"]
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    told = "print how much of what is allowed each hard case takes (tests/hard)"
+    parser.addoption("--margins", action="store_true", help=told)
+
+
 @pytest.fixture(params=VARIANTS)
 def variant(request: pytest.FixtureRequest) -> Iterator[str]:
     """Each JIT variant that runs here, set; the first one is set again afterwards."""
