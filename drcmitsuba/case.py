@@ -23,6 +23,7 @@ from drcmitsuba.component_table import (
     check_components,
 )
 from drcmitsuba.design_table import Design
+from drcmitsuba.effects_table import Effects
 from drcmitsuba.errors import InputError
 from drcmitsuba.facade_table import Facade, Strip
 from drcmitsuba.material_table import (
@@ -245,6 +246,7 @@ class Case(Table):
     shading: Shading | None = None
     metrics: Metrics = Metrics()
     accuracy: Accuracy = Accuracy()
+    effects: Effects = Effects()
     design: Design | None = None
 
     _source: str = PrivateAttr("case")
@@ -415,6 +417,12 @@ class Case(Table):
     def with_components(self, components: Mapping[str, Component]) -> Case:
         """Replace the components; their names stay the same."""
         changed = self.model_copy(update={"components": dict(components)})
+        changed._source, changed._folder = self._source, self._folder
+        return changed
+
+    def without_shading(self) -> Case:
+        """Leave the shade out."""
+        changed = self.model_copy(update={"shading": None})
         changed._source, changed._folder = self._source, self._folder
         return changed
 

@@ -154,13 +154,24 @@ def straight_suns(
     """
     shape = (len(points), len(suns.labels))
     mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    if suns.labels:
+    reached = _reached(scene, suns)
+    if reached.any():
         for block, start in enumerate(range(0, len(points), BLOCK)):
             here = slice(start, start + BLOCK)
-            mean[here], error[here] = _straight_suns(
-                scene, points[here], normals[here], suns, accuracy, block
+            mean[here, reached], error[here, reached] = _straight_suns(
+                scene, points[here], normals[here], suns.where(reached), accuracy, block
             )
     return mean, error
+
+
+def _reached(scene: Scene, suns: Suns) -> np.ndarray:
+    """Which suns are followed, shape (sun,); the coefficients of the others are 0."""
+    if not scene.scope.suns:
+        return np.zeros(len(suns.labels), bool)
+    reach = scene.scope.reach
+    if reach is None or not suns.labels:
+        return np.ones(len(suns.labels), bool)
+    return reach.reached(suns.directions, suns.diameter).mask
 
 
 def _straight_suns(
@@ -222,22 +233,51 @@ def compute(
 
     Notes
     -----
+    The coefficients of what is out of the scene's scope, or proved not to get in, are 0.
+
     Limits: diffuse surfaces are Lambertian; light that a pane mirrors on its way from the source
-    to the first diffuse surface is not counted (that takes panes which see each other).
+    to the first diffuse surface is counted only where photons are followed.
     """
+    labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
+    if not (scene.scope.sky or scene.scope.ground):
+        subdivision = None
+    suns = suns.where(_reached(scene, suns))
+    if subdivision is None and not suns.labels:
+        return _dark(labels, points, accuracy.replicates)
     size = 2 * accuracy.cell_size
     panes = [panes.quads for panes in scene.scattering]
     patches = PanePatches.of(panes, size) if panes else None
     films = Films.of(scene, size, suns.directions, suns.diameter)
     base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
-    labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
+    followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
     sun_samples = accuracy.sensor_sun_samples if suns.straight else 0
     photons = Photons.of(
         scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
     )
-    return estimate(
-        base, labels, points, normals, photons=photons, sun_samples=sun_samples, progress=progress
-    )
+    found = estimate(
+        base, followed, points, normals, photons=photons, sun_samples=sun_samples,
+        progress=progress,
+    )  # fmt: skip
+    if len(followed) < len(labels):
+        found = found.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
+    return found
+
+
+def _dark(labels: list[str], points: np.ndarray, replicates: int) -> xr.Dataset:
+    """Coefficients of bins of which nothing gets in."""
+    dark = np.zeros((len(points), len(labels)), np.float32)
+    parts = {name + suffix: dark for name in _PARTS for suffix in ("", "_se")}
+    return _dataset(labels, points, parts, np.zeros((replicates, *dark.shape), np.float32))
+
+
+def _dataset(
+    labels: list[str], points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
+) -> xr.Dataset:
+    coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
+    coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
+    data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in parts.items()}
+    data["replicates"] = (("replicate", "sensor", "bin"), replicates)
+    return describe(xr.Dataset(data, coords))
 
 
 def estimate(
@@ -302,12 +342,8 @@ def estimate(
             progress((block + (replicate.number + 1) / len(replicates)) / len(starts))
         for name, values in zip(_PARTS, zip(*found, strict=True), strict=True):
             out[name][here], out[f"{name}_se"][here] = mean_and_error(np.stack(values))
-    coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
-    coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
-    data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in out.items()}
-    data["replicates"] = (("replicate", "sensor", "bin"), totals)
-    attrs = {} if photons is None else _told(replicates)
-    return describe(xr.Dataset(data, coords, attrs))
+    whole = _dataset(labels, points, out, totals)
+    return whole if photons is None else whole.assign_attrs(_told(replicates))
 
 
 def _told(replicates: list[_Replicate]) -> dict[str, Any]:

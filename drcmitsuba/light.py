@@ -153,6 +153,9 @@ def daylight(case: Case) -> Daylight:
         sun_diameter=case.outside.sun_diameter,
         patches=Patches(case.sky.subdivision),
     ).assign_coords(clock=("time", clock))  # fmt: skip
+    if case.effects.dark_hours == "auto":  # a sun without radiance lights nothing
+        shining = np.where(light["sun"].values > 0, light["sun_bin"].values, "")
+        light = light.assign_coords(sun_bin=("time", shining))
     light.attrs |= {
         "latitude": w.site.latitude,
         "longitude": w.site.longitude,
@@ -172,7 +175,7 @@ def _sun_sources(case: Case, light: xr.Dataset, sun: xr.Dataset) -> tuple[Suns, 
     """Suns that a case's sun model calls for, and their blend at each time stamp."""
     directions, labels = light["sun_direction"].values, light["sun_bin"].values
     up, diameter = labels != "", case.outside.sun_diameter
-    own = Suns.of(sun, diameter)
+    own = Suns.of(sun, diameter).only(labels)
     if isinstance(case.sun, ThreePhase):
         patches = Patches(case.sky.subdivision)
         return Suns.none(), suns.spread_over_patches(directions, up, patches, diameter)

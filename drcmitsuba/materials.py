@@ -20,6 +20,7 @@ from drcmitsuba.material_table import (
     MirrorMaterial,
     Reflectance,
 )
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,10 @@ def is_diffuse(material: SurfaceMaterial) -> bool:
 
 
 def channel_of(reflectance: Reflectance, channel: int) -> float:
-    """Reflectance in one colour channel; a grey one is the same in all."""
+    """Reflectance in one colour channel, or of luminance (−1); a grey one is the same in all."""
+    if channel < 0 and isinstance(reflectance, tuple):
+        weighted = zip(LUMINANCE_WEIGHTS.values(), reflectance, strict=True)
+        return float(sum(weight * value for weight, value in weighted))
     return float(reflectance[channel] if isinstance(reflectance, tuple) else reflectance)
 
 
@@ -146,7 +150,8 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     ----------
     material : SurfaceMaterial
     channel : int
-        Colour channel that is simulated: 0 for grey and red, 1 for green, 2 for blue.
+        Colour channel that is simulated: 0 for grey and red, 1 for green, 2 for blue; −1 for
+        luminance.
 
     Returns
     -------

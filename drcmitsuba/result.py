@@ -6,6 +6,7 @@ import re
 import resource
 import sys
 import time
+from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from drcmitsuba import backend, scene, schema
 from drcmitsuba.case import Case
 from drcmitsuba.judgement import Judgement, judge
 from drcmitsuba.light import Daylight, daylight, luminances, save_luminances
-from drcmitsuba.plan import notes, photon_notes, plan
+from drcmitsuba.plan import Plan, notes, photon_notes, plan
 from drcmitsuba.progress import Stage, silent, timed
 from drcmitsuba.rounds import Reached, toward_target
 from drcmitsuba.simulation import coefficients
@@ -130,25 +131,28 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
         scene.sensor_points(case)  # what is wrong with the sensors is told before the work begins
         told = notes(case)  # reads the films' files, which may be unfit
         light = daylight(case)
-    found = coefficients(case, light, stage, seconds, known)
+        planned = plan(case, light)
+    rays: Counter[str] = Counter()
+    found = coefficients(case, light, stage, seconds, known, planned.scope, rays)
     with timed(stage, "accumulation and metrics", seconds):
         now = judge(case, light, found)
     reached = None
     if case.accuracy.target is not None:
-        found, now, reached = toward_target(case, light, found, now, stage, seconds)
-    return summed_up(case, light, found, now, seconds, told, reached)
+        found, now, reached = toward_target(
+            planned.simulated, light, found, now, stage, seconds, planned.scope, rays
+        )
+    return summed_up(planned, found, now, seconds, told, reached, rays)
 
 
 def summed_up(
-    case: Case, light: Daylight, found: xr.Dataset, now: Judgement, seconds: dict[str, float],
-    told: list[str], reached: Reached | None = None,
+    planned: Plan, found: xr.Dataset, now: Judgement, seconds: dict[str, float],
+    told: list[str], reached: Reached | None = None, rays: Counter[str] | None = None,
 ) -> Result:  # fmt: skip
     """Put the parts of an evaluation together, settings and plan with them.
 
     Parameters
     ----------
-    case : Case
-    light : Daylight
+    planned : Plan
     found : xr.Dataset
         C of both states.
     now : Judgement
@@ -157,17 +161,18 @@ def summed_up(
         Notes on the films.
     reached : Reached, optional
         How far a target was reached.
+    rays : Counter, optional
+        Number of rays by kind.
     """
+    case, light = planned.facts.case, planned.facts.light
     E, numbers = now.illuminance, now.metrics
-    closed = int(E["shade_closed"].sum())
-    suns = int((light.sky["sun_bin"].values != "").sum())
-    effects = plan(case, suns, closed, E.sizes["time"], found.attrs)
-    missing = [e["reason"] for e in effects.values() if e.get("missing")]
+    effects = planned.told()
+    told = [*told, *planned.notes()]
     numbers["settings"] = {
         "case": case.source,
         "variant": backend.select(),
         "weather_source": light.source,
-        "notes": [*light.notes, *told, *photon_notes(found.attrs), *missing],
+        "notes": [*light.notes, *told, *photon_notes(found.attrs)],
         **case.model_dump(mode="json", exclude_none=True),
     }
     if reached is not None:

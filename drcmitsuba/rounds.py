@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Stage, timed
 from drcmitsuba.refinement import mesh_of
 from drcmitsuba.scene import State
+from drcmitsuba.scope import Scope
 from drcmitsuba.transport.deposit import launch_seed
 
 MOST_AT_ONCE = 8
@@ -54,7 +56,7 @@ class Reached:
 
 def toward_target(
     case: Case, light: Daylight, found: xr.Dataset, now: Judgement, stage: Stage,
-    seconds: dict[str, float],
+    seconds: dict[str, float], scope: Scope, rays: Counter[str],
 ) -> tuple[xr.Dataset, Judgement, Reached]:  # fmt: skip
     """Add rounds until the case's target or its limit of time is reached.
 
@@ -70,6 +72,10 @@ def toward_target(
     stage : callable
     seconds : dict
         Takes the seconds of the stage.
+    scope : Scope
+        What is simulated.
+    rays : Counter
+        Takes the number of rays by kind.
 
     Returns
     -------
@@ -96,9 +102,9 @@ def toward_target(
             for _ in range(min(missing, rounds - first + 1, MOST_AT_ONCE)):
                 if over():
                     break
-                _sample(case, light, now, pools, rounds, sensors, hours)
+                _sample(case, light, now, pools, rounds, sensors, hours, scope, rays)
                 rounds += 1
-            _close(case, light, pools)
+            _close(case, light, pools, scope, rays)
             joined = simulation.states({s: pool.found for s, pool in pools.items()}, case)
             found = joined.assign_attrs({**found.attrs, "rounds": rounds})
             now = judge(case, light, found)
@@ -120,7 +126,7 @@ def _worth_more(now: Judgement, unit: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _sample(
     case: Case, light: Daylight, now: Judgement, pools: dict[State, Pool], number: int,
-    sensors: np.ndarray, hours: np.ndarray,
+    sensors: np.ndarray, hours: np.ndarray, scope: Scope, rays: Counter[str],
 ) -> None:  # fmt: skip
     """Add one more round, of some sensors and time stamps."""
     seed = launch_seed(case.accuracy, 8, number) >> 2  # within what a case may name
@@ -130,12 +136,14 @@ def _sample(
         suns = light.suns.only(sources(light.sky.isel(time=at)))
         more = simulation.transport(
             again, state, suns, light.sky.attrs["latitude"],
-            mesh=mesh_of(pool.found), sensors=sensors,
+            scope=scope, mesh=mesh_of(pool.found), sensors=sensors, rays=rays,
         )  # fmt: skip
         pool.add(more, sensors)
 
 
-def _close(case: Case, light: Daylight, pools: dict[State, Pool]) -> None:
+def _close(
+    case: Case, light: Daylight, pools: dict[State, Pool], scope: Scope, rays: Counter[str]
+) -> None:
     """Find the shaded state of the hours that may close only by what was sampled since."""
     if case.shading is None:
         return
@@ -147,7 +155,9 @@ def _close(case: Case, light: Daylight, pools: dict[State, Pool]) -> None:
     if closing.any() and ("shaded" not in pools or needed.labels):
         mesh = mesh_of(pools["open"].found)
         latitude = light.sky.attrs["latitude"]
-        more = simulation.transport(case, "shaded", needed, latitude, mesh=mesh)
+        more = simulation.transport(
+            case, "shaded", needed, latitude, scope=scope, mesh=mesh, rays=rays
+        )
         if "shaded" in pools:
             pools["shaded"].extend(more)
         else:

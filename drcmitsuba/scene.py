@@ -6,7 +6,7 @@ the Mitsuba scenes that transport traces. Panes face the room: their normals poi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import mitsuba as mi
@@ -28,8 +28,13 @@ from drcmitsuba.geometry import (
     wall,
 )
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf, film, lets_through
+from drcmitsuba.reach import Reach, outside
+from drcmitsuba.scope import Scope
+from drcmitsuba.tally import Tally
 
 State = Literal["open", "shaded"]
+FULL = Scope()
+"""All that a scene holds."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +125,10 @@ class Scene:
         All surfaces, by BSDF.
     ports : tuple of Port
         Where photons start.
+    scope : Scope
+        What is followed.
+    tally : Tally
+        Counts the rays.
     """
 
     full: mi.Scene
@@ -131,6 +140,13 @@ class Scene:
     enclosure: Enclosure | None = None
     parts: tuple[Part, ...] = ()
     ports: tuple[Port, ...] = ()
+    scope: Scope = FULL
+    tally: Tally = field(default_factory=Tally)
+
+    @property
+    def followed(self) -> bool:
+        """Whether photons are traced."""
+        return bool(self.ports) or self.scope.pane_to_pane
 
     @property
     def low(self) -> np.ndarray:
@@ -143,7 +159,7 @@ class Scene:
         return self.corners.max(axis=0)
 
 
-def surfaces(case: Case, state: State = "open") -> list[Surface]:
+def surfaces(case: Case, state: State = "open", scope: Scope = FULL) -> list[Surface]:
     """List the surfaces of a case in the world frame.
 
     Parameters
@@ -152,15 +168,19 @@ def surfaces(case: Case, state: State = "open") -> list[Surface]:
     state : {'open', 'shaded'}
         Shaded: the shade's material stands in place of every clear pane and open hole; components
         stay uncovered.
+    scope : Scope
+        Black sheets stand for the panes that are out of it; obstructions are left out.
 
     Returns
     -------
     list of Surface
     """
-    return _surfaces(case, state, place(case))
+    return _surfaces(case, state, place(case), scope)
 
 
-def _surfaces(case: Case, state: State, components: tuple[Placed, ...]) -> list[Surface]:
+def _surfaces(
+    case: Case, state: State, components: tuple[Placed, ...], scope: Scope
+) -> list[Surface]:
     """`surfaces`, with the components of the case."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
     turn, room = rotation(case), case.room
@@ -175,11 +195,14 @@ def _surfaces(case: Case, state: State, components: tuple[Placed, ...]) -> list[
             parts.append((f"wall {side}", Lambertian(room.walls), opaque))
             parts.append((f"frame {side}", Lambertian(facade.frame_reflectance), frame))
             for name, quads in panes.items():
-                material = _pane_material(case, name, state)
+                material = _pane_material(case, name, state, scope)
                 if material is not None:
                     parts.append((f"{name} {side}", material, quads))
     made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
+    left_out = [] if scope.obstructions else outside(case)
     for piece in case.furniture:
+        if piece in left_out:
+            continue
         quads = [face for corner, size in boxes(piece) for face in box(corner, size)]
         is_body, m = piece.size[2] > 0, Lambertian(piece.reflectance)
         made.append(Surface(piece.name, m, np.array(quads), closed=is_body))
@@ -187,13 +210,21 @@ def _surfaces(case: Case, state: State, components: tuple[Placed, ...]) -> list[
     return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
 
 
-def _pane_material(case: Case, name: str, state: State) -> SurfaceMaterial | None:
+def _pane_material(case: Case, name: str, state: State, scope: Scope) -> SurfaceMaterial | None:
     """Material of a façade strip in a state; None for an open hole, or one for a component."""
     material = case.materials.get(name)
-    covered = name == "open" or isinstance(material, GlazingMaterial)
-    if state == "shaded" and case.shading is not None and covered:
-        return case.materials[case.shading.material]
-    return material
+    clear = name == "open" or isinstance(material, GlazingMaterial)
+    if state == "shaded" and case.shading is not None and clear:
+        clear, material = False, case.materials[case.shading.material]
+    if isinstance(material, BsdfMaterial) and scope.straight_through is not None:
+        mode = "on" if scope.straight_through else "off"
+        material = material.model_copy(update={"straight_through": mode})
+    out = (
+        (clear and not scope.clear_panes)
+        or (isinstance(material, DiffuserMaterial) and not scope.scattering_panes)
+        or (isinstance(material, BsdfMaterial) and not scope.films)
+    )
+    return Lambertian(0.0) if out else material
 
 
 def mesh(name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: mi.BSDF | None) -> mi.Mesh:
@@ -282,22 +313,37 @@ def build(
     )
 
 
-def load(case: Case, state: State = "open", channel: int = 0) -> Scene:
-    """Build the scene of a case in a state of its shade, for one colour channel."""
+def load(case: Case, state: State = "open", channel: int = 0, scope: Scope = FULL) -> Scene:
+    """Build the scene of a case in a state of its shade, for one colour channel.
+
+    Channel −1 is luminance.
+    """
     components = place(case)
     turn = rotation(case)
-    ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
-    enclosure = _enclosure(case, state, components)
-    return build(_surfaces(case, state, components), channel, enclosure, ports)
+    ports: tuple[Port, ...] = ()
+    if scope.components:
+        ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
+    enclosure = _enclosure(case, state, components, scope)
+    made = build(_surfaces(case, state, components, scope), channel, enclosure, ports)
+    return replace(made, scope=scope)
 
 
-def _enclosure(case: Case, state: State, components: tuple[Placed, ...]) -> Enclosure | None:
+def reach(case: Case) -> Reach | None:
+    """Which suns can get into the room of a case; None where there is no room."""
+    return Reach.of(case, place(case))
+
+
+def _enclosure(
+    case: Case, state: State, components: tuple[Placed, ...], scope: Scope
+) -> Enclosure | None:
     """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
-    if case.room is None:
+    if case.room is None or not scope.enclosed:
         return None
     openings = []
     for side, facade in case.facade.items():
-        clear = [strip for strip in facade.strips if _is_opening(case, strip.material, state)]
+        clear = [
+            strip for strip in facade.strips if _is_opening(case, strip.material, state, scope)
+        ]
         if clear:
             foot, along = side_of(case.room, side)
             inside = [i for i in range(facade.segments) if any(s.covers(i) for s in clear)]
@@ -314,11 +360,11 @@ def _enclosure(case: Case, state: State, components: tuple[Placed, ...]) -> Encl
     return Enclosure(np.array(case.room.size), turn, np.reshape(openings, (-1, 4, 3)) @ turn.T)
 
 
-def _is_opening(case: Case, name: str, state: State) -> bool:
+def _is_opening(case: Case, name: str, state: State, scope: Scope) -> bool:
     """Whether straight light may come in by a strip of a façade; structures have gaps."""
     if name == "wall":
         return False
-    material = _pane_material(case, name, state)
+    material = _pane_material(case, name, state, scope)
     return material is None or lets_through(material)
 
 

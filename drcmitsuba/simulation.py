@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -17,18 +18,21 @@ from drcmitsuba.coefficients import compute
 from drcmitsuba.component_table import MeshComponent, StructureComponent
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight, sources
+from drcmitsuba.plan import plan
 from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Progress, Stage, part, silent, timed
 from drcmitsuba.refinement import mesh_of, meshed, with_straight
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.scope import Scope
 from drcmitsuba.structures.recipe import Mesh, load_recipe
 from drcmitsuba.suns import Suns
 
 
 def transport(
     case: Case, state: scene.State, suns: Suns, latitude: float, *,
-    mesh: tuple[str, ...] = (), sensors: np.ndarray | None = None,
-    progress: Progress = lambda share: None,
+    scope: Scope = scene.FULL, mesh: tuple[str, ...] = (),
+    sensors: np.ndarray | None = None, progress: Progress = lambda share: None,
+    rays: Counter[str] | None = None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of a case in one state of its shade, `channel` added where it is coloured.
 
@@ -39,21 +43,26 @@ def transport(
     suns : Suns
     latitude : float
         [deg north]; matters to an adaptive sun only.
+    scope : Scope
+        What is simulated.
     mesh : tuple of str
         Suns of its mesh, where they are known.
     sensors : np.ndarray of int, optional
         Those of the case that are wanted.
     progress : callable
+    rays : Counter, optional
+        Takes the number of rays by kind.
     """
     points, normals = scene.sensor_points(case)
     if sensors is not None:
         points, normals = points[sensors], normals[sensors]
-    channels = list(LUMINANCE_WEIGHTS) if scene.is_coloured(case) else [""]
+    coloured = scene.is_coloured(case) if scope.channels is None else scope.channels
+    channels = list(LUMINANCE_WEIGHTS) if coloured else [""]
     subdivision = case.sky.subdivision
     found: list[xr.Dataset] = []
     for i in range(len(channels)):
         done = part(progress, i / len(channels), (i + 1) / len(channels))
-        world = scene.load(case, state, i)
+        world = scene.load(case, state, i if coloured else -1, scope)
         if isinstance(case.sun, Adaptive):
             known = mesh or (mesh_of(found[0]) if found else ())
             of_channel = meshed(
@@ -67,6 +76,8 @@ def transport(
                 world, points, normals, suns, case.accuracy, subdivision=subdivision, progress=done
             )
         found.append(of_channel)
+        if rays is not None:
+            rays.update(world.tally.counted())
     if len(channels) == 1:
         return found[0]
     return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))
@@ -196,13 +207,17 @@ def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
     return out
 
 
-def fingerprint(case: Case) -> str:
+def fingerprint(case: Case, scope: Scope) -> str:
     """Digest of all that coefficients follow from, the contents of files among it."""
     names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
     told = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
         del told["accuracy"][name]
-    told |= {"subdivision": case.sky.subdivision, "diameter": case.outside.sun_diameter}
+    told |= {
+        "scope": scope.told(),
+        "subdivision": case.sky.subdivision,
+        "diameter": case.outside.sun_diameter,
+    }
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
             told["materials"][name]["file"] = _digest(material.file)
@@ -223,7 +238,7 @@ def _digest(file: Path) -> str:
 
 def coefficients(
     case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None,
-    known: xr.Dataset | None = None,
+    known: xr.Dataset | None = None, scope: Scope | None = None, rays: Counter[str] | None = None,
 ) -> xr.Dataset:  # fmt: skip
     """C of both states; the shaded one only for the suns of hours in which the shade may close.
 
@@ -236,6 +251,10 @@ def coefficients(
         Takes the seconds of the stages.
     known : xr.Dataset, optional
         Coefficients of this case for another weather: what they hold is not computed again.
+    scope : Scope, optional
+        What is simulated; by default what the case calls for.
+    rays : Counter, optional
+        Takes the number of rays by kind.
 
     Returns
     -------
@@ -248,25 +267,31 @@ def coefficients(
         The known coefficients are those of another case.
     """
     seconds = {} if seconds is None else seconds
+    scope = plan(case, light).scope if scope is None else scope
+    simulated = case if scope.shade else case.without_shading()
     latitude = light.sky.attrs["latitude"]
-    found: dict[str, xr.Dataset] = {} if known is None else _known(known, case, light)
+    found: dict[str, xr.Dataset] = {} if known is None else _known(known, case, light, scope)
+
+    def state(name: scene.State, suns: Suns, done: Progress) -> xr.Dataset:
+        return _state(simulated, name, suns, latitude, found, scope, done, rays)
+
     with timed(stage, "open façade", seconds) as done:
-        found["open"] = _state(case, "open", light.suns, latitude, found, done)
-    if case.shading is not None:
-        closing = may_close(case, light, found["open"])
+        found["open"] = state("open", light.suns, done)
+    if simulated.shading is not None:
+        closing = may_close(case, light, found["open"]) | scope.every_shade
         if closing.any():
             needed = light.suns.only(sources(light.sky.isel(time=closing)))
             with timed(stage, "shaded façade", seconds) as done:
-                found["shaded"] = _state(case, "shaded", needed, latitude, found, done)
-    joined = states(found, case)
+                found["shaded"] = state("shaded", needed, done)
+    joined = states(found, simulated)
     joined.attrs |= {name: light.sky.attrs[name] for name in SUN_OF}
-    joined.attrs["fingerprint"] = fingerprint(case)
+    joined.attrs["fingerprint"] = fingerprint(case, scope)
     return joined
 
 
-def _known(known: xr.Dataset, case: Case, light: Daylight) -> dict[str, xr.Dataset]:
+def _known(known: xr.Dataset, case: Case, light: Daylight, scope: Scope) -> dict[str, xr.Dataset]:
     """States of coefficients that were computed before, checked."""
-    if known.attrs.get("fingerprint") != fingerprint(case):
+    if known.attrs.get("fingerprint") != fingerprint(case, scope):
         raise InputError(
             "coefficients", "case", "they were computed for another case or accuracy",
             "compute them anew",
@@ -277,24 +302,30 @@ def _known(known: xr.Dataset, case: Case, light: Daylight) -> dict[str, xr.Datas
 
 def _state(
     case: Case, state: scene.State, suns: Suns, latitude: float, known: dict[str, xr.Dataset],
-    progress: Progress,
+    scope: Scope, progress: Progress, rays: Counter[str] | None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of one state, taken from what is known as far as that goes."""
     if state not in known:
         mesh = mesh_of(known["open"]) if "open" in known else ()
-        return transport(case, state, suns, latitude, mesh=mesh, progress=progress)
+        return transport(
+            case, state, suns, latitude, scope=scope, mesh=mesh, progress=progress, rays=rays
+        )
     if not isinstance(case.sun, Adaptive):
         pool = Pool(known[state])
         missing = suns.only(pool.missing(suns.labels, "bin"))
         if missing.labels:
-            pool.extend(transport(case, state, missing, latitude, progress=progress))
+            more = transport(
+                case, state, missing, latitude, scope=scope, progress=progress, rays=rays
+            )
+            pool.extend(more)
         return pool.found
     points, normals = scene.sensor_points(case)
     channels = known[state].sizes.get("channel", 0)
     found = [
         with_straight(
             known[state].isel(channel=i) if channels else known[state],
-            scene.load(case, state, i), points, normals, suns, case.accuracy,
+            scene.load(case, state, i if channels else -1, scope), points, normals, suns,
+            case.accuracy,
         )
         for i in range(max(1, channels))
     ]  # fmt: skip

@@ -12,8 +12,8 @@ from drcmitsuba import backend, basis, simulation
 from drcmitsuba.case import Adaptive, Case, load_case
 from drcmitsuba.errors import InputError
 from drcmitsuba.judgement import judge
-from drcmitsuba.light import Daylight, daylight
-from drcmitsuba.plan import notes
+from drcmitsuba.light import daylight
+from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.progress import Stage, silent, timed
 from drcmitsuba.result import Result, summed_up
 
@@ -102,17 +102,19 @@ def evaluate_variants(
     for case, share, said in zip(judged or cases, shares, told, strict=True):
         own = dict(seconds)
         with timed(stage, case.name, own):
-            joined = _coefficients(found, share, case, light)
+            planned = plan(case, light)
+            joined = _coefficients(found, share, planned)
             now = judge(case, light, joined)
-        yield summed_up(case, light, joined, now, own, said)
+        yield summed_up(planned, joined, now, own, said)
 
 
-def _coefficients(found: basis.Basis, share: np.ndarray, case: Case, light: Daylight) -> xr.Dataset:
+def _coefficients(found: basis.Basis, share: np.ndarray, planned: Plan) -> xr.Dataset:
     """C of a composition in both states, or the open one where the shade never closes."""
+    case, light = planned.facts.case, planned.facts.light
     C = {"open": found.coefficients(share)}
     if case.shading is not None and simulation.may_close(case, light, C["open"]).any():
         C["shaded"] = found.coefficients(share @ found.palette.closing)
     joined = simulation.states(C, case)
     joined.attrs |= {name: light.sky.attrs[name] for name in simulation.SUN_OF}
-    joined.attrs["fingerprint"] = simulation.fingerprint(case)
+    joined.attrs["fingerprint"] = simulation.fingerprint(case, planned.scope)
     return joined

@@ -44,12 +44,15 @@ class Suns:
         """No sun at all."""
         return cls((), np.zeros((0, 3)))
 
+    def where(self, mask: np.ndarray) -> Suns:
+        """Keep the suns of a mask (sun,)."""
+        labels = tuple(label for label, kept in zip(self.labels, mask, strict=True) if kept)
+        return replace(self, labels=labels, directions=self.directions[mask])
+
     def only(self, labels: Iterable[str]) -> Suns:
         """Keep the suns that are named."""
         wanted = set(map(str, labels))
-        kept = [i for i, label in enumerate(self.labels) if label in wanted]
-        names = tuple(self.labels[i] for i in kept)
-        return replace(self, labels=names, directions=self.directions[kept])
+        return self.where(np.array([label in wanted for label in self.labels], bool))
 
 
 @dataclass(frozen=True)

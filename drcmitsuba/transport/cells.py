@@ -112,6 +112,12 @@ class Vertices:
     n: mi.Float
     mark: mi.UInt32 | None = None
 
+    @classmethod
+    def none(cls) -> Vertices:
+        """No vertex at all."""
+        number, value = mi.UInt32, mi.Float
+        return cls(number(), value(), number(), number(), value(), value())
+
     def __len__(self) -> int:
         """Count the vertices."""
         return dr.width(self.weight)

@@ -194,14 +194,15 @@ class Films:
         lobe = (mi.Float(index) + lobe) / samples  # spread evenly over the lobes
         bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
         d, weight = mount.turn.to_world(bs.wo), value[0]
+        wanted = self.scene.scope.shines(d)
         if mount.exposed:
-            return d, dr.select(bs.wo.z < 0, weight, 0)
+            return d, dr.select((bs.wo.z < 0) & wanted, weight, 0)
         corner, u, v = (
             mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in edge[patch]))
             for edge in (self.patches.corner, self.patches.u, self.patches.v)
         )
         p = corner + a * u + b * v + dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
-        return d, weight * straight(self.scene, None, mi.Point3f(p), d, weight > 0)
+        return d, weight * straight(self.scene, None, mi.Point3f(p), d, (weight > 0) & wanted)
 
     def _rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Row within its mount of light that a patch sends along −d; whether there is one."""

@@ -28,6 +28,7 @@ from drcmitsuba.transport.cells import Grid, Vertices
 from drcmitsuba.transport.parts import absorption, number
 
 ROULETTE_DEPTH = 3
+ANY_DEPTH = 1 << 31
 
 
 # 2³² / φʲ with φ⁵ = φ + 1: steps of a sequence that fills four dimensions evenly [1]_.
@@ -108,6 +109,8 @@ def gather(
     -------
     Vertices
     """
+    if scene.scope.depth == 0:
+        return Vertices.none()
     lanes = replicates * len(points) * paths
     capacity = 5 * lanes
     while True:
@@ -147,7 +150,9 @@ def _trace(
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     count, room = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, capacity)
-    while dr.hint(active, exclude=[grid, scene, count, room, marks, solids]):
+    limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.scope.depth is None else scene.scope.depth)
+    while dr.hint(active, exclude=[grid, scene, count, room, marks, solids, limit]):
+        scene.tally.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
@@ -169,6 +174,9 @@ def _trace(
             & mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
             & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
         )
+        if dr.hint(not scene.scope.beyond, mode="scalar"):
+            # Through a pane to where nothing stands: the ray would meet nothing.
+            active &= bs.wo.z * si.wi.z > 0
         if dr.hint(solids is not None, mode="scalar"):
             crossed = active & (bs.eta != 1)
             into = dr.gather(mi.Float, solids, number(bsdf), crossed & (bs.wo.z < 0))
@@ -189,6 +197,7 @@ def _trace(
             dr.scatter(n_of, facing[c], slot * 3 + c, kept)
         ray = si.spawn_ray(si.to_world(bs.wo))
         depth += 1
+        active &= depth < limit
         # √β instead of β: the longer paths cost a tenth more rays and halve the variance.
         survival = dr.clip(dr.sqrt(beta), 0.05, 0.95)
         roulette = depth >= ROULETTE_DEPTH

@@ -172,9 +172,9 @@ class Photons:
         InputError
             No light can come to a component.
         """
-        if not scene.ports:
+        found = Ports.of(scene) if scene.followed else ()
+        if not found:
             return None
-        found = Ports.of(scene)
         # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
         for ports in found if all(ports.name for ports in found) else ():
             if not ports.sky_share().any():
@@ -198,11 +198,13 @@ class Photons:
             Told the share that is done.
         """
         patches = len(Patches(self.subdivision)) if self.subdivision else 0
+        scope = self.ports[0].scene.scope
+        wanted = np.array([scope.ground, *[scope.sky] * (patches - 1)][:patches])
         by_sky, through_sky, _, a = self._landed(
-            of_sky(self.subdivision or 1), patches, PATCH * self.count, seed, part(progress, 0, 0.3)
+            of_sky(self.subdivision or 1), wanted, PATCH * self.count, seed, part(progress, 0, 0.3)
         )
         by_sun, through_sun, inner, b = self._landed(
-            of_suns(self.suns, self.diameter), len(self.suns), self.count, seed + 1,
+            of_suns(self.suns, self.diameter), np.ones(len(self.suns), bool), self.count, seed + 1,
             part(progress, 0.3, 1),
         )  # fmt: skip
         sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
@@ -216,11 +218,12 @@ class Photons:
         return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
 
     def _landed(
-        self, sources: Sources, bins: int, photons: int, seed: int, progress: Progress
+        self, sources: Sources, wanted: np.ndarray, photons: int, seed: int, progress: Progress
     ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[Ledger]]:
         """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
-        bins in the inner squares (sensor,).
+        bins in the inner squares (sensor,); `wanted` (bin,) tells which bins are followed.
         """
+        bins = len(wanted)
         rows, n, ledgers = len(self.areas), len(self.squares.edge), []
         # One entry at least: a kernel takes no empty array.
         sizes = (max(1, size) for size in (rows * bins, n * bins, n * bins, n))
@@ -228,6 +231,7 @@ class Photons:
         squares = Recorder(self.squares)
         for i, ports in enumerate(self.ports):
             could, traits = ports.could(sources)[:bins], Traits.of(ports)
+            could = could * wanted[:, None]
             seen = np.flatnonzero(could.any(axis=1))
             block, ledger = max(1, LANES // photons), Ledger()
             for first in range(0, len(seen), block):
@@ -269,6 +273,7 @@ class Photons:
         )  # fmt: skip
         dr.eval(fates, found)  # together: each sum alone would follow all photons again
         *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
+        self.ports[0].scene.tally.take("photon", round(segments))
         names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
         told = dict(zip(names, fluxes, strict=True))
         return Ledger(photons=dr.width(lanes), segments=round(segments), **told)

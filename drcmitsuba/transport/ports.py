@@ -116,9 +116,9 @@ class Ports:
 
     @classmethod
     def of(cls, scene: Scene) -> tuple[Ports, ...]:
-        """Ports of each component of a scene, and of the panes; none without components."""
+        """Ports of each component of a scene, and of the panes."""
         quads: dict[str, list[np.ndarray]] = {}
-        for port in [*scene.ports, *_pane_ports(scene)] if scene.ports else []:
+        for port in [*scene.ports, *_pane_ports(scene)] if scene.followed else []:
             quads.setdefault(port.component, []).append(port.quad)
         return tuple(cls(scene, np.array(quads[name], float), name) for name in sorted(quads))
 

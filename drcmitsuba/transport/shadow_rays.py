@@ -133,7 +133,8 @@ def straight(
 ) -> mi.Float:
     """Transmittance from points to the sky: 0 behind anything opaque, else the panes' product."""
     if openings is not None:
-        active &= openings.passed(p, d)
+        active = active & openings.passed(p, d)
+    scene.tally.add("shadow", active, dr.width(d))
     ray = mi.Ray3f(p, d)
     lit = active & ~scene.opaque.ray_test(ray, coherent=False, active=active)
     if scene.clear is None:
@@ -176,7 +177,7 @@ def sky_deposit(
         p = dr.gather(mi.Point3f, points, row)
         frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
         d = frame.to_world(first_directions(lane % rays, row, seed))
-        tau = straight(scene, openings, p, d, mi.Bool(True))
+        tau = straight(scene, openings, p, d, scene.scope.shines(d))
         index = row * bins + patch_index(d, subdivision)
         dr.scatter_add(out, tau * (np.pi / rays), index, tau > 0)
         dr.eval(out)

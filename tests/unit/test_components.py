@@ -19,6 +19,7 @@ from drcmitsuba.design.reflectances import Interior
 from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import normals
 from drcmitsuba.goniophotometer.trace import follow, prepare
+from drcmitsuba.light import daylight
 from drcmitsuba.materials import bsdf
 from drcmitsuba.season import season
 from drcmitsuba.structures import unit_cell
@@ -535,7 +536,7 @@ def test_shipped_scenes_have_the_ports_of_their_components(name):
     found = Counter(port.component for port in world.ports)
     assert found == SHIPPED[name]
     assert {part.component for part in world.parts} == {"", *found}
-    assert plan.plan(shipped, 1, 0, 1, {})["components"]["on"] == bool(found)
+    assert plan.plan(shipped, daylight(shipped)).effects["components"].on == bool(found)
     scene.sensor_points(shipped)
 
 

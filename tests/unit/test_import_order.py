@@ -16,8 +16,10 @@ ROOT = Path(__file__).resolve().parents[2]
 # fmt: off
 ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
-    "material_table", "component_table", "facade_table", "design_table", "case", "light", "backend",
-    "structures", "materials", "geometry", "components", "scene", "goniophotometer", "plan",
+    "material_table", "component_table", "facade_table", "design_table",
+    "effects_table", "case", "light", "backend",
+    "structures", "materials", "geometry", "components", "reach", "scope", "tally", "scene",
+    "goniophotometer", "plan",
     "transport", "coefficients", "basis", "refinement", "accumulate", "metrics", "smooth",
     "uncertainty", "pool", "simulation", "judgement", "rounds", "design", "plots",
     "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",

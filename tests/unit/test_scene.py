@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, plan, scene
-from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial, load_case
+from drcmitsuba import backend, scene
+from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.errors import InputError
 from drcmitsuba.materials import Lambertian
 
@@ -238,18 +238,3 @@ def test_a_surface_has_the_reflectance_of_its_case():
     assert material(surfaces, "floor") == Lambertian((0.4, 0.3, 0.2))
     assert material(surfaces, "wall north") == Lambertian(0.6)
     assert material(surfaces, "ceiling") == Lambertian(0.8)
-
-
-def test_light_mirrored_between_facades_is_named_as_missing():
-    data = load_case("classroom/existing").model_dump(mode="json", exclude_none=True)
-    effect = plan.plan(Case.model_validate(data), suns=1, closed=0, hours=1, mesh={})[
-        "mirrored_light"
-    ]
-    assert not effect["missing"]
-    strips = [{"bottom": 0.9, "top": 2.0, "material": "open"}]
-    data["facade"]["north"] = {"strips": strips}
-    effect = plan.plan(Case.model_validate(data), suns=1, closed=0, hours=1, mesh={})[
-        "mirrored_light"
-    ]
-    assert effect["missing"]
-    assert "south" in effect["reason"]

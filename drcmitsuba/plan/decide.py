@@ -1,0 +1,310 @@
+"""Which effects a case calls for: one function each, with the quantity that decides it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case import Adaptive, Case, GlazingMaterial, ThreePhase
+from drcmitsuba.components import Placed
+from drcmitsuba.light import Daylight
+from drcmitsuba.materials import film, lets_through
+from drcmitsuba.plan import panes
+from drcmitsuba.plan.effect import Effect
+from drcmitsuba.reach import Reach, Reached, outside
+from drcmitsuba.scene import is_coloured
+
+NEGLIGIBLE = 1e-3
+"""Part of the light in a room that deep interreflections may leave out, without a target."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the decisions rest on.
+
+    Parameters
+    ----------
+    case : Case
+    light : Daylight
+    components : tuple of Placed
+    reach : Reach or None
+        None where there is no room.
+    reached : Reached
+        Of `light.suns`.
+    """
+
+    case: Case
+    light: Daylight
+    components: tuple[Placed, ...]
+    reach: Reach | None
+    reached: Reached
+
+    @property
+    def hours(self) -> int:
+        """Number of time stamps."""
+        return self.light.sky.sizes["time"]
+
+    @property
+    def shut(self) -> bool:
+        """Whether the room has no opening at all."""
+        return self.reach is not None and len(self.reach.openings) == 0
+
+    @property
+    def surrounded(self) -> bool:
+        """Whether anything stands outside that light may come back from."""
+        return bool(outside(self.case)) or bool(self.case.standing)
+
+
+def sky(facts: Facts) -> Effect:
+    """Patches that are seen, and have a luminance at some time."""
+    L = facts.light.sky
+    is_bright = (L["sky"].values[:, 1:] > 0).any(axis=1)
+    if isinstance(facts.case.sun, ThreePhase):  # the sun is among the patches
+        is_bright |= L["sun"].values > 0
+    bright = int(is_bright.sum())
+    if facts.shut:
+        return Effect(False, "the room has no opening")
+    count = len(Patches(facts.case.sky.subdivision)) - 1
+    told = f"{count} patches; the sky is bright in {bright} of {facts.hours} time stamps"
+    return Effect(bright > 0, told, {"bright_hours": bright})
+
+
+def ground(facts: Facts) -> Effect:
+    """Light from below the horizon."""
+    reflectance = facts.case.outside.ground_reflectance
+    if reflectance == 0:
+        return Effect(False, "its reflectance is 0")
+    if facts.shut:
+        return Effect(False, "the room has no opening")
+    if facts.surrounded:
+        return Effect(True, f"its reflectance is {reflectance:g}, and things stand outside")
+    if facts.reach is None:
+        return Effect(False, "the sensors look up and nothing stands around them")
+    lowest = float(facts.reach.normals[:, 2].min())
+    told = f"its reflectance is {reflectance:g}; lowest n·z of an opening = {lowest:.2f}"
+    if lowest > 1 - 1e-9:
+        told = f"no opening sees it: lowest n·z = {lowest:.2f}, all face straight up"
+    return Effect(lowest <= 1 - 1e-9, told, {"lowest_nz": lowest})
+
+
+def suns(facts: Facts) -> Effect:
+    """Suns that shine and can get in."""
+    reached, count = facts.reached, len(facts.light.suns.labels)
+    into = int(reached.mask.sum())
+    quantities = {"suns": count, "reaching": into, "largest_ns": round(reached.largest, 4)}
+    if facts.shut:
+        return Effect(False, "the room has no opening", quantities)
+    shining = int((facts.light.sky["sun"].values > 0).sum())
+    if shining == 0:
+        return Effect(False, "no sun of the period has a radiance", quantities)
+    if isinstance(facts.case.sun, ThreePhase):
+        told = f"{shining} suns, each spread over the four nearest patches of the sky"
+        return Effect(True, told, quantities)
+    told = f"{into} of {count} suns {_stand_for(facts.case)} can get in"
+    if into == 0 and count:
+        told = f"no opening sees the sun: largest n·s = {reached.largest:.2f}"
+        if reached.hidden:
+            told = f"what stands outside hides all {reached.hidden} suns before an opening"
+    elif into < count:
+        told += f"; {reached.behind} are behind every opening"
+        told += f" and {reached.hidden} hidden" if reached.hidden else ""
+    return Effect(into > 0, told, quantities)
+
+
+def _stand_for(case: Case) -> str:
+    """What stands for the suns of a period."""
+    return {
+        "true_sun": "of the time stamps",
+        "adaptive": "of the time stamps (straight; all other light is between suns of a mesh)",
+        "five_phase": "in the centres of patches of Reinhart's MF 6",
+        "daysim": "that DAYSIM takes",
+    }[case.sun.model]
+
+
+def dark_hours(facts: Facts) -> Effect:
+    """Time stamps whose sun is up and gives nothing, or that have no light at all."""
+    L = facts.light.sky
+    up = facts.light.sun["solar_zenith"].values < 90
+    without = int((up & (L["sun"].values == 0)).sum())
+    black = int((~(L["sky"].values > 0).any(axis=1) & (L["sun"].values == 0)).sum())
+    told = (
+        f"in {without} of {facts.hours} time stamps the sun is up without radiance, "
+        f"{black} have no light at all: none of their suns is needed"
+    )
+    return Effect(False, told, {"without_sun": without, "black": black})
+
+
+def _power(facts: Facts, names: dict[str, float], what: str) -> Effect:
+    """Materials of one kind that send light on."""
+    sending = [name for name, share in names.items() if share > 0]
+    if sending:
+        return Effect(True, f"{what}: {', '.join(sending)}")
+    told = f"{what} send nothing on: {', '.join(names)}" if names else f"no {what}"
+    return Effect(False, told)
+
+
+def clear_panes(facts: Facts) -> Effect:
+    """Holes, clear glass, and films with a view: what light goes straight through."""
+    case = facts.case
+    names = {n: 1.0 for n in panes.used(case) if n == "open"}
+    for name in panes.used(case):
+        material = case.materials.get(name)
+        if isinstance(material, GlazingMaterial):
+            names[name] = panes.sends(material)
+        elif material is not None and lets_through(material):
+            names[name] = 1.0
+    names |= {c.name: 1.0 for c in facts.components if c.is_open or c.hole is None}
+    return _power(facts, names, "openings for straight light")
+
+
+def scattering_panes(facts: Facts) -> Effect:
+    """Panes and shades that scatter evenly."""
+    names = {name: panes.sends(m) for name, m in panes.diffusers(facts.case).items()}
+    return _power(facts, names, "diffusing panes")
+
+
+def films(facts: Facts) -> Effect:
+    """Panes and shades with a measured BSDF."""
+    names = {name: panes.sends(m) for name, m in panes.films(facts.case).items()}
+    return _power(facts, names, "panes with a measured BSDF")
+
+
+def straight_through(facts: Facts) -> Effect:
+    """Whether anything is seen through films."""
+    told, views = [], False
+    for name, material in panes.films(facts.case).items():
+        found, seen = film(material.file), lets_through(material)
+        views |= seen
+        share = f"{100 * found.share_through:.1f} % of the light that {name} lets through"
+        stands = "stands out as a peak" if found.stands_out else "does not stand out"
+        chosen = f"straight_through = {material.straight_through!r}"
+        told.append(f"{share} goes straight on and {stands} ({chosen})")
+    return Effect(views, "; ".join(told) or "no panes with a measured BSDF")
+
+
+def components(facts: Facts) -> Effect:
+    """Mirrors, solids and pipes that photons are followed through."""
+    if not facts.components:
+        return Effect(False, "no component that is geometry")
+    mirroring = [c.name for c in facts.components if _mirrors(c)]
+    if not mirroring:
+        names = ", ".join(c.name for c in facts.components)
+        return Effect(False, f"components send nothing on: {names}")
+    return Effect(True, f"photons through the ports of {', '.join(mirroring)}")
+
+
+def _mirrors(component: Placed) -> bool:
+    """Whether a component deviates light; what is only black casts shadows."""
+    return any(panes.sends(s.material) > 0 for s in component.surfaces)
+
+
+def pane_to_pane(facts: Facts) -> Effect:
+    """Light that a pane sends to another one across the room, before it meets a surface."""
+    case, found = facts.case, panes.used(facts.case)
+    scattering = {**panes.films(case), **panes.diffusers(case)}
+    with_film = {side for name in panes.films(case) for side in found[name]}
+    facing = {side for name in scattering for side in found[name]}
+    mirrors = {
+        side
+        for name, sides in found.items()
+        for side in sides
+        if isinstance(m := case.materials.get(name), GlazingMaterial) and m.reflectance > 0
+    }
+    in_turn = bool(with_film) and len(facing) > 1
+    mirrored = bool(mirrors) and len(case.glazed) > 1
+    if not in_turn and not mirrored:
+        return Effect(False, "no mirroring glass or film across from another opening")
+    told = []
+    if in_turn:
+        told.append(f"films ({', '.join(sorted(with_film))}) face other scattering panes")
+    if mirrored:
+        told.append(f"glass that mirrors ({', '.join(sorted(mirrors))}) faces another opening")
+    if isinstance(case.sun, Adaptive):
+        return Effect(
+            False,
+            f"{'; '.join(told)}: what panes send to each other is not simulated with an adaptive "
+            "sun",
+            missing=True,
+        )
+    return Effect(True, f"{'; '.join(told)}: photons follow it")
+
+
+def obstructions(facts: Facts) -> Effect:
+    """Furniture outside of the room."""
+    pieces = outside(facts.case)
+    if not pieces:
+        return Effect(False, "nothing stands outside of the room")
+    names = ", ".join(dict.fromkeys(piece.name for piece in pieces))
+    return Effect(True, f"outside stand: {names}", {"pieces": len(pieces)})
+
+
+def shaded_state(facts: Facts) -> Effect:
+    """Whether the shade may close: a bound of the direct sun on the sensors tells."""
+    case = facts.case
+    if case.shading is None:
+        return Effect(False, "no [shading] in the case")
+    if not any(panes.is_clear(case, name) for name in panes.used(case)):
+        return Effect(False, "there is no clear pane that it could cover")
+    most, hours = most_direct(facts)
+    threshold = case.shading.threshold
+    told = f"the sun puts at most {most:.0f} lx on a sensor, the shade closes at {threshold:g}"
+    if hours:
+        told = (
+            f"the sun may put {threshold:g} lx on sensors in {hours} of {facts.hours} time stamps"
+        )
+    return Effect(hours > 0, told, {"may_close": hours})
+
+
+def most_direct(facts: Facts) -> tuple[float, int]:
+    """Bound of the direct sun on horizontal sensors [lx], and time stamps that may close."""
+    case = facts.case
+    through = [1.0 if n == "open" else panes.sends(case.materials[n]) for n in panes.used(case)
+               if n == "open" or n in case.materials]  # fmt: skip
+    factor = max(through, default=1.0)
+    bends = bool(case.standing)  # mirrors may gather light
+    normal = facts.light.sky["direct_normal_illuminance"].values
+    z = facts.light.sun["direction"].values[:, 2]
+    bound = normal * np.clip(z + np.radians(case.outside.sun_diameter), 0, 1) * factor
+    if facts.reach is not None:
+        directions = facts.light.sun["direction"].values
+        bound = bound * facts.reach.reached(directions, case.outside.sun_diameter).mask
+    assert case.shading is not None
+    closes = bound > 0 if bends else bound >= case.shading.threshold
+    return float(bound.max(initial=0)), int(closes.sum())
+
+
+def interreflection(facts: Facts) -> tuple[Effect, int | None]:
+    """Surfaces that paths are followed over, from the reflectances and the target."""
+    case = facts.case
+    goal = case.accuracy.goal
+    part = 0.1 * goal.value / 100 if goal is not None and goal.unit == "%" else NEGLIGIBLE
+    albedo, name = panes.most_reflecting(case, facts.components, facts.surrounded)
+    most = panes.depth(albedo, part)
+    quantities = {"largest_albedo": round(albedo, 4), "depth": most}
+    if most == 0:
+        return Effect(False, "every surface is black", quantities), 0
+    told = f"largest reflectance {albedo:.2f} ({name})"
+    if most is None:
+        return Effect(True, f"{told}: to any depth", quantities), None
+    told += f": over {most} surfaces, after which less than {100 * part:.2g} % of the light is left"
+    return Effect(True, told, quantities), most
+
+
+def colour(facts: Facts) -> Effect:
+    """Channels that differ."""
+    if is_coloured(facts.case):
+        return Effect(True, "a reflectance differs between channels: three channels")
+    return Effect(False, "all reflectances are grey: one channel")
+
+
+def pictures(facts: Facts) -> Effect:
+    """Plots of the results."""
+    return Effect(True, "plans and monthly plots; a case has no views for HDR pictures")
+
+
+def gradients(facts: Facts) -> Effect:
+    """Derivatives."""
+    whose = "; [design] is for optimise" if facts.case.design is not None else ""
+    return Effect(False, f"an evaluation asks for no derivative{whose}")

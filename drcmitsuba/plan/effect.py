@@ -1,0 +1,48 @@
+"""One effect of light, or of the work on it: simulated or not, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Decision on one effect.
+
+    Parameters
+    ----------
+    on : bool
+        It is simulated.
+    reason : str
+        In words, with what was computed.
+    quantities : dict
+        What was computed, by name.
+    missing : bool
+        It is called for, and the program cannot do it here.
+    overruled : bool
+        The case decided, not the scene.
+    """
+
+    on: bool
+    reason: str
+    quantities: dict[str, Any] = field(default_factory=dict)
+    missing: bool = False
+    overruled: bool = False
+
+    def decided(self, name: str, choice: str) -> Effect:
+        """Apply the case's own choice: "auto", "all" or "off"."""
+        on = {"auto": self.on, "all": True, "off": False}[choice]
+        if choice == "auto" or (on == self.on and choice == "off"):
+            return self
+        reason = f'{self.reason}; overruled by [effects] {name} = "{choice}"'
+        return replace(self, on=on, reason=reason, overruled=True, missing=False)
+
+    def told(self) -> dict[str, Any]:
+        """Plain values for plan.json."""
+        out: dict[str, Any] = {"on": self.on, "reason": self.reason}
+        if self.missing:
+            out["missing"] = True
+        if self.overruled:
+            out["overruled"] = True
+        return out | self.quantities

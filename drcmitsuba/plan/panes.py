@@ -1,0 +1,101 @@
+"""Panes of a case by what they do to light, and how much the surfaces of a room send back."""
+
+from __future__ import annotations
+
+import math
+
+from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial, MirrorMaterial
+from drcmitsuba.components import Placed
+from drcmitsuba.material_table import DielectricMaterial, Reflectance
+from drcmitsuba.materials import Lambertian, SurfaceMaterial, film
+from drcmitsuba.reach import outside
+
+
+def used(case: Case) -> dict[str, tuple[str, ...]]:
+    """Sides that each material of the façades, the hole "open" and the shade are found on."""
+    found: dict[str, tuple[str, ...]] = {}
+    for side, facade in case.facade.items():
+        for name in dict.fromkeys(s.material for s in facade.strips if s.material != "wall"):
+            found[name] = (*found.get(name, ()), side)
+    if case.shading is not None and any(is_clear(case, name) for name in found):
+        sides = [s for n, where in found.items() if is_clear(case, n) for s in where]
+        before = found.get(case.shading.material, ())
+        found[case.shading.material] = tuple(dict.fromkeys((*before, *sides)))
+    return found
+
+
+def is_clear(case: Case, name: str) -> bool:
+    """Whether a strip's material is a hole or clear glass, which the shade covers."""
+    return name == "open" or isinstance(case.materials.get(name), GlazingMaterial)
+
+
+def films(case: Case) -> dict[str, BsdfMaterial]:
+    """The measured materials that the façades or the shade use, by name."""
+    materials = ((name, case.materials.get(name)) for name in used(case))
+    return {name: m for name, m in materials if isinstance(m, BsdfMaterial)}
+
+
+def diffusers(case: Case) -> dict[str, DiffuserMaterial]:
+    """The evenly scattering materials that the façades or the shade use, by name."""
+    materials = ((name, case.materials.get(name)) for name in used(case))
+    return {name: m for name, m in materials if isinstance(m, DiffuserMaterial)}
+
+
+def sends(material: SurfaceMaterial) -> float:
+    """Largest share of the light that a surface sends on, reflected or transmitted."""
+    if isinstance(material, Lambertian | MirrorMaterial):
+        return _largest(material.reflectance)
+    if isinstance(material, GlazingMaterial | DiffuserMaterial):
+        return min(1.0, material.transmittance + material.reflectance)
+    if isinstance(material, BsdfMaterial):
+        return min(1.0, film(material.file).largest_albedo)
+    assert isinstance(material, DielectricMaterial)
+    return 1.0
+
+
+def _largest(reflectance: Reflectance) -> float:
+    return max(reflectance) if isinstance(reflectance, tuple) else reflectance
+
+
+def most_reflecting(case: Case, components: tuple[Placed, ...], beyond: bool) -> tuple[float, str]:
+    """Largest albedo of what light may meet in a room, and of which surface.
+
+    Parameters
+    ----------
+    case : Case
+    components : tuple of Placed
+    beyond : bool
+        Light that leaves by a pane may come back; else panes count with what they reflect.
+    """
+    found: list[tuple[float, str]] = []
+    if case.room is not None:
+        for name in ("floor", "ceiling", "walls"):
+            found.append((_largest(getattr(case.room, name)), name))
+        for side, facade in case.facade.items():
+            if facade.frame > 0:
+                found.append((_largest(facade.frame_reflectance), f"frames {side}"))
+    left_out = [] if beyond else outside(case)
+    for piece in case.furniture:
+        if piece not in left_out:
+            found.append((_largest(piece.reflectance), piece.name))
+    for name in used(case):
+        material = case.materials.get(name)
+        if isinstance(material, GlazingMaterial | DiffuserMaterial) and not beyond:
+            found.append((material.reflectance, name))
+        elif material is not None:
+            found.append((sends(material), name))
+    found += [(sends(s.material), c.name) for c in components for s in c.surfaces]
+    return max(found, default=(0.0, "nothing"))
+
+
+def depth(albedo: float, part: float) -> int | None:
+    """Surfaces after which less than `part` of the light in the room is still under way.
+
+    After n surfaces at most ρⁿ of it is left, with ρ the largest albedo of them; None where that
+    tells nothing.
+    """
+    if albedo <= 0:
+        return 0
+    if albedo >= 1:
+        return None
+    return max(1, math.ceil(math.log(part) / math.log(albedo)))
