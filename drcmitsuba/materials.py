@@ -116,6 +116,23 @@ def channel_of(reflectance: Reflectance, channel: int) -> float:
     return float(reflectance[channel] if isinstance(reflectance, tuple) else reflectance)
 
 
+def most(reflectance: Reflectance) -> float:
+    """Largest reflectance of any colour channel."""
+    return float(max(reflectance) if isinstance(reflectance, tuple) else reflectance)
+
+
+def sends(material: SurfaceMaterial) -> float:
+    """Largest share of the light that a surface sends on, reflected or transmitted."""
+    if isinstance(material, Lambertian | MirrorMaterial):
+        return most(material.reflectance)
+    if isinstance(material, GlazingMaterial | DiffuserMaterial):
+        return min(1.0, material.transmittance + material.reflectance)
+    if isinstance(material, BsdfMaterial):
+        return min(1.0, film(material.file).largest_albedo)
+    assert isinstance(material, DielectricMaterial)
+    return 1.0
+
+
 def _uniform(value: float) -> dict[str, Any]:
     return {"type": "uniform", "value": value}
 

@@ -16,6 +16,7 @@ from drcmitsuba.case import Case, Furniture
 from drcmitsuba.components import Placed
 from drcmitsuba.components.place import panes_of
 from drcmitsuba.geometry import box, boxes, rotation
+from drcmitsuba.materials import most, sends
 
 MOST_FACES = 400
 """Surfaces outside whose exchange is looked at; of more, every sun is taken to get in."""
@@ -74,19 +75,20 @@ class Reach:
         panes = [pane[::-1] for panes in panes_of(case).values() for pane in panes]
         ports = [port.quad[::-1] for placed in components for port in placed.ports]
         openings = np.reshape([*panes, *ports], (-1, 4, 3)) @ turn.T
-        pieces = [q for piece in outside(case) for c, s in boxes(piece) for q in box(c, s)]
-        size = np.array(case.room.size)
-        built = [q for placed in components for s in placed.surfaces for q in s.quads]
-        built = [q for q in built if ((q < -BEFORE) | (q > size + BEFORE)).any()]
-        blockers = np.reshape(pieces, (-1, 4, 3)) @ turn.T
+        standing, size = outside(case), np.array(case.room.size)
+        blockers = np.reshape([q for piece in standing for q in _faces(piece)], (-1, 4, 3)) @ turn.T
         largest = np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]
-        if not pieces and not built:
+        blockers = blockers[largest]
+        pieces = [q for piece in standing if most(piece.reflectance) > 0 for q in _faces(piece)]
+        parts = [s for placed in components for s in placed.surfaces if sends(s.material) > 0]
+        pieces += [q for s in parts for q in s.quads if ((q < -BEFORE) | (q > size + BEFORE)).any()]
+        if not pieces:
             return cls(openings, np.zeros((0, 3)), blockers)
-        faces = np.reshape([*pieces, *built, *box(np.zeros(3), size)], (-1, 4, 3)) @ turn.T
+        faces = np.reshape([*pieces, *box(np.zeros(3), size)], (-1, 4, 3)) @ turn.T
         faces = faces[_areas(faces) > 0]
         if len(faces) > MOST_FACES:
-            return cls(openings, np.zeros((0, 3)), blockers[largest], True)
-        return cls(openings, _relays(faces, openings), blockers[largest])
+            return cls(openings, np.zeros((0, 3)), blockers, True)
+        return cls(openings, _relays(faces, openings), blockers)
 
     @property
     def normals(self) -> np.ndarray:
@@ -129,6 +131,10 @@ def outside(case: Case) -> list[Furniture]:
         for piece in case.furniture
         if any(((c < -BEFORE) | (c + s > size + BEFORE)).any() for c, s in boxes(piece))
     ]
+
+
+def _faces(piece: Furniture) -> list[np.ndarray]:
+    return [face for corner, size in boxes(piece) for face in box(corner, size)]
 
 
 def _areas(quads: np.ndarray) -> np.ndarray:

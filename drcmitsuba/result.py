@@ -167,6 +167,11 @@ def summed_up(
     case, light = planned.facts.case, planned.facts.light
     E, numbers = now.illuminance, now.metrics
     effects = planned.told()
+    traced = dict(rays or {})
+    told_rays = ", ".join(f"{number} {kind}" for kind, number in traced.items())
+    effects["cost"] = {
+        "on": True, "reason": f"rays: {told_rays or 'none'}", "actual": {"rays": traced}
+    }  # fmt: skip
     told = [*told, *planned.notes()]
     numbers["settings"] = {
         "case": case.source,

@@ -129,7 +129,7 @@ def _scope(
         clear_panes=on("clear_panes"),
         scattering_panes=on("scattering_panes"),
         films=on("films"),
-        enclosed=not forced("clear_panes"),
+        enclosed=not (forced("clear_panes") or forced("suns")),
         straight_through=on("straight_through") if overruled_view else None,
         components=on("components"),
         obstructions=on("obstructions"),

@@ -10,7 +10,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case import Adaptive, Case, GlazingMaterial, ThreePhase
 from drcmitsuba.components import Placed
 from drcmitsuba.light import Daylight
-from drcmitsuba.materials import film, lets_through
+from drcmitsuba.materials import film, lets_through, sends
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.reach import Reach, Reached, outside
@@ -152,7 +152,7 @@ def clear_panes(facts: Facts) -> Effect:
     for name in panes.used(case):
         material = case.materials.get(name)
         if isinstance(material, GlazingMaterial):
-            names[name] = panes.sends(material)
+            names[name] = sends(material)
         elif material is not None and lets_through(material):
             names[name] = 1.0
     names |= {c.name: 1.0 for c in facts.components if c.is_open or c.hole is None}
@@ -161,13 +161,13 @@ def clear_panes(facts: Facts) -> Effect:
 
 def scattering_panes(facts: Facts) -> Effect:
     """Panes and shades that scatter evenly."""
-    names = {name: panes.sends(m) for name, m in panes.diffusers(facts.case).items()}
+    names = {name: sends(m) for name, m in panes.diffusers(facts.case).items()}
     return _power(facts, names, "diffusing panes")
 
 
 def films(facts: Facts) -> Effect:
     """Panes and shades with a measured BSDF."""
-    names = {name: panes.sends(m) for name, m in panes.films(facts.case).items()}
+    names = {name: sends(m) for name, m in panes.films(facts.case).items()}
     return _power(facts, names, "panes with a measured BSDF")
 
 
@@ -197,7 +197,7 @@ def components(facts: Facts) -> Effect:
 
 def _mirrors(component: Placed) -> bool:
     """Whether a component deviates light; what is only black casts shadows."""
-    return any(panes.sends(s.material) > 0 for s in component.surfaces)
+    return any(sends(s.material) > 0 for s in component.surfaces)
 
 
 def pane_to_pane(facts: Facts) -> Effect:
@@ -260,7 +260,7 @@ def shaded_state(facts: Facts) -> Effect:
 def most_direct(facts: Facts) -> tuple[float, int]:
     """Bound of the direct sun on horizontal sensors [lx], and time stamps that may close."""
     case = facts.case
-    through = [1.0 if n == "open" else panes.sends(case.materials[n]) for n in panes.used(case)
+    through = [1.0 if n == "open" else sends(case.materials[n]) for n in panes.used(case)
                if n == "open" or n in case.materials]  # fmt: skip
     factor = max(through, default=1.0)
     bends = bool(case.standing)  # mirrors may gather light

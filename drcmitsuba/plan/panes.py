@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial, MirrorMaterial
+from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.components import Placed
-from drcmitsuba.material_table import DielectricMaterial, Reflectance
-from drcmitsuba.materials import Lambertian, SurfaceMaterial, film
+from drcmitsuba.materials import most, sends
 from drcmitsuba.reach import outside
 
 
@@ -41,22 +40,6 @@ def diffusers(case: Case) -> dict[str, DiffuserMaterial]:
     return {name: m for name, m in materials if isinstance(m, DiffuserMaterial)}
 
 
-def sends(material: SurfaceMaterial) -> float:
-    """Largest share of the light that a surface sends on, reflected or transmitted."""
-    if isinstance(material, Lambertian | MirrorMaterial):
-        return _largest(material.reflectance)
-    if isinstance(material, GlazingMaterial | DiffuserMaterial):
-        return min(1.0, material.transmittance + material.reflectance)
-    if isinstance(material, BsdfMaterial):
-        return min(1.0, film(material.file).largest_albedo)
-    assert isinstance(material, DielectricMaterial)
-    return 1.0
-
-
-def _largest(reflectance: Reflectance) -> float:
-    return max(reflectance) if isinstance(reflectance, tuple) else reflectance
-
-
 def most_reflecting(case: Case, components: tuple[Placed, ...], beyond: bool) -> tuple[float, str]:
     """Largest albedo of what light may meet in a room, and of which surface.
 
@@ -70,14 +53,14 @@ def most_reflecting(case: Case, components: tuple[Placed, ...], beyond: bool) ->
     found: list[tuple[float, str]] = []
     if case.room is not None:
         for name in ("floor", "ceiling", "walls"):
-            found.append((_largest(getattr(case.room, name)), name))
+            found.append((most(getattr(case.room, name)), name))
         for side, facade in case.facade.items():
             if facade.frame > 0:
-                found.append((_largest(facade.frame_reflectance), f"frames {side}"))
+                found.append((most(facade.frame_reflectance), f"frames {side}"))
     left_out = [] if beyond else outside(case)
     for piece in case.furniture:
         if piece not in left_out:
-            found.append((_largest(piece.reflectance), piece.name))
+            found.append((most(piece.reflectance), piece.name))
     for name in used(case):
         material = case.materials.get(name)
         if isinstance(material, GlazingMaterial | DiffuserMaterial) and not beyond:

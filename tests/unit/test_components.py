@@ -21,6 +21,7 @@ from drcmitsuba.geometry import normals
 from drcmitsuba.goniophotometer.trace import follow, prepare
 from drcmitsuba.light import daylight
 from drcmitsuba.materials import bsdf
+from drcmitsuba.scene import FULL
 from drcmitsuba.season import season
 from drcmitsuba.structures import unit_cell
 from drcmitsuba.structures.block import block
@@ -712,12 +713,12 @@ def test_what_counts_no_photons_refuses_components(task):
 
 def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
     slats, cube = with_strip(tmp_path, SLATS), with_mesh(tmp_path)
-    before = simulation.fingerprint(slats), simulation.fingerprint(cube)
+    before = simulation.fingerprint(slats, FULL), simulation.fingerprint(cube, FULL)
     (tmp_path / "recipe.toml").write_text(SLATS.replace("0.9", "0.8"), encoding="utf-8")
     (tmp_path / "mesh.obj").write_text(CUBE.replace("v 0 0 0", "v 0 0 0.1"), encoding="utf-8")
-    after = simulation.fingerprint(slats), simulation.fingerprint(cube)
+    after = simulation.fingerprint(slats, FULL), simulation.fingerprint(cube, FULL)
     assert not set(before) & set(after)
-    assert simulation.fingerprint(with_strip(tmp_path, SLATS, tilt=11.0)) != before[0]
+    assert simulation.fingerprint(with_strip(tmp_path, SLATS, tilt=11.0), FULL) != before[0]
 
 
 def test_panes_together_may_not_have_too_many_triangles(tmp_path, monkeypatch):
