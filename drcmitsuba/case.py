@@ -273,8 +273,18 @@ class Case(Table):
             if name in strips or not isinstance(component, StructureComponent)
         )
 
+    def refuse_overruled(self, task: str) -> None:
+        """Raise InputError where an effect is overruled: the task follows no such choice."""
+        for name in self.effects.overruled:
+            got = f"{task} simulates what it needs"
+            raise InputError(self.source, f"effects.{name}", got, 'leave it "auto"')
+
     def refuse_components(self, task: str) -> None:
-        """Raise InputError where a component stands: the task counts no light by way of it."""
+        """Raise InputError where a component stands, or an effect is overruled.
+
+        The task counts no light by way of components, and follows no such choice.
+        """
+        self.refuse_overruled(task)
         if self.standing:
             got = f"{task} counts no light by way of {shortened(self.standing[0])}"
             raise InputError(self.source, "components", got, "leave them out, or use evaluate")

@@ -31,3 +31,9 @@ class Effects(Table):
     """"all": to any depth; "off": light that met a surface of the room counts for nothing."""
     colour: Choice = "auto"
     pictures: Choice = "auto"
+
+    @property
+    def overruled(self) -> tuple[str, ...]:
+        """Effects of light that are not left to the plan."""
+        chosen = self.model_dump(exclude={"pictures"})
+        return tuple(name for name, choice in chosen.items() if choice != "auto")

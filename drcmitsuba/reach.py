@@ -73,9 +73,10 @@ class Reach:
             return None
         turn = rotation(case)
         panes = [pane[::-1] for panes in panes_of(case).values() for pane in panes]
-        ports = [port.quad[::-1] for placed in components for port in placed.ports]
-        openings = np.reshape([*panes, *ports], (-1, 4, 3)) @ turn.T
         standing, size = outside(case), np.array(case.room.size)
+        ports = [port.quad[::-1] for placed in components for port in placed.ports]
+        ports = [q for q in ports if ((q < BEFORE) | (q > size - BEFORE)).any()]
+        openings = np.reshape([*panes, *ports], (-1, 4, 3)) @ turn.T
         blockers = np.reshape([q for piece in standing for q in _faces(piece)], (-1, 4, 3)) @ turn.T
         largest = np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]
         blockers = blockers[largest]

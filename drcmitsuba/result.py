@@ -166,7 +166,7 @@ def summed_up(
     """
     case, light = planned.facts.case, planned.facts.light
     E, numbers = now.illuminance, now.metrics
-    effects = planned.told()
+    effects = planned.told(found.attrs)
     traced = dict(rays or {})
     told_rays = ", ".join(f"{number} {kind}" for kind, number in traced.items())
     effects["cost"] = {

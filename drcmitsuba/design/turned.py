@@ -133,6 +133,7 @@ class Turned:
         if design is None or design.component is None:
             got, remedy = "no component is named", 'add component = "…", lamellae of [components]'
             raise InputError(case.source, "design", got, remedy)
+        case.refuse_overruled("the search for a tilt")
         component = case.components[design.component]
         assert isinstance(component, StructureComponent)
         structure = load_recipe(component.recipe).structure

@@ -12,7 +12,9 @@ notes.py
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -57,9 +59,22 @@ class Plan:
         left_out = (e for e in self.effects.values() if e.missing or (e.overruled and not e.on))
         return [effect.reason for effect in left_out]
 
-    def told(self) -> dict[str, dict[str, Any]]:
-        """Plain values for plan.json: {effect: {"on": bool, "reason": str, …}}."""
-        return {name: effect.told() for name, effect in self.effects.items()}
+    def told(self, coefficients: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
+        """Plain values for plan.json: {effect: {"on": bool, "reason": str, …}}.
+
+        Parameters
+        ----------
+        coefficients : mapping
+            Attributes of C, where it is known: what a mesh of suns came to is told with them.
+        """
+        told = {name: effect.told() for name, effect in self.effects.items()}
+        if "mesh_miss" in coefficients:
+            suns, miss = coefficients["mesh_suns"], 100 * coefficients["mesh_miss"]
+            told["suns"]["reason"] += (
+                f"; the mesh has {suns:g} suns and misses suns in between by {miss:.1f} % (RMS)"
+            )
+            told["suns"] |= {"mesh_suns": suns, "mesh_miss": coefficients["mesh_miss"]}
+        return told
 
 
 def plan(case: Case, light: Daylight) -> Plan:

@@ -8,6 +8,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case import Adaptive, Case, GlazingMaterial, ThreePhase
+from drcmitsuba.component_table import StructureComponent
 from drcmitsuba.components import Placed
 from drcmitsuba.light import Daylight
 from drcmitsuba.materials import film, lets_through, sends
@@ -155,7 +156,9 @@ def clear_panes(facts: Facts) -> Effect:
             names[name] = sends(material)
         elif material is not None and lets_through(material):
             names[name] = 1.0
-    names |= {c.name: 1.0 for c in facts.components if c.is_open or c.hole is None}
+    for c in facts.components:  # structures have gaps
+        if c.is_open or isinstance(case.components[c.name], StructureComponent):
+            names[c.name] = 1.0
     return _power(facts, names, "openings for straight light")
 
 

@@ -711,6 +711,17 @@ def test_what_counts_no_photons_refuses_components(task):
         TASKS[task](room)
 
 
+@pytest.mark.parametrize("task", TASKS)
+def test_what_follows_no_choice_of_effects_refuses_one(task):
+    room = case(
+        facade={"south": {"strips": [{"bottom": 1, "top": 2, "material": "glass"}]}},
+        design={"film": "opal"},
+        effects={"suns": "all", "pictures": "off"},
+    )
+    with pytest.raises(InputError, match=r"effects\.suns: .*; leave it"):
+        TASKS[task](room)
+
+
 def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
     slats, cube = with_strip(tmp_path, SLATS), with_mesh(tmp_path)
     before = simulation.fingerprint(slats, FULL), simulation.fingerprint(cube, FULL)

@@ -1,0 +1,143 @@
+"""What a plan decides: the quantity that decides, in numbers and in words, and who overrules it."""
+
+import numpy as np
+import pytest
+
+from drcmitsuba import backend, evaluate, load_case
+from drcmitsuba.case import Case
+from drcmitsuba.errors import InputError
+from drcmitsuba.light import daylight
+from drcmitsuba.plan import panes, plan
+from drcmitsuba.table import checked
+
+ROOM = {
+    "period": {"months": [6], "hours": [8, 18], "days_per_week": 1},
+    "room": {"size": [3.0, 4.0, 2.8]},
+    "facade": {"south": {"strips": [{"bottom": 1.0, "top": 2.0, "material": "open"}]}},
+    "sensors": {"corner": [0.3, 0.3, 0.7], "count": [2, 2], "spacing": 1.0},
+    "accuracy": {"replicates": 2, "paths": 16, "sensor_sky_rays": 64, "cell_sky_rays": 4},
+}
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select()
+
+
+def planned(**changes):
+    case = Case.model_validate({**ROOM, **changes})
+    return plan(case, daylight(case))
+
+
+def test_every_effect_says_why():
+    found = planned()
+    told = found.told()
+    assert set(told) == {
+        "sky", "ground", "suns", "dark_hours", "clear_panes", "scattering_panes", "films",
+        "straight_through", "pane_to_pane", "components", "obstructions", "shaded_state",
+        "interreflection", "colour", "pictures", "gradients",
+    }  # fmt: skip
+    assert all(isinstance(effect["on"], bool) and effect["reason"] for effect in told.values())
+    assert {name for name, effect in told.items() if effect["on"]} == {
+        "sky", "ground", "suns", "clear_panes", "interreflection", "pictures"
+    }  # fmt: skip
+
+
+def test_a_north_room_in_winter_sees_no_sun_and_the_plan_tells_by_how_much():
+    north = {"north": ROOM["facade"]["south"]}
+    found = planned(facade=north, period={**ROOM["period"], "months": [12]}).effects["suns"]
+    assert not found.on
+    assert found.quantities["largest_ns"] < -0.1
+    assert f"largest n·s = {found.quantities['largest_ns']:.2f}" in found.reason
+
+
+def test_an_overcast_sky_has_no_sun():
+    site = {"latitude": 46.0, "longitude": 6.0, "timezone": 1}
+    found = planned(sky={"model": "cie", "type": "overcast"}, site=site)
+    assert found.effects["suns"].reason == "no sun of the period has a radiance"
+    assert found.effects["sky"].on
+    assert len(found.facts.light.suns.labels) == 0
+
+
+def test_a_room_without_openings_asks_for_nothing():
+    found = planned(facade={})
+    on = {name for name, effect in found.effects.items() if effect.on}
+    assert on == {"interreflection", "pictures"}
+
+
+def test_the_ground_is_seen_by_sensors_only_where_something_stands():
+    open_air = {"room": None, "facade": {}}
+    assert not planned(**open_air).effects["ground"].on
+    block = {"corner": [9.0, 9.0, 0.0], "size": [1.0, 1.0, 1.0]}
+    assert planned(**open_air, furniture=[block]).effects["ground"].on
+
+
+@pytest.mark.parametrize(
+    ("albedo", "part", "surfaces"),
+    [(0.0, 1e-3, 0), (0.5, 1e-3, 10), (0.8, 1e-3, 31), (0.99, 1e-3, 688), (1.0, 1e-3, None)],
+)
+def test_depth_is_where_the_series_has_faded(albedo, part, surfaces):
+    found = panes.depth(albedo, part)
+    assert found == surfaces
+    if found:
+        assert albedo**found <= part < albedo ** (found - 1)
+
+
+def test_the_target_decides_how_deep():
+    by_target = {
+        target: planned(accuracy={**ROOM["accuracy"], "target": target}).scope.depth
+        for target in ("20 %", "2 %", "0.2 %", "1 point")
+    }
+    reflectance = 0.8  # the ceiling's
+    expected = [np.ceil(np.log(part) / np.log(reflectance)) for part in (2e-2, 2e-3, 2e-4, 1e-3)]
+    assert list(by_target.values()) == expected
+
+
+def test_the_case_overrules_and_the_reason_says_so():
+    effects = {"suns": "off", "interreflection": "all", "clear_panes": "all"}
+    found = planned(effects=effects)
+    assert found.effects["suns"].overruled
+    assert found.effects["suns"].reason.endswith('overruled by [effects] suns = "off"')
+    assert (found.scope.suns, found.scope.depth, found.scope.enclosed) == (False, None, False)
+    assert found.notes() == [found.effects["suns"].reason]
+    assert planned(effects={"films": "off"}).notes() == []  # there is none
+
+
+@pytest.mark.parametrize(
+    ("effects", "told"),
+    [
+        ({"suns": "some"}, "effects.suns: got \"some\"; input should be 'auto', 'all' or 'off'"),
+        ({"sun": "all"}, 'effects.sun: unknown key; did you mean "suns"?'),
+        ({"dark_hours": "off"}, 'effects.dark_hours: got "off"'),
+    ],
+)
+def test_a_choice_that_is_none(effects, told):
+    with pytest.raises(InputError) as error:
+        checked(Case, {**ROOM, "effects": effects}, "room.toml")
+    assert told in str(error.value)
+
+
+def test_light_mirrored_between_facades_is_followed_but_with_an_adaptive_sun():
+    data = load_case("classroom/existing").model_dump(mode="json", exclude_none=True)
+    data["period"] = ROOM["period"]
+
+    def effect(**changes):
+        case = Case.model_validate({**data, **changes})
+        return plan(case, daylight(case)).effects["pane_to_pane"]
+
+    assert not effect().on
+    strips = [{"bottom": 0.9, "top": 2.0, "material": "open"}]
+    both = {**data["facade"], "north": {"strips": strips}}
+    assert effect(facade=both).on
+    assert "south" in effect(facade=both).reason
+    adaptive = effect(facade=both, sun={"model": "adaptive"})
+    assert adaptive.missing
+    assert not adaptive.on
+
+
+def test_a_room_without_openings_is_dark_and_traces_nothing():
+    result = evaluate(Case.model_validate({**ROOM, "facade": {}}))
+    assert float(abs(result.illuminance["total"]).max()) == 0
+    assert float(abs(result.coefficients["replicates"]).max()) == 0
+    assert sum(result.plan["cost"]["actual"]["rays"].values()) == 0
+    assert result.metrics["sDA"]["value"] == 0
