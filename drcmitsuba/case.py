@@ -26,6 +26,7 @@ from drcmitsuba.design_table import Design
 from drcmitsuba.effects_table import Effects
 from drcmitsuba.errors import InputError
 from drcmitsuba.facade_table import Facade, Strip
+from drcmitsuba.lengths import ask_about_furniture, ask_about_room, ask_about_spacing
 from drcmitsuba.material_table import (
     BsdfMaterial,
     DielectricMaterial,
@@ -193,7 +194,7 @@ class Furniture(Table):
 
     name: str = "furniture"
     corner: Point
-    size: tuple[Length, Length, Annotated[float, Field(ge=0, le=10_000)]]
+    size: tuple[Length, Length, Annotated[float, Field(ge=0, le=100_000)]]
     reflectance: Reflectance = 0.5
     count: tuple[Annotated[int, Field(ge=1, le=1000)], Annotated[int, Field(ge=1, le=1000)]] = (
         1,
@@ -231,6 +232,8 @@ class Case(Table):
     """Everything that one evaluation needs. See the tables' own classes for their keys."""
 
     name: str = "case"
+    unit: Literal["m"] | None = None
+    """Of all lengths; "m" insists on lengths that look like millimetres."""
     site: Site | None = None
     weather: WeatherFile = WeatherFile()
     period: PeriodTable = PeriodTable()
@@ -307,6 +310,8 @@ class Case(Table):
         if self.standing and isinstance(self.sun, Adaptive):
             got = "a mesh of suns would blur what components mirror"
             raise InputError("case", "sun.model", got, 'take "true_sun"')
+        if self.unit is None:
+            self._ask_about_lengths()
         pieces = sum(piece.count[0] * piece.count[1] for piece in self.furniture)
         if pieces > MOST_PIECES:
             raise InputError("case", "furniture", f"{pieces} pieces", f"at most {MOST_PIECES}")
@@ -325,6 +330,15 @@ class Case(Table):
         if self.design is not None:
             self._check_design(self.design)
         return self
+
+    def _ask_about_lengths(self) -> None:
+        """Ask about lengths that are hardly metres."""
+        if self.room is None:
+            ask_about_spacing(self.sensors.spacing)
+            return
+        ask_about_room(self.room.size)
+        for i, piece in enumerate(self.furniture):
+            ask_about_furniture(f"furniture.{i}", piece.corner, piece.size, self.room.size)
 
     def _check_design(self, design: Design) -> None:
         """Refuse a design of unknown materials, or of a façade that is not there."""
@@ -405,6 +419,11 @@ class Case(Table):
         """Resolve a file that the case names: relative ones lie beside the case file."""
         return file if file.is_absolute() else self._folder / file
 
+    def _with(self, **tables: object) -> Case:
+        changed = self.model_copy(update=tables)
+        changed._source, changed._folder = self._source, self._folder
+        return changed
+
     def with_facade(self, side: Side, facade: Facade) -> Case:
         """Replace one façade.
 
@@ -414,21 +433,24 @@ class Case(Table):
             It does not fit into the room.
         """
         self._check_facade(side, facade)
-        changed = self.model_copy(update={"facade": {**self.facade, side: facade}})
-        changed._source, changed._folder = self._source, self._folder
-        return changed
+        return self._with(facade={**self.facade, side: facade})
 
     def with_materials(self, materials: Mapping[str, Material]) -> Case:
         """Replace the materials; their names stay the same."""
-        changed = self.model_copy(update={"materials": dict(materials)})
-        changed._source, changed._folder = self._source, self._folder
-        return changed
+        return self._with(materials=dict(materials))
 
     def with_components(self, components: Mapping[str, Component]) -> Case:
         """Replace the components; their names stay the same."""
-        changed = self.model_copy(update={"components": dict(components)})
-        changed._source, changed._folder = self._source, self._folder
-        return changed
+        return self._with(components=dict(components))
+
+    def moved(
+        self,
+        sensors: Sensors,
+        furniture: tuple[Furniture, ...],
+        components: Mapping[str, Component],
+    ) -> Case:
+        """Replace all that has coordinates where there is no room."""
+        return self._with(sensors=sensors, furniture=furniture, components=dict(components))
 
     def without_shading(self) -> Case:
         """Leave the shade out."""
@@ -440,9 +462,7 @@ class Case(Table):
         """Replace the weather file; None keeps the case's own."""
         if file is None:
             return self
-        changed = self.model_copy(update={"weather": WeatherFile(file=Path(file).absolute())})
-        changed._source, changed._folder = self._source, self._folder
-        return changed
+        return self._with(weather=WeatherFile(file=Path(file).absolute()))
 
 
 def shipped_folder() -> Path:

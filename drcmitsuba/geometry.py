@@ -1,6 +1,7 @@
 """Plain geometry: surfaces as quadrilaterals, and the room, its façades and its furniture as such.
 
-All is in the room's own frame [m]. Panes face the room: their normals point inward.
+All is in the room's own frame [m]. Panes face the room: their normals point inward. Where there is
+no room, the frame begins near the sensors: see `recentred`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.case import Case, Facade, Furniture, Room, Side
+from drcmitsuba.component_table import MeshComponent
+from drcmitsuba.lengths import refuse_far
 from drcmitsuba.materials import SurfaceMaterial
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -172,6 +175,65 @@ def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
         for left, right, bottom, top in rectangles
     ]
     return np.reshape(quads, (-1, 4, 3)) @ rotation(case).T
+
+
+def origin(case: Case) -> np.ndarray:
+    """Where the frame that is traced has its origin, in the case's coordinates, shape (3,) [m].
+
+    The room's corner, 0, or the corner of the sensors in whole metres: scenes without a room may
+    be given in coordinates of a map.
+    """
+    return np.zeros(3) if case.room is not None else np.floor(case.sensors.corner)
+
+
+def recentred(case: Case) -> Case:
+    """Return the case with its coordinates counted from its `origin`.
+
+    Mitsuba's numbers have 24 bits, and it starts rays off a surface by 9e-5 of the largest
+    coordinate: 400 m at the northing of Rome. So coordinates are subtracted before it sees them.
+    """
+    start = origin(case)
+    if not start.any():
+        return case
+
+    def near(point: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(float(v) for v in np.subtract(point, start))
+
+    components = {
+        name: c.model_copy(
+            update={
+                "position": near(c.position),
+                "ports": tuple(tuple(near(corner) for corner in port) for port in c.ports),
+            }
+        )
+        for name, c in case.components.items()
+        if isinstance(c, MeshComponent)  # without a room there is nothing else
+    }
+    pieces = [piece.model_copy(update={"corner": near(piece.corner)}) for piece in case.furniture]
+    sensors = case.sensors.model_copy(update={"corner": near(case.sensors.corner)})
+    return case.moved(sensors, tuple(pieces), components)
+
+
+def around(case: Case) -> str:
+    """What the coordinates of a recentred case are counted from, in words."""
+    return "the room's corner" if case.room is not None else "the sensors"
+
+
+def furniture(case: Case) -> list[tuple[Furniture, list[np.ndarray]]]:
+    """Furniture of a recentred case with its faces (4, 3), fronts outward.
+
+    Raises
+    ------
+    InputError
+        A piece lies on the other side of the map.
+    """
+    found = []
+    for i, piece in enumerate(case.furniture):
+        faces = [face for corner, size in boxes(piece) for face in box(corner, size)]
+        points = np.concatenate(faces)
+        refuse_far(case.source, f"furniture.{i}", points, around(case))
+        found.append((piece, faces))
+    return found
 
 
 def rotation(case: Case) -> np.ndarray:

@@ -19,10 +19,12 @@ from drcmitsuba.geometry import (
     SIDES,
     Port,
     Surface,
-    box,
     boxes,
     ceiling,
+    furniture,
+    origin,
     quad,
+    recentred,
     rotation,
     side_of,
     wall,
@@ -160,7 +162,7 @@ class Scene:
 
 
 def surfaces(case: Case, state: State = "open", scope: Scope = FULL) -> list[Surface]:
-    """List the surfaces of a case in the world frame.
+    """List the surfaces of a case in the world frame, about the case's `geometry.origin`.
 
     Parameters
     ----------
@@ -175,6 +177,7 @@ def surfaces(case: Case, state: State = "open", scope: Scope = FULL) -> list[Sur
     -------
     list of Surface
     """
+    case = recentred(case)
     return _surfaces(case, state, place(case), scope)
 
 
@@ -200,10 +203,9 @@ def _surfaces(
                     parts.append((f"{name} {side}", material, quads))
     made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
     left_out = [] if scope.obstructions else outside(case)
-    for piece in case.furniture:
+    for piece, quads in furniture(case):
         if piece in left_out:
             continue
-        quads = [face for corner, size in boxes(piece) for face in box(corner, size)]
         is_body, m = piece.size[2] > 0, Lambertian(piece.reflectance)
         made.append(Surface(piece.name, m, np.array(quads), closed=is_body))
     made += [surface for component in components for surface in component.surfaces]
@@ -318,6 +320,7 @@ def load(case: Case, state: State = "open", channel: int = 0, scope: Scope = FUL
 
     Channel −1 is luminance.
     """
+    case = recentred(case)
     components = place(case)
     turn = rotation(case)
     ports: tuple[Port, ...] = ()
@@ -330,6 +333,7 @@ def load(case: Case, state: State = "open", channel: int = 0, scope: Scope = FUL
 
 def reach(case: Case) -> Reach | None:
     """Which suns can get into the room of a case; None where there is no room."""
+    case = recentred(case)
     return Reach.of(case, place(case))
 
 
@@ -371,33 +375,39 @@ def _is_opening(case: Case, name: str, state: State, scope: Scope) -> bool:
 def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """Positions [m] and normals of the sensors in the world frame, shape (sensor, 3) each.
 
+    Positions count from the case's `geometry.origin`, as all that is traced.
+
     Raises
     ------
     InputError
         A sensor lies outside the room, inside furniture, or within 1 mm of a surface.
     """
+    case, start = recentred(case), origin(case)
     grid = case.sensors
     x = grid.corner[0] + (np.arange(grid.count[0]) + 0.5) * grid.spacing
     y = grid.corner[1] + (np.arange(grid.count[1]) + 0.5) * grid.spacing
     points = np.stack([np.tile(x, len(y)), np.repeat(y, len(x))], axis=-1)
     points = np.column_stack([points, np.full(len(points), grid.corner[2])])
-    _check_sensors(case, points)
+    _check_sensors(case, points, start)
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     return points @ rotation(case).T, normals
 
 
-def _check_sensors(case: Case, points: np.ndarray) -> None:
-    """Refuse sensors that see nothing because they stand in or on something."""
-    margin = 1e-3
+def _check_sensors(case: Case, points: np.ndarray, start: np.ndarray) -> None:
+    """Refuse sensors that see nothing because they stand in or on something.
+
+    `start` is what the user's coordinates have in addition.
+    """
+    margin = 1e-3 - 1e-9  # 1 mm itself is fine, whatever a sum of decimals rounds to
 
     def refuse(bad: Any, where: str) -> None:
         if bad.any():
             i = int(np.argmax(bad))
-            place = ", ".join(f"{v:.4g}" for v in points[i])
+            place = ", ".join(f"{round(v, 4):.10g}" for v in points[i] + start)
             more = f" ({int(bad.sum())} in all)" if bad.sum() > 1 else ""
             raise InputError(
                 case.source, "sensors", f"sensor {i} at ({place}) lies {where}{more}",
-                f"move it at least {margin * 1000:g} mm off every surface",
+                "move it at least 1 mm off every surface",
             )  # fmt: skip
 
     if case.room is not None:

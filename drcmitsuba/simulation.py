@@ -17,6 +17,7 @@ from drcmitsuba.case import Adaptive, BsdfMaterial, Case, ThreePhase
 from drcmitsuba.coefficients import compute
 from drcmitsuba.component_table import MeshComponent, StructureComponent
 from drcmitsuba.errors import InputError
+from drcmitsuba.geometry import origin
 from drcmitsuba.light import Daylight, sources
 from drcmitsuba.plan import plan
 from drcmitsuba.pool import Pool, by_state
@@ -54,6 +55,7 @@ def transport(
         Takes the number of rays by kind.
     """
     points, normals = scene.sensor_points(case)
+    start = origin(case)
     if sensors is not None:
         points, normals = points[sensors], normals[sensors]
     coloured = scene.is_coloured(case) if scope.channels is None else scope.channels
@@ -75,7 +77,8 @@ def transport(
             of_channel = compute(
                 world, points, normals, suns, case.accuracy, subdivision=subdivision, progress=done
             )
-        found.append(of_channel)
+        at = {axis: ("sensor", points[:, i] + start[i]) for i, axis in enumerate("xyz")}
+        found.append(of_channel.assign_coords(at))
         if rays is not None:
             rays.update(world.tally.counted())
     if len(channels) == 1:

@@ -19,9 +19,11 @@ else:
     import tomli as tomllib
 
 Fraction = Annotated[float, Field(ge=0, le=1, strict=True)]
-Length = Annotated[float, Field(gt=0, le=10_000, strict=True)]
+Length = Annotated[float, Field(gt=0, le=100_000, strict=True)]
 Coordinate = Annotated[float, Field(ge=-100_000, le=100_000, strict=True)]
-Point = tuple[Coordinate, Coordinate, Coordinate]
+OnMap = Annotated[float, Field(ge=-1e8, le=1e8, strict=True)]
+"""Coordinate of any map [m]; Mercator's reach 2e7."""
+Point = tuple[OnMap, OnMap, OnMap]
 Side = Literal["south", "east", "north", "west"]
 
 

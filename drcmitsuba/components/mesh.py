@@ -8,7 +8,8 @@ from drcmitsuba.case import Case
 from drcmitsuba.component_table import MeshComponent
 from drcmitsuba.components.placed import Placed
 from drcmitsuba.errors import InputError
-from drcmitsuba.geometry import Port, Surface, box, normals
+from drcmitsuba.geometry import Port, Surface, around, box, normals
+from drcmitsuba.lengths import ask_about_mesh, refuse_far
 from drcmitsuba.material_table import DielectricMaterial
 from drcmitsuba.structures.mesh import read_mesh
 from drcmitsuba.structures.solid import check_solid, is_closed, volume
@@ -38,10 +39,16 @@ def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
     corners = triangles(component)
     material = case.materials[component.material]
     points = corners.reshape(-1, 3)
+    refuse_far(case.source, f"components.{name}.position", points, around(case))
+    if case.unit is None:
+        where = f"components.{name}.scale"
+        ask_about_mesh(case.source, where, np.ptp(points, axis=0).tolist(), component.scale)
     if isinstance(material, DielectricMaterial):
         check_solid(component.file, points, np.arange(len(points)).reshape(-1, 3))
     if component.ports:
         quads = np.array(component.ports)
+        where = f"components.{name}.ports"
+        refuse_far(case.source, where, quads.reshape(-1, 3), around(case))
         _check(case.source, f"components.{name}.ports", quads, points)
     else:
         low, high = points.min(axis=0) - AIR, points.max(axis=0) + AIR

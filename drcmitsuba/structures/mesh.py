@@ -120,7 +120,17 @@ def _ply(raw: bytes) -> tuple[np.ndarray, np.ndarray]:
     if not {"x", "y", "z"} <= set(vertex.dtype.names or ()):
         raise _UnfitError("vertices have no x, y, z")
     points = np.stack([vertex[c].astype(float) for c in "xyz"], axis=-1)
+    if any(vertex.dtype[c] == np.float32 for c in "xyz") and len(points):
+        _check_rounding(points)
     return points, face[corners].astype(np.int64)
+
+
+def _check_rounding(points: np.ndarray) -> None:
+    """Refuse vertices (vertex, 3) that single precision has moved by more than 1e-4 of the mesh."""
+    far, size = float(abs(points).max()), float(np.ptp(points, axis=0).max())
+    rounding = float(np.spacing(np.float32(far)))
+    if np.isfinite(far) and rounding > 1e-4 * size:
+        raise _UnfitError(f"its floats are rounded to {rounding:.2g} at {far:.7g}, write doubles")
 
 
 def _columns(rows: np.ndarray, layout: np.dtype) -> np.ndarray:

@@ -15,8 +15,8 @@ from drcmitsuba.table import read_toml
 ROOT = Path(__file__).resolve().parents[2]
 # fmt: off
 ORDER = [
-    "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "accuracy", "bsdf",
-    "material_table", "component_table", "facade_table", "design_table",
+    "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "lengths",
+    "accuracy", "bsdf", "material_table", "component_table", "facade_table", "design_table",
     "effects_table", "case", "light", "backend",
     "structures", "materials", "geometry", "components", "reach", "scope", "tally", "scene",
     "goniophotometer", "plan",
