@@ -405,7 +405,7 @@ class Case(Table):
                 got = f"there is no segment {beyond} of {facade.segments}"
                 refuse(strip, got, f"count from 0 to {facade.segments - 1}")
             pane = min(segment, strip.top - strip.bottom) - facade.frame
-            if pane < THINNEST and strip.material != "wall":
+            if pane < THINNEST - 1e-9 and strip.material != "wall":
                 got = f"a frame of {facade.frame:g} m leaves no pane"
                 refuse(strip, got, "give a narrower frame, fewer segments or a higher strip")
         for _, strips in facade.columns():

@@ -26,10 +26,10 @@ from drcmitsuba.suns import Suns
 from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
 from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.panes import PanePatches
 from drcmitsuba.transport.photons import Landed, Ledger, Photons
-from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
+from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
 
 BLOCK = 1024
 """Sensors that are gathered at once, at most."""
@@ -148,9 +148,9 @@ def straight_suns(
     -----
     Most sensors see all of a sun or nothing. Where `RIM` directions around the disk's edge agree,
     that is taken for the answer; where they do not, a shadow's edge crosses the disk and what it
-    leaves is estimated with `EDGE_SAMPLES` directions in each replicate. A straight edge that takes
-    or leaves less than 1.5 % of the disk, or a bar across it of less than a tenth of its width, may
-    go unnoticed.
+    leaves is estimated with `EDGE_SAMPLES` directions in each replicate; so is a disk that may be
+    seen through a slit. A straight edge that takes or leaves less than 1.5 % of the disk, or a bar
+    across it of less than a tenth of its width, may go unnoticed.
     """
     shape = (len(points), len(suns.labels))
     mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
@@ -190,7 +190,8 @@ def _straight_suns(
         total += d
         least, most = dr.minimum(least, d), dr.maximum(most, d)
         dr.eval(total, least, most)
-    edges = dr.compress(most - least > ALIKE * most)
+    slits = hidden_in_disks(scene, points, suns.directions, suns.diameter)
+    edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
     mean, error = total.numpy() / RIM, np.zeros(total.shape, np.float32)
     if dr.width(edges):
         again = [
@@ -315,7 +316,10 @@ def estimate(
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
     cells = Cells.none(Grid.of(scene, accuracy.cell_size))
-    block_size = max(1, min(BLOCK, LANES // (accuracy.replicates * accuracy.paths)))
+    seed = launch_seed(accuracy, 7)
+    bounces = expected_bounces(scene, points, normals, accuracy.paths, cells.grid, seed)
+    lanes = int(LANES * USUAL / bounces)  # in white rooms paths are long
+    block_size = max(1, min(BLOCK, lanes // (accuracy.replicates * accuracy.paths)))
     starts = range(0, len(points), block_size)
     for block, start in enumerate(starts):
         here = slice(start, min(start + block_size, len(points)))
@@ -323,7 +327,7 @@ def estimate(
         p, n = _flat(points[here]), _flat(normals[here])
         vertices = gather(
             scene, points[here], normals[here], replicates=len(replicates), paths=accuracy.paths,
-            grid=cells.grid, seed=launch_seed(accuracy, block, 4),
+            grid=cells.grid, seed=launch_seed(accuracy, block, 4), bounces=bounces,
         )  # fmt: skip
         known = cells.count
         cells = cells.extended(vertices)

@@ -14,6 +14,7 @@ import numpy as np
 
 from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, Facade, GlazingMaterial
 from drcmitsuba.components import Placed, inside, place
+from drcmitsuba.coplanar import settled
 from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import (
     SIDES,
@@ -21,7 +22,6 @@ from drcmitsuba.geometry import (
     Surface,
     boxes,
     ceiling,
-    furniture,
     origin,
     quad,
     recentred,
@@ -91,11 +91,14 @@ class Enclosure:
     openings : np.ndarray, shape (opening, 4, 3)
         Rectangles in the walls, fronts inward, world frame [m]: what lies outside them is closed.
         None at all where every opening is covered by panes that scatter.
+    narrowest : float
+        Least width or height of a pane or hole that lets straight light in [m].
     """
 
     size: np.ndarray
     turn: np.ndarray
     openings: np.ndarray
+    narrowest: float = np.inf
 
     def contains(self, points: mi.Float) -> bool:
         """Whether every point (three numbers each, world frame) lies in the room."""
@@ -203,11 +206,11 @@ def _surfaces(
                     parts.append((f"{name} {side}", material, quads))
     made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
     left_out = [] if scope.obstructions else outside(case)
-    for piece, quads in furniture(case):
+    for piece, faces in settled(case):
         if piece in left_out:
             continue
         is_body, m = piece.size[2] > 0, Lambertian(piece.reflectance)
-        made.append(Surface(piece.name, m, np.array(quads), closed=is_body))
+        made.append(Surface(piece.name, m, faces, closed=is_body))
     made += [surface for component in components for surface in component.surfaces]
     return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
 
@@ -302,10 +305,11 @@ def build(
         if isinstance(p.material, BsdfMaterial) and not p.component
     )
     points = np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))])
+    full, panes = scene(lambda part: True), any(map(is_clear, parts))
     return Scene(
-        full=scene(lambda part: True),
-        opaque=scene(lambda part: not is_clear(part)),
-        clear=scene(is_clear) if any(map(is_clear, parts)) else None,
+        full=full,
+        opaque=scene(lambda part: not is_clear(part)) if panes else full,
+        clear=scene(is_clear) if panes else None,
         scattering=scattering,
         films=films,
         corners=points,
@@ -343,7 +347,7 @@ def _enclosure(
     """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
     if case.room is None or not scope.enclosed:
         return None
-    openings = []
+    openings, narrowest = [], np.inf
     for side, facade in case.facade.items():
         clear = [
             strip for strip in facade.strips if _is_opening(case, strip.material, state, scope)
@@ -355,13 +359,17 @@ def _enclosure(
             bottom, top = min(s.bottom for s in clear), max(s.top for s in clear)
             start = foot + left * along + [0, 0, bottom]
             openings.append(quad(start, [0, 0, top - bottom], (right - left) * along))
+            segment = float(np.linalg.norm(along)) / facade.segments
+            sizes = (min(segment, s.top - s.bottom) - facade.frame for s in clear)
+            narrowest = min(narrowest, *sizes)
     for component in components:
         if component.hole is not None and component.is_open:
             x0, x1, y0, y1 = component.hole
             corner = [x0, y0, case.room.size[2]]
             openings.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
     turn = rotation(case)
-    return Enclosure(np.array(case.room.size), turn, np.reshape(openings, (-1, 4, 3)) @ turn.T)
+    quads = np.reshape(openings, (-1, 4, 3)) @ turn.T
+    return Enclosure(np.array(case.room.size), turn, quads, narrowest)
 
 
 def _is_opening(case: Case, name: str, state: State, scope: Scope) -> bool:

@@ -338,7 +338,8 @@ class Coefficient(mi.CppADIntegrator):
             origin = dr.select(null | mirrored, origin, si.p)
             looked = dr.select(null, looked, meets_diffuse & ~mirrored)
             depth += 1
-            survival = dr.clip(beta / start, 0.05, 0.95)
+            # Below 0.95 whatever the reflectance, the variance had no end in white rooms.
+            survival = dr.clip(beta / start, 0.05, 0.999)
             roulette = depth >= self.rr_depth
             survives = ~roulette | (sampler.next_1d(active) < survival)
             beta = dr.select(roulette, beta / survival, beta)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
+
 import numpy as np
 
 from drcmitsuba.case import Case
 from drcmitsuba.component_table import MeshComponent
 from drcmitsuba.components.placed import Placed
+from drcmitsuba.coplanar import refuse_in_walls
 from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import Port, Surface, around, box, normals
 from drcmitsuba.lengths import ask_about_mesh, refuse_far
@@ -18,9 +22,31 @@ AIR = 1e-3
 """Distance of the ports from the mesh that they surround [m]."""
 
 
+def _shape(component: MeshComponent) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Vertices and faces of a component's file, and whether they close."""
+    file = component.file
+    return _read(file, file.stat().st_mtime_ns if file.is_file() else 0)
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, changed: int) -> tuple[np.ndarray, np.ndarray, bool]:
+    vertices, faces = read_mesh(path)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    if area <= np.square(1e-6 * np.ptp(vertices, axis=0).max()):
+        raise InputError(path, "mesh", "its triangles have no area", "give one with faces")
+    vertices.flags.writeable = faces.flags.writeable = False
+    return vertices, faces, is_closed(vertices, faces)
+
+
+def is_solid(component: MeshComponent) -> bool:
+    """Whether a mesh is closed."""
+    return _shape(component)[2]
+
+
 def triangles(component: MeshComponent) -> np.ndarray:
     """Triangles (triangle, 3, 3) of a mesh where it stands, in the room's frame [m]."""
-    vertices, faces = read_mesh(component.file)
+    vertices, faces, _ = _shape(component)
     angle = np.radians(component.rotation)
     s, c = np.sin(angle), np.cos(angle)
     turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
@@ -43,7 +69,7 @@ def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
     if case.unit is None:
         where = f"components.{name}.scale"
         ask_about_mesh(case.source, where, np.ptp(points, axis=0).tolist(), component.scale)
-    if isinstance(material, DielectricMaterial):
+    if isinstance(material, DielectricMaterial):  # again where it stands: turned and scaled
         check_solid(component.file, points, np.arange(len(points)).reshape(-1, 3))
     if component.ports:
         quads = np.array(component.ports)
@@ -58,9 +84,10 @@ def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
                 low, high = np.maximum(low, 0), np.minimum(high, size)
         quads = np.array(box(low, high - low))[:, [0, 3, 2, 1]]
     faces = np.arange(len(points)).reshape(-1, 3)
-    closed = is_closed(points, faces)
+    closed = is_solid(component)
     if closed and volume(points, faces) < 0:
         corners = corners[:, [0, 2, 1]]  # a mirror is the same on both sides
+    refuse_in_walls(case, name, corners, not closed or isinstance(material, DielectricMaterial))
     surface = Surface(name, material, corners[:, [0, 1, 2, 2]], name, closed)
     return Placed(name, (surface,), tuple(Port(name, q) for q in quads))
 

@@ -12,12 +12,12 @@ from drcmitsuba.case import Case, Facade
 from drcmitsuba.component_table import Duct, LightPipe, MeshComponent, StructureComponent
 from drcmitsuba.components.duct import duct
 from drcmitsuba.components.lightpipe import lightpipe
-from drcmitsuba.components.mesh import mesh, triangles
+from drcmitsuba.components.mesh import is_solid, mesh, triangles
 from drcmitsuba.components.placed import Placed, check_hole
 from drcmitsuba.components.structure import structure
 from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import SIDES, boxes, normals, quad, wall
-from drcmitsuba.structures.solid import is_closed, winding
+from drcmitsuba.structures.solid import winding
 
 NEAR = 1e-6
 """What is this close to a wall's plane lies in it [m]."""
@@ -77,11 +77,8 @@ def _check_apart(source: str, above: list[Placed]) -> None:
 def _solids(case: Case) -> Iterator[tuple[str, np.ndarray]]:
     """Closed meshes among the components: names and triangles (triangle, 3, 3)."""
     for name, component in case.components.items():
-        if isinstance(component, MeshComponent):
-            corners = triangles(component)
-            faces = np.arange(3 * len(corners)).reshape(-1, 3)
-            if is_closed(corners.reshape(-1, 3), faces):
-                yield name, corners
+        if isinstance(component, MeshComponent) and is_solid(component):
+            yield name, triangles(component)
 
 
 def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

@@ -14,7 +14,9 @@ def welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
     """Join corners (vertex, 3) that lie at one place, and drop faces that shrink to an edge."""
     size = max(float(np.ptp(vertices, axis=0).max()), 1e-30)
     whole = np.round((vertices - vertices.min(axis=0)) / (size * SAME)).astype(np.int64)
-    _, first, number = np.unique(whole, axis=0, return_index=True, return_inverse=True)
+    span = round(1 / SAME) + 1
+    key = (whole[:, 0] * span + whole[:, 1]) * span + whole[:, 2]  # one number sorts faster
+    _, first, number = np.unique(key, return_index=True, return_inverse=True)
     faces = number.reshape(-1)[faces]
     shrunk = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     return vertices[first], faces[~shrunk]

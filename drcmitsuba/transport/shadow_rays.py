@@ -128,6 +128,19 @@ def _candidates(
     return rows, groups, clusters
 
 
+def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter: float) -> mi.Bool:
+    """Whether a slit may show the inside of a sun's disk and nothing of its edge, by point and sun.
+
+    Where every opening is wider than a disk's image across the room, there is none.
+    """
+    room, radius = scene.enclosure, np.radians(diameter) / 2
+    if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
+        openings = Openings.of(scene, mi.Float(points.astype(np.float32).ravel()))
+        if openings is not None:
+            return mi.Bool(openings.reached(points, suns, np.full(len(suns), radius)).ravel())
+    return mi.Bool(False)
+
+
 def straight(
     scene: Scene, openings: Openings | None, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool
 ) -> mi.Float:
