@@ -25,6 +25,14 @@ from drcmitsuba.transport.receivers import CellAreas, Squares
 WEAK = 0.25
 """Share of its first flux below which a photon goes on by chance, with this share."""
 
+OFFSET = 64 * 2.0**-24
+"""Photons go on from a surface this times 1 + the largest coordinate off it [m].
+
+Mitsuba takes 1500 in place of 64: of a duct a hundred times as long as it is wide that is 1.3 % of
+the width, and a photon that begins so far off one wall meets the next one too early: 2 % of the
+light were lost after 115 mirrors. Points are right to some 4 · 2⁻²⁴.
+"""
+
 OWN, FILM, DIFFUSER, RECEIVES = 1, 2, 4, 8
 """Traits of a surface: it belongs to the photon's component; to the room's films, or its diffusing
 panes; light is deposited on it."""
@@ -139,6 +147,12 @@ class Recorder:
                 dr.scatter_add(found.inner, flux, row, meets & (2 * off < half))
 
 
+def _onward(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:
+    """Ray that leaves a surface in a direction."""
+    away = OFFSET * (1 + dr.max(dr.abs(si.p)))
+    return mi.Ray3f(si.p + dr.mulsign(away, dr.dot(si.n, d)) * si.n, d)
+
+
 @dr.syntax
 def follow(
     scene: mi.Scene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
@@ -215,5 +229,5 @@ def follow(
         roulette += dr.select(faint, kept - flux, 0)
         flux = dr.select(faint, kept, flux)
         active &= flux > 0
-        ray = si.spawn_ray(si.to_world(bs.wo))
+        ray = _onward(si, si.to_world(bs.wo))
     return landed, absorbed, escaped, others, lost, roulette, mi.Float(step)

@@ -80,7 +80,7 @@ def test_no_room(holds, subdivision):
     holds("ΣC over sky and ground = π", abs(C.sum(axis=-1, dtype=float) / np.pi - 1), ROUNDING)
 
 
-@pytest.mark.parametrize("reflectance", [0.975, 0.99, 0.995])
+@pytest.mark.parametrize("reflectance", [0.975, 0.99, pytest.param(0.995, marks=pytest.mark.slow)])
 def test_closed_white_box(holds, same, reflectance):
     """Σ ρ^k = ρ / (1 − ρ): with roulette bounded at 0.95 a tenth of it was missing at 0.99.
 
@@ -119,7 +119,7 @@ def test_energy_in_a_white_box_with_an_opening(holds, same):
         out = np.column_stack([rng.uniform(-width / 2, width / 2, (32, 2)), np.full(32, away)])
         points = np.concatenate([on_walls, out])
         facing = np.concatenate([normals, np.tile(-UP, (32, 1))])
-        accuracy = Accuracy(seed=seed, replicates=2, paths=64, cell_size=0.2, cell_sky_rays=2048)
+        accuracy = Accuracy(seed=seed, replicates=2, paths=32, cell_size=0.2, cell_sky_rays=2048)
         C = compute(world, points, facing, NO_SUNS, accuracy)["replicates"].values
         E = C.sum(axis=-1, dtype=float).mean(axis=0)
         # Each side has its share of the points; the ceiling lacks the hole.
@@ -127,7 +127,7 @@ def test_energy_in_a_white_box_with_an_opening(holds, same):
         assert weights.sum() == pytest.approx(area)
         totals.append((1 - rho) * (weights * E[:96]).sum() + hole * E[96:].mean())
     totals = np.array(totals) / (np.pi * hole)
-    same(totals, exact=1.0, within=0.01)
+    same(totals, exact=1.0, within=0.02)
     error = totals.std(ddof=1) / np.sqrt(len(totals))
     holds("flux in = absorbed + flux out, in standard errors", abs(totals.mean() - 1) / error, 4)
 
