@@ -124,8 +124,9 @@ def test_many_sensors(holds, edges):
     assert small["finite"]
     assert large["finite"]
     holds("mean D = that of 1600 sensors", abs(large["mean"] / small["mean"] - 1), 0.05)
-    grown = (large["peak"] - small["peak"]) / (large["bytes"] - small["bytes"])
-    holds("growth of memory over that of the results", max(grown, 0.0), 2.0)
+    # The results and a copy of them at the most; 32 MiB are what allocators differ by.
+    grown = (large["peak"] - small["peak"] - 32 * MIB) / (large["bytes"] - small["bytes"])
+    holds("growth of memory beyond 32 MiB over that of the results", max(grown, 0.0), 2.0)
     holds("peak of memory [MiB]", large["peak"] / MIB, 2048)
 
 

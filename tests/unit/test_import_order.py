@@ -19,8 +19,9 @@ ORDER = [
     "accuracy", "bsdf", "material_table", "component_table", "facade_table", "design_table",
     "effects_table", "case", "light", "backend",
     "structures", "materials", "geometry", "coplanar", "components", "reach", "scope", "tally",
-    "scene", "goniophotometer", "plan", "transport", "coefficients", "basis", "refinement", "accumulate", "metrics", "smooth",
-    "uncertainty", "pool", "simulation", "judgement", "rounds", "design", "plots",
+    "scene", "goniophotometer", "plan", "transport", "coefficients", "basis", "refinement",
+    "accumulate", "metrics", "smooth", "uncertainty", "pool", "simulation", "judgement", "rounds",
+    "design", "plots",
     "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",
     "film_commands", "tradeoff_command", "optimise_command", "cli",
 ]
