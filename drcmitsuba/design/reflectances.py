@@ -163,9 +163,9 @@ class _State:
             deposit = base.lit((r, 0))
             straight = deposit.straight(p, n, (r, 1, 1), a.sensor_sky_rays, samples)
             before = year.by_all(straight.plus(deposit.scattered(p, n, (r, 1, 1))))
-            q = draw_points(vertices, cell, 0, known.count, r)
-            on_cells = deposit.straight(*q, (r, 1, 0), a.cell_sky_rays)
-            cells = year.by_all(on_cells.plus(deposit.scattered(*q, (r, 1, 0))))
+            _, q, facing = draw_points(vertices, cell, known.count, r)
+            on_cells = deposit.straight(q, facing, (r, 1, 0), a.cell_sky_rays)
+            cells = year.by_all(on_cells.plus(deposit.scattered(q, facing, (r, 1, 0))))
             parts.append((before, year.by_sun(straight), cells))
             parts = [tuple(sum(x[1:], x[0]) for x in zip(*parts, strict=True))]
             dr.eval(parts)

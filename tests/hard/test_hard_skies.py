@@ -10,7 +10,24 @@ from drcmitsuba.sky.cie import GENSKY
 from drcmitsuba.sky.sun import direction
 
 ZENITHS = np.array(
-    [0.0, 1e-9, 2.9, 3.0, 3.1, 6.0, 45.0, 80.0, 87.0, 89.0, 89.95, 90 - 1e-9, 90.0, 90.05, 96.0, 180]
+    [
+        0.0,
+        1e-9,
+        2.9,
+        3.0,
+        3.1,
+        6.0,
+        45.0,
+        80.0,
+        87.0,
+        89.0,
+        89.95,
+        90 - 1e-9,
+        90.0,
+        90.05,
+        96.0,
+        180,
+    ]
 )
 DAYS = ["2015-01-03T12:00", "2015-06-21T12:00", "2015-12-31T23:00"]
 
@@ -60,8 +77,7 @@ def check(data, sun, model, holds, subdivision=1):
     patches = Patches(subdivision)
     L = radiance(data, sun, model=model, patches=patches)
     sky, direct, diffuse = (
-        L[k].values
-        for k in ("sky", "direct_normal_illuminance", "diffuse_horizontal_illuminance")
+        L[k].values for k in ("sky", "direct_normal_illuminance", "diffuse_horizontal_illuminance")
     )
     everything = np.column_stack([sky, L["sun"].values, direct, diffuse])
     holds("values that are not finite", ~np.isfinite(everything), 0)
@@ -181,7 +197,7 @@ def test_cie_skies_anywhere(worst):
 
 
 def test_sunshine_at_its_ends(worst):
-    """Never and always sunny months, at the first and last minute of the year and on 29 February."""
+    """Never and always sunny months, the first and last minute of the year, 29 February."""
     data, sun = hours(ZENITHS, [0.0], [0.0], azimuth=[0.0, 180.0])
     for probability in ((0.0,) * 12, (1.0,) * 12, (0.0, 1.0) * 6):
         check(data, sun, Sunshine(probability), worst)

@@ -288,7 +288,7 @@ def border_directions(patches):
 
 @pytest.mark.parametrize("subdivision", range(1, 7))
 def test_borders_of_patches(subdivision, holds):
-    """Every direction has exactly one patch, one that it lies in or touches, always the same one."""
+    """Every direction has exactly one patch, one that it lies in or touches, always the same."""
     patches = Patches(subdivision)
     d = border_directions(patches)
     d = d[d[:, 2] >= 0]
@@ -346,7 +346,9 @@ def test_sun_models_keep_the_light(latitude, holds):
     holds("daysim: light", abs(blend.weights.sum(axis=1) - 1), 1e-12)
     holds("daysim: negative weights", np.maximum(-blend.weights, 0), 0)
     known = {*places.labels}
-    nameless = [b not in known for b, w in zip(blend.bins.flat, blend.weights.flat) if w]
+    nameless = [
+        b not in known for b, w in zip(blend.bins.flat, blend.weights.flat, strict=True) if w
+    ]
     holds("daysim: bins that are no suns", nameless, 0)
     holds("daysim: suns below 2°", np.maximum(0.0349 - places.directions[:, 2], 0), 1e-4)
     nodes = mesh.nodes_of(d, mesh.COARSEST)
