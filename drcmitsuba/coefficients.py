@@ -1,8 +1,8 @@
 """Daylight coefficients C = D(sensors) + G·D(cells), with the standard error of every entry.
 
 Replicates are independent in everything: gather paths, points on the cells, rays to the sky,
-directions on the suns. Their mean is the estimate, their scatter its standard error. New cells that
-a later block of sensors meets are added to the deposit; what is known is never traced again.
+directions on the suns. Their mean is the estimate, their scatter its standard error. Random
+numbers follow from what they are for, a sensor, a cell, a sun: not from what shares its launch.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from drcmitsuba.progress import Progress, part
 from drcmitsuba.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.suns import Suns
-from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
+from drcmitsuba.transport.cells import Drawn
 from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
+from drcmitsuba.transport.gathered import Gathered, Met
 from drcmitsuba.transport.panes import PanePatches
 from drcmitsuba.transport.photons import Landed, Ledger, Photons
 from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
@@ -42,6 +42,9 @@ EDGE_SAMPLES = 8
 ALIKE = 0.1
 """Share by which directions around a disk may differ, as their cosines do, without an edge."""
 
+SUMMED = 1 << 9
+"""Cells whose light is summed in single precision."""
+
 PHOTONS_SHARE = 0.8
 """Of the time that is taken by photons, where there are any."""
 
@@ -54,47 +57,51 @@ def _flat(a: np.ndarray) -> mi.Float:
 
 @dataclass
 class _Replicate:
-    """One independent estimate: its deposit, and D of the cells known so far."""
+    """One independent estimate: its deposit, and D of the cells."""
 
     number: int
     deposit: Deposit
     landed: Landed | None = None
     cells: Irradiance | None = None
 
-    def add_cells(
-        self, vertices: Vertices, cell: mi.UInt32, new: range, keys: mi.UInt32,
-        key: tuple[int, ...],
-    ) -> None:  # fmt: skip
-        """Find D of cells that were met for the first time, of some keys in the grid."""
-        p, n = draw_points(vertices, cell, new.start, len(new), self.number)
-        straight = self.deposit.straight(p, n, key, self.deposit.accuracy.cell_sky_rays)
-        found = straight.plus(self.deposit.scattered(p, n, key))
+    def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
+        """Find D of the cells, at the points that stand for them; `keys` are theirs in the grid."""
+        p, n, key = drawn.p, drawn.n, (self.number, 1, 0)
+        rays = self.deposit.accuracy.cell_sky_rays
+        straight = self.deposit.straight(p, n, key, rays, numbers=keys)
+        found = straight.plus(self.deposit.scattered(p, n, key, keys))
         if self.landed is not None:
             found = found.plus(Irradiance(*self.landed.on(keys)))
-        self.cells = found if self.cells is None else self.cells.followed_by(found)
+        self.cells = found
 
     def sensors(
-        self, p: mi.Float, n: mi.Float, here: slice, key: tuple[int, ...], sun_samples: int
+        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """D of sensors: straight and mirrored, and with what panes and components scatter."""
-        sky_rays = self.deposit.accuracy.sensor_sky_rays
-        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples)
-        direct = straight.plus(self.deposit.scattered(p, n, key))
+        key, sky_rays = (self.number, 1, 1), self.deposit.accuracy.sensor_sky_rays
+        numbers = _numbers(here)
+        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers)
+        direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
         if self.landed is None:
             return straight.numpy(), direct.numpy()
         mirrored, sensors = self.landed.mirrored[here], self.landed.sensors[here]
         return straight.numpy() + mirrored, direct.numpy() + sensors
 
-    def interreflected(self, vertices: Vertices, cell: mi.UInt32, sensors: int) -> np.ndarray:
+    def interreflected(self, met: Met, sensors: int) -> np.ndarray:
         """G·D, shape (sensor, bin); G is made of this replicate's own paths."""
         bins = sum(self.deposit.bins)
-        if self.cells is None or len(vertices) == 0:
+        if self.cells is None or len(met) == 0:
             return np.zeros((sensors, bins), np.float32)
         first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each one
-        row = vertices.row - first
-        mine = (vertices.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
-        parts = (_product(row, cell, vertices.weight, mine, sensors, d) for d in self.cells)
+        row = met.row - first
+        mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
+        parts = (_product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
         return Irradiance(*parts).numpy()
+
+
+def _numbers(here: slice) -> mi.UInt32:
+    """Numbers of some sensors among all."""
+    return dr.arange(mi.UInt32, here.stop - here.start) + dr.opaque(mi.UInt32, here.start)
 
 
 def _product(
@@ -102,7 +109,8 @@ def _product(
 ) -> mi.TensorXf:
     """G·D, shape (sensor, bin), of vertices (row, cell, weight).
 
-    Cells without light and bins that reach no cell are left out of the matrices.
+    Cells without light and bins that reach no cell are left out of the matrices. G is summed in
+    double precision, and the product `SUMMED` cells at a time: single precision drifts.
     """
     if 0 in d.shape:
         return dr.zeros(mi.TensorXf, (sensors, d.shape[1]))
@@ -112,20 +120,28 @@ def _product(
     n_lit, n_shining = dr.width(lit), dr.width(shining)
     out = dr.zeros(mi.Float, sensors * bins)
     if n_lit and n_shining:
-        rows, columns = (dr.opaque(mi.UInt32, n) for n in (n_lit, n_shining))
-        column = dr.zeros(mi.UInt32, cells) + rows
-        dr.scatter(column, dr.arange(mi.UInt32, n_lit), lit)
-        at = dr.gather(mi.UInt32, column, cell, mine)
-        g = dr.zeros(mi.Float, sensors * n_lit)
-        dr.scatter_add(g, weight, row * rows + at, mine & (at < rows))
-        entry = dr.arange(mi.UInt32, n_lit * n_shining)
-        from_cell = dr.gather(mi.UInt32, lit, entry // columns)
-        from_bin = dr.gather(mi.UInt32, shining, entry % columns)
-        compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
-        product = mi.TensorXf(g, (sensors, n_lit)) @ mi.TensorXf(compact, (n_lit, n_shining))
+        columns = dr.opaque(mi.UInt32, n_shining)
+        number = dr.full(mi.UInt32, n_lit, cells)
+        dr.scatter(number, dr.arange(mi.UInt32, n_lit), lit)
+        at = dr.gather(mi.UInt32, number, cell, mine)
         entry = dr.arange(mi.UInt32, sensors * n_shining)
         to_bin = dr.gather(mi.UInt32, shining, entry % columns)
-        dr.scatter(out, product.array, entry // columns * stride + to_bin)
+        total = dr.zeros(mi.Float64, sensors * n_shining)
+        for start in range(0, n_lit, SUMMED):
+            size = min(SUMMED, n_lit - start)
+            first, rows = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
+            here = mine & (at >= first) & (at < first + rows)
+            g = dr.zeros(mi.Float64, sensors * size)
+            dr.scatter_add(g, mi.Float64(weight), row * rows + at - first, here)
+            part = dr.arange(mi.UInt32, size * n_shining)
+            from_cell = dr.gather(mi.UInt32, lit, first + part // columns)
+            from_bin = dr.gather(mi.UInt32, shining, part % columns)
+            compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
+            product = mi.TensorXf(mi.Float(g), (sensors, size)) @ mi.TensorXf(
+                compact, (size, n_shining)
+            )
+            total += mi.Float64(product.array)
+        dr.scatter(out, mi.Float(total), entry // columns * stride + to_bin)
     return mi.TensorXf(out, (sensors, bins))
 
 
@@ -156,10 +172,11 @@ def straight_suns(
     mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     reached = _reached(scene, suns)
     if reached.any():
-        for block, start in enumerate(range(0, len(points), BLOCK)):
-            here = slice(start, start + BLOCK)
+        followed = suns.where(reached)
+        for start in range(0, len(points), BLOCK):
+            here = slice(start, min(start + BLOCK, len(points)))
             mean[here, reached], error[here, reached] = _straight_suns(
-                scene, points[here], normals[here], suns.where(reached), accuracy, block
+                scene, points[here], normals[here], followed, accuracy, here
             )
     return mean, error
 
@@ -176,13 +193,14 @@ def _reached(scene: Scene, suns: Suns) -> np.ndarray:
 
 def _straight_suns(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
-    block: int,
+    here: slice,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """`straight_suns` of a block of sensors."""
+    """`straight_suns` of some sensors."""
     p, n = _flat(points), _flat(normals)
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
+    kind["numbers"] = _numbers(here)
     shape = (len(points), len(suns.labels))
-    seed = launch_seed(accuracy, 0, 2, block)
+    seed = launch_seed(accuracy, 0, 2)
     total, most = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.Float, int(np.prod(shape)))
     least = dr.full(mi.Float, dr.inf, int(np.prod(shape)))
     for i in range(RIM):
@@ -197,7 +215,7 @@ def _straight_suns(
         again = [
             pair_deposit(
                 scene, p, n, edges, **kind, samples=EDGE_SAMPLES,
-                seed=launch_seed(accuracy, r, 3, block),
+                seed=launch_seed(accuracy, r, 3),
             ).numpy()
             for r in range(accuracy.replicates)
         ]  # fmt: skip
@@ -315,35 +333,20 @@ def estimate(
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
-    cells = Cells.none(Grid.of(scene, accuracy.cell_size))
-    seed = launch_seed(accuracy, 7)
-    bounces = expected_bounces(scene, points, normals, accuracy.paths, cells.grid, seed)
-    lanes = int(LANES * USUAL / bounces)  # in white rooms paths are long
-    block_size = max(1, min(BLOCK, lanes // (accuracy.replicates * accuracy.paths)))
-    starts = range(0, len(points), block_size)
-    for block, start in enumerate(starts):
-        here = slice(start, min(start + block_size, len(points)))
-        count = here.stop - start
+    gathered = Gathered.of(scene, points, normals, accuracy, block=BLOCK, lanes=LANES)
+    if gathered.cells.count:
+        keys = gathered.cells.keys
+        for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
+            replicate.meet(drawn, keys)
+    for block, here in enumerate(gathered.blocks):
         p, n = _flat(points[here]), _flat(normals[here])
-        vertices = gather(
-            scene, points[here], normals[here], replicates=len(replicates), paths=accuracy.paths,
-            grid=cells.grid, seed=launch_seed(accuracy, block, 4), bounces=bounces,
-        )  # fmt: skip
-        known = cells.count
-        cells = cells.extended(vertices)
-        cell = cells.of(vertices)
-        keys = mi.UInt32() if photons is None else cells.keys(known)
-        found = []
+        met, found = gathered.met(here), []
         for replicate in replicates:
-            key = (replicate.number, 1, block)
-            if cells.count > known:
-                new = range(known, cells.count)
-                replicate.add_cells(vertices, cell, new, keys, (*key, 0))
-            straight, direct = replicate.sensors(p, n, here, (*key, 1), sun_samples)
-            interreflected = replicate.interreflected(vertices, cell, count)
+            straight, direct = replicate.sensors(p, n, here, sun_samples)
+            interreflected = replicate.interreflected(met, here.stop - here.start)
             found.append((straight, direct, interreflected))
             totals[replicate.number, here] = direct + interreflected
-            progress((block + (replicate.number + 1) / len(replicates)) / len(starts))
+            progress((block + (replicate.number + 1) / len(replicates)) / len(gathered.blocks))
         for name, values in zip(_PARTS, zip(*found, strict=True), strict=True):
             out[name][here], out[f"{name}_se"][here] = mean_and_error(np.stack(values))
     whole = _dataset(labels, points, out, totals)

@@ -55,7 +55,7 @@ def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> di
     """Draw the plots of an evaluation, by file name."""
     outlines = _outlines(case)
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
-    mean = total.mean("time").assign_attrs(units="lx", long_name="mean illuminance")
+    mean = total.mean("time", dtype=float).assign_attrs(units="lx", long_name="mean illuminance")
     limit, sun_limit = case.metrics.sda_threshold, case.metrics.ase_threshold
     reached = (total >= limit).mean("time") * 100
     exposed = (direct >= sun_limit).mean("time") * 100

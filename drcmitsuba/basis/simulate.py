@@ -198,26 +198,27 @@ class _Paths:
         block, self.blocks = _blocks(cells)
         met = _marks(vertices) > 0
         # How often paths that met the façade came to each cell tells how much of its block it is.
-        visits = dr.zeros(mi.Float, cells.count)
-        dr.scatter_add(visits, vertices.weight, self.cell, met)
-        of_block = dr.zeros(mi.Float, self.blocks)
+        visits = dr.zeros(mi.Float64, cells.count)
+        dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, met)
+        of_block = dr.zeros(mi.Float64, self.blocks)
         dr.scatter_add(of_block, visits, block)
-        whole = dr.gather(mi.Float, of_block, block)
+        whole = dr.gather(mi.Float64, of_block, block)
         self.block = block
-        self.share = dr.select(whole > 0, visits / whole, 0)
+        self.share = mi.Float(dr.select(whole > 0, visits / whole, 0))
 
     def matrix(self, group: int) -> mi.TensorXf:
         """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
         v, count = self.vertices, dr.opaque(mi.UInt32, self.cells.count)
-        out = dr.zeros(mi.Float, (self.sensors + self.blocks) * self.cells.count)
+        out = dr.zeros(mi.Float64, (self.sensors + self.blocks) * self.cells.count)
         sensors = dr.opaque(mi.UInt32, self.sensors)
         replicate, sensor = v.row // sensors, v.row % sensors
         mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (_marks(v) == 0)
-        dr.scatter_add(out, v.weight / self.draws, sensor * count + self.cell, mine)
+        weight = mi.Float64(v.weight / self.draws)
+        dr.scatter_add(out, weight, sensor * count + self.cell, mine)
         cell = dr.arange(mi.UInt32, self.cells.count)
-        dr.scatter(out, self.share, (sensors + self.block) * count + cell)
+        dr.scatter(out, mi.Float64(self.share), (sensors + self.block) * count + cell)
         dr.eval(out)
-        return mi.TensorXf(out, (self.sensors + self.blocks, self.cells.count))
+        return mi.TensorXf(mi.Float(out), (self.sensors + self.blocks, self.cells.count))
 
     def returned(self) -> Returned:
         """Vertices of paths that met the façade."""
@@ -260,8 +261,8 @@ def _elements(
     draws = range(group * paths.draws, (group + 1) * paths.draws)
     p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
     on_sensors = _Receivers([p] * len(draws), [n] * len(draws))
-    drawn = [draw_points(paths.vertices, paths.cell, 0, paths.cells.count, d) for d in draws]
-    on_cells = _Receivers(*map(list, zip(*drawn, strict=True)))
+    drawn = [draw_points(paths.vertices, paths.cell, paths.cells.count, d) for d in draws]
+    on_cells = _Receivers([points.p for points in drawn], [points.n for points in drawn])
     for m, kind in enumerate(room.palette.materials.values()):
         if not (room.palette.lets_in[m] and room.palette.allowed[:, m].any()):
             continue

@@ -235,13 +235,13 @@ class Year:
         row, block, mark, weight = self.returned
         if dr.width(weight) == 0 or blocks == 0:
             return total
-        met = dr.concat((mi.Float(1), share.array))
+        met = mi.Float64(dr.concat((mi.Float(1), share.array)))  # whose gradient is a sum, too
         for element in elements(mark):
-            weight = weight * dr.gather(mi.Float, met, element)
-        G = dr.zeros(mi.Float, blocks * sensors)
-        dr.scatter_add(G, weight, block * sensors + row)
+            weight = weight * dr.gather(mi.Float64, met, element)
+        G = dr.zeros(mi.Float64, blocks * sensors)
+        dr.scatter_add(G, mi.Float64(weight), block * sensors + row)
         D = mi.TensorXf(grouped, (bins, blocks))
-        return total + (D @ mi.TensorXf(G, (blocks, sensors))).array
+        return total + (D @ mi.TensorXf(mi.Float(G), (blocks, sensors))).array
 
     def _accumulated(self, coefficients: mi.Float) -> mi.TensorXf:
         """E [lx] from C, flat (bin, sensor)."""

@@ -65,28 +65,33 @@ class CellDeposit(Deposit):
         return sky + (1 << 2 * self.depth), suns
 
     def straight(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1
-    ) -> Irradiance:
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1,
+        numbers: mi.UInt32 | None = None,
+    ) -> Irradiance:  # fmt: skip
         """Light that comes straight; none from the film's cells."""
         plain = Deposit(*(getattr(self, name) for name in Deposit.__dataclass_fields__))
-        sky, sun = plain.straight(p, n, key, sky_rays, sun_samples)
+        sky, sun = plain.straight(p, n, key, sky_rays, sun_samples, numbers)
         none = dr.zeros(mi.TensorXf, (sky.shape[0], 1 << 2 * self.depth))
         return Irradiance(dr.concat((sky, none), axis=1), sun)
 
-    def by_films(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance:
+    def by_films(
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+    ) -> Irradiance:
         """Irradiance per radiance of the film's cells [sr]: the cells that receivers look into."""
         count, (first, suns) = dr.width(p) // 3, super().bins
         columns = dr.opaque(mi.UInt32, sum(self.bins) - suns)
-        out = dr.zeros(mi.Float, count * (sum(self.bins) - suns))
+        out = dr.zeros(mi.Float64, count * (sum(self.bins) - suns))
         for look in looks(
             self.scene, self.film, p, n,
             rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 5),
+            numbers=numbers,
         ):  # fmt: skip
             cell = square_code(self.mount.turn.to_local(-look.d).xy, self.depth)
             at = look.row * columns + first + cell
-            dr.scatter_add(out, dr.pi * look.weight, at, (look.weight > 0) & look.front)
+            light = mi.Float64(dr.pi * look.weight)
+            dr.scatter_add(out, light, at, (look.weight > 0) & look.front)
             dr.eval(out)
-        sky = mi.TensorXf(out, (count, sum(self.bins) - suns))
+        sky = mi.TensorXf(mi.Float(out), (count, sum(self.bins) - suns))
         return Irradiance(sky, dr.zeros(mi.TensorXf, (count, suns)))
 
 

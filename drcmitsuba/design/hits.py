@@ -143,7 +143,8 @@ class Sums:
 
     def weighed(self, factor: mi.Float) -> mi.Float:
         """Sums by place, marks weighed by a factor each."""
-        out = dr.zeros(mi.Float, self.size)
-        value = self.value * dr.gather(mi.Float, factor, self.mark)
+        out = dr.zeros(mi.Float64, self.size)
+        # The gradient of the factor is such a sum, too.
+        value = self.value * dr.gather(mi.Float64, mi.Float64(factor), self.mark)
         dr.scatter_add(out, value, self.place)
-        return out
+        return mi.Float(out)

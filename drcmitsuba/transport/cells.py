@@ -9,6 +9,7 @@ estimated where the sensors look.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -148,9 +149,15 @@ class Cells:
         """Cell of every vertex."""
         return dr.gather(mi.UInt32, self.index, vertices.key)
 
-    def keys(self, first: int) -> mi.UInt32:
-        """Keys of the cells that were added last, from number `first` on."""
-        return dr.compress((self.index >= first) & (self.index != _UNKNOWN))
+    @property
+    def keys(self) -> mi.UInt32:
+        """Key of every cell."""
+        keys = dr.zeros(mi.UInt32, self.count)
+        known = dr.compress(self.index != _UNKNOWN)
+        if dr.width(known):
+            dr.scatter(keys, known, dr.gather(mi.UInt32, self.index, known))
+        dr.eval(keys)
+        return keys
 
     def extended(self, vertices: Vertices) -> Cells:
         """Add the cells that the vertices met first, in the order of their keys."""
@@ -167,36 +174,56 @@ class Cells:
         return replace(self, index=index, count=self.count + dr.width(new))
 
 
+class Drawn(NamedTuple):
+    """Vertices that stand for the cells.
+
+    Parameters
+    ----------
+    rank : mi.UInt32
+        Of each among all that it was drawn from; the highest is taken.
+    p, n : mi.Float
+        Positions and normals, three numbers a cell.
+    """
+
+    rank: mi.UInt32
+    p: mi.Float
+    n: mi.Float
+
+
 def draw_points(
-    vertices: Vertices, cell: mi.UInt32, first: int, count: int, salt: int
-) -> tuple[mi.Float, mi.Float]:
-    """Draw one vertex at random from each of the cells first … first + count − 1.
+    vertices: Vertices, cell: mi.UInt32, count: int, salt: int, before: Drawn | None = None
+) -> Drawn:
+    """Draw one vertex at random from each cell.
 
     Parameters
     ----------
     vertices : Vertices
     cell : mi.UInt32
         Cell of every vertex.
-    first, count : int
-        Range of cells.
+    count : int
+        Of the cells.
     salt : int
         Another salt, another draw.
+    before : Drawn, optional
+        What was drawn from other vertices: the draw goes on among all of them.
 
     Returns
     -------
-    p, n : mi.Float
-        Positions and normals, three numbers a cell.
+    Drawn
     """
-    mine = (cell >= first) & (cell < first + count)
     # The vertex whose scrambled tag is largest wins: an atomic draw, the same for any threads.
     scrambled = (vertices.tag ^ mi.UInt32(salt * 0x85EBCA6B & 0xFFFFFFFF)) * _SCRAMBLE
-    best = dr.zeros(mi.UInt32, count)
-    dr.scatter_reduce(dr.ReduceOp.Max, best, scrambled, cell - first, mine)
-    wins = mine & (dr.gather(mi.UInt32, best, cell - first, mine) == scrambled)
-    winner = dr.zeros(mi.UInt32, count)
-    dr.scatter(winner, dr.arange(mi.UInt32, len(vertices)), cell - first, wins)
-    p = dr.gather(mi.Point3f, vertices.p, winner)
-    n = dr.gather(mi.Normal3f, vertices.n, winner)
-    flat_p, flat_n = dr.ravel(p), dr.ravel(n)
-    dr.eval(flat_p, flat_n)
-    return flat_p, flat_n
+    rank = dr.zeros(mi.UInt32, count)
+    p, n = dr.zeros(mi.Float, 3 * count), dr.zeros(mi.Float, 3 * count)
+    if before is not None and dr.width(before.rank):
+        for new, old in zip((rank, p, n), before, strict=True):
+            dr.scatter(new, old, dr.arange(mi.UInt32, dr.width(old)))
+        dr.eval(rank, p, n)  # Dr.Jit 1.5 reduces onto what was there before a pending scatter
+    dr.scatter_reduce(dr.ReduceOp.Max, rank, scrambled, cell)
+    wins = dr.gather(mi.UInt32, rank, cell) == scrambled
+    for new, values in ((p, vertices.p), (n, vertices.n)):
+        dr.scatter(
+            new, dr.gather(mi.Point3f, values, dr.arange(mi.UInt32, len(vertices))), cell, wins
+        )
+    dr.eval(rank, p, n)
+    return Drawn(rank, p, n)

@@ -31,24 +31,9 @@ class Irradiance(NamedTuple):
         """Sum with another one; None adds nothing."""
         return self if other is None else Irradiance(self.sky + other.sky, self.sun + other.sun)
 
-    def followed_by(self, other: Irradiance | None) -> Irradiance:
-        """Append the receivers of another one."""
-        if other is None:
-            return self
-        both = Irradiance(*(_stacked(*pair) for pair in zip(self, other, strict=True)))
-        dr.eval(both.sky, both.sun)
-        return both
-
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""
         return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
-
-
-def _stacked(a: mi.TensorXf, b: mi.TensorXf) -> mi.TensorXf:
-    """Rows of two tensors, which Dr.Jit does not stack where they are empty."""
-    if a.shape[1] == 0:
-        return dr.zeros(mi.TensorXf, (a.shape[0] + b.shape[0], 0))
-    return dr.concat((a, b), axis=0)
 
 
 def launch_seed(accuracy: Accuracy, *key: int) -> int:
@@ -59,6 +44,9 @@ def launch_seed(accuracy: Accuracy, *key: int) -> int:
 @dataclass(frozen=True)
 class Deposit:
     """Deposit on any receivers, in one replicate.
+
+    Methods take the receivers' positions and normals, three numbers each, the key of the launch,
+    and optionally `numbers`, see `shadow_rays.sky_deposit`.
 
     Parameters
     ----------
@@ -100,29 +88,32 @@ class Deposit:
         return launch_seed(self.accuracy, *key)
 
     def straight(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1
-    ) -> Irradiance:
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1,
+        numbers: mi.UInt32 | None = None,
+    ) -> Irradiance:  # fmt: skip
         """Light that comes straight; that of the suns is left out with 0 samples."""
         count = dr.width(p) // 3
         sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
         if self.subdivision:
             sky = sky_deposit(
                 self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
-                seed=self.seed(*key, 0),
+                seed=self.seed(*key, 0), numbers=numbers,
             )  # fmt: skip
         if sun_samples:
             sun = sun_deposit(
                 self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
-                seed=self.seed(*key, 1),
+                seed=self.seed(*key, 1), numbers=numbers,
             )  # fmt: skip
         return Irradiance(sky, sun)
 
-    def transfer(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> mi.TensorXf:
+    def transfer(
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+    ) -> mi.TensorXf:
         """K from the faces of the panes to receivers, shape (receiver, face)."""
         assert self.patches is not None
         return pane_transfer(
             self.scene, self.patches, p, n,
-            rays=self.accuracy.pane_points, seed=self.seed(*key, 2),
+            rays=self.accuracy.pane_points, seed=self.seed(*key, 2), numbers=numbers,
         )  # fmt: skip
 
     def lit(self, key: tuple[int, ...]) -> Deposit:
@@ -155,17 +146,23 @@ class Deposit:
         )
         return replace(self, on_films=Lit(sun, to_suns, to_sky))
 
-    def by_films(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance | None:
+    def by_films(
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+    ) -> Irradiance | None:
         """Light by way of films; None where there are none."""
         if self.films is None or self.on_films is None:
             return None
-        looked = self.films.looked(p, n, rays=self.accuracy.pane_points, seed=self.seed(*key, 5))
+        looked = self.films.looked(
+            p, n, rays=self.accuracy.pane_points, seed=self.seed(*key, 5), numbers=numbers
+        )
         return Irradiance(*self.films.sent(looked, self.on_films))
 
-    def scattered(self, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Irradiance | None:
+    def scattered(
+        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+    ) -> Irradiance | None:
         """Light by way of panes that scatter; None where there are none."""
-        films = self.by_films(p, n, key)
+        films = self.by_films(p, n, key, numbers)
         if self.faces is None:
             return films
-        transfer = self.transfer(p, n, key)
+        transfer = self.transfer(p, n, key, numbers)
         return Irradiance(*(transfer @ part for part in self.faces)).plus(films)

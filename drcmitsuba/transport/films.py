@@ -160,9 +160,10 @@ class Films:
         if not subdivision:
             return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
         bins = len(Patches(subdivision))
-        out = dr.zeros(mi.Float, int(first[-1]) * bins)
+        tables = []
         for patch in np.unique(first[:-1], return_index=True)[1]:
             mount = self.mounts[self.patches.owner[patch]]
+            out = dr.zeros(mi.Float64, mount.rows * bins)  # of many samples in one bin
             block = max(1, LANES // samples)
             for start in range(0, mount.rows, block):
                 lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
@@ -170,11 +171,11 @@ class Films:
                 d, weight = self._from_sky(
                     int(patch), row, lane % samples, samples, seed + 7919 * int(patch)
                 )
-                at = (row + dr.opaque(mi.UInt32, int(first[patch]))) * bins
-                index = at + patch_index(d, subdivision)
-                dr.scatter_add(out, weight / samples, index, weight > 0)
+                index = row * bins + patch_index(d, subdivision)
+                dr.scatter_add(out, mi.Float64(weight / samples), index, weight > 0)
                 dr.eval(out)
-        return mi.TensorXf(out, (int(first[-1]), bins))
+            tables.append(mi.Float(out))
+        return mi.TensorXf(dr.concat(tables), (int(first[-1]), bins))
 
     def _from_sky(
         self, patch: int, row: mi.UInt32, index: mi.UInt32, samples: int, seed: int
@@ -186,10 +187,9 @@ class Films:
         ctx.type_mask = +mi.BSDFFlags.GlossyTransmission
         if not mount.exposed:
             ctx.type_mask = ctx.type_mask | +mi.BSDFFlags.GlossyReflection
-        lane = dr.arange(mi.UInt32, dr.width(row))
         lobe, a, b = (
             mi.Float(v >> 8) * TO_UNIT
-            for v in (*random_bits(lane, seed), random_bits(lane, seed + 1)[0])
+            for v in (*random_bits(row, seed, index), random_bits(row, seed + 1, index)[0])
         )
         lobe = (mi.Float(index) + lobe) / samples  # spread evenly over the lobes
         bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
@@ -215,7 +215,9 @@ class Films:
             known |= mine & (front | (len(mount.sides) > 1))
         return row, known
 
-    def looked(self, p: mi.Float, n: mi.Float, *, rays: int, seed: int) -> Looked:
+    def looked(
+        self, p: mi.Float, n: mi.Float, *, rays: int, seed: int, numbers: mi.UInt32 | None = None
+    ) -> Looked:
         """Find which cells of which patches receivers look into.
 
         Parameters
@@ -225,9 +227,11 @@ class Films:
         rays : int
             Directions of each of two kinds from a receiver, see `looks`.
         seed : int
+        numbers : mi.UInt32, optional
+            As for `shadow_rays.sky_deposit`.
         """
         kinds = []
-        for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed):
+        for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers):
             row, known = self._rows(look.patch, look.d, look.front)
             seen = dr.compress((look.weight > 0) & known)
             if dr.width(seen) == 0:
@@ -299,15 +303,15 @@ def _sum(
     receiver, bin_ = lane // count, lane % count
     at = dr.gather(mi.UInt32, first, receiver)
     end = dr.gather(mi.UInt32, first, receiver + 1)
-    total = mi.Float(0)
+    total = mi.Float64(0)
     while dr.hint(at < end, exclude=[first, weight, row, table, patch, shone]):
         value = dr.gather(mi.Float, weight, at)
         value *= dr.gather(mi.Float, table, dr.gather(mi.UInt32, row, at) * count + bin_)
         if dr.hint(shone is not None, mode="scalar"):
             value *= dr.gather(mi.Float, shone, dr.gather(mi.UInt32, patch, at) * count + bin_)
-        total += value
+        total += mi.Float64(value)
         at += 1
-    return total
+    return mi.Float(total)
 
 
 def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:

@@ -21,7 +21,7 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, streams
 
 from drcmitsuba.scene import Part, Scene
 from drcmitsuba.transport.cells import Grid, Vertices
@@ -103,7 +103,7 @@ class Marks(Protocol):
 def gather(
     scene: Scene, points: np.ndarray, normals: np.ndarray, *,
     replicates: int, paths: int, grid: Grid, seed: int, marks: Marks | None = None,
-    bounces: float = USUAL,
+    bounces: float = USUAL, first: int = 0, among: int | None = None,
 ) -> Vertices:  # fmt: skip
     """Trace the paths of all sensors and replicates and keep their diffuse vertices.
 
@@ -122,6 +122,9 @@ def gather(
         Has every vertex tell where its path has been.
     bounces : float
         Vertices of a path that are expected, see `expected_bounces`.
+    first, among : int, optional
+        Number of the first of these sensors, and how many there are in all: paths are the same in
+        one launch and in several.
 
     Returns
     -------
@@ -132,7 +135,10 @@ def gather(
     lanes = replicates * len(points) * paths
     capacity = int(bounces * lanes)
     while True:
-        vertices, met = _trace(scene, points, normals, lanes, paths, grid, seed, capacity, marks)
+        vertices, met = _trace(
+            scene, points, normals, lanes, paths, grid, seed, capacity, marks,
+            first, among or len(points),
+        )  # fmt: skip
         if met <= capacity:
             return vertices
         capacity = met  # the same paths once more with room for all vertices
@@ -164,16 +170,19 @@ def _reflectance(part: Part) -> float:
 def _trace(
     scene: Scene, points: np.ndarray, normals: np.ndarray,
     lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
+    first: int, among: int,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop; returns the vertices and how many were met."""
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(seed, lanes)
     lane = dr.arange(mi.UInt32, lanes)
-    sensor = (lane // paths) % dr.opaque(mi.UInt32, len(points))  # a literal: compiled anew
+    here = dr.opaque(mi.UInt32, len(points))  # a literal: compiled anew
+    row, index = lane // paths, lane % paths
+    sensor = row % here
+    # Random numbers follow from the row that this is among all sensors.
+    own = row // here * dr.opaque(mi.UInt32, among) + sensor + dr.opaque(mi.UInt32, first)
+    random = streams(own, seed, index)
     p = dr.gather(mi.Point3f, mi.Float(points.astype(np.float32).ravel()), sensor)
     n = dr.gather(mi.Normal3f, mi.Float(normals.astype(np.float32).ravel()), sensor)
-    row, index = lane // paths, lane % paths
-    wo = mi.Frame3f(n).to_world(first_directions(index, row, seed))
+    wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
 
     counter = dr.zeros(mi.UInt32, 1)
     row_of, key_of, tag_of = (dr.zeros(mi.UInt32, capacity) for _ in range(3))
@@ -189,7 +198,9 @@ def _trace(
     inside, before = mi.Float(0), mi.Point3f(p)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    count, room = dr.opaque(mi.UInt32, lanes), dr.opaque(mi.UInt32, capacity)
+    every = lanes // len(points) * among
+    count, room = dr.opaque(mi.UInt32, every & 0xFFFFFFFF), dr.opaque(mi.UInt32, capacity)
+    tag = own * paths + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.scope.depth is None else scene.scope.depth)
     while dr.hint(active, exclude=[grid, scene, count, room, marks, solids, limit]):
         scene.tally.add("path", active)
@@ -200,11 +211,12 @@ def _trace(
             beta *= dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
         bsdf, may_be_cell = si.bsdf(), mi.Bool(True)
         if dr.hint(marks is not None, mode="scalar"):
-            bsdf, mark, factor, may_be_cell = marks.meet(si, mark, sampler.next_1d(active))  # type: ignore[union-attr]
+            bsdf, mark, factor, may_be_cell = marks.meet(si, mark, random.next_float32())  # type: ignore[union-attr]
             beta *= factor
             active &= beta > 0
-        uv = dr.select(depth == 0, even_numbers(index, row, seed, 1), sampler.next_2d(active))
-        bs, weight = bsdf.sample(ctx, si, sampler.next_1d(active), uv, active)
+        later = mi.Point2f(random.next_float32(), random.next_float32())
+        uv = dr.select(depth == 0, even_numbers(index, own, seed, 1), later)
+        bs, weight = bsdf.sample(ctx, si, random.next_float32(), uv, active)
         beta *= weight[0]
         active &= beta > 0
         # Of what mirrors a part: only where the diffuse part was drawn.
@@ -228,7 +240,7 @@ def _trace(
         dr.scatter(row_of, row, slot, kept)
         dr.scatter(weight_of, beta * (1 / paths), slot, kept)
         dr.scatter(key_of, grid.key(si.p, facing), slot, kept)
-        dr.scatter(tag_of, depth * count + lane, slot, kept)
+        dr.scatter(tag_of, depth * count + tag, slot, kept)
         if dr.hint(marks is not None, mode="scalar"):
             dr.scatter(mark_of, mark, slot, kept)
         origin = si.spawn_ray(facing).o
@@ -241,7 +253,7 @@ def _trace(
         # √β instead of β: the longer paths cost a tenth more rays and halve the variance.
         survival = dr.clip(dr.sqrt(beta), 0.05, MOST_SURVIVAL)
         roulette = depth >= ROULETTE_DEPTH
-        survives = ~roulette | (sampler.next_1d(active) < survival)
+        survives = ~roulette | (random.next_float32() < survival)
         beta = dr.select(roulette, beta / survival, beta)
         active &= survives
     dr.eval(counter, row_of, weight_of, key_of, tag_of, mark_of, p_of, n_of)

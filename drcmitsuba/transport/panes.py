@@ -19,7 +19,7 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import transmittance
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, transmittance
 
 from drcmitsuba.scene import Scene, quad_mesh
 from drcmitsuba.transport.gather import first_directions
@@ -116,7 +116,7 @@ class Look(NamedTuple):
 
 def looks(
     scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
-    rays: int, seed: int,
+    rays: int, seed: int, numbers: mi.UInt32 | None = None,
 ) -> tuple[Look, Look]:  # fmt: skip
     """Directions from receivers to the patches, found in two ways.
 
@@ -132,6 +132,8 @@ def looks(
     rays : int
         Directions of each of the two kinds from a receiver.
     seed : int
+    numbers : mi.UInt32, optional
+        As for `shadow_rays.sky_deposit`.
 
     Returns
     -------
@@ -146,9 +148,9 @@ def looks(
     total_area = float(patches.area.sum())
     share = mi.DiscreteDistribution(mi.Float(patches.area.astype(np.float32)))
     lane = dr.arange(mi.UInt32, count * rays)
-    row = lane // rays
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(seed, count * rays)
+    row, index = lane // rays, lane % rays
+    number = row if numbers is None else dr.gather(mi.UInt32, numbers, row)
+    a, b = (mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed, index))
     p = dr.gather(mi.Point3f, points, row)
     n = dr.gather(mi.Normal3f, normals, row)
 
@@ -171,24 +173,24 @@ def looks(
         return Look(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
 
     # Points on the panes.
-    stratum = (mi.Float(lane % rays) + sampler.next_1d()) / rays
+    stratum = (mi.Float(index) + a) / rays
     patch, u = share.sample_reuse(stratum)
     y = dr.gather(mi.Point3f, corner, patch)
     y += u * dr.gather(mi.Vector3f, along_u, patch)
-    y += sampler.next_1d() * dr.gather(mi.Vector3f, along_v, patch)
+    y += b * dr.gather(mi.Vector3f, along_v, patch)
     distance = dr.norm(y - p)
     d = (y - p) / dr.maximum(distance, 1e-9)
     by_point = look(patch, d, distance, mi.Bool(True))
 
     # Directions by the cosine law.
-    d = mi.Frame3f(n).to_world(first_directions(lane % rays, row, seed))
+    d = mi.Frame3f(n).to_world(first_directions(index, number, seed))
     hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
     return by_point, look(hit.prim_index // 2, d, hit.t, hit.is_valid())
 
 
 def pane_transfer(
     scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
-    rays: int, seed: int,
+    rays: int, seed: int, numbers: mi.UInt32 | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance at points per irradiance on the faces of panes that scatter evenly.
 
@@ -202,6 +204,8 @@ def pane_transfer(
     rays : int
         Samples of each of two kinds from a receiver, see `looks`.
     seed : int
+    numbers : mi.UInt32, optional
+        As for `shadow_rays.sky_deposit`.
 
     Returns
     -------
@@ -209,20 +213,20 @@ def pane_transfer(
         K, dimensionless.
     """
     count, faces = dr.width(points) // 3, 2 * len(patches)
-    out = dr.zeros(mi.Float, count * faces)
+    out = dr.zeros(mi.Float64, count * faces)
     through, back = (
         mi.Float([getattr(scene.scattering[i], name) for i in patches.owner])
         for name in ("transmittance", "reflectance")
     )
-    for look in looks(scene, patches, points, normals, rays=rays, seed=seed):
+    for look in looks(scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers):
         seen = look.weight > 0
         near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)
         # The back is black to what it reflects, as in `materials.bsdf`.
         for face, albedo, lit in ((near ^ 1, through, seen), (near, back, seen & look.front)):
             value = look.weight * dr.gather(mi.Float, albedo, look.patch, lit)
-            dr.scatter_add(out, value, look.row * faces + face, lit & (value > 0))
+            dr.scatter_add(out, mi.Float64(value), look.row * faces + face, lit & (value > 0))
     dr.eval(out)
-    return mi.TensorXf(out, (count, faces))
+    return mi.TensorXf(mi.Float(out), (count, faces))
 
 
 def settle(between: mi.TensorXf, received: mi.TensorXf) -> mi.TensorXf:

@@ -41,24 +41,24 @@ _STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
 
 
 class Found(NamedTuple):
-    """Flux per unit radiance [m² sr] of one kind of bins.
+    """Flux per unit radiance [m² sr] of one kind of bins; single precision drifts with photons.
 
     Parameters
     ----------
-    cells : mi.Float, shape (row · bin,)
+    cells : mi.Float64, shape (row · bin,)
         On the rows of `CellAreas`.
-    sensors : mi.Float, shape (sensor · bin,)
+    sensors : mi.Float64, shape (sensor · bin,)
         Through the squares.
-    mirrored : mi.Float, shape (sensor · bin,)
+    mirrored : mi.Float64, shape (sensor · bin,)
         The part of it that nothing but smooth surfaces have deviated.
-    inner : mi.Float, shape (sensor,)
+    inner : mi.Float64, shape (sensor,)
         Of all bins, through the middle quarter of the squares.
     """
 
-    cells: mi.Float
-    sensors: mi.Float
-    mirrored: mi.Float
-    inner: mi.Float
+    cells: mi.Float64
+    sensors: mi.Float64
+    mirrored: mi.Float64
+    inner: mi.Float64
 
 
 @dataclass(frozen=True)
@@ -142,9 +142,10 @@ class Recorder:
                 centre = dr.gather(mi.Point2f, self.centre, row, meets)
                 off = dr.maximum(dr.abs(u - centre.x), dr.abs(v - centre.y))
                 meets &= off < half
-                dr.scatter_add(found.sensors, flux, row * bins + column, meets)
-                dr.scatter_add(found.mirrored, flux, row * bins + column, meets & mirrored)
-                dr.scatter_add(found.inner, flux, row, meets & (2 * off < half))
+                light, at = mi.Float64(flux), row * bins + column
+                dr.scatter_add(found.sensors, light, at, meets)
+                dr.scatter_add(found.mirrored, light, at, meets & mirrored)
+                dr.scatter_add(found.inner, light, row, meets & (2 * off < half))
 
 
 def _onward(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:
@@ -194,7 +195,7 @@ def follow(
         # Outside of a solid, a facing normal tells the side that the photon comes from.
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         row, known = areas.at(areas.grid.key(si.p, facing), receives & counts)
-        dr.scatter_add(found.cells, flux, row * bins + start.bin, known)
+        dr.scatter_add(found.cells, mi.Float64(flux), row * bins + start.bin, known)
         # A surface may take a part and mirror the rest.
         diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
         onward = met & ~(receives & diffuse)

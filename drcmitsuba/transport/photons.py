@@ -26,6 +26,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
+from drcmitsuba_plugins.sampling import streams
 
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.errors import InputError
@@ -227,7 +228,7 @@ class Photons:
         rows, n, ledgers = len(self.areas), len(self.squares.edge), []
         # One entry at least: a kernel takes no empty array.
         sizes = (max(1, size) for size in (rows * bins, n * bins, n * bins, n))
-        found = Found(*(dr.zeros(mi.Float, size) for size in sizes))
+        found = Found(*(dr.zeros(mi.Float64, size) for size in sizes))
         squares = Recorder(self.squares)
         for i, ports in enumerate(self.ports):
             could, traits = ports.could(sources)[:bins], Traits.of(ports)
@@ -237,28 +238,26 @@ class Photons:
             for first in range(0, len(seen), block):
                 some, key = seen[first : first + block], seed + 0x10001 * i
                 start = ports.start(sources, some, could[some], photons, key)
-                fate = self._follow(
-                    ports.scene, traits, squares, start, found, bins, key ^ first << 8
-                )
+                fate = self._follow(ports.scene, traits, squares, start, found, bins, photons, key)
                 ledger = ledger.plus(fate)
                 progress((i + (first + len(some)) / len(seen)) / len(self.ports))
             ledgers.append(ledger)
         flux = np.stack([found.sensors.numpy(), found.mirrored.numpy()])
         flux = flux[:, : n * bins].reshape(2, n, bins)
         area = self.squares.edge.astype(np.float32) ** 2
-        through, inner = flux / area[:, None], found.inner.numpy() / (area / 4)
+        through, inner = (flux / area[:, None]).astype(np.float32), found.inner.numpy() / (area / 4)
         if not bins or not rows:
             return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledgers
         row = dr.arange(mi.UInt32, rows * bins) // dr.opaque(mi.UInt32, bins)
-        D = found.cells / dr.gather(mi.Float, self.areas.area, row)
+        D = mi.Float(found.cells) / dr.gather(mi.Float, self.areas.area, row)
         dr.eval(D)
         return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
 
     def _follow(
         self, scene: Scene, traits: Traits, squares: Recorder, start: Start, found: Found,
-        bins: int, seed: int,
+        bins: int, photons: int, seed: int,
     ) -> Ledger:  # fmt: skip
-        """Follow photons and add what they bring to `found`."""
+        """Follow photons, so many of each source, and add what they bring to `found`."""
         columns = start.p, start.d, start.flux, start.bin
         dr.eval(*columns)
         lanes = dr.compress(start.flux > 0)
@@ -266,7 +265,7 @@ class Photons:
             return Ledger()
         start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
-        random = mi.PCG32(dr.width(lanes), dr.opaque(mi.UInt64, seed))
+        random = streams(start.bin, seed, lanes % dr.opaque(mi.UInt32, photons))
         fates = follow(
             scene.full, traits, self.areas, squares, start, found,
             dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,

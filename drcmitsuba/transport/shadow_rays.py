@@ -157,7 +157,7 @@ def straight(
 
 def sky_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
-    subdivision: int, rays: int, seed: int,
+    subdivision: int, rays: int, seed: int, numbers: mi.UInt32 | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of the ground and the sky patches.
 
@@ -171,6 +171,9 @@ def sky_deposit(
     rays : int
         Rays from a point, cosine-distributed and stratified.
     seed : int
+    numbers : mi.UInt32, optional
+        What the points' random numbers follow from, whatever else is in the launch; 0, 1, … where
+        it is not given.
 
     Returns
     -------
@@ -178,10 +181,11 @@ def sky_deposit(
         D [sr]; a free point has ΣD = π.
     """
     bins, count = len(Patches(subdivision)), dr.width(points) // 3
-    out = dr.zeros(mi.Float, count * bins)
     openings = Openings.of(scene, points)
     if openings is not None and len(openings.quads) == 0:
-        return mi.TensorXf(out, (count, bins))
+        return dr.zeros(mi.TensorXf, (count, bins))
+    out = dr.zeros(mi.Float64, count * bins)  # a million rays may end in one bin
+    numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     block = max(1, LANES // rays)
     for start in range(0, count, block):
         n_points = min(block, count - start)
@@ -189,17 +193,19 @@ def sky_deposit(
         row = lane // rays + dr.opaque(mi.UInt32, start)
         p = dr.gather(mi.Point3f, points, row)
         frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
-        d = frame.to_world(first_directions(lane % rays, row, seed))
+        number = dr.gather(mi.UInt32, numbers, row)
+        d = frame.to_world(first_directions(lane % rays, number, seed))
         tau = straight(scene, openings, p, d, scene.scope.shines(d))
         index = row * bins + patch_index(d, subdivision)
-        dr.scatter_add(out, tau * (np.pi / rays), index, tau > 0)
+        dr.scatter_add(out, mi.Float64(tau * (np.pi / rays)), index, tau > 0)
         dr.eval(out)
-    return mi.TensorXf(out, (count, bins))
+    return mi.TensorXf(mi.Float(out), (count, bins))
 
 
 def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int, rim: int | None = None,
+    numbers: mi.UInt32 | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -217,6 +223,8 @@ def sun_deposit(
     seed : int
     rim : int, optional
         Take one direction instead, the rim-th of `RIM` around the disk's edge.
+    numbers : mi.UInt32, optional
+        As for `sky_deposit`.
 
     Returns
     -------
@@ -233,7 +241,8 @@ def sun_deposit(
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     row_of, group_of = mi.UInt32(rows.astype(np.uint32)), mi.UInt32(groups.astype(np.uint32))
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())
-    block = LANES // CLUSTER
+    numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
+    block = max(1, LANES // CLUSTER)
     stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
     for start in range(0, len(rows), block):
         lane = dr.arange(mi.UInt32, min(block, len(rows) - start) * CLUSTER)
@@ -245,9 +254,10 @@ def sun_deposit(
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, sun, exists)
         pair = row * stride + sun
-        drawn = _anywhere(centre, diameter, pair, samples, seed)
+        number = dr.gather(mi.UInt32, numbers, row)
+        drawn = _anywhere(centre, diameter, number, sun, samples, seed)
         if rim is not None:
-            drawn = [_on_rim(centre, diameter, pair, rim, seed)]
+            drawn = [_on_rim(centre, diameter, number, sun, rim, seed)]
         value = _seen(scene, openings, p, n, exists, diameter, drawn)
         dr.scatter(out, value, pair, exists)
         dr.eval(out)
@@ -255,19 +265,20 @@ def sun_deposit(
 
 
 def _anywhere(
-    centre: mi.Vector3f, diameter: float, pair: mi.UInt32, samples: int, seed: int
-) -> list[mi.Vector3f]:
-    """Directions drawn from disks; `pair` is a number of its own for every point and sun."""
-    numbers = (random_bits(pair, seed + i) for i in range(samples))
-    uv = (mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in each)) for each in numbers)
+    centre: mi.Vector3f, diameter: float, number: mi.UInt32, sun: mi.UInt32, samples: int,
+    seed: int,
+) -> list[mi.Vector3f]:  # fmt: skip
+    """Directions drawn from disks, for points with numbers."""
+    bits = (random_bits(number, seed + i, sun) for i in range(samples))
+    uv = (mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in each)) for each in bits)
     return [sample_disk(centre, diameter, each) for each in uv]
 
 
 def _on_rim(
-    centre: mi.Vector3f, diameter: float, pair: mi.UInt32, rim: int, seed: int
+    centre: mi.Vector3f, diameter: float, number: mi.UInt32, sun: mi.UInt32, rim: int, seed: int
 ) -> mi.Vector3f:
     """One of `RIM` directions evenly around the edge of each disk, turned at random together."""
-    turn = mi.Float(random_bits(pair, seed)[0] >> 8) * TO_UNIT
+    turn = mi.Float(random_bits(number, seed, sun)[0] >> 8) * TO_UNIT
     s, c = dr.sincos(2 * dr.pi / RIM * (turn + dr.opaque(mi.Float, rim)))
     return from_disk(centre, diameter, 0.99 * mi.Point2f(c, s))
 
@@ -287,7 +298,7 @@ def _seen(
 
 def pair_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, pairs: mi.UInt32, *,
-    suns: np.ndarray, diameter: float, samples: int, seed: int,
+    suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
 ) -> mi.Float:  # fmt: skip
     """`sun_deposit` of chosen entries only.
 
@@ -295,7 +306,7 @@ def pair_deposit(
     ----------
     pairs : mi.UInt32
         Entries, numbered point · suns + sun.
-    scene, points, normals, suns, diameter, samples, seed
+    scene, points, normals, suns, diameter, samples, seed, numbers
         As for `sun_deposit`.
 
     Returns
@@ -310,11 +321,11 @@ def pair_deposit(
     for start in range(0, dr.width(pairs), LANES):
         lane = dr.arange(mi.UInt32, min(LANES, dr.width(pairs) - start))
         pair = dr.gather(mi.UInt32, pairs, lane + dr.opaque(mi.UInt32, start))
-        row = pair // stride
+        row, sun = pair // stride, pair % stride
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
-        centre = dr.gather(mi.Vector3f, directions, pair % stride)
+        centre, number = dr.gather(mi.Vector3f, directions, sun), dr.gather(mi.UInt32, numbers, row)
         active = dr.full(mi.Bool, True, dr.width(lane))
-        drawn = _anywhere(centre, diameter, pair, samples, seed)
+        drawn = _anywhere(centre, diameter, number, sun, samples, seed)
         parts.append(_seen(scene, openings, p, n, active, diameter, drawn))
         dr.eval(parts[-1])
     return dr.concat(parts) if parts else mi.Float()

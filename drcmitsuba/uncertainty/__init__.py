@@ -120,7 +120,9 @@ def _mean_illuminance(coefficients: xr.Dataset, sky: xr.Dataset, closed: np.ndar
         if hours.any():
             names = ("replicates", "sun_straight", "sun_straight_se")
             C = coefficients[[name for name in names if name in coefficients]]
-            C = C.sel(state=state, drop=True).mean("sensor", keepdims=True, skipna=False)
+            C = C.sel(state=state, drop=True).mean(
+                "sensor", keepdims=True, skipna=False, dtype=float
+            )
             at = sky.isel(time=np.flatnonzero(hours))
             E = accumulate.replicates(C, at, np.zeros(1, np.int64))
             total += E.sum(axis=(1, 2), dtype=float)

@@ -218,7 +218,7 @@ def test_gradient_equals_differences_of_fresh_simulations(interiors, year):
         return dr.mean(interior.illuminance(rho).open.array)
 
     rho, h = reflectances(case_of()), 0.1
-    case = case_of(200, replicates=16)
+    case = case_of(200, replicates=32)
     found = np.array([gradient(interior, rho, open_mean) for interior in interiors])
     for i, key in enumerate(KEYS):
         up, down = (
