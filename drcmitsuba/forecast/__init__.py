@@ -12,6 +12,7 @@ size
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,7 +21,17 @@ from drcmitsuba.forecast.machine import REFERENCE, Speed, speed
 from drcmitsuba.forecast.work import Counted, Work, count
 from drcmitsuba.plan import Plan
 
-__all__ = ["REFERENCE", "Counted", "Forecast", "Speed", "Work", "count", "forecast", "speed"]
+__all__ = [
+    "REFERENCE",
+    "Counted",
+    "Forecast",
+    "Speed",
+    "Work",
+    "count",
+    "forecast",
+    "speed",
+    "told_plan",
+]
 
 REST = "rest"
 """Share of what no effect can be left out of: weather, sky, accumulation, metrics, files."""
@@ -57,16 +68,39 @@ class Forecast:
     shares: dict[str, float]
 
     def told(self) -> dict[str, Any]:
-        """Plain values for plan.json."""
+        """Plain values; the shares are told with the effects, see `told_plan`."""
         told = {k: v for k, v in asdict(self).items() if k != "shares"}
         told["items"] = {name: float(f"{amount:.4g}") for name, amount in self.items.items()}
         return told | {"seconds": round(self.seconds, 3)}
 
     def __str__(self) -> str:
         return (
-            f"{self.seconds:.2g} s, {self.memory_bytes / 2**30:.2g} GiB of memory, "
-            f"{self.disk_bytes / 1e6:.2g} MB on disk, {sum(self.rays.values()) / 1e6:.3g} M rays"
+            f"{_figure(self.seconds)} s, {_figure(self.memory_bytes / 2**20)} MiB of memory, "
+            f"{_figure(self.disk_bytes / 1e6)} MB on disk, "
+            f"{_figure(sum(self.rays.values()) / 1e6)} million rays"
         )
+
+
+def _figure(value: float) -> str:
+    """Two figures, and all before the point."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
+
+
+def told_plan(
+    plan: Plan, expected: Forecast | None = None, coefficients: Mapping[str, Any] | None = None
+) -> dict[str, dict[str, Any]]:
+    """Plan and forecast as plain values for plan.json, {effect: {"on", "reason", "share", …}}.
+
+    The entry "cost" has the share of what no effect can be left out of, and the forecast.
+    `coefficients` are the attributes of C, where it is known.
+    """
+    told = plan.told(coefficients or {})
+    told["cost"] = {"on": True, "reason": "no forecast"}
+    if expected is not None:
+        for name, effect in told.items():
+            effect["share"] = round(expected.shares[REST if name == "cost" else name], 4)
+        told["cost"] |= {"reason": f"forecast {expected}", "forecast": expected.told()}
+    return told
 
 
 def forecast(plan: Plan, on: Speed | None = None) -> Forecast:

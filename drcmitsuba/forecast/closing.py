@@ -45,14 +45,14 @@ class Closing:
         p, n = sensor_points(case)
         some = np.linspace(0, len(p) - 1, min(MOST, len(p))).round().astype(int)
         p, n = p[some], n[some]
+        clear = [case.materials.get(n) for n in panes.used(case) if panes.is_clear(case, n)]
         through = max(
-            (m.transmittance if isinstance(m := case.materials.get(name), GlazingMaterial) else 1.0
-             for name in panes.used(case) if panes.is_clear(case, name)), default=1.0,
-        )  # fmt: skip
+            (m.transmittance if isinstance(m, GlazingMaterial) else 1.0 for m in clear), default=1.0
+        )
         E = through * normal * np.maximum(n @ d.T, 0)
         room = outline(case, "open", self.scope, lambda m: None).enclosure
         if room is not None and len(room.openings):
             E = E * Openings(room.openings).reached(p, d, np.zeros(len(d)))
         elif room is not None:
             return np.zeros(len(d), bool)
-        return np.asarray((E >= shading.threshold).mean(axis=0) >= shading.area)
+        return np.asarray((shading.threshold <= E).mean(axis=0) >= shading.area)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -64,7 +64,7 @@ def seconds(amounts: Mapping[str, float], speed: Speed) -> dict[str, float]:
 
 def by_effect(work: Work, speed: Speed) -> dict[str, float]:
     """Seconds of each effect."""
-    out: Counter[str] = Counter()
+    out: dict[str, float] = defaultdict(float)
     for (effect, unit), amount in work.amounts.items():
         out[effect] += seconds({unit: amount}, speed)[unit]
     return dict(out)

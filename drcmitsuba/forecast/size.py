@@ -103,6 +103,6 @@ def arrays(counted: Counted) -> dict[str, float]:
 
 def _tables(survey: Survey) -> float:
     """Numbers in the tables of films."""
-    rows, sky_rows, _, _ = survey.film_tables()
+    tables = survey.film_tables()
     lit = 0 if survey.films is None else len(survey.films.suns)
-    return rows * lit + sky_rows * survey.patches
+    return tables.sun_rows * lit + tables.sky_rows * survey.patches

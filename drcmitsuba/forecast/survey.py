@@ -1,8 +1,7 @@
-"""What geometry says of the work in one state of the shade: cells, and what sees the sky and suns."""
+"""What geometry says of the work in one state of the shade: cells, who sees sky and suns."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -72,6 +71,24 @@ class Seen:
     lit_by_sky: float
     lit_by_suns: float
     patches: float
+
+
+class FilmTables(NamedTuple):
+    """Tables of what films answer, in one replicate.
+
+    Parameters
+    ----------
+    sun_rows, sky_rows : int
+    evaluated : int
+        Samples of f for each sun that may shine on them.
+    looking : int
+        Rows of the sky's table whose directions are tested for what stands in their way.
+    """
+
+    sun_rows: int
+    sky_rows: int
+    evaluated: int
+    looking: int
 
 
 @dataclass(frozen=True)
@@ -247,7 +264,7 @@ class Survey:
         seen = (by_sky + by_ground) > 0
         at = self._some_suns
         suns = (n @ at.T > 0) & self._passes(openings, p, at)
-        rows: Sequence[int] = ()
+        rows = np.zeros(0, int)
         if len(at):
             rows = candidates(openings, p, n, self.suns.directions, self._radius)[0]
         patches = seen.any(axis=0).sum() / (DIRECTIONS / 2)
@@ -315,11 +332,11 @@ class Survey:
         """Patches of the films."""
         return None if self.films is None else self.films.patches
 
-    def film_tables(self) -> tuple[int, int, int, int]:
-        """Rows of the tables of suns and of the sky, samples of f, rows that look at the sky."""
+    def film_tables(self) -> FilmTables:
+        """Tables of all films."""
         films = self.films
         if films is None:
-            return 0, 0, 0, 0
+            return FilmTables(0, 0, 0, 0)
         rows = sum(mount.rows for mount in films.mounts)
         evaluated = sum(
             m.rows * SUN_SAMPLES["even" if m.bsdf.out_even else "uneven"] for m in films.mounts
@@ -330,7 +347,7 @@ class Survey:
             for owner in films.patches.owner
             if not films.mounts[owner].exposed
         )
-        return rows, sky, evaluated, looking
+        return FilmTables(rows, sky, evaluated, looking)
 
     def looks(self, patches: PanePatches, kind: str) -> float:
         """Rays towards patches that a receiver traces for each one that is asked for."""

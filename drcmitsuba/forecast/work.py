@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -39,11 +39,11 @@ class Work:
 
     Parameters
     ----------
-    amounts : Counter of (str, str)
+    amounts : dict of (str, str) to float
         By effect and unit.
     """
 
-    amounts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    amounts: dict[tuple[str, str], float] = field(default_factory=lambda: defaultdict(float))
 
     def add(self, effect: str, unit: str, amount: float) -> None:
         """Take some work."""
@@ -58,7 +58,7 @@ class Work:
     @property
     def by_unit(self) -> dict[str, float]:
         """Amounts of every unit."""
-        out: Counter[str] = Counter()
+        out: dict[str, float] = defaultdict(float)
         for (_, unit), amount in self.amounts.items():
             out[unit] += amount
         return dict(out)
@@ -164,7 +164,7 @@ def _followed(plan: Plan, suns: Suns) -> Suns:
 
 
 def mesh_suns(latitude: float, diameter: float) -> Suns:
-    """Suns that stand for an adaptive mesh: `MESH_SUNS` of the possible ones, without straight light."""
+    """Suns in place of an adaptive mesh: `MESH_SUNS` possible ones, without straight light."""
     possible = mesh.possible_suns(latitude)
     at = np.linspace(0, len(possible) - 1, MESH_SUNS + HELD_OUT).round().astype(int)
     labels = tuple(f"{mesh.PREFIX}{i}" for i in range(len(at)))
@@ -273,12 +273,12 @@ def _films(survey: Survey, work: Work) -> None:
     a, films = survey.accuracy, survey.films
     assert films is not None
     _straight(survey, work, "film faces", 0, 1)
-    rows, sky_rows, evaluated, looking = survey.film_tables()
+    tables = survey.film_tables()
     lit = len(films.suns)
-    work.add("films", "film_sun", a.replicates * evaluated * lit)
+    work.add("films", "film_sun", a.replicates * tables.evaluated * lit)
     if survey.subdivision:
-        work.add("films", "film_sky", a.replicates * sky_rows * a.film_sky_samples)
-        work.add("films", "shadow", a.replicates * looking * a.film_sky_samples / 2)
+        work.add("films", "film_sky", a.replicates * tables.sky_rows * a.film_sky_samples)
+        work.add("films", "shadow", a.replicates * tables.looking * a.film_sky_samples / 2)
     receivers = ["cells", "sensors"] + (["faces"] if survey.pane_patches is not None else [])
     for kind in receivers:
         many = a.replicates * survey.seen(kind).count * a.pane_points
