@@ -1,7 +1,9 @@
 """What an evaluation will cost: rays, seconds, memory, disk, and the share of every effect.
 
-scout, survey, closing
-    What geometry says: how long paths will be, what sees the sky and the suns, when shades close.
+scout, walks, cells
+    How long paths will be, and the cells that they meet.
+film_tables, survey, photons, closing
+    What else geometry says: who sees the sky, suns and panes; photons; when shades close.
 work
     Counts of the work, by effect and unit.
 machine, cost

@@ -82,9 +82,7 @@ def arrays(counted: Counted) -> dict[str, float]:
     at_once = min(a.replicates * min(sensors, BLOCK) * a.paths, PATHS_AT_ONCE)
     at_once = max(at_once, a.replicates * a.paths)
     bins = {state: sum(both) for state, both in counted.bins.items()}
-    deposits = [
-        a.replicates * s.cell_points[2] * bins[state] for state, s in counted.surveys.items()
-    ]
+    deposits = [a.replicates * s.cells[2] * bins[state] for state, s in counted.surveys.items()]
     landed = [
         d for d, s in zip(deposits, surveys, strict=True) if s.scene.followed
     ]  # fmt: skip
@@ -103,6 +101,6 @@ def arrays(counted: Counted) -> dict[str, float]:
 
 def _tables(survey: Survey) -> float:
     """Numbers in the tables of films."""
-    tables = survey.film_tables()
+    tables = survey.film_tables
     lit = 0 if survey.films is None else len(survey.films.suns)
     return tables.sun_rows * lit + tables.sky_rows * survey.patches

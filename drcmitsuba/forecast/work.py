@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ import numpy as np
 from drcmitsuba.case import Adaptive
 from drcmitsuba.coefficients import EDGE_SAMPLES
 from drcmitsuba.forecast.closing import Closing
+from drcmitsuba.forecast.photons import flown, pilots, ports_of
 from drcmitsuba.forecast.survey import Survey
 from drcmitsuba.light import sources
 from drcmitsuba.plan import Plan
@@ -213,11 +215,7 @@ def _compute(survey: Survey) -> Work:
         _panes(survey, work)
     if survey.films is not None:
         _films(survey, work)
-    for flown in survey.photons():
-        effect = "components" if flown.name else "pane_to_pane"
-        work.add(effect, "photon", replicates * flown.followed * flown.flights)
-        work.add(effect, "start", replicates * flown.tried)
-        work.add(effect, "shadow", replicates * flown.tests)
+    _photons(survey, work)
     return work
 
 
@@ -273,7 +271,7 @@ def _films(survey: Survey, work: Work) -> None:
     a, films = survey.accuracy, survey.films
     assert films is not None
     _straight(survey, work, "film faces", 0, 1)
-    tables = survey.film_tables()
+    tables = survey.film_tables
     lit = len(films.suns)
     work.add("films", "film_sun", a.replicates * tables.evaluated * lit)
     if survey.subdivision:
@@ -286,6 +284,18 @@ def _films(survey: Survey, work: Work) -> None:
         work.add("films", "pane", looks)
         work.add("films", "look", 2 * many)
         work.add("films", "film_sum", looks * UNHIDDEN * (lit + survey.patches))
+
+
+def _photons(survey: Survey, work: Work) -> None:
+    """Photons of all ports."""
+    replicates, every = survey.accuracy.replicates, ports_of(survey)
+    work.add("components", "shadow", pilots(every))
+    for ports, kind in itertools.product(every, ("sky", "sun")):
+        found = flown(survey, ports, kind)
+        effect = "components" if found.name else "pane_to_pane"
+        work.add(effect, "photon", replicates * found.followed * found.flights)
+        work.add(effect, "start", replicates * found.tried)
+        work.add(effect, "shadow", replicates * found.tests)
 
 
 def _around(counted: Counted) -> Iterator[tuple[str, str, float]]:
