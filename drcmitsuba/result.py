@@ -70,6 +70,7 @@ class Result:
             schema.save_zarr(self.coefficients, folder / "coefficients.zarr")
             done(0.5)
             save_luminances(self.light, folder / "sky.zarr", self.coefficients.get("channel"))
+            schema.save_json(self.plan, folder / "plan.json")
             done(0.6)
             drawn = self._save_pictures(folder)
             self.metrics["seconds"]["writing"] = round(time.perf_counter() - start, 3)
@@ -78,7 +79,7 @@ class Result:
             written = ["illuminance.nc", "coefficients.zarr", "sky.zarr", "metrics.json", *drawn]
             disk = sum(_bytes(folder / name) for name in written)
             _settle(self.plan["cost"], self.metrics, disk)
-            schema.save_json(self.plan, folder / "plan.json")
+            schema.save_json(self.plan, folder / "plan.json")  # again: now its cost is known
 
     def _save_pictures(self, folder: Path) -> list[str]:
         """Draw the plots, and remove those of an earlier evaluation; names of the files."""
