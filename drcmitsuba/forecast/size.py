@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from drcmitsuba.case import Adaptive
-from drcmitsuba.coefficients import BLOCK
-from drcmitsuba.coefficients import LANES as PATHS_AT_ONCE
 from drcmitsuba.forecast.survey import Survey
 from drcmitsuba.forecast.work import Counted
 
@@ -23,9 +21,8 @@ PLANS = 4
 """One of points that are too close to call among them."""
 TEXTS = 15_000
 """Bytes of metrics.json and plan.json."""
-VERTEX, ROOM = 40, 5
-"""Bytes of a vertex of a path (row, key, tag, weight, position, normal); vertices of a path that
-there is room for."""
+VERTEX = 40
+"""Bytes of a vertex of a path: row, key, tag, weight, position, normal."""
 
 BASE = 375 << 20
 """Bytes of the program itself: libraries, kernels, weather."""
@@ -79,8 +76,6 @@ def arrays(counted: Counted) -> dict[str, float]:
     """Bytes of the largest arrays by name."""
     a, sensors = counted.plan.facts.case.accuracy, counted.sensors
     surveys = counted.surveys.values()
-    at_once = min(a.replicates * min(sensors, BLOCK) * a.paths, PATHS_AT_ONCE)
-    at_once = max(at_once, a.replicates * a.paths)
     bins = {state: sum(both) for state, both in counted.bins.items()}
     deposits = [a.replicates * s.cells[2] * bins[state] for state, s in counted.surveys.items()]
     landed = [
@@ -89,7 +84,7 @@ def arrays(counted: Counted) -> dict[str, float]:
     whole = len(counted.plan.facts.light.suns.labels) + counted.surveys["open"].patches_of_sky
     illuminances = VARIABLES * counted.stamps * sensors * counted.channels
     return {
-        "vertices": at_once * ROOM * VERTEX if counted.plan.scope.depth != 0 else 0.0,
+        "vertices": VERTEX * max((_vertices(s) for s in surveys), default=0),
         "deposit": FLOAT * max(deposits, default=0),
         "films": FLOAT * a.replicates * max((_tables(s) for s in surveys), default=0),
         "landed": FLOAT * max(landed, default=0),
@@ -97,6 +92,14 @@ def arrays(counted: Counted) -> dict[str, float]:
         * (PARTS + a.replicates),
         "illuminance": FLOAT * illuminances,
     }  # fmt: skip
+
+
+def _vertices(survey: Survey) -> float:
+    """Vertices that there is room for at once."""
+    if survey.scope.depth == 0:
+        return 0.0
+    a = survey.accuracy
+    return a.replicates * survey.block * a.paths * survey.bounces
 
 
 def _tables(survey: Survey) -> float:

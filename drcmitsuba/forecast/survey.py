@@ -20,7 +20,7 @@ from drcmitsuba.scene import Scene, State, outline, sensor_points
 from drcmitsuba.scope import Scope
 from drcmitsuba.suns import Suns
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather import ROULETTE_DEPTH
+from drcmitsuba.transport.gather import PILOT, USUAL, WHITE, reflectance_of
 from drcmitsuba.transport.panes import PanePatches
 from drcmitsuba.transport.shadow_rays import CLUSTER, Openings, candidates
 
@@ -116,16 +116,36 @@ class Survey:
     @property
     def blocks(self) -> int:
         """Blocks of sensors."""
+        return -(-len(self.sensors[0]) // self.block)
+
+    @property
+    def block(self) -> int:
+        """Sensors that are gathered at once."""
         a = self.accuracy
-        size = max(1, min(BLOCK, PATHS_AT_ONCE // (a.replicates * a.paths)))
-        return -(-len(self.sensors[0]) // size)
+        lanes = int(PATHS_AT_ONCE * USUAL / self.bounces)
+        return min(len(self.sensors[0]), max(1, min(BLOCK, lanes // (a.replicates * a.paths))))
+
+    @property
+    def is_white(self) -> bool:
+        """Whether vertices of some paths are counted first, see `gather.expected_bounces`."""
+        return max(map(reflectance_of, self.scene.parts), default=0.0) >= WHITE
+
+    @property
+    def bounces(self) -> float:
+        """Vertices of a path that there is room for."""
+        return max(USUAL, 1.2 * self.walked.vertices) if self.is_white else USUAL
+
+    @property
+    def pilots(self) -> int:
+        """Paths whose vertices are counted first."""
+        return min(PILOT, len(self.sensors[0])) * self.accuracy.paths if self.is_white else 0
 
     @cached_property
     def walked(self) -> Walked:
         """Paths of the gather."""
         return gathered(
             self.scout, *self.sensors, depth=self.scope.depth, beyond=self.scope.beyond,
-            roulette=ROULETTE_DEPTH, rng=np.random.default_rng(7),
+            rng=np.random.default_rng(7),
         )  # fmt: skip
 
     @cached_property

@@ -9,6 +9,7 @@ import numpy as np
 from drcmitsuba.case import GlazingMaterial, MirrorMaterial
 from drcmitsuba.forecast.scout import Hit, Scout, cosine
 from drcmitsuba.materials import Lambertian, is_diffuse
+from drcmitsuba.transport.gather import MOST_SURVIVAL, ROULETTE_DEPTH
 
 PATHS = 1024
 """Paths of the gather that are tried."""
@@ -37,7 +38,7 @@ class Walked(NamedTuple):
 
 def gathered(
     scout: Scout, points: np.ndarray, normals: np.ndarray, *,
-    depth: int | None, beyond: bool, roulette: int, rng: np.random.Generator,
+    depth: int | None, beyond: bool, rng: np.random.Generator,
 ) -> Walked:  # fmt: skip
     """Follow paths of the gather as `transport.gather` does.
 
@@ -49,15 +50,17 @@ def gathered(
         Surfaces at most.
     beyond : bool
         What leaves through a pane may come back.
-    roulette : int
-        Surfaces after which paths go on by chance.
     rng : np.random.Generator
+
+    Notes
+    -----
+    Of paths that are longer than `MOST_STEPS` the rest is told by how many ended of late.
     """
     if depth == 0 or not len(points):
         return Walked(0.0, 0.0, np.zeros((0, 3)), np.zeros((0, 3)))
     at = rng.integers(len(points), size=PATHS)
     p, d = points[at], cosine(normals[at], rng)
-    beta, flights, found = np.ones(len(p)), 0, [(p[:0], p[:0])]
+    beta, flights, found, left = np.ones(len(p)), 0, [(p[:0], p[:0])], [len(p)]
     can_hold = np.array([isinstance(m, Lambertian | MirrorMaterial) and is_diffuse(m)
                          for m in scout.materials], bool)  # fmt: skip
     for step in range(1, MOST_STEPS):
@@ -74,15 +77,25 @@ def gathered(
         alive &= beyond | ~sent.through
         if depth is not None and step >= depth:
             break
-        if step >= roulette:
-            survival = np.clip(np.sqrt(beta), 0.05, 0.95)
+        if step >= ROULETTE_DEPTH:
+            survival = np.clip(np.sqrt(beta), 0.05, MOST_SURVIVAL)
             alive &= rng.random(len(beta)) < survival
             beta = beta / survival
         p, d, beta = _off(hit.p, sent.d)[alive], sent.d[alive], beta[alive]
+        left.append(len(p))
         if not len(p):
             break
+    more = _rest(left) if depth is None or depth > MOST_STEPS else 0.0
     p, n = (np.concatenate(column) for column in zip(*found, strict=True))
-    return Walked(flights / PATHS, len(p) / PATHS, p, n)
+    return Walked((flights + more) / PATHS, (len(p) + more) / PATHS, p, n)
+
+
+def _rest(left: list[int]) -> float:
+    """Flights still to come of paths of which so many are `left` after each surface."""
+    if left[-1] == 0:
+        return 0.0
+    kept = (left[-1] / left[len(left) // 2]) ** (2 / len(left))
+    return left[-1] / max(1 - kept, 1 / (10 * len(left)))
 
 
 def _off(p: np.ndarray, d: np.ndarray) -> np.ndarray:

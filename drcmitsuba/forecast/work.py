@@ -228,7 +228,7 @@ def _opened(survey: Survey) -> float:
 def _gather(survey: Survey, work: Work) -> None:
     """Paths of all replicates."""
     a = survey.accuracy
-    paths = a.replicates * a.paths * len(survey.sensors[0])
+    paths = a.replicates * a.paths * len(survey.sensors[0]) + survey.pilots
     if survey.scope.depth != 0:
         work.add("interreflection", "path", paths * survey.walked.flights)
         work.add("interreflection", "vertex", paths * survey.walked.vertices)
