@@ -137,8 +137,11 @@ class Survey:
 
     @property
     def pilots(self) -> int:
-        """Paths whose vertices are counted first."""
-        return min(PILOT, len(self.sensors[0])) * self.accuracy.paths if self.is_white else 0
+        """Paths whose vertices are counted first; twice where there are more than is usual."""
+        if not self.is_white:
+            return 0
+        times = 2 if self.walked.vertices > USUAL else 1
+        return times * min(PILOT, len(self.sensors[0])) * self.accuracy.paths
 
     @cached_property
     def walked(self) -> Walked:

@@ -74,6 +74,7 @@ KINDS_OF_CASES = {
     "no room": {"room": None, "facade": {}, "furniture": [BLOCK]},
     "outside": {"furniture": [{"corner": [-2.0, -6.0, 0.0], "size": [8.0, 1.0, 4.0]}]},
     "colour": {"room": {"size": [4.0, 5.0, 3.0], "walls": [0.6, 0.5, 0.4]}},
+    "white": {"room": {"size": [4.0, 5.0, 3.0], "floor": 0.95, "ceiling": 0.95, "walls": 0.95}},
     "north, overcast": {"facade": windows("north", "glass"), **OVERCAST},
     "adaptive": {"sun": {"model": "adaptive"}},
 }  # fmt: skip
