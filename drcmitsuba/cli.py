@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from drcmitsuba import film_commands, optimise_command, tradeoff_command
+from drcmitsuba import film_commands, optimise_command, plan_command, tradeoff_command
 from drcmitsuba.errors import BackendError, InputError, was_stopped
 from drcmitsuba.terminal import Output, stages, writable
 
@@ -259,6 +259,7 @@ def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")
 
 app.command(name="bsdf")(film_commands.bsdf)
 app.command(name="goniophotometer")(film_commands.goniophotometer)
+app.command(name="plan")(plan_command.plan)
 app.command(name="tradeoff")(tradeoff_command.tradeoff)
 app.command(name="optimise")(optimise_command.optimise)
 

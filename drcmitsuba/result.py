@@ -15,11 +15,13 @@ import xarray as xr
 
 from drcmitsuba import backend, scene, schema
 from drcmitsuba.case import Case
+from drcmitsuba.forecast import Forecast, forecast, told_plan
 from drcmitsuba.judgement import Judgement, judge
 from drcmitsuba.light import Daylight, daylight, luminances, save_luminances
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
 from drcmitsuba.progress import Stage, silent, timed
 from drcmitsuba.rounds import Reached, toward_target
+from drcmitsuba.scope import Scope
 from drcmitsuba.simulation import coefficients
 
 
@@ -37,6 +39,9 @@ class Result:
     light : Daylight
         What L is made of.
     plan : dict
+        As in `plan.json`.
+    scope : Scope
+        What was simulated.
     """
 
     case: Case
@@ -45,6 +50,7 @@ class Result:
     coefficients: xr.Dataset
     light: Daylight
     plan: dict[str, Any]
+    scope: Scope = scene.FULL
 
     @property
     def sky(self) -> xr.Dataset:
@@ -55,8 +61,6 @@ class Result:
 
     def save(self, folder: str | Path, stage: Stage = silent) -> None:
         """Write all results and plots to a folder, each file whole or not at all."""
-        from drcmitsuba import plots, report  # matplotlib is only loaded where plots are drawn
-
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         start = time.perf_counter()
@@ -68,15 +72,28 @@ class Result:
             save_luminances(self.light, folder / "sky.zarr", self.coefficients.get("channel"))
             schema.save_json(self.plan, folder / "plan.json")
             done(0.6)
-            figures = report.pictures(self.case, self.illuminance, self.metrics)
-            for name, figure in figures.items():
-                plots.save(figure, folder / name)
-            for old in folder.glob("undecided_*_plan.png"):  # drawn only where there are any
-                if old.name not in figures:
-                    old.unlink()
+            drawn = self._save_pictures(folder)
             self.metrics["seconds"]["writing"] = round(time.perf_counter() - start, 3)
             self.metrics["peak_memory_bytes"] = peak_memory()
             schema.save_json(self.metrics, folder / "metrics.json")
+            written = ["illuminance.nc", "coefficients.zarr", "sky.zarr", "metrics.json", *drawn]
+            disk = sum(_bytes(folder / name) for name in written)
+            _settle(self.plan["cost"], self.metrics, disk)
+            schema.save_json(self.plan, folder / "plan.json")  # again: now its cost is known
+
+    def _save_pictures(self, folder: Path) -> list[str]:
+        """Draw the plots, and remove those of an earlier evaluation; names of the files."""
+        figures = {}
+        if self.scope.pictures:
+            from drcmitsuba import plots, report  # matplotlib is only loaded where plots are drawn
+
+            figures = report.pictures(self.case, self.illuminance, self.metrics)
+            for name, figure in figures.items():
+                plots.save(figure, folder / name)
+        for old in [*folder.glob("*_plan.png"), folder / "monthly.png"]:
+            if old.name not in figures:
+                old.unlink(missing_ok=True)
+        return list(figures)
 
     def _repr_png_(self) -> bytes:
         from io import BytesIO
@@ -86,6 +103,25 @@ class Result:
         buffer = BytesIO()
         plots.monthly(self.metrics, title=self.case.name).savefig(buffer, format="png", dpi=100)
         return buffer.getvalue()
+
+
+def _bytes(path: Path) -> int:
+    """Size of a file, or of all files in a folder."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _settle(cost: dict[str, Any], numbers: dict[str, Any], disk: int | None = None) -> None:
+    """Put what an evaluation took beside its forecast; bytes of its files where it was saved."""
+    actual = cost["actual"]
+    actual["seconds"] = round(sum(numbers["seconds"].values()), 3)
+    actual["memory_bytes"] = numbers["peak_memory_bytes"]
+    told = f"took {actual['seconds']:.3g} s"
+    if disk is not None:
+        actual["disk_bytes"] = disk
+    if "forecast" in cost:
+        told = f"forecast {cost['forecast']['seconds']:.2g} s; {told}"
+    cost["reason"] = told + f" and {sum(actual['rays'].values())} rays"
 
 
 def peak_memory() -> int:
@@ -132,6 +168,10 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
         told = notes(case)  # reads the films' files, which may be unfit
         light = daylight(case)
         planned = plan(case, light)
+    expected = None
+    if known is None:  # what is known already costs nothing
+        with timed(stage, "forecast", seconds):
+            expected = forecast(planned)
     rays: Counter[str] = Counter()
     found = coefficients(case, light, stage, seconds, known, planned.scope, rays)
     with timed(stage, "accumulation and metrics", seconds):
@@ -141,12 +181,13 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
         found, now, reached = toward_target(
             planned.simulated, light, found, now, stage, seconds, planned.scope, rays
         )
-    return summed_up(planned, found, now, seconds, told, reached, rays)
+    return summed_up(planned, found, now, seconds, told, reached, rays, expected)
 
 
 def summed_up(
     planned: Plan, found: xr.Dataset, now: Judgement, seconds: dict[str, float],
     told: list[str], reached: Reached | None = None, rays: Counter[str] | None = None,
+    expected: Forecast | None = None,
 ) -> Result:  # fmt: skip
     """Put the parts of an evaluation together, settings and plan with them.
 
@@ -163,15 +204,13 @@ def summed_up(
         How far a target was reached.
     rays : Counter, optional
         Number of rays by kind.
+    expected : Forecast, optional
+        What it was to cost.
     """
     case, light = planned.facts.case, planned.facts.light
     E, numbers = now.illuminance, now.metrics
-    effects = planned.told(found.attrs)
-    traced = dict(rays or {})
-    told_rays = ", ".join(f"{number} {kind}" for kind, number in traced.items())
-    effects["cost"] = {
-        "on": True, "reason": f"rays: {told_rays or 'none'}", "actual": {"rays": traced}
-    }  # fmt: skip
+    effects = told_plan(planned, expected, found.attrs)
+    effects["cost"]["actual"] = {"rays": dict(rays or {})}
     told = [*told, *planned.notes()]
     numbers["settings"] = {
         "case": case.source,
@@ -184,4 +223,5 @@ def summed_up(
         numbers["accuracy"] = asdict(reached)
     numbers["seconds"] = seconds
     numbers["peak_memory_bytes"] = peak_memory()
-    return Result(case, numbers, E, found, light, effects)
+    _settle(effects["cost"], numbers)
+    return Result(case, numbers, E, found, light, effects, planned.scope)

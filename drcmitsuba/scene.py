@@ -6,6 +6,7 @@ the Mitsuba scenes that transport traces. Panes face the room: their normals poi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -45,6 +46,7 @@ class Part:
 
     Parameters
     ----------
+    name : str
     bsdf : mi.BSDF
     material : SurfaceMaterial
     component : str
@@ -53,6 +55,7 @@ class Part:
         Nothing sees their backs.
     """
 
+    name: str
     bsdf: Any
     material: SurfaceMaterial
     component: str
@@ -113,7 +116,7 @@ class Scene:
     Parameters
     ----------
     full : mi.Scene
-        All surfaces.
+        All surfaces; of an `outline` this and the next two are None.
     opaque : mi.Scene
         Without the panes that let light straight through: any hit is a shadow.
     clear : mi.Scene or None
@@ -272,21 +275,13 @@ def build(
     -------
     Scene
     """
-    groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
-    for surface in surfaces:
-        key = (surface.component, surface.material, surface.closed)
-        groups.setdefault(key, []).append(surface)
-    # One mesh a material and component: tracing slows with the number of shapes.
-    parts, meshes = [], []
-    for (component, m, closed), group in groups.items():
-        quads = np.concatenate([s.quads for s in group])
-        parts.append(Part(mi.load_dict(bsdf(m, channel)), m, component, quads, closed))
-        meshes.append(quad_mesh(group[0].name, quads, parts[-1].bsdf))
+    made = _outlined(surfaces, lambda m: mi.load_dict(bsdf(m, channel)), enclosure, ports)
+    meshes = [quad_mesh(part.name, part.quads, part.bsdf) for part in made.parts]
 
     def scene(keep: Any) -> mi.Scene:
         shapes = {
             f"shape{i}": mesh
-            for i, (part, mesh) in enumerate(zip(parts, meshes, strict=True))
+            for i, (part, mesh) in enumerate(zip(made.parts, meshes, strict=True))
             if keep(part)
         }
         return mi.load_dict({"type": "scene", **shapes}, optimize=False)
@@ -294,6 +289,29 @@ def build(
     def is_clear(part: Part) -> bool:
         return lets_through(part.material)
 
+    full, panes = scene(lambda part: True), any(map(is_clear, made.parts))
+    return replace(
+        made,
+        full=full,
+        opaque=scene(lambda part: not is_clear(part)) if panes else full,
+        clear=scene(is_clear) if panes else None,
+    )
+
+
+def _outlined(
+    surfaces: list[Surface], loaded: Callable[[SurfaceMaterial], Any],
+    enclosure: Enclosure | None, ports: tuple[Port, ...],
+) -> Scene:  # fmt: skip
+    """All of a scene but what Mitsuba traces."""
+    groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
+    for surface in surfaces:
+        key = (surface.component, surface.material, surface.closed)
+        groups.setdefault(key, []).append(surface)
+    # One mesh a material and component: tracing slows with the number of shapes.
+    parts = []
+    for (component, m, closed), group in groups.items():
+        quads = np.concatenate([s.quads for s in group])
+        parts.append(Part(group[0].name, loaded(m), m, component, quads, closed))
     scattering = tuple(
         ScatteringPanes(p.quads, p.material.transmittance, p.material.reflectance)
         for p in parts
@@ -305,11 +323,10 @@ def build(
         if isinstance(p.material, BsdfMaterial) and not p.component
     )
     points = np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))])
-    full, panes = scene(lambda part: True), any(map(is_clear, parts))
     return Scene(
-        full=full,
-        opaque=scene(lambda part: not is_clear(part)) if panes else full,
-        clear=scene(is_clear) if panes else None,
+        full=None,
+        opaque=None,
+        clear=None,
         scattering=scattering,
         films=films,
         corners=points,
@@ -324,15 +341,29 @@ def load(case: Case, state: State = "open", channel: int = 0, scope: Scope = FUL
 
     Channel −1 is luminance.
     """
+    parts = _parts_of(case, state, scope)
+    return replace(build(parts[0], channel, *parts[1:]), scope=scope)
+
+
+def outline(
+    case: Case, state: State, scope: Scope, loaded: Callable[[SurfaceMaterial], Any]
+) -> Scene:
+    """`load` without what Mitsuba traces: geometry, panes, ports, and `loaded` materials."""
+    surfaces, enclosure, ports = _parts_of(case, state, scope)
+    return replace(_outlined(surfaces, loaded, enclosure, ports), scope=scope)
+
+
+def _parts_of(
+    case: Case, state: State, scope: Scope
+) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
+    """Surfaces, enclosure and ports of a case, about its `geometry.origin`."""
     case = recentred(case)
-    components = place(case)
-    turn = rotation(case)
+    components, turn = place(case), rotation(case)
     ports: tuple[Port, ...] = ()
     if scope.components:
         ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
-    enclosure = _enclosure(case, state, components, scope)
-    made = build(_surfaces(case, state, components, scope), channel, enclosure, ports)
-    return replace(made, scope=scope)
+    found = _surfaces(case, state, components, scope)
+    return found, _enclosure(case, state, components, scope), ports
 
 
 def reach(case: Case) -> Reach | None:

@@ -132,7 +132,7 @@ class Films:
         ]
         return dr.concat(tables)
 
-    def _first_sky_rows(self) -> np.ndarray:
+    def first_sky_rows(self) -> np.ndarray:
         """First row of every patch in the table of the sky, and the number of rows.
 
         Patches of an exposed mount share their rows: they see the same.
@@ -156,7 +156,7 @@ class Films:
         mi.TensorXf, shape (row, bin)
             See `Lit.to_sky`.
         """
-        first = self._first_sky_rows()
+        first = self.first_sky_rows()
         if not subdivision:
             return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
         bins = len(Patches(subdivision))
@@ -257,7 +257,7 @@ class Films:
             D [sr].
         """
         count, n_suns, bins = looked.receivers, lit.faces.shape[1], lit.to_sky.shape[1]
-        first_sky = mi.UInt32(self._first_sky_rows().astype(np.uint32))
+        first_sky = mi.UInt32(self.first_sky_rows().astype(np.uint32))
         first_sun = np.cumsum([0, *(m.rows for m in self.mounts)])[self.patches.owner]
         first_sun = mi.UInt32(first_sun.astype(np.uint32))
         shone = lit.faces.numpy().reshape(len(self.patches), 2, n_suns).sum(axis=1)[:, self.suns]

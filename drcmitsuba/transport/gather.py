@@ -151,7 +151,7 @@ def expected_bounces(
 
     In a closed room of reflectance ρ they are 1 / (1 − ρ), and each of them takes 40 bytes.
     """
-    if len(points) == 0 or max(map(_reflectance, scene.parts), default=0.0) < WHITE:
+    if len(points) == 0 or max(map(reflectance_of, scene.parts), default=0.0) < WHITE:
         return USUAL
     some = np.unique(np.linspace(0, len(points) - 1, PILOT).astype(int))
     met = gather(
@@ -160,7 +160,7 @@ def expected_bounces(
     return max(USUAL, 1.2 * len(met) / (len(some) * paths))
 
 
-def _reflectance(part: Part) -> float:
+def reflectance_of(part: Part) -> float:
     """Largest reflectance of a surface in any colour; 0 of what has none."""
     value = getattr(part.material, "reflectance", 0.0)
     return float(max(value)) if isinstance(value, tuple) else float(value)

@@ -108,7 +108,7 @@ def _clusters(directions: np.ndarray) -> np.ndarray:
     return np.pad(order, (0, -len(order) % CLUSTER), constant_values=-1).reshape(-1, CLUSTER)
 
 
-def _candidates(
+def candidates(
     openings: Openings | None, p: np.ndarray, n: np.ndarray, suns: np.ndarray, radius: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pairs of receiver and cluster of suns that may see each other, and the clusters.
@@ -237,7 +237,7 @@ def sun_deposit(
     if n_suns == 0 or (openings is not None and len(openings.quads) == 0):
         return mi.TensorXf(out, (count, n_suns))
     at, facing = (a.numpy().reshape(-1, 3) for a in (points, normals))
-    rows, groups, clusters = _candidates(openings, at, facing, suns, np.radians(diameter) / 2)
+    rows, groups, clusters = candidates(openings, at, facing, suns, np.radians(diameter) / 2)
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     row_of, group_of = mi.UInt32(rows.astype(np.uint32)), mi.UInt32(groups.astype(np.uint32))
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())

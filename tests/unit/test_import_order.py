@@ -21,9 +21,9 @@ ORDER = [
     "structures", "materials", "geometry", "coplanar", "components", "reach", "scope", "tally",
     "scene", "goniophotometer", "plan", "transport", "coefficients", "basis", "refinement",
     "accumulate", "metrics", "smooth", "uncertainty", "pool", "simulation", "judgement", "rounds",
-    "design", "plots",
+    "forecast", "design", "plots",
     "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",
-    "film_commands", "tradeoff_command", "optimise_command", "cli",
+    "film_commands", "tradeoff_command", "plan_command", "optimise_command", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

@@ -1,0 +1,58 @@
+"""When the shade will close, as far as geometry tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.case import GlazingMaterial
+from drcmitsuba.plan import Facts, panes
+from drcmitsuba.scene import outline, sensor_points
+from drcmitsuba.scope import Scope
+from drcmitsuba.transport.shadow_rays import Openings
+
+MOST = 128
+"""Sensors that are looked at."""
+
+
+@dataclass(frozen=True)
+class Closing:
+    """Guess of the time stamps at which the shade closes.
+
+    Parameters
+    ----------
+    facts : Facts
+    scope : Scope
+    """
+
+    facts: Facts
+    scope: Scope
+
+    @property
+    def hours(self) -> np.ndarray:
+        """Whether enough of some sensors see the sun by an opening, bool by time stamp.
+
+        Frames and furniture, and what glass takes at oblique incidence, are not looked at.
+        """
+        case, sky = self.facts.case, self.facts.light.sky
+        shading = case.shading
+        assert shading is not None
+        if self.scope.every_shade:
+            return np.ones(self.facts.hours, bool)
+        d = self.facts.light.sun["direction"].values
+        normal = sky["direct_normal_illuminance"].values
+        p, n = sensor_points(case)
+        some = np.linspace(0, len(p) - 1, min(MOST, len(p))).round().astype(int)
+        p, n = p[some], n[some]
+        clear = [case.materials.get(n) for n in panes.used(case) if panes.is_clear(case, n)]
+        through = max(
+            (m.transmittance if isinstance(m, GlazingMaterial) else 1.0 for m in clear), default=1.0
+        )
+        E = through * normal * np.maximum(n @ d.T, 0)
+        room = outline(case, "open", self.scope, lambda m: None).enclosure
+        if room is not None and len(room.openings):
+            E = E * Openings(room.openings).reached(p, d, np.zeros(len(d)))
+        elif room is not None:
+            return np.zeros(len(d), bool)
+        return np.asarray((shading.threshold <= E).mean(axis=0) >= shading.area)

@@ -1,0 +1,221 @@
+"""Forecasts beside what then happens, and what the plan saves, for the shipped cases.
+
+    python -m tests.bench.forecast [CASE …] [--fit] [--skip-forced]
+
+from the repository's root; prints Markdown. Every evaluation has a process of its own, and is made
+once before where its kernels had to be compiled. The first table has the forecast's ratio to what
+happened, in wall seconds, processor seconds, memory, disk and rays. Processor seconds tell more
+where the machine has other work: those of the forecast are the reference machine's, twice the
+seconds of kernels. The second has all effects forced on (`[effects]` all "all") beside the plan's
+choice. `--fit` fits the units of work, `forecast.cost.UNITS`, by non-negative least squares to the
+processor seconds of all these evaluations and of some with one setting of `[accuracy]` changed;
+what the measurements do not tell apart stays near the present values.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import drjit as dr
+import numpy as np
+from scipy.optimize import nnls
+
+from drcmitsuba import backend
+from drcmitsuba.case import Case, load_case, shipped_cases
+from drcmitsuba.effects_table import Effects
+from drcmitsuba.forecast import REFERENCE, Forecast, forecast
+from drcmitsuba.forecast.cost import UNITS
+from drcmitsuba.light import daylight
+from drcmitsuba.plan import plan
+from drcmitsuba.result import evaluate
+from drcmitsuba.tradeoff import process
+from tests.bench.__main__ import machine, table
+
+MOST = 3600.0
+"""Seconds that an evaluation may take."""
+AROUND = ("evaluation", "luminance", "accumulated", "illuminance", "byte", "picture")
+"""Units of what is not transport."""
+NEARNESS = 0.15
+"""Weight of the present values in a fit."""
+THREADS = 2
+"""Of the reference machine."""
+VARIED: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("classroom/existing", {"paths": 512}),
+    ("classroom/existing", {"cell_sky_rays": 1024}),
+    ("classroom/existing", {"sensor_sky_rays": 16384}),
+    ("classroom/existing", {"sensor_sun_samples": 32}),
+    ("classroom/existing", {"cell_size": 0.2}),
+    ("classroom/existing", {"replicates": 16}),
+    ("classroom/existing", {"pane_points": 512}),
+    ("classroom/o2", {"pane_points": 256}),
+    ("classroom/o2", {"film_sky_samples": 2048}),
+    ("duct/duct", {"photons": 4096}),
+)
+
+
+class Actual(NamedTuple):
+    """What an evaluation took, beside the forecasts for this machine and for the reference."""
+
+    expected: Forecast
+    on_reference: Forecast
+    seconds: float
+    transport: float
+    """Processor seconds of transport, and of all else."""
+    around: float
+    memory: int
+    disk: int
+    rays: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The job: evaluate a case and save its results."""
+
+    case: Case
+
+    def __call__(self) -> Actual:
+        backend.select()
+        planned = plan(self.case, daylight(self.case))
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            found = self._measured(planned)
+            kernels = dr.kernel_history([dr.KernelType.JIT])
+        if any(not k["cache_hit"] and not k["cache_disk"] for k in kernels):
+            dr.flush_malloc_cache()
+            found = self._measured(planned)
+        return found
+
+    def _measured(self, planned: Any) -> Actual:
+        processor: dict[str, float] = {}
+
+        @contextmanager
+        def stage(name: str) -> Iterator[Any]:
+            start = time.process_time()
+            yield lambda share: None
+            processor[name] = time.process_time() - start
+
+        with tempfile.TemporaryDirectory() as folder:
+            result = evaluate(self.case, stage)
+            result.save(Path(folder), stage)
+        transport = sum(v for k, v in processor.items() if "façade" in k)
+        actual = result.plan["cost"]["actual"]
+        return Actual(
+            forecast(planned), forecast(planned, REFERENCE), actual["seconds"], transport,
+            sum(processor.values()) - transport - processor.get("forecast", 0.0),
+            actual["memory_bytes"], actual["disk_bytes"], actual["rays"],
+        )  # fmt: skip
+
+
+def run(case: Case) -> Actual:
+    """Evaluate a case in a process of its own."""
+    return process.run(Evaluation(case), time.monotonic() + MOST)
+
+
+def forced(case: Case) -> Case:
+    """The case with all effects on."""
+    every = Effects(**dict.fromkeys(Effects.model_fields, "all"))
+    return case.model_copy(update={"effects": every})
+
+
+def varied(name: str, change: dict[str, Any]) -> Case:
+    case = load_case(name)
+    return case.model_copy(update={"accuracy": case.accuracy.model_copy(update=change)})
+
+
+def processor_seconds(expected: Forecast) -> float:
+    """Of the reference machine."""
+    return sum(
+        amount * UNITS[unit].seconds * (THREADS if UNITS[unit].kernel else 1)
+        for unit, amount in expected.items.items()
+    )
+
+
+def ratio(expected: float, actual: float) -> str:
+    return f"{expected / actual:.2f}"
+
+
+def forecasts(found: dict[str, Actual]) -> None:
+    """Print forecasts beside what happened."""
+    head = ["case", "forecast s", "took s", "ratio", "CPU s", "ratio", "memory MiB", "ratio",
+            "disk MB", "ratio", "million rays", "ratio"]  # fmt: skip
+    rows = []
+    for name, a in found.items():
+        cpu, rays = a.transport + a.around, sum(a.rays.values())
+        rows.append([
+            name, f"{a.expected.seconds:.1f}", f"{a.seconds:.1f}",
+            ratio(a.expected.seconds, a.seconds), f"{cpu:.1f}",
+            ratio(processor_seconds(a.on_reference), cpu), f"{a.memory / 2**20:.0f}",
+            ratio(a.expected.memory_bytes, a.memory), f"{a.disk / 1e6:.1f}",
+            ratio(a.expected.disk_bytes, a.disk), f"{rays / 1e6:.1f}",
+            ratio(sum(a.expected.rays.values()), rays) if rays else "",
+        ])  # fmt: skip
+    table(head, rows)
+
+
+def savings(planned: dict[str, Actual]) -> None:
+    """Evaluate the cases with everything forced on, and print what the plan spares."""
+    head = ["case", "all effects: s", "CPU s", "million rays", "as planned: s", "CPU s",
+            "million rays", "CPU seconds spared"]  # fmt: skip
+    rows = []
+    for name, as_planned in planned.items():
+        everything = run(forced(load_case(name)))
+        both = [(one.seconds, one.transport + one.around, sum(one.rays.values()) / 1e6)
+                for one in (everything, as_planned)]  # fmt: skip
+        rows.append([name, *(f"{v:.1f}" for one in both for v in one),
+                     f"{100 * (1 - both[1][1] / both[0][1]):.0f} %"])  # fmt: skip
+        print(" ".join(rows[-1]), flush=True)
+    print()
+    table(head, rows)
+
+
+def fit(found: list[Actual]) -> None:
+    """Print the units that fit best."""
+    for around in (False, True):
+        units = [name for name in UNITS if (name in AROUND) == around]
+        now = np.array([
+            UNITS[u].seconds * (THREADS if UNITS[u].kernel else 1) for u in units
+        ])  # fmt: skip
+        amounts = np.array([[a.on_reference.items.get(u, 0.0) for u in units] for a in found])
+        took = np.array([a.around if around else a.transport for a in found])
+        relative = amounts * now / took[:, None]
+        system = np.vstack([relative, NEARNESS * np.eye(len(units))])
+        wanted = np.concatenate([np.ones(len(took)), np.full(len(units), NEARNESS)])
+        factors, _ = nnls(system, wanted)
+        fitted = relative @ factors
+        rows = [[u, f"{UNITS[u].seconds * f:.2e}", f"{f:.2f}"]
+                for u, f in zip(units, factors, strict=True)]  # fmt: skip
+        table(["unit", "seconds", "of the present value"], rows)
+        print(f"fitted over measured: {fitted.min():.2f} to {fitted.max():.2f}\n", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("cases", nargs="*", help="by default all that are shipped")
+    parser.add_argument("--fit", action="store_true", help="fit the units of work")
+    parser.add_argument("--skip-forced", action="store_true", help="only the forecasts")
+    options = parser.parse_args()
+    names = options.cases or shipped_cases()
+    print(f"{machine()}; {backend.select()}; load {os.getloadavg()[0]:.1f}\n", flush=True)
+    planned = {}
+    for name in names:
+        planned[name] = run(load_case(name))
+        print(f"{name}: {planned[name].seconds:.1f} s, load {os.getloadavg()[0]:.1f}", flush=True)
+    print()
+    forecasts(planned)
+    if options.fit:
+        fit([*planned.values(), *(run(varied(*each)) for each in VARIED)])
+    if not options.skip_forced:
+        savings(planned)
+
+
+if __name__ == "__main__":
+    from tests.bench import forecast as module  # jobs are pickled by the name of their module
+
+    module.main()

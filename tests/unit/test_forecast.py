@@ -1,0 +1,260 @@
+"""Forecasts beside what is counted: rays by kind, bytes; nothing for what is off; never times."""
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import drjit as dr
+import numpy as np
+import pytest
+
+from drcmitsuba import backend, evaluate
+from drcmitsuba.case import Case, shipped_folder
+from drcmitsuba.forecast import REFERENCE, Speed, count, forecast, scout, speed, told_plan
+from drcmitsuba.forecast.cost import UNITS
+from drcmitsuba.geometry import box
+from drcmitsuba.light import daylight
+from drcmitsuba.plan import plan
+from drcmitsuba.simulation import coefficients
+from drcmitsuba.tally import KINDS
+
+GLASS = {"type": "glazing", "transmittance": 0.65}
+MILKY = {"type": "diffuser", "transmittance": 0.3, "reflectance": 0.2}
+FILM = {"type": "bsdf", "file": str(shipped_folder() / "films/prism.xml")}
+
+
+def windows(side, *materials):
+    height = 1.8 / len(materials)
+    strips = [
+        {"bottom": 0.9 + i * height, "top": 0.9 + (i + 1) * height, "material": m}
+        for i, m in enumerate(materials)
+    ]
+    return {side: {"strips": strips}}
+
+
+ROOM = {
+    "period": {"months": [3, 6], "days_per_week": 1},
+    "room": {"size": [4.0, 5.0, 3.0]},
+    "materials": {"glass": GLASS, "milky": MILKY},
+    "facade": windows("south", "glass"),
+    "sensors": {"corner": [0.5, 0.5, 0.8], "count": [5, 6], "spacing": 0.6},
+    "accuracy": {
+        "replicates": 2, "paths": 64, "cell_size": 0.5, "cell_sky_rays": 32,
+        "sensor_sky_rays": 256, "pane_points": 32, "film_sky_samples": 8, "photons": 32,
+    },
+}  # fmt: skip
+PIPE = {
+    "pipe": {
+        "type": "lightpipe", "centre": [2.0, 2.5], "width": 0.6, "height": 1.0,
+        "mirror": "silver", "top": "glass", "bottom": "milky",
+    }
+}  # fmt: skip
+OVERCAST = {
+    "sky": {"model": "cie", "type": "overcast"},
+    "site": {"latitude": 46.0, "longitude": 6.0, "timezone": 1},
+}
+BLOCK = {"corner": [6.0, 2.0, 0.0], "size": [2.0, 2.0, 3.0]}
+KINDS_OF_CASES = {
+    "clear": {},
+    "shade": {"shading": {"material": "milky"}},
+    "diffuser": {"facade": windows("south", "milky", "glass")},
+    "film": {
+        "facade": windows("south", "glass", "film"),
+        "materials": {"glass": GLASS, "film": FILM},
+        "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 3], "spacing": 1.0},
+    },
+    "pipe": {
+        "facade": {}, "components": PIPE,
+        "materials": {
+            "glass": GLASS, "milky": MILKY, "silver": {"type": "mirror", "reflectance": 0.95},
+        },
+    },
+    "no room": {"room": None, "facade": {}, "furniture": [BLOCK]},
+    "outside": {"furniture": [{"corner": [-2.0, -6.0, 0.0], "size": [8.0, 1.0, 4.0]}]},
+    "colour": {"room": {"size": [4.0, 5.0, 3.0], "walls": [0.6, 0.5, 0.4]}},
+    "white": {"room": {"size": [4.0, 5.0, 3.0], "floor": 0.95, "ceiling": 0.95, "walls": 0.95}},
+    "north, overcast": {"facade": windows("north", "glass"), **OVERCAST},
+    "adaptive": {"sun": {"model": "adaptive"}},
+}  # fmt: skip
+WITHIN = {"shadow": 0.25, "path": 0.1, "pane": 0.25, "photon": 0.4}
+"""Share by which forecast rays may be off: the scout has 1024 paths and 512 photons, looks from 128
+cells and panes, and takes glass the same at all angles."""
+CHANCE = {
+    ("adaptive", "shadow"): 1.0,  # a mesh of suns is as fine as it has to be
+    ("adaptive", "path"): 1.0,
+    ("pipe", "shadow"): 0.5,  # all rays are traced in a replicate that drew a point in the pipe
+}
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select()
+
+
+def planned(**changes):
+    case = Case.model_validate({**ROOM, **changes})
+    return plan(case, daylight(case))
+
+
+@pytest.mark.parametrize("kind", KINDS_OF_CASES)
+def test_rays_are_those_that_are_traced(kind):
+    found = planned(**KINDS_OF_CASES[kind])
+    facts, rays = found.facts, Counter()
+    coefficients(facts.case, facts.light, scope=found.scope, rays=rays)
+    told = count(found).work.rays
+    assert set(told) == set(KINDS)
+    for name in KINDS:
+        allowed = CHANCE.get((kind, name), WITHIN[name])
+        assert (told[name] == 0) == (rays[name] == 0), name
+        if rays[name]:
+            assert abs(np.log(told[name] / rays[name])) < np.log(1 + allowed), name
+
+
+def test_a_north_room_under_an_overcast_sky_pays_for_no_sun_film_or_photon():
+    found = planned(**KINDS_OF_CASES["north, overcast"])
+    work = count(found).work
+    costly = {"sun_lane", "film_sun", "film_sky", "film_sum", "photon", "start", "pane", "look"}
+    assert not costly & {unit for unit, amount in work.by_unit.items() if amount}
+    shares = forecast(found, REFERENCE).shares
+    off = {name for name, effect in found.effects.items() if not effect.on}
+    assert {"suns", "films", "components", "shaded_state"} <= off
+    assert {name: shares[name] for name in off} == dict.fromkeys(off, 0.0)
+
+
+@pytest.mark.parametrize("kind", KINDS_OF_CASES)
+def test_shares_add_up_and_what_is_off_costs_nothing(kind):
+    found = planned(**KINDS_OF_CASES[kind])
+    expected = forecast(found, REFERENCE)
+    assert sum(expected.shares.values()) == pytest.approx(1)
+    assert set(expected.shares) == {*found.effects, "rest"}
+    for name, effect in found.effects.items():
+        if not effect.on:
+            assert expected.shares[name] == 0, name
+    told = told_plan(found, expected)
+    assert all(isinstance(entry["on"], bool) and entry["reason"] for entry in told.values())
+    assert sum(entry["share"] for entry in told.values()) == pytest.approx(1, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("effect", "kind", "units"),
+    [
+        ("suns", "clear", {"sun_lane"}),
+        ("shaded_state", "shade", {"pane", "look"}),
+        ("scattering_panes", "diffuser", {"pane", "look"}),
+        ("films", "film", {"film_sun", "film_sky", "film_sum", "pane"}),
+        ("components", "pipe", {"photon", "start"}),
+        ("interreflection", "clear", {"path", "vertex", "product", "deposit"}),
+        ("pictures", "clear", {"picture"}),
+    ],
+)
+def test_what_is_switched_off_is_not_forecast(effect, kind, units):
+    changes = KINDS_OF_CASES[kind]
+    on, off = (
+        count(planned(**changes, effects={effect: choice})).work.by_unit
+        for choice in ("auto", "off")
+    )
+    for unit in units:
+        assert on[unit] > 0
+        assert off.get(unit, 0) == 0
+
+
+def test_more_of_anything_costs_more():
+    def cost(**changes):
+        return forecast(planned(shading={"material": "milky"}, **changes), REFERENCE)
+
+    def more(**settings):
+        return {"accuracy": {**ROOM["accuracy"], **settings}}
+
+    least = cost()
+    for changes in (
+        {"sensors": {**ROOM["sensors"], "count": [10, 12], "spacing": 0.3}},
+        {"period": {"months": [3, 6], "days_per_week": 5}},
+        more(replicates=4), more(paths=128), more(cell_sky_rays=64), more(sensor_sky_rays=1024),
+        more(sensor_sun_samples=16), more(cell_size=0.25), more(pane_points=128),
+    ):  # fmt: skip
+        found = cost(**changes)
+        assert found.seconds > least.seconds, changes
+        assert found.memory_bytes >= least.memory_bytes, changes
+        assert sum(found.items.values()) > sum(least.items.values()), changes
+
+
+def test_a_faster_machine_needs_less_by_what_it_is_faster_in():
+    found = planned()
+    slow, kernels, host = (
+        forecast(found, s).seconds for s in (Speed(), Speed(rays=2.0), Speed(host=2.0))
+    )
+    items = forecast(found, REFERENCE).items
+    by_kernel = sum(n * UNITS[unit].seconds for unit, n in items.items() if UNITS[unit].kernel)
+    assert slow - kernels == pytest.approx(by_kernel / 2)
+    assert slow - host == pytest.approx((slow - by_kernel) / 2)
+
+
+def test_the_machine_is_measured_once():
+    assert speed() is speed()
+    assert speed().rays > 0
+    assert speed().host > 0
+
+
+@pytest.mark.parametrize("kind", ["clear", "shade", "pipe", "colour", "north, overcast"])
+def test_bytes_on_disk_and_what_happened_is_told(kind, tmp_path):
+    case = Case.model_validate({**ROOM, **KINDS_OF_CASES[kind]})
+    result = evaluate(case)
+    result.save(tmp_path)
+    cost = result.plan["cost"]
+    written = [f for f in tmp_path.rglob("*") if f.is_file() and f.name != "plan.json"]
+    disk = sum(f.stat().st_size for f in written)
+    assert cost["actual"]["disk_bytes"] == disk
+    assert 0.5 < cost["forecast"]["disk_bytes"] / disk < 2
+    assert cost["actual"]["memory_bytes"] == result.metrics["peak_memory_bytes"]
+    assert set(cost["actual"]["rays"]) == set(KINDS)
+    assert cost["on"] is True
+    assert "forecast" in cost["reason"]
+    assert "took" in cost["reason"]
+
+
+def kernels(work):
+    """Hashes of the kernels that some work launches."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        work()
+        return {k["hash"] for k in dr.kernel_history([dr.KernelType.JIT])}
+
+
+def test_the_forecast_launches_nothing_but_bare_closest_hits():
+    found = planned(**KINDS_OF_CASES["pipe"], shading={"material": "milky"})
+    walls = np.array(box(np.zeros(3), np.ones(3)))
+    rays = [np.full((count, 3), 0.5) for count in (1, 7)]  # a single one has a kernel of its own
+    bare_hit = kernels(lambda: [scout.closest(scout.bare(walls), p, p) for p in rays])
+    assert kernels(lambda: forecast(found, REFERENCE)) <= bare_hit
+    facts = found.facts
+    assert kernels(lambda: coefficients(facts.case, facts.light, scope=found.scope)) - bare_hit
+
+
+NOT_LOADED = """
+import sys
+from drcmitsuba import evaluate
+from drcmitsuba.case import Case
+case = Case.model_validate({case!r})
+evaluate(case).save({folder!r})
+unwanted = ("matplotlib", "drcmitsuba.plots", "drcmitsuba.report")
+print(*[name for name in unwanted if name in sys.modules])
+"""
+
+
+@pytest.mark.parametrize(("pictures", "loaded"), [("off", ""), ("auto", "matplotlib")])
+def test_matplotlib_is_loaded_where_pictures_are_drawn(pictures, loaded, tmp_path):
+    (tmp_path / "monthly.png").write_bytes(b"of an earlier evaluation")
+    case = {
+        **ROOM,
+        "effects": {"pictures": pictures},
+        "period": {"months": [6], "days_per_week": 1},
+    }
+    code = NOT_LOADED.format(case=case, folder=str(tmp_path))
+    told = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        cwd=Path(__file__).resolve().parents[2], env=os.environ,
+    )  # fmt: skip
+    assert told.stdout.split(" ")[0].strip() == loaded
+    assert bool(list(tmp_path.glob("*.png"))) == (pictures == "auto")
