@@ -121,7 +121,9 @@ def _settle(cost: dict[str, Any], numbers: dict[str, Any], disk: int | None = No
         actual["disk_bytes"] = disk
     if "forecast" in cost:
         told = f"forecast {cost['forecast']['seconds']:.2g} s; {told}"
-    cost["reason"] = told + f" and {sum(actual['rays'].values())} rays"
+    if "rays" in actual:
+        told += f" and {sum(actual['rays'].values())} rays"
+    cost["reason"] = told
 
 
 def peak_memory() -> int:
@@ -210,7 +212,7 @@ def summed_up(
     case, light = planned.facts.case, planned.facts.light
     E, numbers = now.illuminance, now.metrics
     effects = told_plan(planned, expected, found.attrs)
-    effects["cost"]["actual"] = {"rays": dict(rays or {})}
+    effects["cost"]["actual"] = {} if rays is None else {"rays": dict(rays)}
     told = [*told, *planned.notes()]
     numbers["settings"] = {
         "case": case.source,
