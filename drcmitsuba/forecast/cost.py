@@ -22,26 +22,28 @@ class Unit(NamedTuple):
 
 UNITS: Mapping[str, Unit] = {
     # Rays: towards sky and suns, of the gather, towards panes that scatter, of photons.
-    "shadow": Unit(4.4e-8),
-    "path": Unit(6.3e-8),
-    "pane": Unit(1.9e-8),
-    "photon": Unit(5.6e-8),
-    # Lanes that may trace a ray; vertices of paths; photons at their ports.
-    "sky_lane": Unit(1.4e-8),
-    "sun_lane": Unit(1.6e-8),
-    "look": Unit(1.0e-8),
-    "vertex": Unit(1.1e-8),
-    "start": Unit(5.6e-8),
+    "shadow": Unit(2.5e-8),
+    "path": Unit(6.2e-8),
+    "pane": Unit(1.8e-8),
+    "photon": Unit(5.4e-8),
+    # Shadow rays by clear panes, in addition; lanes that may trace a ray; vertices of paths;
+    # photons at their ports.
+    "pierced": Unit(4.5e-8),
+    "sky_lane": Unit(1.2e-8),
+    "sun_lane": Unit(1.25e-8),
+    "look": Unit(8e-9),
+    "vertex": Unit(1.05e-8),
+    "start": Unit(6e-8),
     # Numbers of D, products of G·D, answers of films: to suns, to the sky, and their sums.
     "deposit": Unit(2.4e-9),
-    "product": Unit(2.5e-11),
-    "film_sun": Unit(1.4e-8),
-    "film_sky": Unit(1.4e-7),
-    "film_sum": Unit(1.6e-9),
+    "product": Unit(2.4e-11),
+    "film_sun": Unit(1.45e-8),
+    "film_sky": Unit(4e-8),
+    "film_sum": Unit(1.8e-9),
     # Scenes, blocks of sensors in a replicate, coefficients of a replicate.
-    "state": Unit(0.08, kernel=False),
-    "launch": Unit(0.035, kernel=False),
-    "entry": Unit(4.7e-8, kernel=False),
+    "state": Unit(0.04, kernel=False),
+    "launch": Unit(0.05, kernel=False),
+    "entry": Unit(4.5e-8, kernel=False),
     # Time stamps × patches, products of C·L, illuminances of replicates and their draws.
     "evaluation": Unit(0.3, kernel=False),
     "luminance": Unit(9e-7, kernel=False),

@@ -16,7 +16,7 @@ from drcmitsuba.geometry import box
 
 RAYS = 1 << 19
 NUMBERS = 1 << 18
-TIMES, LIMIT = 5, 0.1
+TIMES, LIMIT = 9, 0.12
 """Repetitions, of which the fastest counts, for others may use the machine as well; seconds after
 which there are no more of them."""
 

@@ -15,7 +15,7 @@ from drcmitsuba.coefficients import LANES as PATHS_AT_ONCE
 from drcmitsuba.forecast.cells import MOST, NEAR, CellCount
 from drcmitsuba.forecast.film_tables import FilmTables, out_cells, tables_of
 from drcmitsuba.forecast.scout import Scout
-from drcmitsuba.forecast.walks import Walked, gathered
+from drcmitsuba.forecast.walks import Walked, gathered, straight_through
 from drcmitsuba.scene import Scene, State, outline, sensor_points
 from drcmitsuba.scope import Scope
 from drcmitsuba.suns import Suns
@@ -26,6 +26,8 @@ from drcmitsuba.transport.shadow_rays import CLUSTER, Openings, candidates
 
 DIRECTIONS = 512
 """Of a whole sphere, to tell what is seen."""
+TRIED = 256
+"""Rays that tell how many get out."""
 POINTS = 64
 """On panes, to tell how many rays look at them."""
 
@@ -44,6 +46,8 @@ class Seen:
         Share of the pairs of receiver and sun whose rays are traced.
     tried : float
         Lanes that are launched for each receiver and ray to every sun.
+    free : float
+        Share of the rays that are traced which get out, by clear panes if there are any.
     lit_by_sky, lit_by_suns : float
         Shares of the receivers that see any sky, any sun.
     patches : float
@@ -55,6 +59,7 @@ class Seen:
     ground: float
     suns: float
     tried: float
+    free: float
     lit_by_sky: float
     lit_by_suns: float
     patches: float
@@ -172,10 +177,10 @@ class Survey:
     def _look(self, kind: str) -> Seen:
         p, n, count = self._receivers(kind)
         if not len(p):
-            return Seen(0, 0, 0, 0, 0, 0, 0, 0)
+            return Seen(0, 0, 0, 0, 0, 0, 0, 0, 0)
         openings = self._openings(p)
         if openings is not None and len(openings.quads) == 0:
-            return Seen(count, 0, 0, 0, 0, 0, 0, 0)
+            return Seen(count, 0, 0, 0, 0, 0, 0, 0, 0)
         d = _sphere(DIRECTIONS)
         cosines = np.maximum(n @ d.T, 0) * (4 / DIRECTIONS)
         passes = self._passes(openings, p, d)
@@ -192,9 +197,18 @@ class Survey:
         return Seen(
             count=count, sky=float(by_sky.sum(axis=1).mean()),
             ground=float(by_ground.sum(axis=1).mean()), suns=float(suns.mean()) if len(at) else 0.0,
-            tried=len(rows) * CLUSTER / len(p), lit_by_sky=float(seen.any(axis=1).mean()),
+            tried=len(rows) * CLUSTER / len(p), free=self._free(p, d, seen),
+            lit_by_sky=float(seen.any(axis=1).mean()),
             lit_by_suns=float(suns.any(axis=1).mean()), patches=min(1.0, float(patches)),
         )  # fmt: skip
+
+    def _free(self, p: np.ndarray, d: np.ndarray, traced: np.ndarray) -> float:
+        """Share of rays (receiver, direction) that are traced and get out; of some of them."""
+        rows, columns = np.nonzero(traced)
+        if not len(rows):
+            return 0.0
+        some = np.random.default_rng(19).integers(len(rows), size=TRIED)
+        return float(straight_through(self.scout, p[rows[some]], d[columns[some]]).mean())
 
     def _receivers(self, kind: str) -> tuple[np.ndarray, np.ndarray, int]:
         if kind == "cells":

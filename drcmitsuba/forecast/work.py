@@ -15,6 +15,7 @@ from drcmitsuba.forecast.closing import Closing
 from drcmitsuba.forecast.photons import flown, pilots, ports_of
 from drcmitsuba.forecast.survey import Survey
 from drcmitsuba.light import sources
+from drcmitsuba.materials import lets_through
 from drcmitsuba.plan import Plan
 from drcmitsuba.refinement import HELD_OUT
 from drcmitsuba.scene import State
@@ -246,8 +247,11 @@ def _straight(survey: Survey, work: Work, kind: str, rays: int, samples: int) ->
             part = seen.ground / (seen.sky + seen.ground)
             work.add(effect or "sky", "sky_lane", many * rays * (1 - part))
             work.add(effect or "ground", "sky_lane", many * rays * part)
-    suns = len(survey.suns.labels)
-    work.add(effect or "suns", "shadow", many * samples * suns * seen.suns)
+    suns = many * samples * len(survey.suns.labels) * seen.suns
+    work.add(effect or "suns", "shadow", suns)
+    if any(lets_through(part.material) for part in survey.scene.parts):
+        work.add(effect or "sky", "pierced", many * rays * (seen.sky + seen.ground) * seen.free)
+        work.add(effect or "suns", "pierced", suns * seen.free)
     work.add(effect or "suns", "sun_lane", many * samples * seen.tried)
 
 
