@@ -452,6 +452,13 @@ class Case(Table):
         """Replace all that has coordinates where there is no room."""
         return self._with(sensors=sensors, furniture=furniture, components=dict(components))
 
+    def with_dark_hours(self) -> Case:
+        """Ask for the suns of all time stamps, for coefficients that any weather can use."""
+        effects = self.effects.model_copy(update={"dark_hours": "all"})
+        changed = self.model_copy(update={"effects": effects})
+        changed._source, changed._folder = self._source, self._folder
+        return changed
+
     def without_shading(self) -> Case:
         """Leave the shade out."""
         changed = self.model_copy(update={"shading": None})

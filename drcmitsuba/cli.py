@@ -165,10 +165,13 @@ def sky(case: CasePath, output: Output = Path("results"), weather: Weather = Non
 
 @app.command()
 def coefficients(case: CasePath, output: Output = Path("results"), weather: Weather = None) -> None:
-    """Compute the coefficients C of both states of the shade: coefficients.zarr."""
+    """Compute the coefficients C of both states of the shade: coefficients.zarr.
+
+    Of every sun above the horizon, whether it shines in this weather or not.
+    """
     from drcmitsuba import backend, light, load_case, schema, simulation
 
-    loaded = load_case(case).with_weather(weather)
+    loaded = load_case(case).with_weather(weather).with_dark_hours()
     backend.select()
     with stages() as stage:
         with stage("sky"):

@@ -30,7 +30,7 @@ from drcmitsuba.scene import Scene
 from drcmitsuba.transport.gather import even_numbers
 from drcmitsuba.transport.mounts import Mount, mounts
 from drcmitsuba.transport.panes import OFFSET, PanePatches, looks
-from drcmitsuba.transport.shadow_rays import LANES, straight
+from drcmitsuba.transport.shadow_rays import LANES, straight, sun_numbers
 
 SUN_SAMPLES = {"even": 8, "uneven": 16}
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate:
@@ -321,16 +321,18 @@ def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float, seed: int) 
     ctx = mi.BSDFContext()
     samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
     count = dr.opaque(mi.UInt32, len(suns))  # a literal would have the kernel compiled anew
+    places = mi.UInt32(sun_numbers(suns))
     for start in range(0, dr.width(out), LANES):
         lane = dr.arange(mi.UInt32, min(LANES, dr.width(out) - start))
         pair = lane + dr.opaque(mi.UInt32, start)
         row, sun = pair // count, pair % count
-        centre = dr.gather(mi.Vector3f, directions, sun)
+        centre, place = dr.gather(mi.Vector3f, directions, sun), dr.gather(mi.UInt32, places, sun)
         total, cosines = mi.Float(0), mi.Float(0)
         for i in range(samples):
             index = dr.full(mi.UInt32, i, dr.width(lane))
-            d = sample_disk(centre, diameter, even_numbers(index, pair, seed, 0))
-            si = mount.interaction(mount.outgoing(row, even_numbers(index, pair, seed, 1)))
+            d = sample_disk(centre, diameter, even_numbers(index, row, seed, 0, place))
+            out_of = mount.outgoing(row, even_numbers(index, row, seed, 1, place))
+            si = mount.interaction(out_of)
             wo = mount.turn.to_local(d)
             counts = (wo.z < 0) | (not mount.exposed)
             total += dr.select(counts, mount.bsdf.eval(ctx, si, wo)[0], 0)

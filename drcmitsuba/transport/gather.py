@@ -50,13 +50,15 @@ PILOT = 16
 _STEPS = (3679390609, 3152041523, 2700274805, 2313257605)
 
 
-def even_numbers(index: mi.UInt32, row: mi.UInt32, seed: int, pair: int) -> mi.Point2f:
+def even_numbers(
+    index: mi.UInt32, row: mi.UInt32, seed: int, pair: int, place: mi.UInt32 | int = 0
+) -> mi.Point2f:
     """Point `index` of an even sequence in [0, 1)², one of two pairs of dimensions.
 
-    Every `row` and seed has a random shift of its own (Cranley and Patterson), which makes
-    estimates unbiased and rows independent.
+    Every `row`, place of it and seed has a random shift of its own (Cranley and Patterson), which
+    makes estimates unbiased and rows independent.
     """
-    shifts = random_bits(row, seed + 0x9E3779B9 * pair)
+    shifts = random_bits(row, seed + 0x9E3779B9 * pair, place)
     numbers = (
         index * mi.UInt32(step) + shift
         for step, shift in zip(_STEPS[2 * pair : 2 * pair + 2], shifts, strict=True)

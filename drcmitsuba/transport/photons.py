@@ -238,7 +238,9 @@ class Photons:
             for first in range(0, len(seen), block):
                 some, key = seen[first : first + block], seed + 0x10001 * i
                 start = ports.start(sources, some, could[some], photons, key)
-                fate = self._follow(ports.scene, traits, squares, start, found, bins, photons, key)
+                fate = self._follow(
+                    ports.scene, traits, squares, sources, start, found, bins, photons, key
+                )
                 ledger = ledger.plus(fate)
                 progress((i + (first + len(some)) / len(seen)) / len(self.ports))
             ledgers.append(ledger)
@@ -254,8 +256,8 @@ class Photons:
         return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
 
     def _follow(
-        self, scene: Scene, traits: Traits, squares: Recorder, start: Start, found: Found,
-        bins: int, photons: int, seed: int,
+        self, scene: Scene, traits: Traits, squares: Recorder, sources: Sources, start: Start,
+        found: Found, bins: int, photons: int, seed: int,
     ) -> Ledger:  # fmt: skip
         """Follow photons, so many of each source, and add what they bring to `found`."""
         columns = start.p, start.d, start.flux, start.bin
@@ -265,7 +267,8 @@ class Photons:
             return Ledger()
         start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
-        random = streams(start.bin, seed, lanes % dr.opaque(mi.UInt32, photons))
+        number = dr.gather(mi.UInt32, mi.UInt32(sources.numbers), start.bin)
+        random = streams(number, seed, lanes % dr.opaque(mi.UInt32, photons))
         fates = follow(
             scene.full, traits, self.areas, squares, start, found,
             dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,

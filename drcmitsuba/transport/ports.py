@@ -17,7 +17,7 @@ from drcmitsuba.case import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.geometry import Port
 from drcmitsuba.scene import Scene
 from drcmitsuba.transport.gather import even_numbers
-from drcmitsuba.transport.shadow_rays import straight
+from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 OFFSET = 1e-4
 """Of a port from a pane, and of photons from their port, for each metre of coordinates [m].
@@ -39,13 +39,16 @@ class Sources(NamedTuple):
         Angle [rad] around the centre that the source lies within.
     solid_angle : np.ndarray, shape (source,)
         [sr].
+    numbers : np.ndarray of uint32, shape (source,)
+        That random numbers follow from.
     draw : callable
-        Direction to a source, evenly in solid angle, by its number and two uniform numbers.
+        Direction to a source, evenly in solid angle, by its index and two uniform numbers.
     """
 
     centre: np.ndarray
     radius: np.ndarray
     solid_angle: np.ndarray
+    numbers: np.ndarray
     draw: Callable[[Any, Any], Any]
 
 
@@ -54,7 +57,7 @@ def of_suns(suns: np.ndarray, diameter: float) -> Sources:
     centres = _flat(suns)
     radius = np.full(len(suns), np.radians(diameter) / 2)
     return Sources(
-        suns, radius, np.full(len(suns), disk_solid_angle(diameter)),
+        suns, radius, np.full(len(suns), disk_solid_angle(diameter)), sun_numbers(suns),
         lambda sun, uv: sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv),
     )  # fmt: skip
 
@@ -74,7 +77,8 @@ def of_sky(subdivision: int) -> Sources:
         level = dr.safe_sqrt(1 - z * z)
         return mi.Vector3f(level * sine, level * cosine, z)
 
-    return Sources(patches.directions, radius, patches.solid_angles, draw)
+    numbers = np.arange(len(patches), dtype=np.uint32)
+    return Sources(patches.directions, radius, patches.solid_angles, numbers, draw)
 
 
 @dataclass(frozen=True)
@@ -203,7 +207,8 @@ class Ports:
         source = dr.gather(mi.UInt32, mi.UInt32(seen.astype(np.uint32)), place)
         share = could / could.sum(axis=1, keepdims=True)
         table = _flat(np.cumsum(share, axis=1))
-        where, at = (even_numbers(index, source, seed, pair) for pair in (0, 1))
+        number = dr.gather(mi.UInt32, mi.UInt32(sources.numbers), source)
+        where, at = (even_numbers(index, number, seed, pair) for pair in (0, 1))
         row = place * count
         port = dr.binary_search(
             0, len(self) - 1, lambda i: dr.gather(mi.Float, table, row + i) <= where.x

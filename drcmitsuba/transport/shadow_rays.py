@@ -7,6 +7,7 @@ and every bin of unit radiance this gives the irradiance D [sr].
 from __future__ import annotations
 
 from dataclasses import dataclass
+from zlib import crc32
 
 import drjit as dr
 import mitsuba as mi
@@ -141,6 +142,12 @@ def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter
     return mi.Bool(False)
 
 
+def sun_numbers(suns: np.ndarray) -> np.ndarray:
+    """Numbers that random numbers of suns (sun, 3) follow from, whatever others are simulated."""
+    directions = np.ascontiguousarray(suns, np.float32)
+    return np.array([crc32(direction.tobytes()) for direction in directions], np.uint32)
+
+
 def straight(
     scene: Scene, openings: Openings | None, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool
 ) -> mi.Float:
@@ -241,6 +248,7 @@ def sun_deposit(
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     row_of, group_of = mi.UInt32(rows.astype(np.uint32)), mi.UInt32(groups.astype(np.uint32))
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())
+    places = mi.UInt32(sun_numbers(suns))
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     block = max(1, LANES // CLUSTER)
     stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
@@ -255,9 +263,10 @@ def sun_deposit(
         centre = dr.gather(mi.Vector3f, directions, sun, exists)
         pair = row * stride + sun
         number = dr.gather(mi.UInt32, numbers, row)
-        drawn = _anywhere(centre, diameter, number, sun, samples, seed)
+        place = dr.gather(mi.UInt32, places, sun, exists)
+        drawn = _anywhere(centre, diameter, number, place, samples, seed)
         if rim is not None:
-            drawn = [_on_rim(centre, diameter, number, sun, rim, seed)]
+            drawn = [_on_rim(centre, diameter, number, place, rim, seed)]
         value = _seen(scene, openings, p, n, exists, diameter, drawn)
         dr.scatter(out, value, pair, exists)
         dr.eval(out)
@@ -265,20 +274,20 @@ def sun_deposit(
 
 
 def _anywhere(
-    centre: mi.Vector3f, diameter: float, number: mi.UInt32, sun: mi.UInt32, samples: int,
+    centre: mi.Vector3f, diameter: float, number: mi.UInt32, place: mi.UInt32, samples: int,
     seed: int,
 ) -> list[mi.Vector3f]:  # fmt: skip
-    """Directions drawn from disks, for points with numbers."""
-    bits = (random_bits(number, seed + i, sun) for i in range(samples))
+    """Directions drawn from disks, for numbers of points and of suns."""
+    bits = (random_bits(number, seed + i, place) for i in range(samples))
     uv = (mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in each)) for each in bits)
     return [sample_disk(centre, diameter, each) for each in uv]
 
 
 def _on_rim(
-    centre: mi.Vector3f, diameter: float, number: mi.UInt32, sun: mi.UInt32, rim: int, seed: int
+    centre: mi.Vector3f, diameter: float, number: mi.UInt32, place: mi.UInt32, rim: int, seed: int
 ) -> mi.Vector3f:
     """One of `RIM` directions evenly around the edge of each disk, turned at random together."""
-    turn = mi.Float(random_bits(number, seed, sun)[0] >> 8) * TO_UNIT
+    turn = mi.Float(random_bits(number, seed, place)[0] >> 8) * TO_UNIT
     s, c = dr.sincos(2 * dr.pi / RIM * (turn + dr.opaque(mi.Float, rim)))
     return from_disk(centre, diameter, 0.99 * mi.Point2f(c, s))
 
@@ -316,7 +325,7 @@ def pair_deposit(
     """
     openings = Openings.of(scene, points)
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
-    stride = dr.opaque(mi.UInt32, len(suns))
+    stride, places = dr.opaque(mi.UInt32, len(suns)), mi.UInt32(sun_numbers(suns))
     parts = []
     for start in range(0, dr.width(pairs), LANES):
         lane = dr.arange(mi.UInt32, min(LANES, dr.width(pairs) - start))
@@ -325,7 +334,8 @@ def pair_deposit(
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre, number = dr.gather(mi.Vector3f, directions, sun), dr.gather(mi.UInt32, numbers, row)
         active = dr.full(mi.Bool, True, dr.width(lane))
-        drawn = _anywhere(centre, diameter, number, sun, samples, seed)
+        place = dr.gather(mi.UInt32, places, sun)
+        drawn = _anywhere(centre, diameter, number, place, samples, seed)
         parts.append(_seen(scene, openings, p, n, active, diameter, drawn))
         dr.eval(parts[-1])
     return dr.concat(parts) if parts else mi.Float()
