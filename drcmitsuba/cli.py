@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba import film_commands, optimise_command, tradeoff_command
-from drcmitsuba.errors import BackendError, InputError, was_stopped
+from drcmitsuba.errors import BackendError, InputError, on_a_line, was_stopped
 from drcmitsuba.terminal import Output, stages, writable
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def _percent(value: dict[str, float] | None) -> str:
 
 def _print_metrics(numbers: dict, title: str) -> None:
     console = Console()
-    annual = Table(title=title, title_justify="left")
+    annual = Table(title=escape(title), title_justify="left")
     annual.add_column("year")
     annual.add_column("% (95 % interval)", justify="right")
     for name, label in (("sDA", "sDA"), ("ASE", "ASE"), ("shade_closed", "shade closed")):
@@ -125,7 +126,7 @@ def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path 
             results.append((name, result.metrics))
     table = Table("façade", *(f"{n} % (95 %)" for n in ("sDA", "ASE", "shade closed")))
     for name, numbers in results:
-        table.add_row(name, *(_percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
+        table.add_row(escape(name), *(_percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
     Console().print(table)
     for note in dict.fromkeys(n for _, r in results for n in r["settings"]["notes"]):
         print(f"note: {note}")
@@ -299,11 +300,12 @@ def main() -> None:
         if was_stopped(error):
             _exit("stopped", STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
-            message = error.format_message().rstrip(".")
+            message = on_a_line(error.format_message().rstrip("."))
             _exit(f"command line: {message}; see drcmitsuba --help", 2)
         if isinstance(error, OSError):
-            where, what = error.filename or "files", error.strerror or error
-            _exit(f"{where}: {what}; check the path, its rights and the space that is left", 2)
+            remedy = "check the path, its rights and the space that is left"
+            told = str(error.strerror or error)
+            _exit(str(InputError(error.filename or "files", "file", told, remedy)), 2)
         raise
 
 

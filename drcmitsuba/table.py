@@ -22,6 +22,7 @@ Fraction = Annotated[float, Field(ge=0, le=1, strict=True)]
 Length = Annotated[float, Field(gt=0, le=10_000, strict=True)]
 Coordinate = Annotated[float, Field(ge=-100_000, le=100_000, strict=True)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
+Name = Annotated[str, Field(max_length=200)]
 Side = Literal["south", "east", "north", "west"]
 
 
