@@ -96,7 +96,8 @@ def evaluate(
     loaded = load_case(case).with_weather(weather)
     known = None
     if coefficients is not None:
-        known = schema.open_dataset(coefficients, "replicates", "straight", "state").load()
+        known = schema.open_dataset(coefficients, "replicates", "straight", "state")
+        known = schema.loaded(coefficients, known)
     with stages() as stage:
         result = run(loaded, stage, known)
         result.save(output, stage)
@@ -193,8 +194,8 @@ def illuminance(
     C = schema.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
     L = schema.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
-        found = light.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
-        E = simulation.illuminance(C.load(), found)
+        L = schema.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
+        E = simulation.illuminance(schema.loaded(c, C), light.from_luminances(L))
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         schema.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
@@ -227,7 +228,8 @@ def metrics(
         "ase_threshold": ase_threshold,
         "ase_hours": ase_hours,
     }
-    E = schema.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se").load()
+    E = schema.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
+    E = schema.loaded(e, E)
     rules = Rules(
         checked(Metrics, thresholds, "command line"),
         shade_threshold=E.attrs.get("shade_threshold", 1000.0),
@@ -244,16 +246,13 @@ def metrics(
 def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")]) -> None:
     """Draw the plots of an evaluation again."""
     from drcmitsuba import plots, report, schema
-    from drcmitsuba.case import Case
+    from drcmitsuba.case import Case, checked
 
-    E = schema.open_dataset(folder / "illuminance.nc", "total", "direct_sun").load()
-    file = folder / "metrics.json"
-    try:
-        numbers = json.loads(file.read_text(encoding="utf-8"))
-        known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
-        case = Case.model_validate(known)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(file, "metrics", str(error)[:120], "run evaluate again") from None
+    path, file = folder / "illuminance.nc", folder / "metrics.json"
+    E = schema.loaded(path, schema.open_dataset(path, "total", "direct_sun"))
+    numbers = report.read_numbers(file, E.sizes["sensor"])
+    known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
+    case = checked(Case, known, file)
     for name, figure in report.pictures(case, E, numbers).items():
         print(plots.save(figure, folder / name))
 

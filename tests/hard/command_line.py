@@ -91,8 +91,8 @@ class Answer:
         assert self.err.endswith("\n")
         line = self.err.removeprefix("drcmitsuba: ").rstrip("\n")
         assert line.isprintable(), line
-        assert 3 <= len(line.split()) and len(line) <= 1000, line
-        assert ": " in line and "; " in line, line
+        assert len(line) <= 1300, line
+        assert re.search(r".: .+: .+; .", line), line  # where, what came, what to do
         return line
 
 
@@ -112,10 +112,12 @@ class CommandLine:
     def __call__(self, *arguments: object, folder: Path) -> Answer:
         """Run `drcmitsuba ARGUMENTS` in a folder."""
         if self.process is None:
-            self.process = subprocess.Popen(
-                [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=(folder / "stderr").open("wb"), cwd=folder,
-            )  # fmt: skip
+            program = [sys.executable, __file__]
+            with (folder / "stderr").open("wb") as err:
+                self.process = subprocess.Popen(
+                    program, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                    stderr=err, cwd=folder,
+                )  # fmt: skip
         process = self.process
         assert process.stdin is not None
         assert process.stdout is not None
@@ -128,13 +130,13 @@ class CommandLine:
             return Answer(**json.loads(answer))
         self.close()
         how = f"ended with {process.returncode}" if ready else f"hung for {self.seconds} s"
-        return Answer(1, "", "", f"the process {how}: drcmitsuba {' '.join(map(str, arguments))}", 0)
+        return Answer(1, "", "", f"the process {how}: {' '.join(map(str, arguments))}", 0)
 
     def close(self) -> None:
         """End the process."""
         if self.process is not None:
             self.process.kill()
-            self.process.wait()
+            self.process.communicate()  # closes the pipes
             self.process = None
 
 
@@ -168,7 +170,7 @@ def main() -> None:
 
     backend.select()
     assert drcmitsuba
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (_memory("VmSize") + SPARE, hard))
     for line in sys.stdin:
         asked = json.loads(line)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import os
+from itertools import pairwise
 from pathlib import Path
 
 from hypothesis import strategies as st
@@ -95,7 +96,7 @@ BAD = {
     "far.obj": OBJ.replace(" 1", " 1e30"),
 }  # fmt: skip
 """Files that it may not, beside devices, holes and what is too large (`furnish`)."""
-SUFFIXES = (".xml", ".toml", ".obj", ".ply", ".wea", ".epw", ".csv", ".tm2")
+SUFFIXES = (".xml", ".toml", ".obj", ".ply", ".wea", ".epw", ".csv", ".tm2", ".txt")
 STRANGE = [f"{kind}{s}" for kind in ("zero", "huge", "pipe", "folder", "loop") for s in SUFFIXES]
 
 
@@ -152,7 +153,7 @@ def strips(draw, names, height):
     edges = sorted(draw(st.sets(lengths(0.0, height), min_size=2, max_size=4)))
     return [
         {"bottom": low, "top": high, "material": draw(st.sampled_from(names))}
-        for low, high in zip(edges, edges[1:], strict=False)
+        for low, high in pairwise(edges)
         if high - low > 0.2
     ]
 
@@ -250,9 +251,9 @@ FILE_KEYS = ("file", "recipe", "timestamps")
 
 
 @st.composite
-def cases(draw):
-    """Text (bytes) of a case: valid, or its tree or its text damaged."""
-    how = draw(st.sampled_from(["valid"] * 5 + ["tree"] * 4 + ["text", "file"]))
+def cases(draw, whole=5):
+    """Text (bytes) of a case: valid in `whole` of `whole + 6`, or its tree or its text damaged."""
+    how = draw(st.sampled_from(["valid"] * whole + ["tree"] * 4 + ["text", "file"]))
     case = draw(valid())
     if how == "tree":
         case = draw(mutated(case))

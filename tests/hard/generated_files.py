@@ -146,7 +146,9 @@ def trees(draw, rank, depth=3):
     if kind == "grid":
         count = (1 << rank) ** draw(st.integers(1, 2))
         seed = draw(st.integers(0, 99))
-        return "{" + ", ".join(f"{v:.3g}" for v in np.random.default_rng(seed).random(count) / 8)+"}"
+        return (
+            "{" + ", ".join(f"{v:.3g}" for v in np.random.default_rng(seed).random(count) / 8) + "}"
+        )
     return node(0)
 
 
@@ -268,7 +270,11 @@ def meshes(draw):
     if form in ("obj", "ascii"):
         return suffix, draw(damaged(raw.decode()))
     changes = ((b"8\n", b"-8\n"), (b"8\n", b"99999999999\n"), (b"12\n", b"4294967295\n"))
-    changes += ((b"uchar int", b"uchar float"), (b"uchar int", b"double uint"), (b"float x", b"int x"))
+    changes += (
+        (b"uchar int", b"uchar float"),
+        (b"uchar int", b"double uint"),
+        (b"float x", b"int x"),
+    )
     changes += ((b"float x", b"float y"), (b"uchar", b"int"), (b"end_header", b"end"), (b"", b""))
     old, new = draw(st.sampled_from(changes))
     raw = raw.replace(old, new, 1) if old else raw

@@ -1,4 +1,4 @@
-"""Damage to valid input: to trees of plain values, to text and to bytes; and TOML written from it."""
+"""Damage to valid input: to trees of plain values, to text and to bytes; and trees as TOML."""
 
 from __future__ import annotations
 
@@ -8,7 +8,17 @@ import json
 import math
 import re
 
+from hypothesis import HealthCheck, Phase
 from hypothesis import strategies as st
+
+FUZZING = {
+    "deadline": None,
+    "derandomize": True,
+    "database": None,
+    "phases": (Phase.explicit, Phase.generate, Phase.shrink),
+    "suppress_health_check": list(HealthCheck),
+}
+"""Settings of hypothesis: the same inputs each time, however slow a reader is."""
 
 DEEP: list = []
 for _ in range(60):
@@ -116,8 +126,9 @@ def _value(value) -> str:
 
 NOISE = (
     "nan", "inf", "-1", "1e999", "99999999999999999999", "1e-320", "0x10", "", " ", "-", "+", "{}",
-    '"', "'", "#", "\t", "\n", "\n\n", "\r\n", ",", ";", "/", "//", "<", "&x;", "é", "\U0001f31e", "\x00",
-    "\ufeff", "=", "[", "]", "{", "}", "1_000", "½", "٣", "1,5", "--", "]]>", "<!--", "9" * 5000,
+    '"', "'", "#", "\t", "\n", "\n\n", "\r\n", ",", ";", "/", "//", "<", "&x;", "é", "\x00",
+    "\U0001f31e", "\ufeff", "=", "[", "]", "{", "}", "1_000", "½", "٣", "1,5", "--", "]]>", "<!--",
+    "9" * 5000,
 )  # fmt: skip
 
 
@@ -129,7 +140,9 @@ def damaged(draw, text: str):
     """Bytes of a text in which words, lines or pieces are changed, or its end is cut off."""
     for _ in range(draw(changes)):
         at = draw(st.integers(0, len(text)))
-        how = draw(st.sampled_from(("number",) * 5 + ("word", "cut", "drop", "twice", "swap", "noise")))
+        how = draw(
+            st.sampled_from(("number",) * 5 + ("word", "cut", "drop", "twice", "swap", "noise"))
+        )
         if how == "cut":
             text = text[:at]
         elif how in ("drop", "twice", "swap"):

@@ -11,6 +11,7 @@ from drcmitsuba import bsdf, weather
 from drcmitsuba.bsdf import check
 from drcmitsuba.bsdf.measured import from_measurements
 from drcmitsuba.case import load_case
+from drcmitsuba.errors import InputError
 from drcmitsuba.materials import film
 from drcmitsuba.period import read_timestamps
 from drcmitsuba.structures.mesh import read_mesh
@@ -83,16 +84,17 @@ READERS = {
 
 def outcome(reader, path: Path) -> str:
     """Either "result" or the line that says what is wrong; anything else is raised."""
-    from drcmitsuba.errors import InputError
-
+    told = None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             reader(path)
     except InputError as error:
-        line = str(error)
-        assert line.isprintable()
-        assert len(line) < 1300
-        assert all((error.source, error.field, error.got, error.remedy)), line
-        return line
-    return "result"
+        told = error
+    if told is None:
+        return "result"
+    line = str(told)
+    assert line.isprintable()
+    assert len(line) < 1300
+    assert all((told.source, told.field, told.got, told.remedy)), line
+    return line
