@@ -40,6 +40,7 @@ from drcmitsuba.table import (
     Coordinate,
     Fraction,
     Length,
+    Name,
     Point,
     Side,
     Table,
@@ -67,7 +68,7 @@ def _usually(model: str) -> BeforeValidator:
 class Site(Table):
     """Place, used only where there is no weather file (CIE and sunshine skies)."""
 
-    name: str = "site"
+    name: Name = "site"
     latitude: Annotated[float, Field(ge=-90, le=90)]
     longitude: Annotated[float, Field(ge=-180, le=180)]
     timezone: Annotated[float, Field(ge=-12, le=14)]
@@ -192,7 +193,7 @@ class Room(Table):
 class Furniture(Table):
     """Box, or horizontal plate where the height is 0, repeated on a grid."""
 
-    name: str = "furniture"
+    name: Name = "furniture"
     corner: Point
     size: tuple[Length, Length, Annotated[float, Field(ge=0, le=100_000)]]
     reflectance: Reflectance = 0.5
@@ -231,7 +232,7 @@ class Metrics(Table):
 class Case(Table):
     """Everything that one evaluation needs. See the tables' own classes for their keys."""
 
-    name: str = "case"
+    name: Name = "case"
     unit: Literal["m"] | None = None
     """Of all lengths; "m" insists on lengths that look like millimetres."""
     site: Site | None = None
@@ -493,10 +494,19 @@ def shipped_recipes() -> list[str]:
     return sorted(n for n in _shipped() if n.startswith("films/") or n.endswith("/recipe"))
 
 
+def _is_file(path: Path, source: object, field: str) -> bool:
+    """Whether a path names a file; a name that no file can have is refused."""
+    try:
+        return path.is_file()
+    except OSError as error:
+        remedy = "check the path and its rights"
+        raise InputError(source, field, f"{path}: {error.strerror}", remedy) from None
+
+
 def _locate(path: str | Path) -> Path:
     """Path of a case file or of a shipped case."""
     file = Path(path)
-    if file.is_file():
+    if _is_file(file, path, "case file"):
         return file
     if str(path) in shipped_cases():
         return shipped_folder() / f"{path}.toml"
@@ -534,7 +544,7 @@ def _with_files(case: Case) -> Case:
 
     def found(file: Path, field: str) -> Path:
         path = case.path(file)
-        if not path.is_file():
+        if not _is_file(path, case.source, field):
             remedy = "give its path relative to the case file"
             raise InputError(case.source, field, f"{file}: no such file", remedy)
         return path

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba import film_commands, optimise_command, plan_command, tradeoff_command
-from drcmitsuba.errors import BackendError, InputError, was_stopped
+from drcmitsuba.errors import BackendError, InputError, on_a_line, was_stopped
 from drcmitsuba.terminal import Output, stages, writable
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def _percent(value: dict[str, float] | None) -> str:
 
 def _print_metrics(numbers: dict, title: str) -> None:
     console = Console()
-    annual = Table(title=title, title_justify="left")
+    annual = Table(title=escape(title), title_justify="left")
     annual.add_column("year")
     annual.add_column("% (95 % interval)", justify="right")
     for name, label in (("sDA", "sDA"), ("ASE", "ASE"), ("shade_closed", "shade closed")):
@@ -95,7 +96,8 @@ def evaluate(
     loaded = load_case(case).with_weather(weather)
     known = None
     if coefficients is not None:
-        known = schema.open_dataset(coefficients, "replicates", "straight", "state").load()
+        known = schema.open_dataset(coefficients, "replicates", "straight", "state")
+        known = schema.loaded(coefficients, known)
     with stages() as stage:
         result = run(loaded, stage, known)
         result.save(output, stage)
@@ -125,7 +127,7 @@ def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path 
             results.append((name, result.metrics))
     table = Table("façade", *(f"{n} % (95 %)" for n in ("sDA", "ASE", "shade closed")))
     for name, numbers in results:
-        table.add_row(name, *(_percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
+        table.add_row(escape(name), *(_percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
     Console().print(table)
     for note in dict.fromkeys(n for _, r in results for n in r["settings"]["notes"]):
         print(f"note: {note}")
@@ -195,8 +197,8 @@ def illuminance(
     C = schema.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
     L = schema.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
-        found = light.from_luminances(L.isel(channel=0) if "channel" in L.dims else L)
-        E = simulation.illuminance(C.load(), found)
+        L = schema.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
+        E = simulation.illuminance(schema.loaded(c, C), light.from_luminances(L))
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         schema.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
@@ -229,7 +231,8 @@ def metrics(
         "ase_threshold": ase_threshold,
         "ase_hours": ase_hours,
     }
-    E = schema.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se").load()
+    E = schema.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
+    E = schema.loaded(e, E)
     rules = Rules(
         checked(Metrics, thresholds, "command line"),
         shade_threshold=E.attrs.get("shade_threshold", 1000.0),
@@ -246,16 +249,13 @@ def metrics(
 def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")]) -> None:
     """Draw the plots of an evaluation again."""
     from drcmitsuba import plots, report, schema
-    from drcmitsuba.case import Case
+    from drcmitsuba.case import Case, checked
 
-    E = schema.open_dataset(folder / "illuminance.nc", "total", "direct_sun").load()
-    file = folder / "metrics.json"
-    try:
-        numbers = json.loads(file.read_text(encoding="utf-8"))
-        known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
-        case = Case.model_validate(known)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(file, "metrics", str(error)[:120], "run evaluate again") from None
+    path, file = folder / "illuminance.nc", folder / "metrics.json"
+    E = schema.loaded(path, schema.open_dataset(path, "total", "direct_sun"))
+    numbers = report.read_numbers(file, E.sizes["sensor"])
+    known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
+    case = checked(Case, known, file)
     for name, figure in report.pictures(case, E, numbers).items():
         print(plots.save(figure, folder / name))
 
@@ -303,11 +303,12 @@ def main() -> None:
         if was_stopped(error):
             _exit("stopped", STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
-            message = error.format_message().rstrip(".")
+            message = on_a_line(error.format_message().rstrip("."))
             _exit(f"command line: {message}; see drcmitsuba --help", 2)
         if isinstance(error, OSError):
-            where, what = error.filename or "files", error.strerror or error
-            _exit(f"{where}: {what}; check the path, its rights and the space that is left", 2)
+            remedy = "check the path, its rights and the space that is left"
+            told = str(error.strerror or error)
+            _exit(str(InputError(error.filename or "files", "file", told, remedy)), 2)
         raise
 
 

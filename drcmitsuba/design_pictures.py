@@ -98,7 +98,7 @@ def facade(
     high = float(np.clip(wide * size[1] / size[0], 1.2, 7.0))
     figure = Figure(figsize=(wide, high + 1.5), layout="constrained")
     ax = figure.add_subplot()
-    ax.set_title(title, loc="left", weight="bold", fontsize=11)
+    ax.set_title(title, loc="left", weight="bold", fontsize=11, parse_math=False)
     clear = [name for name in materials if name not in ("wall", film)]
     colours = {film: FILM, "wall": WALL}
     colours |= dict(zip(clear, (GLASS, *OTHER, *[GREY] * len(clear)), strict=False))
@@ -122,7 +122,10 @@ def facade(
     ax.spines[["top", "right"]].set_visible(False)
     area = tiles.area @ np.asarray(share)
     keys = [
-        Patch(color=colours[name], label=f"{name}, {area[list(materials).index(name)]:.1f} m²")
+        Patch(
+            color=colours[name],
+            label=f"{_plain(name)}, {area[list(materials).index(name)]:.1f} m²",
+        )
         for name in (*clear, film, "wall")
         if area[list(materials).index(name)] > 1e-3
     ]
@@ -187,3 +190,8 @@ def _tidy(ax: Axes) -> None:
     ax.grid(color="#EEEEEE", linewidth=0.8)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
+
+
+def _plain(name: str) -> str:
+    """Name of a material as it is: between two dollars matplotlib would read a formula."""
+    return name.replace("$", r"\$")

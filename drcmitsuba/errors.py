@@ -20,8 +20,20 @@ class InputError(ValueError):
 
     def __init__(self, source: object, field: str, got: str, remedy: str) -> None:
         self.source, self.field, self.got, self.remedy = str(source), field, got, remedy
-        line = f"{self.source}: {field}: {got}; {remedy}"
-        super().__init__(" ".join(line.split()))
+        parts = (on_a_line(part) for part in (self.source, field, got, remedy))
+        super().__init__("{}: {}: {}; {}".format(*parts))
+
+
+LONGEST = 300
+"""Characters of a part of the line: names and values come from files that somebody else wrote."""
+
+
+def on_a_line(text: str) -> str:
+    """Text in printable characters and single spaces, its middle left out where it is long."""
+    text = " ".join(text.split())
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST // 2]}…{text[-LONGEST // 2 :]}"
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 class BackendError(RuntimeError):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.terminal import Output, stages
@@ -148,7 +149,7 @@ def _aim(found: Optimum) -> str:
 
 
 def _print(found: Optimum, title: str, fresh: Any, rows: list[tuple[str, str]]) -> None:
-    table = Table("", "found", "simulated afresh (95 %)", title=title, title_justify="left")
+    table = Table("", "found", "simulated afresh (95 %)", title=escape(title), title_justify="left")
     again = dict.fromkeys(("sDA", "ASE"), "–")
     if fresh is not None:
         for name in again:

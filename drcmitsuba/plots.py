@@ -16,9 +16,10 @@ from __future__ import annotations
 import copy
 import os
 import textwrap
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import xarray as xr
@@ -40,6 +41,7 @@ LINES: dict[str, dict[str, Any]] = {
     "furniture": {"color": "white", "linewidth": 1.0, "path_effects": HALO},
     "glazing": {"color": "#56B4E9", "linewidth": 4, "solid_capstyle": "butt"},
 }
+NAME = {"parse_math": False}  # a case's name is no formula, whatever dollars it holds
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
@@ -153,7 +155,7 @@ def monthly(metrics: Mapping[str, Any], *, title: str = "") -> Figure:
     figure = Figure(figsize=(9.6, 4.3))
     year, months = figure.subplots(1, 2, width_ratios=[1, 2.6])
     figure.subplots_adjust(left=0.075, right=0.985, bottom=0.1, top=0.8, wspace=0.42)
-    figure.text(0.075, 0.955, title, fontsize=12, weight="bold", va="center", color=INK)
+    figure.text(0.075, 0.955, title, fontsize=12, weight="bold", va="center", color=INK, **NAME)
     for ax, name in ((year, "year"), (months, "months")):
         ax.set_title(name, loc="left", fontsize=10, color=GREY, pad=24)
         ax.set_ylim(0, 100)
@@ -206,7 +208,8 @@ def season(found: Any) -> Figure:
     figure = Figure(figsize=(9.6, 4.3))
     ax, share = figure.subplots(1, 2, width_ratios=[1.5, 1])
     figure.subplots_adjust(left=0.075, right=0.985, bottom=0.1, top=0.8, wspace=0.2)
-    figure.text(0.075, 0.955, found.name, fontsize=12, weight="bold", va="center", color=INK)
+    style = {"fontsize": 12, "weight": "bold", "va": "center", "color": INK}
+    figure.text(0.075, 0.955, found.name, **style, **NAME)
     _line(ax, found.opening, "unobstructed opening, no shade", color=GREY, marker=".")
     _line(ax, found.clear, "clear glazing", color=ORANGE, marker="s")
     _line(ax, found.design, "design", color=BLUE, marker="o")
@@ -227,6 +230,13 @@ def season(found: Any) -> Figure:
     return figure
 
 
+def write(figure: Figure, file: Path | IO[bytes], dpi: int) -> None:
+    """Write a figure as PNG; characters that the font lacks, of a case's name, become boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph", UserWarning)
+        figure.savefig(file, format="png", dpi=dpi)
+
+
 def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure as PNG, whole or not at all.
 
@@ -245,7 +255,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     target = Path(path)
     part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        figure.savefig(part, format="png", dpi=150)
+        write(figure, part, dpi=150)
         part.replace(target)
     finally:
         part.unlink(missing_ok=True)
@@ -345,7 +355,7 @@ def _sheet(points: np.ndarray, title: str, legend: bool) -> tuple[Figure, Axes, 
     ax.set(ylim=middle[1] + size[1] * np.array([-0.5, 0.5]), ylabel="y, north [m]")
     ax.set_aspect("equal")
     text, start = "\n".join(heading), (left / sheet[0], 1 - 0.12 / sheet[1])
-    figure.text(*start, text, va="top", fontsize=11, weight="bold")
+    figure.text(*start, text, va="top", fontsize=11, weight="bold", **NAME)
 
     beside = left + width + 0.2
     bar = figure.add_axes(

@@ -2,16 +2,91 @@
 
 from __future__ import annotations
 
-from typing import Any
+import json
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from drcmitsuba import metrics, plots
 from drcmitsuba.case import Case
+from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import boxes
 from drcmitsuba.schema import luminance
+
+MAX_BYTES = 1 << 26
+
+
+Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+
+
+class Interval(BaseModel):
+    """A number and its 95 % interval."""
+
+    value: Percent
+    low: Percent
+    high: Percent
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Interval:
+        if not self.low <= self.value <= self.high:
+            raise ValueError("the value lies outside of its interval")
+        return self
+
+
+class Undecided(BaseModel):
+    """A sensor that is too close to call."""
+
+    sensor: Annotated[int, Field(ge=0)]
+    metric: str
+    probability: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+
+
+Months = Annotated[list[Interval | None], Field(min_length=12, max_length=12)]
+
+
+class Numbers(BaseModel):
+    """What the pictures need of `metrics.json`; it holds more."""
+
+    sDA: Interval  # noqa: N815
+    ASE: Interval
+    shade_closed: Interval
+    msDA: Months  # noqa: N815
+    MSE: Months
+    shade_closed_monthly: Months
+    undecided: list[Undecided] = []
+    settings: dict[str, Any]
+
+
+def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
+    """Read `metrics.json`.
+
+    Raises
+    ------
+    InputError
+        It is not there, is no JSON, lacks a number, or is that of another number of sensors.
+    """
+    remedy = "run evaluate again"
+    try:
+        if file.exists() and not (file.is_file() and file.stat().st_size <= MAX_BYTES):
+            raise InputError(file, "metrics", "no plain file, or too large a one", remedy)
+        numbers = json.loads(file.read_text(encoding="utf-8"))
+        read = Numbers.model_validate(numbers)
+    except InputError:
+        raise
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(map(str, first["loc"])) or "metrics"
+        raise InputError(file, field, first["msg"], remedy) from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(file, "metrics", str(error)[:120], remedy) from None
+    if any(u.sensor >= sensors for u in read.undecided):
+        got = f"there are {sensors} sensors in illuminance.nc"
+        raise InputError(file, "undecided", got, remedy)
+    return {**numbers, **read.model_dump()}
 
 
 def _outlines(case: Case) -> dict[str, Any]:

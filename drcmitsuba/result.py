@@ -101,7 +101,7 @@ class Result:
         from drcmitsuba import plots
 
         buffer = BytesIO()
-        plots.monthly(self.metrics, title=self.case.name).savefig(buffer, format="png", dpi=100)
+        plots.write(plots.monthly(self.metrics, title=self.case.name), buffer, dpi=100)
         return buffer.getvalue()
 
 

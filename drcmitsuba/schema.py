@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
+import sys
 import uuid
-from collections.abc import Iterable
+import warnings
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +34,34 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "direct_sun": ("lx", "illuminance by sun that comes straight, shade open"),
 }
 """Unit and long name of the variables; `…_se` is the standard error of each."""
+
+_OF_C, _OF_E = ("state", "sensor", "bin"), ("time", "sensor")
+DIMS: dict[str, tuple[str, ...]] = {
+    "replicates": ("state", "replicate", "sensor", "bin"),
+    **{n + s: _OF_C for n in ("straight", "direct", "interreflected") for s in ("", "_se")},
+    **dict.fromkeys(("sun_straight", "sun_straight_se"), ("state", "sensor", "sun")),
+    "mesh_error": ("state", "sensor"),
+    **dict.fromkeys("xyz", ("sensor",)),
+    "L": ("time", "bin"),
+    "sun_direction": ("time", "axis"),
+    **dict.fromkeys(("blend_bin", "blend_weight"), ("time", "blend")),
+    **dict.fromkeys(("sun_bin", "clock"), ("time",)),
+    **{n + s: _OF_E for n in ("total", "direct_sun") for s in ("", "_se")},
+}
+"""Dims of what lies on disk; `channel` comes first where there is one."""
+
+_TEXTS, _DATES = ("state", "bin", "sun_bin", "blend_bin"), ("time", "clock")
+LARGEST = {"L": 1e13, "sun": 1e13, "total": 1e17, "direct_sun": 1e17}
+"""Values beyond the brightest sun (of 0.01°, [cd/m²]) and beyond what it lights [lx] are damage."""
+LARGEST_OTHER = 1e6
+
+NUMBERS = {"latitude", "longitude", "timezone", "sun_diameter", "step_hours", "interval_factor"}
+NUMBERS |= {"has_shade", "shade_threshold", "shade_area"}
+"""Attributes that are numbers."""
+
+HOLLOW = 1000
+"""A file may stand for so many times the bytes that it has, beyond `SMALL`."""
+SMALL = 1 << 28
 
 LUMINANCE_WEIGHTS = {"red": 0.2126, "green": 0.7152, "blue": 0.0722}
 """Channels of a coloured case and their share of luminance (ITU-R BT.709 primaries)."""
@@ -121,26 +152,121 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
     Raises
     ------
     InputError
-        The path does not exist, is not readable, or lacks a variable.
+        The path does not exist, is not readable, or lacks a variable; where variables are asked
+        for, also one of other dims or types than `DIMS` has.
     """
     path = Path(path)
     if not path.exists():
         raise InputError(path, "results", "no such file or folder", "run the step that writes it")
-    try:
-        if path.is_dir():
-            data = xr.open_zarr(path, consolidated=False, chunks=None)
-        else:
-            data = xr.open_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(path, "results", str(error)[:120], "give a file of this program") from None
+    if not (path.is_dir() or path.is_file()):  # a device would never end
+        raise InputError(path, "results", "no plain file", REMEDY)
+    if path.is_dir():
+        data = _attempt(path, lambda: xr.open_zarr(path, consolidated=False, chunks=None))
+    else:
+        data = _attempt(path, lambda: xr.open_dataset(path, engine="h5netcdf"))
     missing = [v for v in variables if v not in data]
     if missing:
-        raise InputError(path, "results", f"has no {missing[0]!r}", "give a file of this program")
-    # Labels come back as NumPy's variable-width strings, which few of its functions take.
+        raise InputError(path, "results", f"has no {missing[0]!r}", REMEDY)
+    _refuse_hollow(path, data)
+    if variables:
+        data = _ordered(path, data)
+    return _attempt(path, lambda: _with_plain_labels(data))
+
+
+def _with_plain_labels(data: xr.Dataset) -> xr.Dataset:
+    """Labels come back as NumPy's variable-width strings, which few of its functions take."""
     texts = {k: v.astype(object) for k, v in data.variables.items() if v.dtype.kind in "TU"}
     return data.assign({k: v for k, v in texts.items() if k in data.data_vars}).assign_coords(
         {k: v for k, v in texts.items() if k in data.coords}
     )
+
+
+REMEDY = "give a file of this program"
+
+
+def _attempt(path: Path, read: Callable[[], xr.Dataset]) -> xr.Dataset:
+    """Read, and tell in one line what the readers of zarr and HDF5 make of a damaged file.
+
+    That may be any error, and h5netcdf complains a second time when the half-open file is dropped.
+    """
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return read()
+    except Exception as error:
+        got = f"{type(error).__name__}: {error}"[:200]
+    finally:
+        sys.unraisablehook = hook
+    raise InputError(path, "results", got, REMEDY)
+
+
+def _refuse_hollow(path: Path, data: xr.Dataset) -> None:
+    """Refuse arrays that are declared far larger than their file: they would fill the memory."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    held = sum(file.stat().st_size for file in files if file.is_file())
+    for name, v in data.variables.items():
+        block = [c if isinstance(c, int) else max(c) for c in v.encoding.get("chunks") or ()]
+        declared = max(v.nbytes, v.dtype.itemsize * math.prod(block))
+        if declared > max(SMALL, HOLLOW * held):
+            got = f"{name} stands for {declared >> 20} MiB in a file of {held} bytes"
+            raise InputError(path, "results", got, REMEDY)
+
+
+def _ordered(path: Path, data: xr.Dataset) -> xr.Dataset:
+    """Known variables with their dims in order; others or other types are refused."""
+    changed = {}
+    if ("blend_bin" in data) != ("blend_weight" in data):
+        raise InputError(path, "results", "half of the sun's blend is missing", REMEDY)
+    for name, v in data.variables.items():
+        dims: tuple[Hashable, ...] = DIMS.get(str(name), ())
+        if name in data.dims or name in ("state", "bin", "time"):
+            dims = (name,)
+        elif name == "sun":
+            dims = ("time",)
+        if not dims:
+            continue
+        if set(v.dims) - {"channel"} != set(dims) or ("channel" in v.dims and name in data.coords):
+            got = f"{name} has the dims {', '.join(map(str, v.dims)) or 'none'}"
+            raise InputError(path, "results", got, f"give {', '.join(map(str, dims))}")
+        texts = name in _TEXTS or (name == "sun" and name in data.dims)
+        wanted = "TUO" if texts else "M" if name in _DATES else "fiu"
+        if name != "channel" and v.dtype.kind not in wanted:
+            raise InputError(path, "results", f"{name} has the type {v.dtype}", REMEDY)
+        if name in data.indexes and not data.indexes[name].is_unique:
+            raise InputError(path, "results", f"a label of {name} comes twice", REMEDY)
+        if 0 in v.shape and name not in ("blend_bin", "blend_weight"):
+            raise InputError(path, "results", f"{name} is empty", REMEDY)
+        if v.dims[-len(dims) :] != dims:
+            changed[name] = v.transpose(..., *dims)
+    return data.assign(changed)
+
+
+def loaded(path: Path, data: xr.Dataset) -> xr.Dataset:
+    """Load what `open_dataset` opened.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or holds numbers that no light makes. NaN is what was not computed.
+    """
+    data = _attempt(path, data.load)
+    for attribute in sorted(NUMBERS & data.attrs.keys()):
+        number = data.attrs[attribute]
+        if not isinstance(number, int | float | np.number) or not math.isfinite(number):
+            raise InputError(path, f"results, {attribute}", repr(number)[:60], "give a number")
+    for name, v in data.variables.items():
+        # They go with coordinates into what is written, and not all that zarr takes fits NetCDF.
+        v.attrs = {k: a for k, a in v.attrs.items() if k and type(a) in (str, int, float)}
+        if name in _DATES and v.isnull().any():
+            raise InputError(path, "results", f"{name} is not known everywhere", REMEDY)
+        if v.dtype.kind == "f":
+            most = LARGEST.get(str(name).removesuffix("_se"), LARGEST_OTHER)
+            # These pass over NaN, and copy nothing.
+            low, high = (float(f.reduce(v.values, axis=None)) for f in (np.fmin, np.fmax))
+            if low < -most or high > most:
+                raise InputError(path, "results", f"{name} is beyond {most:g}", REMEDY)
+    return data
 
 
 def mean_and_error(replicates: np.ndarray, axis: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -111,6 +111,9 @@ def is_closed(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
     if not coefficients.attrs.get("has_shade", 0):
         return xr.zeros_like(direct.isel(sensor=0, drop=True), dtype=bool)
     attrs = coefficients.attrs
+    if not {"shade_threshold", "shade_area"} <= attrs.keys():
+        got = "they say not when the shade closes"
+        raise InputError("coefficients", "shade_threshold, shade_area", got, "compute them anew")
     return metrics.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
 
 
@@ -198,6 +201,9 @@ def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
         A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
     """
     _check_suns(coefficients, light)
+    if "open" not in coefficients["state"].values or coefficients.sizes["replicate"] < 2:
+        got = "no state open, or a single replicate"
+        raise InputError("coefficients", "state, replicate", got, "compute them anew")
     is_open = coefficients.sel(state="open", drop=True)
     closed = is_closed(is_open, light)
     shaded = None

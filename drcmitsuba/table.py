@@ -24,6 +24,7 @@ Coordinate = Annotated[float, Field(ge=-100_000, le=100_000, strict=True)]
 OnMap = Annotated[float, Field(ge=-1e8, le=1e8, strict=True)]
 """Coordinate of any map [m]; Mercator's reach 2e7."""
 Point = tuple[OnMap, OnMap, OnMap]
+Name = Annotated[str, Field(max_length=200)]
 Side = Literal["south", "east", "north", "west"]
 
 

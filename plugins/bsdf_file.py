@@ -153,6 +153,9 @@ def _text(parent: Element, name: str, default: str = "") -> str:
 def _parse(path: Path) -> Element:
     """Root element of an XML file without namespaces; entities and doctypes are refused."""
     try:
+        if not path.is_file():  # a device would never end
+            got = "no plain file" if path.exists() else "No such file or directory"
+            raise BsdfFileError(path, "file", got, "name a BSDF file")
         size = path.stat().st_size
         if size > MAX_BYTES:
             remedy = f"give at most {MAX_BYTES >> 20} MB; reduce the tree (rttree_reduce)"

@@ -90,6 +90,9 @@ def read(paths: Iterable[str | Path]) -> list[Measurement]:
     left = MAX_BYTES
     for path in map(Path, paths):
         try:
+            if not path.is_file():  # a device would never end
+                got = "no plain file" if path.exists() else "No such file or directory"
+                raise InputError(path, "file", got, "name a measurement file")
             left -= path.stat().st_size
             if left < 0:
                 got = f"more than {MAX_BYTES >> 20} MB with this file"

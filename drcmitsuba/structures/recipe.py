@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from drcmitsuba.errors import InputError
 from drcmitsuba.material_table import check_energy
-from drcmitsuba.table import Table, checked, read_toml
+from drcmitsuba.table import Name, Table, checked, read_toml
 
 MAX_BYTES = 1 << 20
 
@@ -21,7 +21,6 @@ Length = Annotated[float, Field(ge=1e-4, le=10_000)]
 Coordinate = Annotated[float, Field(ge=-10_000, le=10_000)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Index = Annotated[float, Field(gt=1, le=4)]
-Text = Annotated[str, Field(max_length=200)]
 Turn = Annotated[float, Field(ge=-170, le=170)]
 Corner = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Turn]
 Polygon = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=512)]
@@ -137,8 +136,8 @@ Structure = Annotated[Prism | Slots | Lamellae | Mesh, Field(discriminator="kind
 class Recipe(Table):
     """What the goniophotometer measures: a micro-structure, with or without glass before it."""
 
-    name: Text = "component"
-    manufacturer: Text = ""
+    name: Name = "component"
+    manufacturer: Name = ""
     structure: Structure
     glass: Glass | None = None
 

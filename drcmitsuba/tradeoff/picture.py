@@ -62,7 +62,8 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     figure = Figure(figsize=(9.0, 6.2), layout="constrained")
     ax = figure.add_subplot()
     rows = [row for row in rows if row.is_on_plot]
-    ax.set_title(f"{name}: what accuracy costs", loc="left", weight="bold", fontsize=11)
+    title = f"{name}: what accuracy costs"
+    ax.set_title(title, loc="left", weight="bold", fontsize=11, parse_math=False)
     ax.set_xlabel("seconds for the period, without start-up")
     ax.set_ylabel("RMS error of E [% of its mean]")
     if not rows:

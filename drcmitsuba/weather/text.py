@@ -38,9 +38,9 @@ def read_text(path: str | Path) -> str:
         No such file, unreadable, empty, binary or too large.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "file", "no such file", "give the path of a file")
     try:
+        if not path.is_file():
+            raise InputError(path, "file", "no such file", "give the path of a file")
         with path.open("rb") as file:
             raw = file.read(BYTES + 1)
     except OSError as error:

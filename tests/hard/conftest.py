@@ -1,7 +1,11 @@
 """What must hold in a hard case, and the margin that is left."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
+
+from tests.hard.command_line import CommandLine
 
 MARGINS = pytest.StashKey[dict[tuple[str, str, str], tuple[float, float]]]()
 
@@ -32,6 +36,26 @@ def holds(request):
         assert 0 <= worst <= allowed, f"{invariant}: {worst:.3g}, allowed {allowed:.3g}"
 
     return holds
+
+
+LEAST_VALID = 0.3
+"""Share of the generated inputs that have to give a result."""
+
+
+@pytest.fixture
+def tally():
+    """Count "result" and "refused"; afterwards enough of them must have had a result."""
+    counts = Counter()
+    yield counts
+    assert counts["result"] >= LEAST_VALID * (counts["result"] + counts["refused"]), counts
+
+
+@pytest.fixture(scope="module")
+def command():
+    """The command line, in a process that stays."""
+    process = CommandLine()
+    yield process
+    process.close()
 
 
 def pytest_terminal_summary(terminalreporter, config):

@@ -1,0 +1,100 @@
+"""The readers of files as functions that take a file and, where it can be used, come to an end."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba import bsdf, weather
+from drcmitsuba.bsdf import check
+from drcmitsuba.bsdf.measured import from_measurements
+from drcmitsuba.case import load_case
+from drcmitsuba.errors import InputError
+from drcmitsuba.materials import film
+from drcmitsuba.period import read_timestamps
+from drcmitsuba.structures.mesh import read_mesh
+from drcmitsuba.structures.recipe import load_recipe
+from drcmitsuba.structures.structure import unit_cell
+
+
+def read_weather(path: Path) -> None:
+    """Irradiance is finite and not negative, time rises."""
+    found = weather.read(path)
+    for name in ("dni", "dhi"):
+        assert (found.data[name].values >= 0).all()
+        assert np.isfinite(found.data[name].values).all()
+    assert (np.diff(found.data["time"].values) > np.timedelta64(0)).all()
+
+
+def read_bsdf(path: Path) -> None:
+    """What passes as a material sends out at most what it gets; the check shows any file."""
+    report = check.check(bsdf.read(path))
+    assert all(isinstance(text, str) for row in report.rows() for text in row)
+    found = film(path)
+    directions = np.array([[0, 0, 1], [0.6, 0, 0.8], [0.6, 0, -0.8], [0, 0.99, -0.141067]])
+    totals = np.sum(found.file.hemispherical(directions), axis=0)
+    assert ((totals >= 0) & (totals <= 1 + 1e-6)).all(), totals
+
+
+def read_measurements(path: Path) -> None:
+    """The tree is finite and not negative."""
+    found = from_measurements([path], depth=2)
+    for tree in found.components.values():
+        assert np.isfinite(tree.value).all()
+        assert (tree.value >= 0).all()
+
+
+def read_recipe(path: Path) -> None:
+    """The structure has surfaces."""
+    cell = unit_cell(load_recipe(path))
+    assert len(cell.faces)
+    assert np.isfinite(cell.vertices).all()
+
+
+def read_a_mesh(path: Path) -> None:
+    """Faces name vertices that are there."""
+    vertices, faces = read_mesh(path)
+    assert np.isfinite(vertices).all()
+    assert faces.min() >= 0
+    assert faces.max() < len(vertices)
+
+
+def read_stamps(path: Path) -> None:
+    """Time rises."""
+    assert (np.diff(read_timestamps(path)) > np.timedelta64(0)).all()
+
+
+READERS = {
+    "case": (load_case, ".toml"),
+    "epw": (read_weather, ".epw"),
+    "tmy3": (read_weather, ".csv"),
+    "tmy2": (read_weather, ".tm2"),
+    "wea": (read_weather, ".wea"),
+    "bsdf": (read_bsdf, ".xml"),
+    "pab_opto": (read_measurements, ".txt"),
+    "recipe": (read_recipe, ".toml"),
+    "obj": (read_a_mesh, ".obj"),
+    "ply": (read_a_mesh, ".ply"),
+    "time_stamps": (read_stamps, ".csv"),
+}
+"""By name: the reader, and the suffix of its files."""
+
+
+def outcome(reader, path: Path) -> str:
+    """Either "result" or the line that says what is wrong; anything else is raised."""
+    told = None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            reader(path)
+    except InputError as error:
+        told = error
+    if told is None:
+        return "result"
+    line = str(told)
+    assert line.isprintable()
+    assert len(line) < 1300
+    assert all((told.source, told.field, told.got, told.remedy)), line
+    return line
