@@ -313,6 +313,7 @@ class Case(Table):
             raise InputError("case", "sun.model", got, 'take "true_sun"')
         if self.unit is None:
             self._ask_about_lengths()
+        self._check_effects()
         pieces = sum(piece.count[0] * piece.count[1] for piece in self.furniture)
         if pieces > MOST_PIECES:
             raise InputError("case", "furniture", f"{pieces} pieces", f"at most {MOST_PIECES}")
@@ -340,6 +341,19 @@ class Case(Table):
         ask_about_room(self.room.size)
         for i, piece in enumerate(self.furniture):
             ask_about_furniture(f"furniture.{i}", piece.corner, piece.size, self.room.size)
+
+    def _check_effects(self) -> None:
+        """Refuse choices that the model of the sun cannot follow."""
+        chosen = self.effects
+        if isinstance(self.sun, ThreePhase):
+            for name in ("sky", "suns"):
+                if getattr(chosen, name) == "off":
+                    got = "a three-phase sun is among the patches of the sky"
+                    remedy = 'leave it "auto", or take another sun.model'
+                    raise InputError("case", f"effects.{name}", got, remedy)
+        if isinstance(self.sun, Adaptive) and chosen.pane_to_pane == "all":
+            got = "a mesh of suns would blur what panes mirror"
+            raise InputError("case", "effects.pane_to_pane", got, 'take sun.model = "true_sun"')
 
     def _check_design(self, design: Design) -> None:
         """Refuse a design of unknown materials, or of a façade that is not there."""

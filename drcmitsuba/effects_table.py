@@ -19,13 +19,16 @@ class Effects(Table):
     dark_hours: Literal["auto", "all"] = "auto"
     """"all": the suns of time stamps at which the sun has no radiance, too."""
     clear_panes: Choice = "auto"
+    """Clear glass and holes in the façades; "off" puts black sheets there."""
     scattering_panes: Choice = "auto"
     films: Choice = "auto"
     straight_through: Choice = "auto"
     components: Choice = "auto"
+    """"off": no photons; components stand where they are and cast shadows."""
     pane_to_pane: Choice = "auto"
     """Light that a pane sends to another one across the room, followed by photons."""
     obstructions: Choice = "auto"
+    """Furniture outside of the room."""
     shaded_state: Choice = "auto"
     interreflection: Choice = "auto"
     """"all": to any depth; "off": light that met a surface of the room counts for nothing."""
@@ -33,7 +36,7 @@ class Effects(Table):
     pictures: Choice = "auto"
 
     @property
-    def overruled(self) -> tuple[str, ...]:
-        """Effects of light that are not left to the plan."""
+    def overruled(self) -> dict[str, str]:
+        """Choices on effects of light that are not left to the plan."""
         chosen = self.model_dump(exclude={"pictures"})
-        return tuple(name for name, choice in chosen.items() if choice != "auto")
+        return {name: choice for name, choice in chosen.items() if choice != "auto"}

@@ -42,7 +42,8 @@ def plan(
     with stages() as stage, stage("plan") as done:
         sensor_points(loaded)  # what is wrong with the sensors is told here as well
         remarks = notes(loaded)
-        decided = decide(loaded, daylight(loaded))
+        light = daylight(loaded)
+        decided = decide(loaded, light)
         done(0.3)
         expected = forecast(decided)
     told = told_plan(decided, expected)
@@ -53,7 +54,7 @@ def plan(
         return
     print_plan(loaded.name, told)
     print(f"forecast: {expected}")
-    for note in [*remarks, *decided.notes()]:
+    for note in [*light.notes, *remarks, *decided.notes()]:
         print(f"note: {note}")
     if output is not None:
         print(f"the plan is in {output / 'plan.json'}")

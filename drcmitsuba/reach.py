@@ -110,16 +110,26 @@ class Reach:
         least = -np.sin(radius)
         cosines = self.normals @ suns.T
         before = cosines > least
-        seen = before.copy()
-        for i, opening in enumerate(self.openings):
-            for blocker in self.blockers:
-                at = np.flatnonzero(seen[i])
-                seen[i, at] = ~_hidden(opening, blocker, suns[at], radius)
         passed_on = (self.relays @ suns.T > least).any(axis=0) | self.everything
-        mask = seen.any(axis=0) | passed_on
         ahead = before.any(axis=0) | passed_on
+        mask = passed_on if len(self.blockers) else ahead
+        for opening, lit in zip(self.openings, before, strict=True):
+            at = np.flatnonzero(lit & ~mask)
+            for blocker in self.blockers:
+                if len(at):
+                    at = at[~_hidden(opening, blocker, suns[at], radius)]
+            mask[at] = True
         largest = float(cosines.max()) if cosines.size else -1.0
         return Reached(mask, int((~ahead).sum()), int((ahead & ~mask).sum()), largest)
+
+
+def reaches_in(case: Case, faces: np.ndarray) -> np.ndarray:
+    """Which polygons (face, corner, 3) have a part in the room, as far as their bounds tell."""
+    if case.room is None:
+        return np.zeros(len(faces), bool)
+    low, high = faces.min(axis=1), faces.max(axis=1)
+    size = np.array(case.room.size)
+    return ((high > BEFORE) & (low < size - BEFORE)).all(axis=1)
 
 
 def outside(case: Case) -> list[Furniture]:

@@ -31,7 +31,7 @@ from drcmitsuba.geometry import (
     wall,
 )
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf, film, lets_through
-from drcmitsuba.reach import Reach, outside
+from drcmitsuba.reach import Reach, reaches_in
 from drcmitsuba.scope import Scope
 from drcmitsuba.tally import Tally
 
@@ -96,12 +96,15 @@ class Enclosure:
         None at all where every opening is covered by panes that scatter.
     narrowest : float
         Least width or height of a pane or hole that lets straight light in [m].
+    spares : bool
+        Whether shadow rays that pass no opening are spared.
     """
 
     size: np.ndarray
     turn: np.ndarray
     openings: np.ndarray
     narrowest: float = np.inf
+    spares: bool = True
 
     def contains(self, points: mi.Float) -> bool:
         """Whether every point (three numbers each, world frame) lies in the room."""
@@ -208,9 +211,9 @@ def _surfaces(
                 if material is not None:
                     parts.append((f"{name} {side}", material, quads))
     made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
-    left_out = [] if scope.obstructions else outside(case)
-    for piece, faces in settled(case):
-        if piece in left_out:
+    for piece, all_faces in settled(case):
+        faces = all_faces if scope.obstructions else all_faces[reaches_in(case, all_faces)]
+        if len(faces) == 0:
             continue
         is_body, m = piece.size[2] > 0, Lambertian(piece.reflectance)
         made.append(Surface(piece.name, m, faces, closed=is_body))
@@ -376,7 +379,7 @@ def _enclosure(
     case: Case, state: State, components: tuple[Placed, ...], scope: Scope
 ) -> Enclosure | None:
     """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
-    if case.room is None or not scope.enclosed:
+    if case.room is None:
         return None
     openings, narrowest = [], np.inf
     for side, facade in case.facade.items():
@@ -400,7 +403,7 @@ def _enclosure(
             openings.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
     turn = rotation(case)
     quads = np.reshape(openings, (-1, 4, 3)) @ turn.T
-    return Enclosure(np.array(case.room.size), turn, quads, narrowest)
+    return Enclosure(np.array(case.room.size), turn, quads, narrowest, scope.enclosed)
 
 
 def _is_opening(case: Case, name: str, state: State, scope: Scope) -> bool:

@@ -224,7 +224,7 @@ def _ordered(path: Path, data: xr.Dataset) -> xr.Dataset:
             dims = (name,)
         elif name == "sun":
             dims = ("time",)
-        if not dims:
+        if not dims or name == "channel":
             continue
         if set(v.dims) - {"channel"} != set(dims) or ("channel" in v.dims and name in data.coords):
             got = f"{name} has the dims {', '.join(map(str, v.dims)) or 'none'}"

@@ -71,7 +71,12 @@ class Scope:
         return d.z >= 0 if self.sky else (d.z < 0) & self.ground
 
     def told(self) -> dict[str, Any]:
-        """Plain values, for the fingerprint of coefficients."""
+        """Plain values that coefficients follow from, for their fingerprint.
+
+        Not whether suns shine or the shade closes: that the weather decides, and suns or a state
+        that another weather needs are added.
+        """
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        del values["pictures"]
-        return values | {"reach": self.reach is not None}
+        for name in ("suns", "reach", "shade", "every_shade", "pictures"):
+            del values[name]
+        return values

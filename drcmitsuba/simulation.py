@@ -222,7 +222,9 @@ def fingerprint(case: Case, scope: Scope) -> str:
     told = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
         del told["accuracy"][name]
+    chosen = {k: v for k, v in case.effects.overruled.items() if k != "dark_hours"}
     told |= {
+        "effects": chosen,
         "scope": scope.told(),
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
@@ -330,12 +332,11 @@ def _state(
         return pool.found
     points, normals = scene.sensor_points(case)
     channels = known[state].sizes.get("channel", 0)
-    found = [
-        with_straight(
-            known[state].isel(channel=i) if channels else known[state],
-            scene.load(case, state, i if channels else -1, scope), points, normals, suns,
-            case.accuracy,
-        )
-        for i in range(max(1, channels))
-    ]  # fmt: skip
+    found = []
+    for i in range(max(1, channels)):
+        world = scene.load(case, state, i if channels else -1, scope)
+        of_channel = known[state].isel(channel=i) if channels else known[state]
+        found.append(with_straight(of_channel, world, points, normals, suns, case.accuracy))
+        if rays is not None:
+            rays.update(world.tally.counted())
     return xr.concat(found, known[state]["channel"]) if channels else found[0]

@@ -99,7 +99,8 @@ class CellCount:
         if case.room is None:
             return np.ones(len(p), bool)
         there = ((local > -MARGIN) & (local < np.array(case.room.size) + MARGIN)).all(axis=1)
-        for piece in case.furniture if len(case.furniture) < MOST else ():
+        pieces = sum(piece.count[0] * piece.count[1] for piece in case.furniture)
+        for piece in case.furniture if pieces < MOST else ():
             if piece.size[2] > 0:
                 for corner, size in boxes(piece):
                     inside = (local > corner + MARGIN) & (local < corner + size - MARGIN)

@@ -228,7 +228,7 @@ class Survey:
 
     def _openings(self, p: np.ndarray) -> Openings | None:
         room = self.scene.enclosure
-        if room is None:
+        if room is None or not room.spares:
             return None
         local = p @ room.turn
         contained = ((local > -1e-5) & (local < room.size + 1e-5)).all()

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.case import Adaptive, Case, GlazingMaterial, ThreePhase
-from drcmitsuba.component_table import StructureComponent
+from drcmitsuba.case import Adaptive, Case, GlazingMaterial, ThreePhase, TrueSun
 from drcmitsuba.components import Placed
 from drcmitsuba.light import Daylight
 from drcmitsuba.materials import film, lets_through, sends
@@ -147,19 +146,14 @@ def _power(facts: Facts, names: dict[str, float], what: str) -> Effect:
 
 
 def clear_panes(facts: Facts) -> Effect:
-    """Holes, clear glass, and films with a view: what light goes straight through."""
+    """Holes and clear glass of the façades."""
     case = facts.case
     names = {n: 1.0 for n in panes.used(case) if n == "open"}
     for name in panes.used(case):
         material = case.materials.get(name)
         if isinstance(material, GlazingMaterial):
             names[name] = sends(material)
-        elif material is not None and lets_through(material):
-            names[name] = 1.0
-    for c in facts.components:  # structures have gaps
-        if c.is_open or isinstance(case.components[c.name], StructureComponent):
-            names[c.name] = 1.0
-    return _power(facts, names, "openings for straight light")
+    return _power(facts, names, "clear glass and holes")
 
 
 def scattering_panes(facts: Facts) -> Effect:
@@ -216,7 +210,8 @@ def pane_to_pane(facts: Facts) -> Effect:
         if isinstance(m := case.materials.get(name), GlazingMaterial) and m.reflectance > 0
     }
     in_turn = bool(with_film) and len(facing) > 1
-    mirrored = bool(mirrors) and len(case.glazed) > 1
+    above = any(c.is_open for c in facts.components)
+    mirrored = bool(mirrors) and len(case.glazed) + above > 1
     if not in_turn and not mirrored:
         return Effect(False, "no mirroring glass or film across from another opening")
     told = []
@@ -250,8 +245,14 @@ def shaded_state(facts: Facts) -> Effect:
         return Effect(False, "no [shading] in the case")
     if not any(panes.is_clear(case, name) for name in panes.used(case)):
         return Effect(False, "there is no clear pane that it could cover")
-    most, hours = most_direct(facts)
     threshold = case.shading.threshold
+    if not isinstance(case.sun, TrueSun | Adaptive):
+        hours = int((facts.light.sky["sun"].values > 0).sum())
+        told = (
+            f"the sun shines in {hours} of {facts.hours} time stamps, from where its model has it"
+        )
+        return Effect(hours > 0, told, {"may_close": hours})
+    most, hours = most_direct(facts)
     told = f"the sun puts at most {most:.0f} lx on a sensor, the shade closes at {threshold:g}"
     if hours:
         told = (
@@ -266,7 +267,8 @@ def most_direct(facts: Facts) -> tuple[float, int]:
     through = [1.0 if n == "open" else sends(case.materials[n]) for n in panes.used(case)
                if n == "open" or n in case.materials]  # fmt: skip
     factor = max(through, default=1.0)
-    bends = bool(case.standing)  # mirrors may gather light
+    # Mirrors, and glass across the room, may add to it.
+    bends = bool(case.standing) or pane_to_pane(facts).on or case.effects.pane_to_pane == "all"
     normal = facts.light.sky["direct_normal_illuminance"].values
     z = facts.light.sun["direction"].values[:, 2]
     bound = normal * np.clip(z + np.radians(case.outside.sun_diameter), 0, 1) * factor

@@ -46,7 +46,9 @@ class Openings:
     def of(cls, scene: Scene, points: mi.Float) -> Openings | None:
         """Openings that all points look through; None where that is not known."""
         room = scene.enclosure
-        return cls(room.openings) if room is not None and room.contains(points) else None
+        if room is None or not room.spares or not room.contains(points):
+            return None
+        return cls(room.openings)
 
     @property
     def normals(self) -> np.ndarray:
