@@ -45,7 +45,7 @@ class Accuracy(Table):
     replicates: Annotated[int, Field(ge=2, le=64)] = 8
     paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Gather: paths from a sensor."""
-    cell_size: Annotated[float, Field(gt=0, le=100)] = 0.45
+    cell_size: Annotated[float, Field(ge=1e-3, le=100)] = 0.45
     cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Deposit: rays from a cell to the sky."""
     sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048

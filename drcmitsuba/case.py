@@ -54,6 +54,9 @@ MAX_BYTES = 1 << 20
 
 MOST_PIECES, MOST_SENSORS = 100_000, 250_000
 
+Threshold = Annotated[float, Field(gt=0, le=1e9)]
+"""Of illuminance [lx]; the largest is far beyond any sun."""
+
 THINNEST = 1e-3
 """Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
 
@@ -116,7 +119,7 @@ class CieTable(SkyTable):
         Literal["clear", "clear_with_sun", "intermediate", "intermediate_with_sun", "overcast"]
         | Annotated[int, Field(ge=1, le=16)]
     )
-    diffuse_horizontal_illuminance: Annotated[float, Field(gt=0)] | None = None
+    diffuse_horizontal_illuminance: Annotated[float, Field(gt=0, le=1e6)] | None = None
 
 
 class SunshineTable(SkyTable):
@@ -216,17 +219,17 @@ class Shading(Table):
     """Sun shade before the clear panes; closed when ≥ `area` of the points get ≥ `threshold`."""
 
     material: str
-    threshold: Annotated[float, Field(gt=0)] = 1000.0
+    threshold: Threshold = 1000.0
     area: Fraction = 0.02
 
 
 class Metrics(Table):
     """Thresholds of sDA and ASE."""
 
-    sda_threshold: Annotated[float, Field(gt=0)] = 300.0
+    sda_threshold: Threshold = 300.0
     sda_fraction: Fraction = 0.5
-    ase_threshold: Annotated[float, Field(gt=0)] = 1000.0
-    ase_hours: Annotated[float, Field(gt=0)] = 250.0
+    ase_threshold: Threshold = 1000.0
+    ase_hours: Annotated[float, Field(gt=0, le=1e6)] = 250.0
 
 
 class Case(Table):

@@ -16,7 +16,10 @@ from drcmitsuba.material_table import (
     Material,
     MirrorMaterial,
 )
-from drcmitsuba.table import Coordinate, Fraction, Length, Point, Side, Table, choose, shortened
+from drcmitsuba.table import Coordinate, Fraction, Point, Side, Table, choose, shortened
+
+Extent = Annotated[float, Field(ge=1e-3, le=10_000, strict=True)]
+"""Of pipes and ducts [m]; thinner ones are slips of the pen."""
 
 Wanted = tuple[str | None, tuple[type[Table], ...]]
 """Name of a material, None where there is none, and what it may be."""
@@ -57,10 +60,10 @@ class LightPipe(Table):
 
     type: Literal["lightpipe"]
     centre: tuple[Coordinate, Coordinate]
-    width: Length
+    width: Extent
     """Diameter, from side to side."""
     sides: Annotated[int, Field(ge=4, le=720, multiple_of=4)] = 24
-    height: Length
+    height: Extent
     """Of its upper end above the ceiling."""
     mirror: str
     top: str | None = None
@@ -87,10 +90,10 @@ class Duct(Table):
     side: Side = "south"
     centre: Coordinate
     """Of the duct along its side, from the left, seen from outside."""
-    width: Length
-    height: Length
+    width: Extent
+    height: Extent
     """Of the channel."""
-    length: Length
+    length: Extent
     """From the plane of the side to the far end."""
     above: Annotated[float, Field(gt=0, le=100)] = 0.05
     """Lower edge of the entry above the ceiling."""

@@ -113,9 +113,11 @@ def plan(
     else:
         points = 0.6 * _spacing(x, y) * inch * 72
         picture = ax.scatter(x, y, points**2, shown, edgecolor="white", linewidth=0.5, **colours)
+    gap = np.full((1, 2), np.nan)
     for name, kind in lines.items():
-        for line in kind:
-            ax.plot(*line.T, **LINES[name])
+        if kind:  # as one line with gaps: a hundred thousand desks would take minutes
+            broken = np.concatenate([piece for line in kind for piece in (line, gap)])
+            ax.plot(*broken.T, **LINES[name])
     if any(lines.values()):
         keys = [Line2D([], [], label=name, **LINES[name]) for name, kind in lines.items() if kind]
         corner = (ax.get_position().x0, 0)

@@ -8,7 +8,7 @@ import shutil
 import sys
 import uuid
 import warnings
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +42,7 @@ DIMS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("sun_straight", "sun_straight_se"), ("state", "sensor", "sun")),
     "mesh_error": ("state", "sensor"),
     **dict.fromkeys("xyz", ("sensor",)),
+    **{name: (name,) for name in ("state", "bin", "time")},
     "L": ("time", "bin"),
     "sun_direction": ("time", "axis"),
     **dict.fromkeys(("blend_bin", "blend_weight"), ("time", "blend")),
@@ -58,6 +59,9 @@ LARGEST_OTHER = 1e6
 NUMBERS = {"latitude", "longitude", "timezone", "sun_diameter", "step_hours", "interval_factor"}
 NUMBERS |= {"has_shade", "shade_threshold", "shade_area"}
 """Attributes that are numbers."""
+
+MOST = 1e9
+"""Largest of them."""
 
 HOLLOW = 1000
 """A file may stand for so many times the bytes that it has, beyond `SMALL`."""
@@ -218,20 +222,18 @@ def _ordered(path: Path, data: xr.Dataset) -> xr.Dataset:
     changed = {}
     if ("blend_bin" in data) != ("blend_weight" in data):
         raise InputError(path, "results", "half of the sun's blend is missing", REMEDY)
+    # Where there is a dim `sun`, this is its labels; beside L it is the sun's luminance.
+    sun_dims = ("sun",) if "sun" in data.dims else ("time",)
     for name, v in data.variables.items():
-        dims: tuple[Hashable, ...] = DIMS.get(str(name), ())
-        if name in data.dims or name in ("state", "bin", "time"):
-            dims = (name,)
-        elif name == "sun":
-            dims = ("time",)
-        if not dims or name == "channel":
+        dims = sun_dims if name == "sun" else DIMS.get(str(name))
+        if dims is None:
             continue
         if set(v.dims) - {"channel"} != set(dims) or ("channel" in v.dims and name in data.coords):
             got = f"{name} has the dims {', '.join(map(str, v.dims)) or 'none'}"
-            raise InputError(path, "results", got, f"give {', '.join(map(str, dims))}")
-        texts = name in _TEXTS or (name == "sun" and name in data.dims)
-        wanted = "TUO" if texts else "M" if name in _DATES else "fiu"
-        if name != "channel" and v.dtype.kind not in wanted:
+            raise InputError(path, "results", got, f"give {', '.join(dims)}")
+        texts = name in _TEXTS or (name == "sun" and "sun" in data.dims)
+        wanted = "TUO" if texts else "M" if name in _DATES else "f"
+        if v.dtype.kind not in wanted or v.dtype == np.float16:
             raise InputError(path, "results", f"{name} has the type {v.dtype}", REMEDY)
         if name in data.indexes and not data.indexes[name].is_unique:
             raise InputError(path, "results", f"a label of {name} comes twice", REMEDY)
@@ -253,7 +255,7 @@ def loaded(path: Path, data: xr.Dataset) -> xr.Dataset:
     data = _attempt(path, data.load)
     for attribute in sorted(NUMBERS & data.attrs.keys()):
         number = data.attrs[attribute]
-        if not isinstance(number, int | float | np.number) or not math.isfinite(number):
+        if not isinstance(number, int | float | np.number) or not abs(number) <= MOST:
             raise InputError(path, f"results, {attribute}", repr(number)[:60], "give a number")
     for name, v in data.variables.items():
         # They go with coordinates into what is written, and not all that zarr takes fits NetCDF.

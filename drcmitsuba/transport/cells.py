@@ -18,7 +18,7 @@ import numpy as np
 from drcmitsuba.errors import InputError
 from drcmitsuba.scene import Scene
 
-MAX_KEYS = 1 << 27
+MAX_KEYS = 1 << 26
 _UNKNOWN = 0xFFFFFFFF
 # Odd numbers make multiplication a bijection of 32-bit integers: a random order that can be undone.
 _SCRAMBLE = 0x9E3779B1

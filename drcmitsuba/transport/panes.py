@@ -21,8 +21,11 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, transmittance
 
+from drcmitsuba.errors import InputError
 from drcmitsuba.scene import Scene, quad_mesh
 from drcmitsuba.transport.gather import first_directions
+
+MOST_PATCHES = 1 << 19
 
 OFFSET = 1e-4
 """Distance of a face's points from the pane [m]."""
@@ -49,14 +52,24 @@ class PanePatches:
 
     @classmethod
     def of(cls, groups: Sequence[np.ndarray], size: float) -> PanePatches:
-        """Cut groups of panes, (pane, 4, 3) each, into patches of about `size` [m]."""
-        parts = []
+        """Cut groups of panes, (pane, 4, 3) each, into patches of about `size` [m].
+
+        Raises
+        ------
+        InputError
+            There would be more than `MOST_PATCHES`.
+        """
+        parts, total = [], 0
         for owner, quads in enumerate(groups):
             for quad in quads:
                 corner, u, v = quad[0], quad[1] - quad[0], quad[3] - quad[0]
                 nu, nv = (max(1, round(float(np.linalg.norm(e)) / size)) for e in (u, v))
-                i, j = (a.ravel()[:, None] for a in np.mgrid[:nu, :nv])
                 n = nu * nv
+                total += n
+                if total > MOST_PATCHES:
+                    got = f"more than {MOST_PATCHES} patches of {size:g} m on the panes"
+                    raise InputError("case", "accuracy.cell_size", got, "take larger cells")
+                i, j = (a.ravel()[:, None] for a in np.mgrid[:nu, :nv])
                 edges = np.tile(u / nu, (n, 1)), np.tile(v / nv, (n, 1))
                 parts.append((corner + i * u / nu + j * v / nv, *edges, np.full(n, owner)))
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))

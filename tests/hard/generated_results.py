@@ -105,7 +105,7 @@ def zarrs(draw, good: Path, work: Path):
     if how == "arrays":
         data = xr.open_zarr(good, consolidated=False, chunks=None).load()
         try:
-            changed = draw(arrays(_texts(data)))
+            changed = draw(arrays(plain_labels(data)))
             changed.drop_encoding().to_zarr(work, mode="w", zarr_format=2)
         except (
             TypeError,
@@ -132,7 +132,7 @@ def netcdfs(draw, good: Path, work: Path):
     if how == "arrays":
         with xr.open_dataset(good, engine="h5netcdf") as data:
             try:
-                changed = draw(arrays(_texts(data.load())))
+                changed = draw(arrays(plain_labels(data.load())))
                 changed.drop_encoding().to_netcdf(work, engine="h5netcdf")
                 return work
             except UNWRITABLE:
@@ -149,7 +149,7 @@ def netcdfs(draw, good: Path, work: Path):
     return work
 
 
-def _texts(data: xr.Dataset) -> xr.Dataset:
+def plain_labels(data: xr.Dataset) -> xr.Dataset:
     """Labels as objects, which every writer takes."""
     texts = {k: v.astype(object) for k, v in data.variables.items() if v.dtype.kind in "TU"}
     return data.assign(texts)

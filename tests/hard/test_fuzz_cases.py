@@ -1,5 +1,6 @@
 """Case files, valid and damaged: a result, or one line that says what is wrong; nothing else."""
 
+import copy
 import shutil
 
 import pytest
@@ -7,8 +8,8 @@ from hypothesis import given, settings
 
 from drcmitsuba.case import load_case, shipped_folder
 from tests.hard.command_line import GIB, no_more_than
-from tests.hard.generated_cases import cases, furnish, shipped
-from tests.hard.mutations import FUZZING
+from tests.hard.generated_cases import TINY, cases, furnish, shipped
+from tests.hard.mutations import FUZZING, toml
 from tests.hard.readers import outcome
 
 
@@ -90,3 +91,88 @@ def test_a_case_has_a_result_or_is_told_in_one_line(command, folder, tally, hold
 @pytest.mark.slow
 def test_many_cases_have_a_result_or_are_told_in_one_line(command, folder, tally, holds):
     evaluate_some(command, folder, tally, holds, 1000)
+
+
+# What was found, kept
+
+GLAZED = {
+    "room": {"size": [4.0, 5.0, 3.0]},
+    "materials": {
+        "glass": {"type": "glazing", "transmittance": 0.65},
+        "film": {"type": "bsdf", "file": "even.xml"},
+        "silver": {"type": "mirror", "reflectance": 0.9},
+    },
+    "facade": {
+        "south": {
+            "strips": [
+                {"bottom": 0.9, "top": 1.8, "material": "glass"},
+                {"bottom": 1.8, "top": 2.7, "material": "film"},
+            ]
+        }
+    },
+    "sensors": {"corner": [0.5, 0.5, 0.8], "count": [2, 2], "spacing": 0.6},
+    "period": {"timestamps": "stamps.csv"},
+    "accuracy": TINY,
+}
+NAMES = {
+    "a formula": "$\\frac{$",  # matplotlib took it for mathematics
+    "markup": "[/x]",  # so did rich
+    "a sun": "Büro \U0001f31e",  # the font has none, and matplotlib said so on stderr
+    "empty": "",
+}
+
+
+def changed(**tables):
+    return copy.deepcopy(GLAZED) | tables
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+def test_a_name_is_only_a_name(name, command, folder):
+    (folder / "case.toml").write_text(toml(changed(name=name)), encoding="utf-8")
+    assert command("evaluate", "case.toml", "-o", "results", folder=folder).line == ""
+
+
+REFUSED = {
+    "a name of 5000 letters": ({"name": "x" * 5000}, "name"),  # as high a picture
+    "a type of 5000 letters": ({"materials": {"glass": {"type": "x" * 5000}}}, "materials.glass"),
+    "cells of nothing": ({"accuracy": TINY | {"cell_size": 1e-300}}, "accuracy.cell_size"),
+    "half a million patches": ({"accuracy": TINY | {"cell_size": 1e-3}}, "accuracy.cell_size"),
+    "a hundred million cells": ({"accuracy": TINY | {"cell_size": 0.011}}, "accuracy.cell_size"),
+    "more light than float32 has": ({"metrics": {"sda_threshold": 1e300}}, "metrics.sda_thresh"),
+    "endless hours": ({"metrics": {"ase_hours": 1e300}}, "metrics.ase_hours"),
+    "a shade that waits for ever": (
+        {"shading": {"material": "film", "threshold": 1e300}}, "shading.threshold",
+    ),
+    "the brightest sky": (
+        {"sky": {"model": "cie", "type": 16, "diffuse_horizontal_illuminance": 1e300}},
+        "sky.diffuse_horizontal_illuminance",
+    ),
+    "a pipe of nothing": (
+        {"components": {"pipe": {
+            "type": "lightpipe", "centre": [1.0, 1.0], "width": 1e-300, "height": 1.0,
+            "mirror": "silver",
+        }}}, "components.pipe.width",
+    ),
+    "a file name of 5000 letters": (
+        {"materials": {"film": {"type": "bsdf", "file": "x" * 5000}}}, "materials.film.file",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("tables", "field"), REFUSED.values(), ids=REFUSED)
+def test_what_broke_is_refused(tables, field, command, folder, holds):
+    (folder / "case.toml").write_text(toml(changed(**tables)), encoding="utf-8")
+    answer = command("evaluate", "case.toml", "-o", "results", folder=folder)
+    assert field in answer.line.split(": ", 1)[1]
+    holds("memory, of 1 GiB", max(0, answer.growth) / GIB, 1)
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_desks(command, folder):
+    """Drawn one by one on the plans they took minutes."""
+    desks = {
+        "corner": [1.9, 1.9, 0.0], "size": [0.5, 0.5, 0.5], "count": [1000, 100],
+        "step": [0.6, 0.6],
+    }  # fmt: skip
+    (folder / "case.toml").write_text(toml(changed(furniture=[desks])))
+    assert command("evaluate", "case.toml", "-o", "results", folder=folder).line == ""

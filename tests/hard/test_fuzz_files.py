@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given, settings
 
 from drcmitsuba import InputError, schema
@@ -213,6 +215,24 @@ def test_half_a_blend_is_told(good, tmp_path):
     shutil.rmtree(path / "blend_weight")
     with pytest.raises(InputError, match="blend"):
         opened(path, "L")
+
+
+@pytest.mark.parametrize("changes", ["type", "shape of labels", "threshold"])
+def test_numbers_of_another_kind_are_told(changes, good, tmp_path):
+    """L of int8 took no sun out of a patch; labels without their dim; 1e300 lx in float32."""
+    path = tmp_path / "damaged.zarr"
+    name = "coefficients.zarr" if changes == "threshold" else "sky.zarr"
+    with xr.open_zarr(good / "good" / name, consolidated=False, chunks=None) as data:
+        data = results.plain_labels(data.load())
+    if changes == "type":
+        data = data.assign(L=data["L"].astype("int8"))
+    elif changes == "threshold":
+        data.attrs["shade_threshold"] = 1e300
+    else:
+        data = data.rename(bin="lines").assign(bin=("other", np.array(["a", "b"], object)))
+    data.drop_encoding().to_zarr(path, zarr_format=2, consolidated=True)
+    with pytest.raises(InputError, match="results"):
+        opened(path, "replicates" if changes == "threshold" else "L")
 
 
 def test_pieces_replace_bytes_of_a_whole_file():
