@@ -509,8 +509,8 @@ def test_a_film_seen_at_a_grazing_angle_under_a_grazing_sun(above, within, tmp_p
     """Sensors 5 mm from the pane, its foot in their plane; suns 1° to 0.05° before its plane.
 
     Under an even sky C sums to T times the form factor. Of the last disk 40 % lie behind the plane;
-    cos θ varies over the last disk by 1.3 of its mean, and next to the pane a sensor looks at one patch:
-    64 replicates tell it to 1.3 / 8 = 16 %.
+    cos θ varies over the last disk by 1.3 of its mean, and next to the pane a sensor looks at one
+    patch: 64 replicates tell it to 1.3 / 8 = 16 %.
     """
     T = 0.4
     path = lambertian(tmp_path / "even.xml", t=T)
