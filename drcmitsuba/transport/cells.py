@@ -19,6 +19,7 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.scene import Scene
 
 MAX_KEYS = 1 << 26
+"""Possible cells: so many take 0.6 GiB."""
 _UNKNOWN = 0xFFFFFFFF
 # Odd numbers make multiplication a bijection of 32-bit integers: a random order that can be undone.
 _SCRAMBLE = 0x9E3779B1

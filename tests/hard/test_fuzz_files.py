@@ -63,7 +63,7 @@ def read_many(name, folder, tally, holds, examples):
 
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_a_file_is_read_or_told_in_one_line(name, folder, tally, holds):
-    read_many(name, folder, tally, holds, 8 if name in SLOW else 30)
+    read_many(name, folder, tally, holds, 6 if name in SLOW else 25)
 
 
 @pytest.mark.slow
@@ -158,7 +158,7 @@ def use_many(kind, good, command, tally, holds, examples):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_results_are_used_or_told_in_one_line(kind, good, command, tally, holds):
-    use_many(kind, good, command, tally, holds, 10)
+    use_many(kind, good, command, tally, holds, 8)
 
 
 @pytest.mark.slow
@@ -246,6 +246,7 @@ def test_a_bsdf_of_zeros_is_read(tmp_path):
     read_bsdf(path)
 
 
+@pytest.mark.slow
 def test_the_harness_of_atheris_runs(tmp_path):
     """Coverage-guided, for a few seconds; the optional extra `fuzz`."""
     pytest.importorskip("atheris", reason="atheris is the optional extra `fuzz`")

@@ -6,13 +6,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+import xarray as xr
 from drcmitsuba_plugins import bsdf_file
 from drcmitsuba_plugins.bsdf_file import Swapped
 from drcmitsuba_plugins.klems_basis import BASES
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.tensor import to_direction, to_disk, to_square
 
-from drcmitsuba import InputError, backend, evaluate, load_case, scene
+from drcmitsuba import InputError, backend, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import BsdfMaterial, Case
 from drcmitsuba.coefficients import compute
@@ -181,14 +182,14 @@ def test_a_room_behind_a_single_cell(tmp_path, same, holds):
     there = [direction(np.add(given, step), -1, True) for step in ((0, 0), (2, 0))]
     diameter = 0.2
     C = coefficients(
-        room(path), [d @ PANE for d in there], diameter, replicates=16, pane_points=1 << 16
+        room(path), [d @ PANE for d in there], diameter, replicates=16, pane_points=1 << 14
     )["replicates"].values
     uv = (np.indices((64, 64)).reshape(2, -1) + 0.5) / 64
     leaving = direction(found, 1, uv=uv)
     solid_angle = 4 * np.pi * np.sin(np.radians(diameter) / 4) ** 2
     arrives = solid_angle * -there[0][2]
     exact = SHARE / CELL * arrives * CELL * (-leaving[:, 1] / leaving[:, 2]).mean()
-    same(C[..., BINS], exact=np.full(C.shape[1], exact), within=0.05)
+    same(C[..., BINS], exact=np.full(C.shape[1], exact), within=0.1)
     holds("a sun beside the cell", C[..., BINS + 1].max(), 0)
 
 
@@ -271,10 +272,12 @@ def test_a_film_of_zeros_is_shown_and_evaluated(tmp_path, command, holds):
     }
     (tmp_path / "case.toml").write_text(toml(case))
     (tmp_path / "stamps.csv").write_text("time\n2015-03-21T10:00\n2015-06-21T12:30\n")
-    result = evaluate(load_case(tmp_path / "case.toml"))
-    for name, values_of in result.illuminance.data_vars.items():
-        holds(f"E, {name}", abs(values_of.values).max(), 0)
-    assert result.metrics["sDA"] == {"value": 0, "low": 0, "high": 0}
+    assert command("evaluate", "case.toml", "-o", "results", folder=tmp_path).line == ""
+    with xr.open_dataset(tmp_path / "results" / "illuminance.nc", engine="h5netcdf") as E:
+        for name, values_of in E.data_vars.items():
+            holds(f"E, {name}", abs(values_of.values).max(), 0)
+    numbers = json.loads((tmp_path / "results" / "metrics.json").read_text(encoding="utf-8"))
+    assert numbers["sDA"] == {"value": 0, "low": 0, "high": 0}
 
 
 # Too much
@@ -380,11 +383,11 @@ def test_a_room_asks_only_for_what_enters(tmp_path, same, plain_coefficients, ho
     suns = mi.TensorXf(np.array(SUNS, np.float32))
     sources = {"sky": {"type": "tregenza_sky"}, "suns": {"type": "sun_disks", "directions": suns}}
     lit_world = mi.load_dict({"type": "scene", **shapes, **sources}, optimize=False)
-    plain = plain_coefficients(lit_world, points, normals, replicates=16, spp=1 << 14)
+    plain = plain_coefficients(lit_world, points, normals, replicates=16, spp=1 << 13)
     ours = coefficients(black, SUNS, replicates=16, pane_points=256, film_sky_samples=256)
     for part in (slice(0, BINS), slice(BINS, None)):
         mine, theirs = ours["replicates"].values[..., part], plain.sum(axis=0)[..., part]
-        same(mine.sum(axis=2), other=theirs.sum(axis=2), within=0.02)
+        same(mine.sum(axis=2), other=theirs.sum(axis=2), within=0.03)
     turned = {"film": {"type": "bsdf", "file": str(tmp_path / "none.xml"), "flip": True}}
     dark_room = coefficients(room(path, room=lit, materials=turned), SUNS)
     holds("C, mounted the wrong way round", dark_room["replicates"].values.max(), 0)
@@ -423,7 +426,7 @@ def test_grazing_incidence(kind, side, mode, tmp_path, holds):
     path = write(tmp_path, kind)
     bsdf, file = load(path, straight_through="off"), bsdf_file.read(path)
     # Between two cells' borders, which all directions near the horizon would fall upon.
-    phi = np.radians([10.0, 100.0, 190.0, 280.0])
+    phi = np.radians([10.0, 280.0])
     theta, phi = (a.ravel() for a in np.meshgrid(np.radians(ANGLES), phi))
     wi = np.stack(
         [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), side * np.cos(theta)], -1
@@ -504,13 +507,12 @@ def before_the_plane(above, half):
     return np.trapezoid((above + y) * 2 * np.sqrt(np.maximum(half**2 - y**2, 0)), y)
 
 
-@pytest.mark.parametrize(("above", "within"), [(1.0, 0.05), (0.26, 0.1), (0.05, 0.2)])
+@pytest.mark.parametrize(("above", "within"), [(1.0, 0.03), (0.26, 0.05), (0.05, 0.1)])
 def test_a_film_seen_at_a_grazing_angle_under_a_grazing_sun(above, within, tmp_path, same):
     """Sensors 5 mm from the pane, its foot in their plane; suns 1° to 0.05° before its plane.
 
     Under an even sky C sums to T times the form factor. Of the last disk 40 % lie behind the plane;
-    cos θ varies over the last disk by 1.3 of its mean, and next to the pane a sensor looks at one
-    patch: 64 replicates tell it to 1.3 / 8 = 16 %.
+    cos θ varies over the disks by as much as it is, which is what limits these samples.
     """
     T = 0.4
     path = lambertian(tmp_path / "even.xml", t=T)
@@ -519,16 +521,19 @@ def test_a_film_seen_at_a_grazing_angle_under_a_grazing_sun(above, within, tmp_p
         sensors={"corner": [0.5, 0.0, 0.6], "count": [3, 1], "spacing": 0.01},
     )  # fmt: skip
     a = np.radians(above)
-    sun = [np.cos(a) * np.cos(0.5), -np.sin(a), np.cos(a) * np.sin(0.5)]
-    C = coefficients(
-        case, [sun], 0.5, replicates=64, pane_points=1 << 10, film_sky_samples=512
-    )["replicates"].values  # fmt: skip
+    along = np.linspace(0.2, 1.2, 8)
+    suns = np.stack(
+        [np.cos(a) * np.cos(along), 0 * along - np.sin(a), np.cos(a) * np.sin(along)], 1
+    )
+    C = coefficients(case, suns, replicates=64, pane_points=1 << 10, film_sky_samples=512)
+    C = C["replicates"].values
     corners = np.array([[0, 0, 0.6], [0, 0, 2.8], [4, 0, 2.8], [4, 0, 0.6]], float)
     points, normals = scene.sensor_points(case)
     seen = np.array([form_factor(corners, p, n) for p, n in zip(points, normals, strict=True)])
     same(C[..., :BINS].sum(axis=2), exact=T * seen, within=0.01)
     arrives = before_the_plane(a, np.radians(0.25))
-    same(C[..., BINS], exact=T / np.pi * arrives * seen, within=within)
+    exact = np.repeat(T / np.pi * arrives * seen[:, None], len(suns), axis=1)
+    same(C[..., BINS:], exact=exact, within=within)
 
 
 def test_lanes_that_are_left_out_stay_out(tmp_path, holds):
