@@ -472,16 +472,11 @@ class Case(Table):
 
     def with_dark_hours(self) -> Case:
         """Ask for the suns of all time stamps, for coefficients that any weather can use."""
-        effects = self.effects.model_copy(update={"dark_hours": "all"})
-        changed = self.model_copy(update={"effects": effects})
-        changed._source, changed._folder = self._source, self._folder
-        return changed
+        return self._with(effects=self.effects.model_copy(update={"dark_hours": "all"}))
 
     def without_shading(self) -> Case:
         """Leave the shade out."""
-        changed = self.model_copy(update={"shading": None})
-        changed._source, changed._folder = self._source, self._folder
-        return changed
+        return self._with(shading=None)
 
     def with_weather(self, file: Path | None) -> Case:
         """Replace the weather file; None keeps the case's own."""
