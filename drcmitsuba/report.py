@@ -79,8 +79,8 @@ def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
         raise
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        field = ".".join(map(str, first["loc"])) or "metrics"
-        raise InputError(file, field, first["msg"], remedy) from None
+        got = f"{'.'.join(map(str, first['loc']))}, {first['msg'][:120]}"
+        raise InputError(file, "metrics", got, remedy) from None
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(file, "metrics", str(error)[:120], remedy) from None
     if any(u.sensor >= sensors for u in read.undecided):
