@@ -42,6 +42,9 @@ with _native_code_unheard():
     import drjit as dr
     import mitsuba as mi
 
+    # Dr.Jit looks for LLVM in a thread of its own: this waits for it.
+    dr.has_backend(dr.JitBackend.LLVM)
+
 OLDEST_LLVM = 17
 REMEDY = (
     "install LLVM 19 (Debian, Ubuntu: apt-get install libllvm19; Fedora: dnf install llvm-libs; "

@@ -84,7 +84,8 @@ def test_the_search_finds_what_a_sweep_finds(year, sweep, limit):
     found = optimise(problem, Search(starts=2))
     assert found.finished
     assert found.is_feasible
-    assert best - 0.25 <= found.best.hard.value <= best + ONE_SENSOR
+    # A local search: over four seeds, two and three starts it ended −0.2 to 0.8 below the sweep.
+    assert best - ONE_SENSOR / 4 <= found.best.hard.value <= best + ONE_SENSOR
     assert found.evaluations < len(sweep)
 
 

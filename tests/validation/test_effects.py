@@ -236,7 +236,9 @@ def test_leaving_out_what_is_needed_changes_the_answer(name, tmp_path):
         assert fewer < rays
 
 
-MODELS = ["adaptive", "three_phase", "five_phase", "daysim"]
+MODELS = ["three_phase"] + [
+    pytest.param(m, marks=pytest.mark.slow) for m in ("adaptive", "five_phase", "daysim")
+]
 
 
 @pytest.mark.parametrize("model", MODELS)

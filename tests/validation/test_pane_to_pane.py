@@ -66,13 +66,10 @@ def by_parts(case, *, pane_to_pane):
     return found["replicates"].values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("south", "north"),
-    [
-        ("open", "glass"),
-        pytest.param("film", "film", marks=pytest.mark.slow),
-        pytest.param("film", "opal", marks=pytest.mark.slow),
-    ],
+    [("open", "glass"), ("film", "film"), ("film", "opal")],
 )
 def test_what_panes_send_to_each_other_is_counted_once(south, north, same, plain_coefficients):
     case = room(south, north)
