@@ -170,7 +170,7 @@ def straight_suns(
     """
     shape = (len(points), len(suns.labels))
     mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    reached = _reached(scene, suns)
+    reached = scene.scope.reaching(suns)
     if reached.any():
         followed = suns.where(reached)
         for start in range(0, len(points), BLOCK):
@@ -179,16 +179,6 @@ def straight_suns(
                 scene, points[here], normals[here], followed, accuracy, here
             )
     return mean, error
-
-
-def _reached(scene: Scene, suns: Suns) -> np.ndarray:
-    """Which suns are followed, shape (sun,); the coefficients of the others are 0."""
-    if not scene.scope.suns:
-        return np.zeros(len(suns.labels), bool)
-    reach = scene.scope.reach
-    if reach is None or not suns.labels:
-        return np.ones(len(suns.labels), bool)
-    return reach.reached(suns.directions, suns.diameter).mask
 
 
 def _straight_suns(
@@ -260,7 +250,7 @@ def compute(
     labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
     if not (scene.scope.sky or scene.scope.ground):
         subdivision = None
-    suns = suns.where(_reached(scene, suns))
+    suns = suns.where(scene.scope.reaching(suns))
     if subdivision is None and not suns.labels:
         return _dark(labels, points, accuracy.replicates)
     size = 2 * accuracy.cell_size

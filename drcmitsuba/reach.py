@@ -15,7 +15,7 @@ import numpy as np
 from drcmitsuba.case import Case, Furniture
 from drcmitsuba.components import Placed
 from drcmitsuba.components.place import panes_of
-from drcmitsuba.geometry import box, boxes, rotation
+from drcmitsuba.geometry import box, boxes, normals, rotation
 from drcmitsuba.materials import most, sends
 
 MOST_FACES = 400
@@ -94,7 +94,7 @@ class Reach:
     @property
     def normals(self) -> np.ndarray:
         """Unit normals of the openings, outward, shape (opening, 3)."""
-        return _normals(self.openings)
+        return normals(self.openings)
 
     def reached(self, suns: np.ndarray, diameter: float) -> Reached:
         """Tell which suns get in.
@@ -156,8 +156,8 @@ def _areas(quads: np.ndarray) -> np.ndarray:
 
 def _relays(faces: np.ndarray, openings: np.ndarray) -> np.ndarray:
     """Normals of the sides of faces (face, 4, 3) that may pass light on to openings, in steps."""
-    sides = np.concatenate([faces, faces[:, ::-1]])
-    of_sides, of_openings = _normals(sides), _normals(openings)
+    sides, n = np.concatenate([faces, faces]), normals(faces)
+    of_sides, of_openings = np.concatenate([n, -n]), normals(openings)
 
     def exchange(a: np.ndarray, na: np.ndarray, b: np.ndarray, nb: np.ndarray) -> np.ndarray:
         """Whether each of a and each of b have a corner before the other, shape (a, b)."""
@@ -175,12 +175,6 @@ def _relays(faces: np.ndarray, openings: np.ndarray) -> np.ndarray:
         passes = more
 
 
-def _normals(quads: np.ndarray) -> np.ndarray:
-    """Unit normals (quad, 3), of triangles with their last corner twice as well."""
-    n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    return n / np.linalg.norm(n, axis=1, keepdims=True)
-
-
 def _hidden(
     opening: np.ndarray, blocker: np.ndarray, suns: np.ndarray, radius: float
 ) -> np.ndarray:
@@ -189,7 +183,7 @@ def _hidden(
     Rays from the corners to a sun pierce the blocker's plane within it, by more than the sun's
     radius moves them there: then so do those from everywhere else in the opening.
     """
-    n = _normals(blocker[None])[0]
+    n = normals(blocker[None])[0]
     u, v = blocker[1] - blocker[0], blocker[3] - blocker[0]
     across = suns @ n
     steep = np.abs(across) > 4 * np.sin(radius) + 1e-6

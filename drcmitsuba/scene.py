@@ -31,7 +31,7 @@ from drcmitsuba.geometry import (
     wall,
 )
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf, film, lets_through
-from drcmitsuba.reach import Reach, reaches_in
+from drcmitsuba.reach import reaches_in
 from drcmitsuba.scope import Scope
 from drcmitsuba.tally import Tally
 
@@ -367,12 +367,6 @@ def _parts_of(
         ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
     found = _surfaces(case, state, components, scope)
     return found, _enclosure(case, state, components, scope), ports
-
-
-def reach(case: Case) -> Reach | None:
-    """Which suns can get into the room of a case; None where there is no room."""
-    case = recentred(case)
-    return Reach.of(case, place(case))
 
 
 def _enclosure(

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import mitsuba as mi
+import numpy as np
 
 from drcmitsuba.reach import Reach
+from drcmitsuba.suns import Suns
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,14 @@ class Scope:
     depth: int | None = None
     channels: bool | None = None
     pictures: bool = True
+
+    def reaching(self, suns: Suns) -> np.ndarray:
+        """Which suns are followed, shape (sun,); the coefficients of the others are 0."""
+        if not self.suns:
+            return np.zeros(len(suns.labels), bool)
+        if self.reach is None or not suns.labels:
+            return np.ones(len(suns.labels), bool)
+        return self.reach.reached(suns.directions, suns.diameter).mask
 
     def shines(self, d: mi.Vector3f) -> mi.Bool:
         """Whether light of sky and ground is wanted that comes from directions."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from drcmitsuba.case import Adaptive
 from drcmitsuba.coefficients import EDGE_SAMPLES
-from drcmitsuba.forecast.closing import Closing
+from drcmitsuba.forecast.closing import closing
 from drcmitsuba.forecast.photons import flown, pilots, ports_of
 from drcmitsuba.forecast.survey import Survey
 from drcmitsuba.light import sources
@@ -149,21 +149,16 @@ def _states(plan: Plan) -> Iterator[tuple[State, Suns]]:
     light, case = plan.facts.light, plan.simulated
     yield "open", light.suns
     if case.shading is not None:
-        closes = Closing(plan.facts, plan.scope).hours
+        closes = closing(plan.facts, plan.scope)
         if closes.any():
             yield "shaded", light.suns.only(sources(light.sky.isel(time=closes)))
 
 
 def _followed(plan: Plan, suns: Suns) -> Suns:
     """Suns that are followed for others; those of a mesh where the sun is adaptive."""
-    scope, case = plan.scope, plan.facts.case
-    if not scope.suns:
-        return suns.only(())
-    if isinstance(case.sun, Adaptive):
+    if isinstance(plan.facts.case.sun, Adaptive):
         suns = mesh_suns(plan.facts.light.sky.attrs["latitude"], suns.diameter)
-    if scope.reach is None or not suns.labels:
-        return suns
-    return suns.where(scope.reach.reached(suns.directions, suns.diameter).mask)
+    return suns.where(plan.scope.reaching(suns))
 
 
 def mesh_suns(latitude: float, diameter: float) -> Suns:
@@ -181,9 +176,7 @@ def _adaptive(survey: Survey, own: Suns) -> Work:
     again = Work()
     _gather(survey, again)
     work.take(again, levels, "suns")
-    reach = survey.scope.reach
-    if reach is not None and own.labels:
-        own = own.where(reach.reached(own.directions, own.diameter).mask)
+    own = own.where(survey.scope.reaching(own))
     straight = Survey(survey.case, survey.state, survey.scope, own)
     seen = straight.seen("sensors")
     pairs = seen.count * len(own.labels)

@@ -136,7 +136,7 @@ def dark_hours(facts: Facts) -> Effect:
     return Effect(False, told, {"without_sun": without, "black": black})
 
 
-def _power(facts: Facts, names: dict[str, float], what: str) -> Effect:
+def _power(names: dict[str, float], what: str) -> Effect:
     """Materials of one kind that send light on."""
     sending = [name for name, share in names.items() if share > 0]
     if sending:
@@ -148,24 +148,21 @@ def _power(facts: Facts, names: dict[str, float], what: str) -> Effect:
 def clear_panes(facts: Facts) -> Effect:
     """Holes and clear glass of the façades."""
     case = facts.case
-    names = {n: 1.0 for n in panes.used(case) if n == "open"}
-    for name in panes.used(case):
-        material = case.materials.get(name)
-        if isinstance(material, GlazingMaterial):
-            names[name] = sends(material)
-    return _power(facts, names, "clear glass and holes")
+    clear = (name for name in panes.used(case) if panes.is_clear(case, name))
+    names = {n: 1.0 if n == "open" else sends(case.materials[n]) for n in clear}
+    return _power(names, "clear glass and holes")
 
 
 def scattering_panes(facts: Facts) -> Effect:
     """Panes and shades that scatter evenly."""
     names = {name: sends(m) for name, m in panes.diffusers(facts.case).items()}
-    return _power(facts, names, "diffusing panes")
+    return _power(names, "diffusing panes")
 
 
 def films(facts: Facts) -> Effect:
     """Panes and shades with a measured BSDF."""
     names = {name: sends(m) for name, m in panes.films(facts.case).items()}
-    return _power(facts, names, "panes with a measured BSDF")
+    return _power(names, "panes with a measured BSDF")
 
 
 def straight_through(facts: Facts) -> Effect:

@@ -23,6 +23,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, streams
 
+from drcmitsuba.materials import most
 from drcmitsuba.scene import Part, Scene
 from drcmitsuba.transport.cells import Grid, Vertices
 from drcmitsuba.transport.parts import absorption, number
@@ -164,8 +165,7 @@ def expected_bounces(
 
 def reflectance_of(part: Part) -> float:
     """Largest reflectance of a surface in any colour; 0 of what has none."""
-    value = getattr(part.material, "reflectance", 0.0)
-    return float(max(value)) if isinstance(value, tuple) else float(value)
+    return most(getattr(part.material, "reflectance", 0.0))
 
 
 @dr.syntax

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, scene, simulation
+from drcmitsuba import backend, simulation
 from drcmitsuba.case import Case
+from drcmitsuba.components import place
+from drcmitsuba.reach import Reach
 from drcmitsuba.suns import Suns
 
 SIZE = [4.0, 5.0, 3.0]
@@ -34,7 +36,7 @@ def sun(azimuth, elevation):
 
 
 def reached(case, *suns, diameter=0.5):
-    return scene.reach(case).reached(np.reshape(suns, (-1, 3)), diameter)
+    return Reach.of(case, place(case)).reached(np.reshape(suns, (-1, 3)), diameter)
 
 
 def box(corner, size, reflectance=0.5):
@@ -64,7 +66,7 @@ def test_a_room_without_openings_lets_no_sun_in():
 
 def test_no_room_tells_nothing():
     open_air = Case.model_validate({"sensors": {"corner": [0, 0, 0], "count": [1, 1]}})
-    assert scene.reach(open_air) is None
+    assert Reach.of(open_air, ()) is None
 
 
 def test_a_wall_across_the_street_hides_low_suns_and_no_more():
