@@ -8,9 +8,9 @@ Method: `pyradiance.generate_bsdf` sends a given number of rays per incident cel
 period of 81. Both estimates are means of numbers from 0 to 1, stratified, so that the binomial
 variance p(1 − p)/rays bounds that of either; z with both is tested cell by cell (Šidák) and for
 the mean over all incident cells. Cells within 20° of grazing are left out: there Radiance's
-device has edges. `-u-` fixes Radiance's random numbers, else its seed is the clock's. The acrylic is
-traced without Russian roulette (`-lr` above 0): with it 1 of 12 runs had an incident cell that sends
-on 1.12 of its light. What `-lw` cuts off instead is 0.3 % of the light.
+device has edges. `-u-` fixes Radiance's random numbers, else its seed is the clock's. The acrylic
+is traced without Russian roulette (`-lr` above 0): with it 1 of 12 runs had an incident cell that
+sends on 1.12 of its light. What `-lw` cuts off instead is 0.3 % of the light.
 
 Expected and found (rays per cell: theirs 500 to 4000, ours 16384): mean hemispherical values
 within 0.002, for a saw-tooth of acrylic, diffuse slats and bent mirrors; the largest difference of
