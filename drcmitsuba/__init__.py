@@ -18,9 +18,10 @@ from drcmitsuba import backend  # first: it imports Dr.Jit without its complaint
 import drcmitsuba_plugins as _plugins  # noqa: F401  registers the plugins
 
 from drcmitsuba import accumulate, coefficients, metrics, period, schema, sky, weather
-from drcmitsuba.case import Case, load_case, shipped_cases
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.errors import BackendError, InputError
 from drcmitsuba.result import Result, evaluate
+from drcmitsuba.shipped import shipped_cases
 
 __version__ = "0.1.0"
 

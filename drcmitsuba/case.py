@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.component_table import (
@@ -25,7 +24,7 @@ from drcmitsuba.component_table import (
 from drcmitsuba.design_table import Design
 from drcmitsuba.effects_table import Effects
 from drcmitsuba.errors import InputError
-from drcmitsuba.facade_table import Facade, Strip
+from drcmitsuba.facade_table import Facade
 from drcmitsuba.lengths import ask_about_furniture, ask_about_room, ask_about_spacing
 from drcmitsuba.material_table import (
     BsdfMaterial,
@@ -35,6 +34,19 @@ from drcmitsuba.material_table import (
     Material,
     MirrorMaterial,
     Reflectance,
+)
+from drcmitsuba.shipped import shipped_cases, shipped_folder
+from drcmitsuba.sky_table import (
+    Adaptive,
+    Outside,
+    PerezSky,
+    PeriodTable,
+    Site,
+    Sky,
+    Sun,
+    ThreePhase,
+    TrueSun,
+    WeatherFile,
 )
 from drcmitsuba.table import (
     Coordinate,
@@ -56,131 +68,6 @@ MOST_PIECES, MOST_SENSORS = 100_000, 250_000
 
 Threshold = Annotated[float, Field(gt=0, le=1e9)]
 """Of illuminance [lx]; the largest is far beyond any sun."""
-
-THINNEST = 1e-3
-"""Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
-
-
-def _usually(model: str) -> BeforeValidator:
-    """Make the model of a table this one where none is named."""
-    return BeforeValidator(
-        lambda given: {"model": model, **given} if type(given) is dict else given
-    )
-
-
-class Site(Table):
-    """Place, used only where there is no weather file (CIE and sunshine skies)."""
-
-    name: Name = "site"
-    latitude: Annotated[float, Field(ge=-90, le=90)]
-    longitude: Annotated[float, Field(ge=-180, le=180)]
-    timezone: Annotated[float, Field(ge=-12, le=14)]
-    elevation: Annotated[float, Field(ge=-500, le=9000)] = 0.0
-
-
-class WeatherFile(Table):
-    """Weather file (EPW, TMY3, WEA); without one the TMY3 year of Greensboro is used."""
-
-    file: Path | None = None
-
-
-class PeriodTable(Table):
-    """Hours that are evaluated; `calendar` sets the days, every other key overrides it."""
-
-    calendar: Literal["EvalDRC", "LM-83"] = "EvalDRC"
-    months: Annotated[tuple[Annotated[int, Field(ge=1, le=12)], ...], Field(min_length=1)] = tuple(
-        range(1, 13)
-    )
-    hours: tuple[Annotated[int, Field(ge=0, le=24)], Annotated[int, Field(ge=0, le=24)]] = (8, 18)
-    days_per_week: Annotated[int, Field(ge=1, le=7)] | None = None
-    daylight_saving: tuple[str, str] | None = None
-    timestamps: Path | None = None
-
-
-class SkyTable(Table):
-    """What every sky has."""
-
-    subdivision: Annotated[int, Field(ge=1, le=6)] = 1
-    """Reinhart's factor MF: each of Tregenza's 145 patches is cut into about MF² ones."""
-
-
-class PerezSky(SkyTable):
-    """Perez's all-weather sky from the weather file."""
-
-    model: Literal["perez"] = "perez"
-    patch_values: Literal["mean", "centre"] = "mean"
-
-
-class CieTable(SkyTable):
-    """A static CIE sky: one of gensky's, or a type of ISO 15469 at a given illuminance."""
-
-    model: Literal["cie"]
-    type: (
-        Literal["clear", "clear_with_sun", "intermediate", "intermediate_with_sun", "overcast"]
-        | Annotated[int, Field(ge=1, le=16)]
-    )
-    diffuse_horizontal_illuminance: Annotated[float, Field(gt=0, le=1e6)] | None = None
-
-
-class SunshineTable(SkyTable):
-    """CIE skies drawn at random from the monthly probability of sunshine."""
-
-    model: Literal["sunshine"]
-    probability: Annotated[tuple[Fraction, ...], Field(min_length=12, max_length=12)]
-    seed: Annotated[int, Field(ge=0)] = 0
-
-
-Sky = Annotated[
-    PerezSky | CieTable | SunshineTable, Field(discriminator="model"), _usually("perez")
-]
-
-
-class TrueSun(Table):
-    """Every time stamp has its own exact sun."""
-
-    model: Literal["true_sun"] = "true_sun"
-
-
-class Adaptive(Table):
-    """Straight sun exact at every time stamp; the rest between suns of a mesh, refined by need."""
-
-    model: Literal["adaptive"]
-    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.1
-    """Largest error between the mesh's suns, RMS over the sensors, of the RMS over all suns."""
-    finest: Annotated[int, Field(ge=4, le=7)] = 5
-    """Halvings of the mesh at most; 5 sets its suns 2.8° apart."""
-
-
-class ThreePhase(Table):
-    """The sun is spread over the four nearest patches of the sky, as `gendaymtx` does."""
-
-    model: Literal["three_phase"]
-
-
-class FivePhase(Table):
-    """The sun is moved to the centre of its patch in Reinhart's subdivision MF 6."""
-
-    model: Literal["five_phase"]
-
-
-class Daysim(Table):
-    """Between the four nearest of about 65 suns: the hours of five days, DAYSIM's choice."""
-
-    model: Literal["daysim"]
-
-
-Sun = Annotated[
-    TrueSun | Adaptive | ThreePhase | FivePhase | Daysim,
-    Field(discriminator="model"),
-    _usually("true_sun"),
-]
-
-
-class Outside(Table):
-    """Ground below the horizon and the size of the sun."""
-
-    ground_reflectance: Fraction = 0.2
-    sun_diameter: Annotated[float, Field(ge=0.01, le=10)] = 0.5
 
 
 class Room(Table):
@@ -398,40 +285,14 @@ class Case(Table):
             got = f"{shortened(name)} stands nowhere"
             raise InputError("case", where, got, "name it as the material of a strip")
 
-    def _check_facade(self, side: str, facade: Facade) -> None:
+    def _check_facade(self, side: Side, facade: Facade) -> None:
         """Refuse strips that do not fit into their wall, or of an unknown material."""
         assert self.room is not None
         width, depth, height = self.room.size
-        segment = (width if side in ("south", "north") else depth) / facade.segments
         structures = [k for k, c in self.components.items() if isinstance(c, StructureComponent)]
         known = ["wall", "open", *self.panes, *structures]
-
-        def refuse(strip: Strip, got: str, remedy: str) -> None:
-            where = f"facade.{side}.strips, {strip.bottom:g} to {strip.top:g} m"
-            raise InputError("case", where, got, remedy)
-
-        for strip in sorted(facade.strips, key=lambda s: s.bottom):
-            if strip.material not in known:
-                there = strip.material in (*self.materials, *self.components)
-                what = "no pane is made of" if there else "unknown material"
-                got = f"{what} {shortened(strip.material)}"
-                refuse(strip, got, choose(strip.material, known))
-            if strip.top > height:
-                refuse(strip, f"the room is {height:g} m high", "lower the top")
-            beyond = max(strip.segments or (0,))
-            if beyond >= facade.segments:
-                got = f"there is no segment {beyond} of {facade.segments}"
-                refuse(strip, got, f"count from 0 to {facade.segments - 1}")
-            pane = min(segment, strip.top - strip.bottom) - facade.frame
-            if pane < THINNEST - 1e-9 and strip.material != "wall":
-                got = f"a frame of {facade.frame:g} m leaves no pane"
-                refuse(strip, got, "give a narrower frame, fewer segments or a higher strip")
-        for _, strips in facade.columns():
-            top = 0.0
-            for strip in strips:
-                if strip.bottom < top:
-                    refuse(strip, "overlaps the strip below it", f"start at {top:g} m or above")
-                top = strip.top
+        wall = (width if side in ("south", "north") else depth, height)
+        facade.check(side, wall, known, [*self.materials, *self.components])
 
     def path(self, file: Path) -> Path:
         """Resolve a file that the case names: relative ones lie beside the case file."""
@@ -483,27 +344,6 @@ class Case(Table):
         if file is None:
             return self
         return self._with(weather=WeatherFile(file=Path(file).absolute()))
-
-
-def shipped_folder() -> Path:
-    """Folder of the cases and recipes that come with the package."""
-    root = Path(str(resources.files("drcmitsuba") / "scenes"))
-    return root if root.is_dir() else root.parent.parent / "scenes"  # an editable install
-
-
-def _shipped() -> list[str]:
-    root = shipped_folder()
-    return [p.relative_to(root).with_suffix("").as_posix() for p in root.rglob("*.toml")]
-
-
-def shipped_cases() -> list[str]:
-    """Names of the cases that come with the package, such as `classroom/existing`."""
-    return sorted(set(_shipped()) - set(shipped_recipes()))
-
-
-def shipped_recipes() -> list[str]:
-    """Names of the micro-structures that come with the package, such as `films/prism`."""
-    return sorted(n for n in _shipped() if n.startswith("films/") or n.endswith("/recipe"))
 
 
 def _is_file(path: Path, source: object, field: str) -> bool:

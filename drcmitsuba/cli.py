@@ -222,7 +222,8 @@ def metrics(
     illuminance, but not what these errors have in common.
     """
     from drcmitsuba import judgement, schema
-    from drcmitsuba.case import Metrics, checked
+    from drcmitsuba.case import Metrics
+    from drcmitsuba.table import checked
     from drcmitsuba.uncertainty import Rules
 
     thresholds = {
@@ -249,7 +250,8 @@ def metrics(
 def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")]) -> None:
     """Draw the plots of an evaluation again."""
     from drcmitsuba import plots, report, schema
-    from drcmitsuba.case import Case, checked
+    from drcmitsuba.case import Case
+    from drcmitsuba.table import checked
 
     path, file = folder / "illuminance.nc", folder / "metrics.json"
     E = schema.loaded(path, schema.open_dataset(path, "total", "direct_sun"))

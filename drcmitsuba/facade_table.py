@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from drcmitsuba.errors import InputError
 from drcmitsuba.material_table import Reflectance
-from drcmitsuba.table import Length, Table, shortened
+from drcmitsuba.table import Length, Side, Table, choose, shortened
+
+THINNEST = 1e-3
+"""Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
 
 
 class Strip(Table):
@@ -56,3 +60,50 @@ class Facade(Table):
             else:
                 found.append((range(i, i + 1), tuple(stack)))
         return found
+
+    def check(
+        self, side: Side, wall: tuple[float, float], known: Sequence[str], named: Sequence[str]
+    ) -> None:
+        """Refuse strips that do not fit into their wall, or of an unknown material.
+
+        Parameters
+        ----------
+        side : {'south', 'east', 'north', 'west'}
+        wall : tuple of float
+            Width and height [m].
+        known : sequence of str
+            What a strip can be of.
+        named : sequence of str
+            Everything that the case gives a name.
+
+        Raises
+        ------
+        InputError
+        """
+        width, height = wall
+
+        def refuse(strip: Strip, got: str, remedy: str) -> None:
+            where = f"facade.{side}.strips, {strip.bottom:g} to {strip.top:g} m"
+            raise InputError("case", where, got, remedy)
+
+        for strip in sorted(self.strips, key=lambda s: s.bottom):
+            if strip.material not in known:
+                what = "no pane is made of" if strip.material in named else "unknown material"
+                got = f"{what} {shortened(strip.material)}"
+                refuse(strip, got, choose(strip.material, known))
+            if strip.top > height:
+                refuse(strip, f"the room is {height:g} m high", "lower the top")
+            beyond = max(strip.segments or (0,))
+            if beyond >= self.segments:
+                got = f"there is no segment {beyond} of {self.segments}"
+                refuse(strip, got, f"count from 0 to {self.segments - 1}")
+            pane = min(width / self.segments, strip.top - strip.bottom) - self.frame
+            if pane < THINNEST - 1e-9 and strip.material != "wall":
+                got = f"a frame of {self.frame:g} m leaves no pane"
+                refuse(strip, got, "give a narrower frame, fewer segments or a higher strip")
+        for _, strips in self.columns():
+            top = 0.0
+            for strip in strips:
+                if strip.bottom < top:
+                    refuse(strip, "overlaps the strip below it", f"start at {top:g} m or above")
+                top = strip.top

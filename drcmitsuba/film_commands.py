@@ -106,7 +106,7 @@ def goniophotometer(
     from drcmitsuba import backend
     from drcmitsuba import goniophotometer as library
     from drcmitsuba.bsdf import xml
-    from drcmitsuba.case import shipped_folder, shipped_recipes
+    from drcmitsuba.shipped import shipped_folder, shipped_recipes
     from drcmitsuba.structures.structure import unit_cell
 
     path = _film_path(output)

@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from drcmitsuba.case import Case, Facade, Furniture, Room, Side
+from drcmitsuba.case import Case, Furniture, Room
 from drcmitsuba.component_table import MeshComponent
+from drcmitsuba.facade_table import Facade
 from drcmitsuba.lengths import refuse_far
 from drcmitsuba.materials import SurfaceMaterial
+from drcmitsuba.table import Side
 
 UP = np.array([0.0, 0.0, 1.0])
 SIDES: tuple[Side, ...] = ("south", "east", "north", "west")

@@ -12,9 +12,11 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import schema, sky, suns, weather
-from drcmitsuba.case import (
+from drcmitsuba.case import Case
+from drcmitsuba.errors import InputError
+from drcmitsuba.period import EVALDRC, LM83, Period, read_timestamps
+from drcmitsuba.sky_table import (
     Adaptive,
-    Case,
     CieTable,
     Daysim,
     FivePhase,
@@ -23,8 +25,6 @@ from drcmitsuba.case import (
     SunshineTable,
     ThreePhase,
 )
-from drcmitsuba.errors import InputError
-from drcmitsuba.period import EVALDRC, LM83, Period, read_timestamps
 from drcmitsuba.suns import Blend, Suns
 
 BLOCK = 1024

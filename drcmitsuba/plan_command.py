@@ -35,7 +35,7 @@ def plan(
     from drcmitsuba.light import daylight
     from drcmitsuba.plan import notes
     from drcmitsuba.plan import plan as decide
-    from drcmitsuba.scene import sensor_points
+    from drcmitsuba.sensors import sensor_points
 
     loaded = load_case(case).with_weather(weather)
     backend.select()

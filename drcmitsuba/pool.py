@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.scene import State
+from drcmitsuba.surfaces import State
 
 _KINDS = {"bin": "replicates", "sun": "sun_straight"}
 """Dimensions of what is sampled, and what tells whether it was."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import xarray as xr
 
-from drcmitsuba import backend, scene, schema
+from drcmitsuba import backend, schema
 from drcmitsuba.case import Case
 from drcmitsuba.forecast import Forecast, forecast, told_plan
 from drcmitsuba.judgement import Judgement, judge
@@ -21,7 +21,8 @@ from drcmitsuba.light import Daylight, daylight, luminances, save_luminances
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
 from drcmitsuba.progress import Stage, silent, timed
 from drcmitsuba.rounds import Reached, toward_target
-from drcmitsuba.scope import Scope
+from drcmitsuba.scope import FULL, Scope
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.simulation import coefficients
 
 
@@ -50,7 +51,7 @@ class Result:
     coefficients: xr.Dataset
     light: Daylight
     plan: dict[str, Any]
-    scope: Scope = scene.FULL
+    scope: Scope = FULL
 
     @property
     def sky(self) -> xr.Dataset:
@@ -166,7 +167,7 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     backend.select()
     seconds: dict[str, float] = {}
     with timed(stage, "sky", seconds):
-        scene.sensor_points(case)  # what is wrong with the sensors is told before the work begins
+        sensor_points(case)  # what is wrong with the sensors is told before the work begins
         told = notes(case)  # reads the films' files, which may be unfit
         light = daylight(case)
         planned = plan(case, light)

@@ -23,8 +23,8 @@ from drcmitsuba.light import Daylight, sources
 from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Stage, timed
 from drcmitsuba.refinement import mesh_of
-from drcmitsuba.scene import State
 from drcmitsuba.scope import Scope
+from drcmitsuba.surfaces import State
 from drcmitsuba.transport.deposit import launch_seed
 
 MOST_AT_ONCE = 8

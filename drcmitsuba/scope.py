@@ -90,3 +90,7 @@ class Scope:
         for name in ("suns", "reach", "shade", "every_shade", "pictures"):
             del values[name]
         return values
+
+
+FULL = Scope()
+"""All that a scene holds."""

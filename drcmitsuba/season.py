@@ -21,9 +21,11 @@ from pathlib import Path
 from typing import Any
 
 from drcmitsuba import basis, schema
-from drcmitsuba.case import Case, GlazingMaterial, Side
+from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
+from drcmitsuba.material_table import GlazingMaterial
 from drcmitsuba.progress import Stage, silent
+from drcmitsuba.table import Side
 from drcmitsuba.variants import evaluate_variants
 
 Months = list[dict[str, float] | None]

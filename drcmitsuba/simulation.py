@@ -13,25 +13,29 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import accumulate, metrics, scene, schema, uncertainty
-from drcmitsuba.case import Adaptive, BsdfMaterial, Case, ThreePhase
+from drcmitsuba.case import Case
 from drcmitsuba.coefficients import compute
 from drcmitsuba.component_table import MeshComponent, StructureComponent
 from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import origin
 from drcmitsuba.light import Daylight, sources
+from drcmitsuba.material_table import BsdfMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.pool import Pool, by_state
 from drcmitsuba.progress import Progress, Stage, part, silent, timed
 from drcmitsuba.refinement import mesh_of, meshed, with_straight
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
-from drcmitsuba.scope import Scope
+from drcmitsuba.scope import FULL, Scope
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.sky_table import Adaptive, ThreePhase
 from drcmitsuba.structures.recipe import Mesh, load_recipe
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import State
 
 
 def transport(
-    case: Case, state: scene.State, suns: Suns, latitude: float, *,
-    scope: Scope = scene.FULL, mesh: tuple[str, ...] = (),
+    case: Case, state: State, suns: Suns, latitude: float, *,
+    scope: Scope = FULL, mesh: tuple[str, ...] = (),
     sensors: np.ndarray | None = None, progress: Progress = lambda share: None,
     rays: Counter[str] | None = None,
 ) -> xr.Dataset:  # fmt: skip
@@ -54,7 +58,7 @@ def transport(
     rays : Counter, optional
         Takes the number of rays by kind.
     """
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     start = origin(case)
     if sensors is not None:
         points, normals = points[sensors], normals[sensors]
@@ -283,7 +287,7 @@ def coefficients(
     latitude = light.sky.attrs["latitude"]
     found: dict[str, xr.Dataset] = {} if known is None else _known(known, case, light, scope)
 
-    def state(name: scene.State, suns: Suns, done: Progress) -> xr.Dataset:
+    def state(name: State, suns: Suns, done: Progress) -> xr.Dataset:
         return _state(simulated, name, suns, latitude, found, scope, done, rays)
 
     with timed(stage, "open façade", seconds) as done:
@@ -312,7 +316,7 @@ def _known(known: xr.Dataset, case: Case, light: Daylight, scope: Scope) -> dict
 
 
 def _state(
-    case: Case, state: scene.State, suns: Suns, latitude: float, known: dict[str, xr.Dataset],
+    case: Case, state: State, suns: Suns, latitude: float, known: dict[str, xr.Dataset],
     scope: Scope, progress: Progress, rays: Counter[str] | None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of one state, taken from what is known as far as that goes."""
@@ -330,7 +334,7 @@ def _state(
             )
             pool.extend(more)
         return pool.found
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     channels = known[state].sizes.get("channel", 0)
     found = []
     for i in range(max(1, channels)):

@@ -6,6 +6,7 @@ import difflib
 import json
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -100,7 +101,7 @@ def shortened(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def choose(name: str, known: list[str], otherwise: str = "") -> str:
+def choose(name: str, known: Sequence[str], otherwise: str = "") -> str:
     """Hint at the known name that was meant, or at the first known ones."""
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
     if near:

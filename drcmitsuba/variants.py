@@ -9,13 +9,14 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import backend, basis, simulation
-from drcmitsuba.case import Adaptive, Case, load_case
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.errors import InputError
 from drcmitsuba.judgement import judge
 from drcmitsuba.light import daylight
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.progress import Stage, silent, timed
 from drcmitsuba.result import Result, summed_up
+from drcmitsuba.sky_table import Adaptive
 
 
 def load_variants(path: str, names: Sequence[str]) -> list[Case]:

@@ -22,17 +22,17 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import (
+from drcmitsuba.case import Case
+from drcmitsuba.facade_table import Facade, Strip
+from drcmitsuba.geometry import Surface
+from drcmitsuba.material_table import (
     BsdfMaterial,
-    Case,
     DielectricMaterial,
-    Facade,
     GlazingMaterial,
     MirrorMaterial,
-    Strip,
 )
 from drcmitsuba.materials import Lambertian, channel_of, lets_through
-from drcmitsuba.scene import Scene, Surface
+from drcmitsuba.scene import Scene
 from drcmitsuba.weather import Site
 
 SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"

@@ -15,8 +15,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial, Reflectance
+from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
+from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial, Reflectance
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, bsdf, lets_through
 from drcmitsuba.scene import quad_mesh
 

@@ -26,12 +26,15 @@ from drcmitsuba.basis.basis import Basis, Returned
 from drcmitsuba.basis.facade import Meetings, Palette, Tiles
 from drcmitsuba.basis.tiling import Wall, wall_around
 from drcmitsuba.basis.views import Glow, Room, Spread, Straight, mean
-from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial
+from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
+from drcmitsuba.geometry import Surface, rotation
+from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.materials import Lambertian
 from drcmitsuba.progress import Progress
-from drcmitsuba.scene import Enclosure, Surface
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import Enclosure, surfaces_of
 from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
 from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.gather import gather
@@ -79,7 +82,7 @@ def compute(
     case = wall.case
     groups = accuracy.replicates if groups is None else groups
     assert accuracy.replicates % groups == 0
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     room, walls = _room(wall, tiles, palette)
     facing = suns.directions @ -_inward(tiles) > -np.sin(np.radians(suns.diameter) / 2)
     reaching = suns.only(np.array(suns.labels, dtype=object)[facing])
@@ -166,12 +169,12 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene
         raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
     bare = case.model_copy(update={"facade": {}})
     name = f"wall {wall.side}"
-    parts = [s for s in scene.surfaces(bare) if s.name != name]
+    parts = [s for s in surfaces_of(bare) if s.name != name]
     around = wall_around(wall, tiles)
     if len(around):
         parts.append(Surface(name, Lambertian(room.walls), around))
     corners = np.concatenate([s.quads.reshape(-1, 3) for s in parts] + [tiles.quads.reshape(-1, 3)])
-    turn, size = scene.rotation(case), np.array(room.size)
+    turn, size = rotation(case), np.array(room.size)
     inside = corners @ turn
     if ((inside < -1e-3) | (inside > size + 1e-3)).any():
         got = "stands outside of the room"

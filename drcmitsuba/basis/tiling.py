@@ -9,9 +9,12 @@ import numpy as np
 
 from drcmitsuba import scene
 from drcmitsuba.basis.facade import FRAME, Palette, Tiles
-from drcmitsuba.case import Case, Facade, Reflectance, Side
+from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
+from drcmitsuba.facade_table import Facade
 from drcmitsuba.geometry import facade_quads
+from drcmitsuba.material_table import Reflectance
+from drcmitsuba.table import Side
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,10 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.basis.facade import Palette, Tiles
-from drcmitsuba.case import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.materials import bsdf
-from drcmitsuba.scene import Enclosure, FilmPanes, ScatteringPanes, Scene, quad_mesh
+from drcmitsuba.scene import FilmPanes, ScatteringPanes, Scene, quad_mesh
+from drcmitsuba.surfaces import Enclosure
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.films import Films, Looked
 from drcmitsuba.transport.panes import PanePatches

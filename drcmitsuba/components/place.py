@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from drcmitsuba.case import Case, Facade
+from drcmitsuba.case import Case
 from drcmitsuba.component_table import Duct, LightPipe, MeshComponent, StructureComponent
 from drcmitsuba.components.duct import duct
 from drcmitsuba.components.lightpipe import lightpipe
@@ -16,6 +16,7 @@ from drcmitsuba.components.mesh import is_solid, mesh, triangles
 from drcmitsuba.components.placed import Placed, check_hole
 from drcmitsuba.components.structure import structure
 from drcmitsuba.errors import InputError
+from drcmitsuba.facade_table import Facade
 from drcmitsuba.geometry import SIDES, boxes, normals, quad, wall
 from drcmitsuba.structures.solid import winding
 

@@ -22,9 +22,9 @@ import numpy as np
 from drcmitsuba_plugins.redirection import concentration, redirected
 
 from drcmitsuba import materials
-from drcmitsuba.case import BsdfMaterial
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.errors import InputError
+from drcmitsuba.material_table import BsdfMaterial
 
 LANES = 1 << 23
 """Pairs of directions that a file is looked up for at once."""

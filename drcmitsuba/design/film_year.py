@@ -24,7 +24,7 @@ from drcmitsuba_plugins.lobes import square_code
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import accumulate, scene
-from drcmitsuba.case import Adaptive, Case
+from drcmitsuba.case import Case
 from drcmitsuba.coefficients import estimate
 from drcmitsuba.design.film import Film
 from drcmitsuba.design.film_bins import Bins
@@ -32,6 +32,9 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight, daylight, luminances
 from drcmitsuba.progress import Progress
 from drcmitsuba.schema import mean_and_error
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.sky_table import Adaptive
+from drcmitsuba.surfaces import State
 from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.mounts import Mount
@@ -159,7 +162,7 @@ class FilmYear:
 
     @classmethod
     def of(
-        cls, case: Case, light: Daylight | None = None, *, state: scene.State = "open",
+        cls, case: Case, light: Daylight | None = None, *, state: State = "open",
         depth: int = 5, progress: Progress = lambda share: None,
     ) -> FilmYear:  # fmt: skip
         """Simulate a case once for all films.
@@ -203,7 +206,7 @@ class FilmYear:
         samples = case.accuracy.sensor_sun_samples if suns.straight else 0
         found = estimate(
             base, [*Patches(subdivision).labels, *cells, *suns.labels],
-            *scene.sensor_points(case), sun_samples=samples, progress=progress,
+            *sensor_points(case), sun_samples=samples, progress=progress,
         )  # fmt: skip
         is_cell = np.isin(found["bin"].values.astype(str), cells)
         transfers = found["replicates"].values[..., is_cell]

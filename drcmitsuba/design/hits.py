@@ -12,7 +12,8 @@ import numpy as np
 from drcmitsuba import scene
 from drcmitsuba.case import Case
 from drcmitsuba.materials import Lambertian, bsdf
-from drcmitsuba.scene import Scene, State
+from drcmitsuba.scene import Scene
+from drcmitsuba.surfaces import State, surfaces_of
 
 WALLS = tuple(f"wall {side}" for side in ("south", "east", "north", "west"))
 FRAMES = tuple(name.replace("wall", "frame") for name in WALLS)
@@ -95,7 +96,7 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
     """
     quads: dict[str, list[np.ndarray]] = {key: [] for key in values}
     others = []
-    for surface in scene.surfaces(case, state):
+    for surface in surfaces_of(case, state):
         key = "walls" if surface.name in WALLS else surface.name
         if key in quads and isinstance(surface.material, Lambertian):
             quads[key].append(surface.quads)

@@ -9,25 +9,19 @@ import numpy as np
 
 from drcmitsuba import basis, simulation
 from drcmitsuba.basis import Year
-from drcmitsuba.case import (
-    Adaptive,
-    Case,
-    DiffuserMaterial,
-    Facade,
-    GlazingMaterial,
-    Side,
-    TrueSun,
-)
+from drcmitsuba.case import Case
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.design_table import Design
 from drcmitsuba.errors import InputError
+from drcmitsuba.facade_table import Facade
 from drcmitsuba.light import daylight
-from drcmitsuba.material_table import check_energy
+from drcmitsuba.material_table import DiffuserMaterial, GlazingMaterial, check_energy
 from drcmitsuba.progress import Stage, silent
-from drcmitsuba.table import checked
+from drcmitsuba.sky_table import Adaptive, TrueSun
+from drcmitsuba.table import Side, checked
 
 ROWS = 6
 

@@ -8,8 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from drcmitsuba.basis import Tiles
-from drcmitsuba.case import THINNEST, Case, Facade, Side, Strip
+from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
+from drcmitsuba.facade_table import THINNEST, Facade, Strip
+from drcmitsuba.table import Side
 
 MOST_SEGMENTS = 200
 ALIGNED = 0.01

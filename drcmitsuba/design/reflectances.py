@@ -30,7 +30,8 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.light import Daylight
 from drcmitsuba.materials import channel_of
 from drcmitsuba.progress import Progress, Stage, silent
-from drcmitsuba.scene import State
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.surfaces import State
 from drcmitsuba.table import choose, shortened
 from drcmitsuba.transport.cells import Cells, Grid, draw_points
 from drcmitsuba.transport.deposit import Deposit, launch_seed
@@ -143,7 +144,7 @@ class _State:
         """Trace paths, find the deposit, and multiply it by the light."""
         a, suns, year = case.accuracy, light.suns, Year.of(light)
         world, marks = marked(case, state, reflectances(case))
-        points, normals = scene.sensor_points(case)
+        points, normals = sensor_points(case)
         grid = Grid.of(world, a.cell_size)
         vertices = gather(
             world, points, normals, replicates=a.replicates, paths=a.paths,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from drcmitsuba.case import GlazingMaterial
+from drcmitsuba.material_table import GlazingMaterial
 from drcmitsuba.plan import Facts, panes
-from drcmitsuba.scene import outline, sensor_points
+from drcmitsuba.scene import outline
 from drcmitsuba.scope import Scope
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.transport.shadow_rays import Openings
 
 MOST = 128

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from drcmitsuba_plugins.isotropic import OUT_DEPTH
 from drcmitsuba_plugins.tensor import TensorTree
 
-from drcmitsuba.case import BsdfMaterial
+from drcmitsuba.material_table import BsdfMaterial
 from drcmitsuba.materials import SurfaceMaterial, film
 from drcmitsuba.transport.films import SUN_SAMPLES, Films
 

@@ -17,8 +17,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import BsdfMaterial, DiffuserMaterial, GlazingMaterial, MirrorMaterial
-from drcmitsuba.material_table import DielectricMaterial
+from drcmitsuba.material_table import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    MirrorMaterial,
+)
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, channel_of, film
 from drcmitsuba.scene import Part, quad_mesh
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from drcmitsuba.case import Adaptive
 from drcmitsuba.forecast.survey import Survey
 from drcmitsuba.forecast.work import Counted
+from drcmitsuba.sky_table import Adaptive
 
 FLOAT, DOUBLE = 4, 8
 VARIABLES = 10

@@ -16,9 +16,11 @@ from drcmitsuba.forecast.cells import MOST, NEAR, CellCount
 from drcmitsuba.forecast.film_tables import FilmTables, out_cells, tables_of
 from drcmitsuba.forecast.scout import Scout
 from drcmitsuba.forecast.walks import Walked, gathered, straight_through
-from drcmitsuba.scene import Scene, State, outline, sensor_points
+from drcmitsuba.scene import Scene, outline
 from drcmitsuba.scope import Scope
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import State
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import PILOT, USUAL, WHITE, reflectance_of
 from drcmitsuba.transport.panes import PanePatches

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drcmitsuba.case import GlazingMaterial, MirrorMaterial
 from drcmitsuba.forecast.scout import Hit, Scout, cosine
+from drcmitsuba.material_table import GlazingMaterial, MirrorMaterial
 from drcmitsuba.materials import Lambertian, is_diffuse
 from drcmitsuba.transport.gather import MOST_SURVIVAL, ROULETTE_DEPTH
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drcmitsuba.case import Adaptive
 from drcmitsuba.coefficients import EDGE_SAMPLES
 from drcmitsuba.forecast.closing import closing
 from drcmitsuba.forecast.photons import flown, pilots, ports_of
@@ -18,9 +17,10 @@ from drcmitsuba.light import sources
 from drcmitsuba.materials import lets_through
 from drcmitsuba.plan import Plan
 from drcmitsuba.refinement import HELD_OUT
-from drcmitsuba.scene import State
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.sky_table import Adaptive
 from drcmitsuba.suns import Suns, mesh
+from drcmitsuba.surfaces import State
 from drcmitsuba.tally import KINDS
 from drcmitsuba.transport.shadow_rays import RIM
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from drcmitsuba.case import BsdfMaterial, Case, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.case import Case
 from drcmitsuba.components import Placed
+from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.materials import most, sends
 from drcmitsuba.reach import outside
 

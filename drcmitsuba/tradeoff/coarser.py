@@ -10,7 +10,8 @@ from drcmitsuba_plugins.bsdf_file import BsdfFile
 from drcmitsuba_plugins.tensor import TensorTree
 
 from drcmitsuba.bsdf import xml
-from drcmitsuba.case import BsdfMaterial, Case
+from drcmitsuba.case import Case
+from drcmitsuba.material_table import BsdfMaterial
 from drcmitsuba.materials import film
 
 

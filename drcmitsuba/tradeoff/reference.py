@@ -18,8 +18,11 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import backend, metrics, scene, schema
-from drcmitsuba.case import Case, TrueSun
+from drcmitsuba.case import Case
 from drcmitsuba.light import daylight
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.sky_table import TrueSun
+from drcmitsuba.surfaces import State
 from drcmitsuba.transport.shadow_rays import sun_deposit
 
 SUBDIVISION = 6
@@ -212,7 +215,7 @@ def _channels(case: Case) -> Iterator[tuple[int, float]]:
 
 def direct_sun(case: Case, light: Light) -> np.ndarray:
     """Sun that comes straight to all sensors of a case, shape (time, sensor) [lx]."""
-    points, normals = (mi.Float(a.astype(np.float32).ravel()) for a in scene.sensor_points(case))
+    points, normals = (mi.Float(a.astype(np.float32).ravel()) for a in sensor_points(case))
     lit = light.shining
     E = np.zeros((len(light.sun), dr.width(points) // 3))
     for channel, weight in _channels(case):
@@ -237,8 +240,8 @@ class _State:
     normals: np.ndarray
 
     @classmethod
-    def of(cls, case: Case, state: scene.State, light: Light, sensors: np.ndarray) -> _State:
-        points, normals = (a[sensors] for a in scene.sensor_points(case))
+    def of(cls, case: Case, state: State, light: Light, sensors: np.ndarray) -> _State:
+        points, normals = (a[sensors] for a in sensor_points(case))
         channels, weights = zip(*_channels(case), strict=True)
         scenes = tuple(_with_sources(scene.load(case, state, c).full, light) for c in channels)
         return cls(scenes, weights, light, points, normals)

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba import backend, scene
+from drcmitsuba import backend
 from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import daylight
 from drcmitsuba.progress import Stage, silent
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.tradeoff import process
 from drcmitsuba.tradeoff.deviation import Yardstick
 from drcmitsuba.tradeoff.evaluation import Evaluation
@@ -73,7 +74,7 @@ def tradeoff(
     start = time.monotonic()
     deadline = start + 60 * minutes
     backend.select()
-    scene.sensor_points(case)  # what is wrong is told before the work begins
+    sensor_points(case)  # what is wrong is told before the work begins
     light = daylight(case)
     year = light.sky["time"].values
     times = year[some_hours(year)]

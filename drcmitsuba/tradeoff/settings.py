@@ -7,15 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import (
-    Adaptive,
-    Case,
-    Daysim,
-    FivePhase,
-    Sun,
-    ThreePhase,
-    TrueSun,
-)
+from drcmitsuba.case import Case
+from drcmitsuba.sky_table import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
 from drcmitsuba.tradeoff.coarser import trees, with_coarser_films
 
 RAYS = (

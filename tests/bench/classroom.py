@@ -17,7 +17,9 @@ from drcmitsuba import light, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import surfaces_of
 from tests import radiance
 
 CASE = "classroom/reference/existing"
@@ -64,7 +66,7 @@ class Classroom:
 
     @cached_property
     def sensors(self) -> tuple[np.ndarray, np.ndarray]:
-        return scene.sensor_points(self.case)
+        return sensor_points(self.case)
 
     @cached_property
     def year(self) -> Suns:
@@ -88,7 +90,7 @@ class Classroom:
 
     def room(self, folder: Path) -> radiance.Room:
         """What Radiance is given."""
-        return radiance.Room(radiance.scene_text(scene.surfaces(self.case)), *self.sensors, folder)
+        return radiance.Room(radiance.scene_text(surfaces_of(self.case)), *self.sensors, folder)
 
     def with_sources(self, suns: Suns | None) -> mi.Scene:
         """Mitsuba scene for the plugin `coefficient`: the sky, or suns."""

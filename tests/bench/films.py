@@ -17,6 +17,7 @@ from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import compute
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import surfaces_of
 from tests import radiance
 from tests.bench.classroom import BINS, Classroom, Reference
 
@@ -72,7 +73,7 @@ class Filmed(Classroom):
         return C.assign(direct=C["straight"], interreflected=scattered)
 
     def room(self, folder: Path) -> radiance.Room:
-        text = radiance.scene_text(scene.surfaces(self.case), TRANSMISSIVITY)
+        text = radiance.scene_text(surfaces_of(self.case), TRANSMISSIVITY)
         return radiance.Room(text, *self.sensors, folder)
 
 

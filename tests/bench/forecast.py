@@ -29,13 +29,14 @@ import numpy as np
 from scipy.optimize import nnls
 
 from drcmitsuba import backend
-from drcmitsuba.case import Case, load_case, shipped_cases
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.effects_table import Effects
 from drcmitsuba.forecast import REFERENCE, Forecast, forecast
 from drcmitsuba.forecast.cost import UNITS
 from drcmitsuba.light import daylight
 from drcmitsuba.plan import plan
 from drcmitsuba.result import evaluate
+from drcmitsuba.shipped import shipped_cases
 from drcmitsuba.tradeoff import process
 from tests.bench.__main__ import machine, table
 

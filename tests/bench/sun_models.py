@@ -18,18 +18,11 @@ from matplotlib.figure import Figure
 
 from drcmitsuba import accumulate, backend, light, plots, scene
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import (
-    Adaptive,
-    Case,
-    Daysim,
-    FivePhase,
-    PeriodTable,
-    ThreePhase,
-    TrueSun,
-    load_case,
-)  # fmt: skip
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import compute
 from drcmitsuba.refinement import meshed, with_straight
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.sky_table import Adaptive, Daysim, FivePhase, PeriodTable, ThreePhase, TrueSun
 
 CASE = "classroom/reference/o3"
 HOUR = "2015-03-21T08:00"
@@ -65,7 +58,7 @@ def light_of(case: Case, model: str, hour: str) -> light.Daylight:
 def illuminance(case: Case, model: str, hour: str, accuracy: Accuracy) -> xr.Dataset:
     """E of one hour by a sun model: `sky`, `sun`, `total` and `…_se`, dims (time, sensor) [lx]."""
     found = light_of(case, model, hour)
-    world, (points, normals) = scene.load(case), scene.sensor_points(case)
+    world, (points, normals) = scene.load(case), sensor_points(case)
     if model == "adaptive":
         kind = Adaptive(model="adaptive")
         C = meshed(

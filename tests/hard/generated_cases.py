@@ -12,7 +12,7 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from drcmitsuba.case import shipped_cases, shipped_folder
+from drcmitsuba.shipped import shipped_cases, shipped_folder
 from drcmitsuba.table import read_toml
 from tests.hard.mutations import damaged, mutated, places, toml
 

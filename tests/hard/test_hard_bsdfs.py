@@ -15,10 +15,12 @@ from drcmitsuba_plugins.tensor import to_direction, to_disk, to_square
 
 from drcmitsuba import InputError, backend, scene
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import BsdfMaterial, Case
+from drcmitsuba.case import Case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.material_table import BsdfMaterial
 from drcmitsuba.materials import film
 from drcmitsuba.plan import notes
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
 from tests.hard.mutations import toml
 from tests.unit.test_measured import IMPORTANCE, RADIANCE, as_vector, draw, interaction, write, xml
@@ -67,7 +69,7 @@ def room(path, **tables):
 
 def coefficients(case, directions, diameter=0.5, **accuracy):
     """Replicates of C by `compute`, shape (replicate, sensor, bin)."""
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     suns = Suns(tuple(f"sun_{i}" for i in range(len(directions))), np.array(directions), diameter)
     return compute(scene.load(case), points, normals, suns, Accuracy(**TINY | accuracy))
 
@@ -254,7 +256,7 @@ def test_a_room_behind_a_redirecting_film_of_zeros(tmp_path, plain_coefficients,
     suns = mi.TensorXf(np.array(SUNS, np.float32))
     sources = {"sky": {"type": "tregenza_sky"}, "suns": {"type": "sun_disks", "directions": suns}}
     lit = mi.load_dict({"type": "scene", **shapes, **sources}, optimize=False)
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     C = plain_coefficients(lit, points, normals, replicates=2, spp=4096)
     holds("C", abs(C).max(), 0)
 
@@ -378,7 +380,7 @@ def test_a_room_asks_only_for_what_enters(tmp_path, same, plain_coefficients, ho
         found.append(coefficients(case, SUNS, replicates=16)["replicates"].values)
     holds("C, the other way open or closed", abs(found[0] - found[1]).max(), 0)
     black = room(path)
-    world, (points, normals) = scene.load(black), scene.sensor_points(black)
+    world, (points, normals) = scene.load(black), sensor_points(black)
     shapes = {f"shape{i}": s for i, s in enumerate(world.full.shapes())}
     suns = mi.TensorXf(np.array(SUNS, np.float32))
     sources = {"sky": {"type": "tregenza_sky"}, "suns": {"type": "sun_disks", "directions": suns}}
@@ -528,7 +530,7 @@ def test_a_film_seen_at_a_grazing_angle_under_a_grazing_sun(above, within, tmp_p
     C = coefficients(case, suns, replicates=64, pane_points=1 << 10, film_sky_samples=512)
     C = C["replicates"].values
     corners = np.array([[0, 0, 0.6], [0, 0, 2.8], [4, 0, 2.8], [4, 0, 0.6]], float)
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     seen = np.array([form_factor(corners, p, n) for p, n in zip(points, normals, strict=True)])
     same(C[..., :BINS].sum(axis=2), exact=T * seen, within=0.01)
     arrives = before_the_plane(a, np.radians(0.25))

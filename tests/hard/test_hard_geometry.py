@@ -13,6 +13,7 @@ from drcmitsuba import backend, plan, scene, simulation
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, load_case
 from drcmitsuba.errors import InputError
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
 from drcmitsuba.transport.parts import number
 from drcmitsuba.transport.photon_paths import OFFSET
@@ -371,7 +372,7 @@ DESK = {"corner": [0.4, 0.4, 0.7], "size": [1.6, 1.4, 0.04], "reflectance": 0.9}
 def test_sensors_on_and_in_desks_are_refused(above):
     sensors = {"corner": [0.5, 0.5, 0.74 + above], "count": [2, 2], "spacing": 0.5}
     with pytest.raises(InputError, match="lies in or on 'piece 0'"):
-        scene.sensor_points(house(DESK, sensors=sensors))
+        sensor_points(house(DESK, sensors=sensors))
 
 
 def test_a_millimetre_above_a_desk_is_one_in_any_decimals():
@@ -380,7 +381,7 @@ def test_a_millimetre_above_a_desk_is_one_in_any_decimals():
         desk = {**DESK, "corner": [0.4, 0.4, float(z)]}
         top = round(float(z) + 0.04 + 0.001, 6)
         sensors = {"corner": [0.5, 0.5, top], "count": [1, 1], "spacing": 0.5}
-        scene.sensor_points(house(desk, sensors=sensors))
+        sensor_points(house(desk, sensors=sensors))
 
 
 def test_sensor_1_mm_above_a_desk_does_not_see_it(holds):
@@ -482,7 +483,7 @@ def duct_case():
 def traced(sun, surfaces, photons=1 << 15):
     """Ledgers of replicates of the pipe's photons from one sun."""
     case = duct_case()
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     settings = Accuracy(photons=photons, photon_surfaces=surfaces)
     found = Photons.of(scene.load(case), points, normals, sun[None], 0.5, None, settings)
     return [found.traced(seed).ledgers["pipe sun"] for seed in range(12)]

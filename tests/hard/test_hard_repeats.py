@@ -15,6 +15,7 @@ import pytest
 from drcmitsuba import backend, coefficients
 from drcmitsuba import scene as scenes
 from drcmitsuba.case import Case
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
 from drcmitsuba.transport import films, gathered, photons, shadow_rays
 
@@ -59,7 +60,7 @@ def run(kind):
     """All that coefficients hold, of a room made anew."""
     case = case_of(kind)
     world = scenes.load(case, "open")
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     found = coefficients.compute(world, points, normals, SUNS, case.accuracy)
     straight = coefficients.straight_suns(world, points, normals, SUNS, case.accuracy)[0]
     return found.assign(suns_alone=(("sensor", "sun"), straight))
@@ -150,7 +151,7 @@ def test_seeds_differ(usual, holds):
     """The test of the tests: another seed moves these numbers by far more than what is allowed."""
     case = case_of("film")
     case = case.model_copy(update={"accuracy": case.accuracy.model_copy(update={"seed": 4})})
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     other = coefficients.compute(
         scenes.load(case, "open"), points, normals, SUNS, case.accuracy
     ).assign(suns_alone=usual["film"]["suns_alone"])

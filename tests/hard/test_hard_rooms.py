@@ -10,11 +10,13 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 import drcmitsuba
 from drcmitsuba import backend, scene, simulation
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case, shipped_folder
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import compute, straight_suns
 from drcmitsuba.geometry import Surface
 from drcmitsuba.materials import Lambertian, bsdf
 from drcmitsuba.scene import quad_mesh
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.shipped import shipped_folder
 from drcmitsuba.suns import Suns
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.gather import gather
@@ -199,7 +201,7 @@ def slit_sun():
 def test_sun_through_a_slit_of_1_mm(holds, same):
     """5 % of the sun's disk show: a pane of 1 mm was refused, for 1.501 − 1.5 < 0.001."""
     case, sun = slit_case(), slit_sun()
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     accuracy = Accuracy(replicates=48, paths=1, sensor_sun_samples=32)
     C = compute(scene.load(case), points, normals, Suns(("sun",), sun[None]), accuracy,
                 subdivision=None)["replicates"].values[..., 0]  # fmt: skip
@@ -218,7 +220,7 @@ def test_sun_through_a_slit_of_1_mm(holds, same):
 def test_slit_that_no_direction_around_the_disk_meets(holds):
     """An adaptive sun looks at the rim first; a slit through the middle must not go unnoticed."""
     case, sun = slit_case(), slit_sun()
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     mean, error = straight_suns(
         scene.load(case), points, normals, Suns(("sun",), sun[None]), Accuracy(replicates=16)
     )

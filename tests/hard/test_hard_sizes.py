@@ -65,11 +65,12 @@ import numpy as np
 from drcmitsuba import scene
 from drcmitsuba.case import load_case
 from drcmitsuba.result import peak_memory
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba import backend
 
 backend.select()
 case = load_case(sys.argv[1])
-points, _ = scene.sensor_points(case)
+points, _ = sensor_points(case)
 world = scene.load(case)
 n = 1 << 16
 d = mi.warp.square_to_uniform_sphere(

@@ -17,6 +17,8 @@ from drcmitsuba.basis.tiling import FRAME, material_at, wall_around
 from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
 from drcmitsuba.light import daylight
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.surfaces import surfaces_of
 from drcmitsuba.table import checked
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.gather import gather
@@ -77,7 +79,7 @@ def test_tiles_of_variants_are_what_they_have_in_common():
     for case, share in zip(cases, shares, strict=True):
         assert (share.sum(axis=1) == 1).all()
         for name in ("glass", "fabric"):
-            parts = [s.quads for s in scene.surfaces(case) if s.name.startswith(name)]
+            parts = [s.quads for s in surfaces_of(case) if s.name.startswith(name)]
             quads = np.concatenate(parts)
             area = tiles.area @ share[:, palette.names.index(name)]
             n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
@@ -104,7 +106,7 @@ def test_tiles_and_the_wall_around_them_are_the_wall(side, frame):
         if name not in palette.names:
             assert frame == 0
             continue
-        quads = [s.quads for s in scene.surfaces(case) if s.name.startswith(word)]
+        quads = [s.quads for s in surfaces_of(case) if s.name.startswith(word)]
         m = [np.linalg.norm(np.cross(q[:, 1] - q[:, 0], q[:, 3] - q[:, 0]), axis=1) for q in quads]
         area = tiles.area @ share[:, palette.names.index(name)]
         assert area == pytest.approx(np.concatenate(m).sum())
@@ -226,7 +228,7 @@ def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
     world = replace(walls, full=built.scene(meetings.mesh))
     share = np.zeros((len(tiles), len(palette.names)), np.float32)
     share[:, palette.names.index(material)] = 1
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     found = []
     for seed, (of, marks) in enumerate([(world, meetings), (scene.load(case), None)]):
         grid = Grid.of(of, 0.45)
@@ -267,7 +269,7 @@ def test_compositions_are_what_they_are_alone(state):
     found = basis.compute(wall, tiles, palette, suns, accuracy)
     for case, share in zip(cases, shares, strict=True):
         alone = coefficients.compute(
-            scene.load(case, state), *scene.sensor_points(case), suns,
+            scene.load(case, state), *sensor_points(case), suns,
             accuracy.model_copy(update={"seed": 9}),
         )  # fmt: skip
         of_state = share @ palette.closing if state == "shaded" else share

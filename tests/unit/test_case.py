@@ -8,8 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drcmitsuba.case import MAX_BYTES, Case, Facade, load_case, shipped_cases
+from drcmitsuba.case import MAX_BYTES, Case, load_case
 from drcmitsuba.errors import InputError
+from drcmitsuba.facade_table import Facade
+from drcmitsuba.shipped import shipped_cases
 
 CASE = """
 name = "small"

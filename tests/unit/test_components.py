@@ -9,7 +9,7 @@ import pytest
 
 from drcmitsuba import backend, basis, components, plan, scene, simulation
 from drcmitsuba.basis import compute
-from drcmitsuba.case import Case, load_case, shipped_cases, shipped_folder, shipped_recipes
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.components.duct import concentrator
 from drcmitsuba.components.lightpipe import polygon
 from drcmitsuba.components.placed import ray_offset
@@ -21,13 +21,16 @@ from drcmitsuba.geometry import normals
 from drcmitsuba.goniophotometer.trace import follow, prepare
 from drcmitsuba.light import daylight
 from drcmitsuba.materials import bsdf
-from drcmitsuba.scene import FULL
+from drcmitsuba.scope import FULL
 from drcmitsuba.season import season
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.shipped import shipped_cases, shipped_folder, shipped_recipes
 from drcmitsuba.structures import unit_cell
 from drcmitsuba.structures.block import block
 from drcmitsuba.structures.polygon import triangles
 from drcmitsuba.structures.recipe import load_recipe
 from drcmitsuba.structures.solid import check_solid, volume, welded, winding
+from drcmitsuba.surfaces import surfaces_of
 from drcmitsuba.tradeoff import tradeoff
 from drcmitsuba.variants import evaluate_variants
 
@@ -312,7 +315,7 @@ def ceiling_area(world, *names):
 @pytest.mark.parametrize("sides", [4, 8, 12, 24])
 def test_the_ceiling_and_the_ring_fill_everything_but_the_pipe(sides):
     room = case(components={"pipe": PIPE | {"sides": sides}})
-    surfaces = scene.surfaces(room)
+    surfaces = surfaces_of(room)
     corners = polygon((0, 0), 0.5, sides)
     x, y = corners.T
     cross_section = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
@@ -412,7 +415,7 @@ def test_a_turned_room_turns_components_and_ports(tmp_path):
     straight = case(components={"pipe": PIPE, "duct": DUCT | {"length": 1.5}})
     turned = case(room={"size": list(SIZE), "rotation": 30.0}, components=straight.components)
     turn = scene.rotation(turned)
-    for a, b in zip(scene.surfaces(straight), scene.surfaces(turned), strict=True):
+    for a, b in zip(surfaces_of(straight), surfaces_of(turned), strict=True):
         assert (a.name, a.component) == (b.name, b.component)
         np.testing.assert_allclose(a.quads @ turn.T, b.quads, atol=1e-12)
     a, b = scene.load(straight), scene.load(turned)
@@ -513,9 +516,7 @@ def test_unfit_meshes_and_ports_are_refused(tmp_path, make, told):
 @pytest.mark.parametrize("material", ["acrylic", "silver"])
 def test_sensors_in_a_closed_mesh_are_refused(tmp_path, material):
     with pytest.raises(InputError, match=r"sensors: sensor 4 .* lies in component 'cube'"):
-        scene.sensor_points(
-            with_mesh(tmp_path, position=[1.6, 1.6, 0.5], scale=0.9, material=material)
-        )
+        sensor_points(with_mesh(tmp_path, position=[1.6, 1.6, 0.5], scale=0.9, material=material))
 
 
 # --- shipped scenes
@@ -538,7 +539,7 @@ def test_shipped_scenes_have_the_ports_of_their_components(name):
     assert found == SHIPPED[name]
     assert {part.component for part in world.parts} == {"", *found}
     assert plan.plan(shipped, daylight(shipped)).effects["components"].on == bool(found)
-    scene.sensor_points(shipped)
+    sensor_points(shipped)
 
 
 def test_recipes_are_no_cases():

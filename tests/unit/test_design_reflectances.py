@@ -21,6 +21,7 @@ from drcmitsuba.design.reflectances import (
     with_reflectances,
 )
 from drcmitsuba.errors import InputError
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
 
 SEEDS = 8
@@ -68,7 +69,7 @@ def interiors(year):
 
 def fresh(case, year, state="open"):
     """Mean over time by an ordinary simulation, (replicate, sensor) [lx]."""
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     found = compute(scenes.load(case, state), points, normals, year.suns, case.accuracy)
     every = np.arange(len(points))
     return accumulate.replicates(found, year.sky, every).mean(axis=1)
@@ -135,7 +136,7 @@ def test_film_equals_a_fresh_simulation(same):
 
 def test_direct_sun_is_that_of_the_coefficients(interiors, year, same):
     case = case_of(100, replicates=16)
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     ordinary = compute(scenes.load(case), points, normals, year.suns, case.accuracy)
     exact = accumulate.direct_sun(ordinary, year.sky)["direct_sun"].values
     found = np.stack([interior.illuminance({}).direct.numpy() for interior in interiors])

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from drcmitsuba import backend, evaluate
-from drcmitsuba.case import Case, shipped_folder
+from drcmitsuba.case import Case
 from drcmitsuba.forecast import REFERENCE, Speed, count, forecast, scout, speed, told_plan
 from drcmitsuba.forecast.cost import UNITS
 from drcmitsuba.geometry import box
 from drcmitsuba.light import daylight
 from drcmitsuba.plan import plan
+from drcmitsuba.shipped import shipped_folder
 from drcmitsuba.simulation import coefficients
 from drcmitsuba.tally import KINDS
 

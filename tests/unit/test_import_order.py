@@ -17,13 +17,13 @@ ROOT = Path(__file__).resolve().parents[2]
 ORDER = [
     "errors", "progress", "schema", "weather", "period", "sky", "suns", "table", "lengths",
     "accuracy", "bsdf", "material_table", "component_table", "facade_table", "design_table",
-    "effects_table", "case", "light", "backend",
+    "effects_table", "sky_table", "shipped", "case", "light", "backend",
     "structures", "materials", "geometry", "coplanar", "components", "reach", "scope", "tally",
-    "scene", "goniophotometer", "plan", "transport", "coefficients", "basis", "refinement",
-    "accumulate", "metrics", "smooth", "uncertainty", "pool", "simulation", "judgement", "rounds",
-    "forecast", "design", "plots",
-    "design_pictures", "report", "result", "variants", "season", "tradeoff", "terminal",
-    "film_commands", "tradeoff_command", "plan_command", "optimise_command", "cli",
+    "surfaces", "sensors", "scene", "goniophotometer", "plan", "transport", "coefficients",
+    "basis", "refinement", "accumulate", "metrics", "smooth", "uncertainty", "pool", "simulation",
+    "judgement", "rounds", "forecast", "design", "plots", "design_pictures", "report", "result",
+    "variants", "season", "tradeoff", "terminal", "film_commands", "tradeoff_command",
+    "plan_command", "optimise_command", "cli",
 ]
 # fmt: on
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drcmitsuba import backend, design_pictures, scene
+from drcmitsuba import backend, design_pictures
 from drcmitsuba.case import Case, Metrics
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
@@ -16,6 +16,7 @@ from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
 from drcmitsuba.errors import InputError
+from drcmitsuba.surfaces import surfaces_of
 from drcmitsuba.table import checked
 from drcmitsuba.uncertainty.rules import Rules
 from tests.synthetic_year import MATERIALS, SyntheticYear, Tiles
@@ -271,7 +272,7 @@ def case(facade=None, **design):
 
 
 def pane_area(built, name):
-    quads = [s.quads for s in scene.surfaces(built) if s.name == f"{name} south"]
+    quads = [s.quads for s in surfaces_of(built) if s.name == f"{name} south"]
     return sum(
         np.linalg.norm(np.cross(q[:, 1] - q[:, 0], q[:, 3] - q[:, 0]), axis=1).sum() for q in quads
     )

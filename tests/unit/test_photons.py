@@ -17,7 +17,9 @@ from drcmitsuba.errors import InputError
 from drcmitsuba.geometry import Port, Surface
 from drcmitsuba.material_table import DielectricMaterial, MirrorMaterial
 from drcmitsuba.materials import Lambertian
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import surfaces_of
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.photons import Photons
 from drcmitsuba.transport.receivers import CellAreas, Squares
@@ -99,8 +101,8 @@ def sources(scene, directions, diameter):
 def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
     case = Case.model_validate(ROOM)
     duct, ports = mirror_duct()
-    scene = scenes.build([*scenes.surfaces(case), duct], ports=ports)
-    points, normals = scenes.sensor_points(case)
+    scene = scenes.build([*surfaces_of(case), duct], ports=ports)
+    points, normals = sensor_points(case)
     accuracy = Accuracy(
         replicates=16, paths=512, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 11,
         sensor_square=0.15, sensor_sun_samples=64, pane_points=128,
@@ -280,8 +282,8 @@ def test_stored_photons_of_the_plugin_agree(same):
     facade = {"south": {"segments": 4, "strips": [hole]}}
     case = Case.model_validate({**ROOM, "materials": {}, "facade": facade})
     inlet = Port("duct", quad([1.0, 0, 2.3], 0.5 * Z, X))
-    scene = scenes.build([*scenes.surfaces(case), duct], ports=(inlet,))
-    points, normals = scenes.sensor_points(case)
+    scene = scenes.build([*surfaces_of(case), duct], ports=(inlet,))
+    points, normals = sensor_points(case)
     accuracy = Accuracy(
         replicates=12, paths=1024, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 12,
         sensor_square=0.26, sensor_sun_samples=64,
@@ -323,7 +325,7 @@ def beside(material, component="part"):
     case = Case.model_validate(OPEN)
     part = Surface("part", material, box(LOW, HIGH), component, closed=True)
     ports = box_ports("part", LOW, HIGH) if component else ()
-    return scenes.build([*scenes.surfaces(case), part], ports=ports), scenes.sensor_points(case)
+    return scenes.build([*surfaces_of(case), part], ports=ports), sensor_points(case)
 
 
 def test_a_block_that_mirrors_a_part(same, plain_coefficients):
@@ -371,7 +373,7 @@ def test_a_plate_that_shares_its_name_with_a_box_is_no_body():
         {"corner": [2.0, 2.0, 0.0], "size": [1.0, 1.0, 0.5]},
     ]
     case = Case.model_validate({**OPEN, "furniture": pieces})
-    assert [s.closed for s in scenes.surfaces(case) if s.name == "furniture"] == [False, True]
+    assert [s.closed for s in surfaces_of(case) if s.name == "furniture"] == [False, True]
 
 
 def test_squares_stop_at_furniture():
@@ -398,7 +400,7 @@ def test_a_component_behind_a_closed_shade(tmp_path):
             "shading": {"material": "cloth"},
         }
     )
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     rough = ACCURACY.model_copy(update={"replicates": 2, "photons": 256, "paths": 64})
     is_open, shaded = (
         compute(scenes.load(case, state), points, normals, WIDE, rough)["replicates"].values

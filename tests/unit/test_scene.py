@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from drcmitsuba import backend, scene
-from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
+from drcmitsuba.material_table import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.materials import Lambertian
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.surfaces import surfaces_of
 
 SIZE = np.array([4.0, 5.0, 3.0])
 GLASS = {"type": "glazing", "transmittance": 0.65}
@@ -56,7 +59,7 @@ SIDES = ["south", "east", "north", "west"]
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("frame", [0.0, 0.1])
 def test_a_facade_is_wall_and_frame_and_panes_and_nothing_else(side, frame):
-    surfaces = scene.surfaces(with_facade(side, frame=frame))
+    surfaces = surfaces_of(with_facade(side, frame=frame))
     on_side = [s for s in surfaces if s.name.endswith(side)]
     assert area(on_side, "") == pytest.approx(wall_area(side), rel=1e-12)
     width = wall_area(side) / SIZE[2]
@@ -69,7 +72,7 @@ def test_a_facade_is_wall_and_frame_and_panes_and_nothing_else(side, frame):
 @pytest.mark.parametrize("side", SIDES)
 def test_quads_of_a_facade_lie_in_its_plane_and_do_not_overlap(side):
     axis, at = {"south": (1, 0.0), "north": (1, 5.0), "west": (0, 0.0), "east": (0, 4.0)}[side]
-    parts = [s.quads for s in scene.surfaces(with_facade(side)) if s.name.endswith(side)]
+    parts = [s.quads for s in surfaces_of(with_facade(side)) if s.name.endswith(side)]
     quads = np.concatenate(parts)
     np.testing.assert_allclose(quads[..., axis], at, atol=1e-12)
     low, high = quads.min(axis=1), quads.max(axis=1)
@@ -88,7 +91,7 @@ def test_all_fronts_face_the_room(rotation, state):
         shading={"material": "shade"},
     )  # fmt: skip
     middle = scene.rotation(turned) @ (SIZE / 2)
-    surfaces = scene.surfaces(turned, state)
+    surfaces = surfaces_of(turned, state)
     for surface in surfaces:
         normals, _ = normals_and_areas(surface.quads)
         towards = middle - surface.quads.mean(axis=1)
@@ -100,18 +103,18 @@ def test_all_fronts_face_the_room(rotation, state):
 def test_rotation_turns_clockwise_seen_from_above():
     # A façade to the south (−y) of a room that is turned by a quarter faces west (−x).
     turned = case(room={"size": list(SIZE), "rotation": 90.0}, facade={"south": FACADE})
-    panes = next(s for s in scene.surfaces(turned) if s.name == "glass south")
+    panes = next(s for s in surfaces_of(turned) if s.name == "glass south")
     normals, _ = normals_and_areas(panes.quads)
     np.testing.assert_allclose(normals, np.tile([1.0, 0, 0], (3, 1)), atol=1e-12)
-    points, up = scene.sensor_points(turned)
-    straight, _ = scene.sensor_points(case())
+    points, up = sensor_points(turned)
+    straight, _ = sensor_points(case())
     np.testing.assert_allclose(points, straight[:, [1, 0, 2]] * [1, -1, 1], atol=1e-12)
     np.testing.assert_array_equal(up, np.tile([0.0, 0, 1], (12, 1)))
 
 
 def test_normals_of_furniture_point_outward():
     desk = {"corner": [1, 1, 0.7], "size": [1.2, 0.6, 0.04], "count": [2, 3], "step": [1.5, 1.0]}
-    surfaces = scene.surfaces(case(furniture=[desk | {"name": "desk"}]))
+    surfaces = surfaces_of(case(furniture=[desk | {"name": "desk"}]))
     quads = next(s for s in surfaces if s.name == "desk").quads
     assert len(quads) == 6 * 2 * 3
     normals, areas = normals_and_areas(quads)
@@ -126,7 +129,7 @@ def test_normals_of_furniture_point_outward():
 
 def test_furniture_without_height_is_one_plate_that_looks_up():
     plate = {"name": "plate", "corner": [1, 1, 0.7], "size": [1.2, 0.6, 0]}
-    quads = next(s for s in scene.surfaces(case(furniture=[plate])) if s.name == "plate").quads
+    quads = next(s for s in surfaces_of(case(furniture=[plate])) if s.name == "plate").quads
     normals, areas = normals_and_areas(quads)
     np.testing.assert_allclose(normals, [[0, 0, 1]])
     np.testing.assert_allclose(areas, [0.72])
@@ -138,7 +141,7 @@ def material(surfaces, name):
 
 def test_the_shade_covers_the_clear_panes_only():
     shut = with_facade()
-    is_open, shaded = scene.surfaces(shut, "open"), scene.surfaces(shut, "shaded")
+    is_open, shaded = surfaces_of(shut, "open"), surfaces_of(shut, "shaded")
     assert [s.name for s in is_open] == [s.name for s in shaded]
     assert isinstance(material(is_open, "glass south"), GlazingMaterial)
     assert material(shaded, "glass south") == shut.materials["shade"]
@@ -154,15 +157,15 @@ def test_an_opening_has_no_surface_until_the_shade_closes():
         {"bottom": 2.0, "top": 2.5, "material": "wall"},
     ]
     hole = with_facade(strips=strips, frame=0.0)
-    names = [s.name for s in scene.surfaces(hole)]
+    names = [s.name for s in surfaces_of(hole)]
     assert not any("open" in name for name in names)
-    assert area(scene.surfaces(hole), "south") == pytest.approx(4 * (3 - 1))
-    assert isinstance(material(scene.surfaces(hole, "shaded"), "open south"), DiffuserMaterial)
+    assert area(surfaces_of(hole), "south") == pytest.approx(4 * (3 - 1))
+    assert isinstance(material(surfaces_of(hole, "shaded"), "open south"), DiffuserMaterial)
 
 
 def test_without_a_shade_both_states_are_the_same():
     bare = case(facade={"south": FACADE})
-    for a, b in zip(scene.surfaces(bare), scene.surfaces(bare, "shaded"), strict=True):
+    for a, b in zip(surfaces_of(bare), surfaces_of(bare, "shaded"), strict=True):
         assert a.material == b.material
 
 
@@ -181,8 +184,8 @@ def test_openings_of_the_enclosure_are_those_that_let_straight_light_in():
 
 def test_no_room_has_sensors_under_the_free_sky():
     free = Case.model_validate({"sensors": {"corner": [0, 0, 0], "count": [2, 2], "spacing": 1.0}})
-    assert scene.surfaces(free) == []
-    points, _ = scene.sensor_points(free)
+    assert surfaces_of(free) == []
+    points, _ = sensor_points(free)
     np.testing.assert_allclose(points, [[0.5, 0.5, 0], [1.5, 0.5, 0], [0.5, 1.5, 0], [1.5, 1.5, 0]])
 
 
@@ -205,7 +208,7 @@ DESK = {"name": "desk", "corner": [1.0, 1.0, 0.7], "size": [1.2, 0.6, 0.04]}
 def test_a_sensor_that_would_see_nothing_is_told_by_number(corner, furniture, told):
     grid = {"corner": corner, "count": [3, 4], "spacing": 1.0}
     with pytest.raises(InputError, match=told) as caught:
-        scene.sensor_points(case(sensors=grid, furniture=furniture))
+        sensor_points(case(sensors=grid, furniture=furniture))
     assert str(caught.value).startswith("case: sensors: ")
     assert str(caught.value).endswith("move it at least 1 mm off every surface")
 
@@ -213,7 +216,7 @@ def test_a_sensor_that_would_see_nothing_is_told_by_number(corner, furniture, to
 @pytest.mark.parametrize("height", [0.689, 0.742])
 def test_a_sensor_under_or_above_a_desk_is_fine(height):
     grid = {"corner": [0.7, 0.7, height], "count": [3, 4], "spacing": 1.0}
-    points, _ = scene.sensor_points(case(sensors=grid, furniture=[DESK]))
+    points, _ = sensor_points(case(sensors=grid, furniture=[DESK]))
     assert points.shape == (12, 3)
     assert points[1, 0] - points[0, 0] == pytest.approx(1.0)  # x runs fastest
 
@@ -234,7 +237,7 @@ def test_a_case_is_coloured_where_channels_differ(changes, coloured):
 
 def test_a_surface_has_the_reflectance_of_its_case():
     coloured = case(room={"size": list(SIZE), "floor": [0.4, 0.3, 0.2], "walls": 0.6})
-    surfaces = scene.surfaces(coloured)
+    surfaces = surfaces_of(coloured)
     assert material(surfaces, "floor") == Lambertian((0.4, 0.3, 0.2))
     assert material(surfaces, "wall north") == Lambertian(0.6)
     assert material(surfaces, "ceiling") == Lambertian(0.8)

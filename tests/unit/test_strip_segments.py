@@ -6,6 +6,7 @@ import pytest
 from drcmitsuba import backend, scene
 from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
+from drcmitsuba.surfaces import surfaces_of
 from drcmitsuba.table import checked
 
 SIZE = np.array([4.0, 5.0, 3.0])
@@ -49,7 +50,7 @@ def width(side):
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("frame", [0.0, 0.1])
 def test_mixed_segments_are_wall_and_frame_and_panes_and_nothing_else(side, frame):
-    surfaces = scene.surfaces(case(MIXED, side, frame=frame))
+    surfaces = surfaces_of(case(MIXED, side, frame=frame))
     segment = width(side) / 4
     assert areas(surfaces, side) == pytest.approx(width(side) * 3.0, rel=1e-12)
     glass = (segment - frame) * (2 * (0.9 - frame) + (1.2 - frame))
@@ -63,7 +64,7 @@ def test_mixed_segments_are_wall_and_frame_and_panes_and_nothing_else(side, fram
 @pytest.mark.parametrize("side", SIDES)
 def test_every_point_of_the_wall_is_covered_once(side):
     axis, at = {"south": (1, 0.0), "north": (1, 5.0), "west": (0, 0.0), "east": (0, 4.0)}[side]
-    surfaces = scene.surfaces(case(MIXED, side))
+    surfaces = surfaces_of(case(MIXED, side))
     quads = np.concatenate([s.quads for s in surfaces if s.name.endswith(side)])
     np.testing.assert_allclose(quads[..., axis], at, atol=1e-12)
     low, high = quads.min(axis=1), quads.max(axis=1)
@@ -79,7 +80,7 @@ def test_every_point_of_the_wall_is_covered_once(side):
 )
 def test_segments_count_from_the_left_seen_from_outside(side, axis, first):
     one = [{"bottom": 1.0, "top": 2.0, "material": "glass", "segments": [0]}]
-    glass = next(s for s in scene.surfaces(case(one, side)) if s.name.startswith("glass"))
+    glass = next(s for s in surfaces_of(case(one, side)) if s.name.startswith("glass"))
     away = np.abs(glass.quads[..., axis] - first)
     assert away.max() < width(side) / 4
     assert len(glass.quads) == 1
@@ -88,7 +89,7 @@ def test_segments_count_from_the_left_seen_from_outside(side, axis, first):
 def test_all_segments_named_are_the_strip_without_segments():
     whole = [{"bottom": 0.9, "top": 1.8, "material": "glass"}]
     named = [{"bottom": 0.9, "top": 1.8, "material": "glass", "segments": [3, 1, 0, 2]}]
-    for a, b in zip(scene.surfaces(case(whole)), scene.surfaces(case(named)), strict=True):
+    for a, b in zip(surfaces_of(case(whole)), surfaces_of(case(named)), strict=True):
         np.testing.assert_array_equal(a.quads, b.quads)
         assert (a.name, a.material) == (b.name, b.material)
 

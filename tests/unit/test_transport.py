@@ -17,11 +17,15 @@ from scipy.stats import t as student
 from drcmitsuba import backend, coefficients
 from drcmitsuba import scene as scenes
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.case import Case
 from drcmitsuba.coefficients import compute, straight_suns
+from drcmitsuba.geometry import Surface
+from drcmitsuba.material_table import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.materials import Lambertian, bsdf
-from drcmitsuba.scene import Surface, quad_mesh
+from drcmitsuba.scene import quad_mesh
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import surfaces_of
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.gather import even_numbers, gather
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
@@ -391,7 +395,7 @@ def test_white_room_with_a_window_is_a_furnace(same):
     clear = {"type": "glazing", "transmittance": 0.8, "exponent": 5.0, "reflectance": 0.2}
     white = dict.fromkeys(("walls", "floor", "ceiling", "frame_reflectance"), 1.0)
     case = room([(0.5, 2.9, "clear")], {"clear": clear}, **white)
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     c = run(scenes.load(case), points, normals, paths=2048, sensor_sky_rays=2048, cell_size=0.2)
     same(c.sum(axis=-1), exact=np.pi, within=0.005)
 
@@ -454,10 +458,10 @@ ROUGH = {"replicates": 16, "paths": 256, "cell_size": 0.3, "sensor_sky_rays": 20
 @pytest.mark.parametrize("name", ROOMS)
 def test_gd_agrees_with_the_plain_path_tracer(name, same, plain_coefficients):
     case, state = ROOMS[name]()
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     here = run(scenes.load(case, state), points, normals, SUNS, **FINE)
     there = plain_coefficients(
-        with_sources(scenes.surfaces(case, state)),
+        with_sources(surfaces_of(case, state)),
         points,
         normals,
         spp=1 << 12,
@@ -472,9 +476,9 @@ def test_turned_room_is_the_plain_room_under_the_turned_sky(same, plain_coeffici
     turned, plain = (
         room(WINDOW, {"glass": GLASS}, rotation=angle, furniture=[BENCH]) for angle in (37.0, 0.0)
     )
-    here = run(scenes.load(turned), *scenes.sensor_points(turned), SUNS, **FINE)
+    here = run(scenes.load(turned), *sensor_points(turned), SUNS, **FINE)
     there = plain_coefficients(
-        with_sources(scenes.surfaces(plain), turn=37.0), *scenes.sensor_points(plain), spp=1 << 12
+        with_sources(surfaces_of(plain), turn=37.0), *sensor_points(plain), spp=1 << 12
     ).sum(axis=0)
     same(here[..., :146], other=there[..., :146], within=0.01)
     same(here[..., 146:], other=there[..., 146:], within=0.02)
@@ -485,16 +489,16 @@ def test_back_of_a_pane_is_black_outside(same, plain_coefficients):
     case = room([(0.9, 2.7, "opal")], {"opal": OPAL}, furniture=[OPPOSITE])
     points, normals = np.array([[1.5, -0.3, 1.8]]), np.array([[0, 1.0, 0]])
     here = run(scenes.load(case), points, normals, SUNS, **FINE)
-    there = plain_coefficients(with_sources(scenes.surfaces(case)), points, normals, spp=1 << 13)
+    there = plain_coefficients(with_sources(surfaces_of(case)), points, normals, spp=1 << 13)
     same(here, other=there.sum(axis=0), within=0.01)
 
 
 def test_direct_and_interreflected_are_told_apart_alike(same, plain_coefficients):
     case, _ = ROOMS["opal above clear"]()
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     c = compute(scenes.load(case), points, normals, SUNS, Accuracy(cell_size=0.1, **FINE))
     direct = plain_coefficients(
-        with_sources(scenes.surfaces(case)), points, normals, spp=1 << 12, max_depth=2
+        with_sources(surfaces_of(case)), points, normals, spp=1 << 12, max_depth=2
     )[0]
     # `coefficient` calls direct what met no diffuse surface; so do transport's means.
     mean, error = direct.mean(axis=0), direct.std(axis=0, ddof=1) / np.sqrt(len(direct))
@@ -514,8 +518,8 @@ def test_direct_and_interreflected_are_told_apart_alike(same, plain_coefficients
 
 def test_openings_spare_rays_and_lose_no_light():
     case = room(WINDOW, {"glass": GLASS}, frame=0.0)  # panes reach the rim of the openings
-    points, normals = scenes.sensor_points(case)
-    known, unknown = scenes.load(case), scenes.build(scenes.surfaces(case))
+    points, normals = sensor_points(case)
+    known, unknown = scenes.load(case), scenes.build(surfaces_of(case))
     assert known.enclosure is not None
     assert unknown.enclosure is None
     p, n = flat(points, 24), flat(normals, 24)
@@ -537,7 +541,7 @@ def test_openings_spare_rays_and_lose_no_light():
 
 def test_threads_do_not_matter():
     case, _ = ROOMS["opal above clear"]()
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     scene = scenes.load(case)
     threads = dr.thread_count()
     found = []
@@ -552,7 +556,7 @@ def test_threads_do_not_matter():
 
 def test_seed_decides_and_another_seed_differs():
     case, _ = ROOMS["opal above clear"]()
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     scene = scenes.load(case)
     a, b, c = (
         run(scene, points, normals, SUNS, replicates=2, cell_size=0.2, seed=s) for s in (1, 1, 2)
@@ -563,7 +567,7 @@ def test_seed_decides_and_another_seed_differs():
 
 def test_blocks_of_sensors_do_not_matter(same, monkeypatch):
     case, _ = ROOMS["opal above clear"]()
-    points, normals = scenes.sensor_points(case)
+    points, normals = sensor_points(case)
     scene = scenes.load(case)
     whole = run(scene, points, normals, SUNS, **ROUGH)
     monkeypatch.setattr(coefficients, "BLOCK", 4)
@@ -573,8 +577,8 @@ def test_blocks_of_sensors_do_not_matter(same, monkeypatch):
 
 def test_order_and_cut_of_surfaces_do_not_matter(same):
     case, state = ROOMS["house opposite and bench"]()
-    points, normals = scenes.sensor_points(case)
-    things = scenes.surfaces(case, state)
+    points, normals = sensor_points(case)
+    things = surfaces_of(case, state)
     cut = []
     for s in reversed(things):
         for q in s.quads:

@@ -34,6 +34,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import accumulate, backend, judgement, metrics, scene, simulation, uncertainty
 from drcmitsuba.case import Case, Metrics
 from drcmitsuba.light import Daylight, daylight
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
 from drcmitsuba.uncertainty import Rules
 
@@ -113,7 +114,7 @@ class Truth:
 
     @classmethod
     def of(cls, suns: Suns) -> Truth:
-        points, normals = scene.sensor_points(ROOM)
+        points, normals = sensor_points(ROOM)
         directions = mi.TensorXf(suns.directions.astype(np.float32))
         sources = {
             "sky": {"type": "tregenza_sky"},

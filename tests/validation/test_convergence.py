@@ -38,6 +38,7 @@ from drcmitsuba import backend, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
 from drcmitsuba.transport.cells import Grid, Vertices
 from drcmitsuba.transport.deposit import Deposit, launch_seed
@@ -99,7 +100,7 @@ def plain(case: Case, spp: int, rounds: int, *, sky: bool = True) -> np.ndarray:
         sources["sky"] = {"type": "tregenza_sky"}
     world = mi.load_dict({"type": "scene", **shapes, **sources}, optimize=False)
     plugin = mi.load_dict({"type": "coefficient"})
-    points = scene.sensor_points(case)
+    points = sensor_points(case)
     return np.stack([plugin.sensors(world, *points, spp, 500 + k).numpy() for k in range(rounds)])
 
 
@@ -142,7 +143,7 @@ def test_error_falls_with_the_samples(name, cell_size):
     two halves of the runs with most samples leave.
     """
     case = furnished(name == "film")
-    loaded, (points, normals) = scene.load(case), scene.sensor_points(case)
+    loaded, (points, normals) = scene.load(case), sensor_points(case)
     reference = plain(case, 1 << 16, 16).sum(axis=1)
     exact, own = reference.mean(axis=0), reference.var(axis=0, ddof=1) / len(reference)
     found = {}
@@ -230,7 +231,7 @@ def bias_of_cells(case: Case, sizes: list[float], paths: int, rounds: int) -> np
     The first shift is the grid of `compute`; with the others the bias does not hang on how edges
     of light and cells happen to lie.
     """
-    loaded, (points, normals) = scene.load(case), scene.sensor_points(case)
+    loaded, (points, normals) = scene.load(case), sensor_points(case)
     D = deposit(case, Accuracy(pane_points=32))
     out = np.zeros((len(sizes) + 1, len(SHIFTS), rounds, len(points), len(DIRECTIONS)))
 
@@ -320,7 +321,7 @@ def test_bias_of_cells_falls_by_an_order_between_one_and_two(name, paths, rounds
 def test_bias_is_that_of_compute(same):
     """Cells of 1.2 m, replicates of `compute` against the plain path tracer and the bias."""
     case = furnished(False)
-    loaded, (points, normals) = scene.load(case), scene.sensor_points(case)
+    loaded, (points, normals) = scene.load(case), sensor_points(case)
     of_round = bias_of_cells(case, [1.2], 1 << 13, 8)[0, 0]
     bias = of_round.mean(axis=0)
     theirs = plain(case, 1 << 15, 24, sky=False)[:, 1]

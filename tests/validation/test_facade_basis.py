@@ -6,7 +6,7 @@ from drcmitsuba_plugins.patches import Patches
 from scipy.stats import t as student
 
 from drcmitsuba import backend, basis, load_case, simulation
-from drcmitsuba.case import Strip
+from drcmitsuba.facade_table import Strip
 from drcmitsuba.light import daylight
 
 HEIGHTS = [0.9, 1.8, 2.7, 3.6]

@@ -22,6 +22,7 @@ from drcmitsuba import backend, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
 
 BINS = len(Patches())
@@ -77,7 +78,7 @@ ACCURACY = Accuracy(
 
 def agree(case: Case, same, plain_coefficients, directions=SOUTH, quick=False, within=0.004):
     """Both routes give the same: what arrives without diffuse reflection, and all of it."""
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     suns = Suns(tuple(f"sun_{i}" for i in range(len(directions))), directions)
     loaded = scene.load(case)
     accuracy = ACCURACY.model_copy(update={"cell_size": 0.3 if quick else 0.15})

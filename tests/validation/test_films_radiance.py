@@ -41,9 +41,12 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend, scene
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import BsdfMaterial, Case, load_case
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.material_table import BsdfMaterial
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import surfaces_of
 from tests import radiance
 
 pytest.importorskip("pyradiance")
@@ -121,7 +124,7 @@ def suns(case: Case, count: int) -> Suns:
 
 def every(case: Case, step: int) -> tuple[np.ndarray, np.ndarray]:
     """Every `step`-th sensor of the grid in both directions, beginning at half a step."""
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     columns, rows = case.sensors.count
     kept = np.arange(columns * rows).reshape(rows, columns)[step // 2 :: step, step // 2 :: step]
     return points[kept.ravel()], normals[kept.ravel()]
@@ -132,7 +135,7 @@ def loaded(case: Case) -> scene.Scene:
 
 
 def room(case: Case, points: np.ndarray, normals: np.ndarray, folder: Path) -> radiance.Room:
-    text = radiance.scene_text(scene.surfaces(case), TRANSMISSIVITY)
+    text = radiance.scene_text(surfaces_of(case), TRANSMISSIVITY)
     return radiance.Room(text, points, normals, folder)
 
 
@@ -142,7 +145,7 @@ def looks(case: Case, points: np.ndarray, spacing: float, seed: int) -> tuple[np
     Returns directions (sensor, point, 3) and cos θ · cos θ' · dA / r² (sensor, point) [sr].
     """
     rng = np.random.default_rng(seed)
-    quads = np.concatenate([s.quads for s in scene.surfaces(case) if s.material == film_of(case)])
+    quads = np.concatenate([s.quads for s in surfaces_of(case) if s.material == film_of(case)])
     directions, weights = [], []
     for corner, top, _, right in quads:
         up, along = top - corner, right - corner
@@ -254,7 +257,7 @@ def test_suns(name, case_of, same, tmp_path):
     """All light of 8 suns, 576 sensors in 16 groups of 6 × 6."""
     case = case_of(name, reflects=False)
     few = suns(case, 8)
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     columns, rows = case.sensors.count
     C = compute(loaded(case), points, normals, few, ALL).isel(bin=slice(BINS, None))
     traced = room(case, points, normals, tmp_path)

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from drcmitsuba import backend, coefficients, scene
-from drcmitsuba.case import Case, shipped_folder
+from drcmitsuba.case import Case
 from drcmitsuba.scope import Scope
+from drcmitsuba.sensors import sensor_points
+from drcmitsuba.shipped import shipped_folder
 from drcmitsuba.suns import Suns
 
 FILM = {"type": "bsdf", "file": str(shipped_folder() / "films" / "prism.xml")}
@@ -56,13 +58,13 @@ def by_path_tracing(case, plain_coefficients, seed=0):
         },
     }
     world = mi.load_dict({"type": "scene", **shapes, **sources}, optimize=False)
-    return plain_coefficients(world, *scene.sensor_points(case), spp=1 << 13, seed=seed).sum(axis=0)
+    return plain_coefficients(world, *sensor_points(case), spp=1 << 13, seed=seed).sum(axis=0)
 
 
 def by_parts(case, *, pane_to_pane):
     suns = Suns(tuple(f"sun_{h:g}" for h in ELEVATIONS), SUNS, DIAMETER)
     world = scene.load(case, scope=Scope(pane_to_pane=pane_to_pane))
-    found = coefficients.compute(world, *scene.sensor_points(case), suns, case.accuracy)
+    found = coefficients.compute(world, *sensor_points(case), suns, case.accuracy)
     return found["replicates"].values
 
 

@@ -20,9 +20,9 @@ import pytest
 
 from drcmitsuba import backend, scene
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import DielectricMaterial, MirrorMaterial
+from drcmitsuba.geometry import Port, Surface
+from drcmitsuba.material_table import DielectricMaterial, MirrorMaterial
 from drcmitsuba.materials import Lambertian
-from drcmitsuba.scene import Port, Surface
 from drcmitsuba.transport.photons import Landed, Ledger, Photons
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room

@@ -26,9 +26,12 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend, scene, sky, weather
 from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, GlazingMaterial, load_case
+from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.material_table import GlazingMaterial
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import Suns
+from drcmitsuba.surfaces import surfaces_of
 from tests import radiance
 
 pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
@@ -59,7 +62,7 @@ def case() -> Case:
 
 def every(case: Case, step: int) -> tuple[np.ndarray, np.ndarray]:
     """Every `step`-th sensor of the grid in both directions, beginning at half a step."""
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     columns, rows = case.sensors.count
     kept = np.arange(columns * rows).reshape(rows, columns)[step // 2 :: step, step // 2 :: step]
     return points[kept.ravel()], normals[kept.ravel()]
@@ -76,7 +79,7 @@ def few(case):
     points, normals = every(case, 4)
     C = compute(scene.load(case), points, normals, suns(24), FEW)
     assert C.bin.values.tolist() == Patches().labels + list(suns(24).labels)
-    return C, radiance.scene_text(scene.surfaces(case)), points, normals
+    return C, radiance.scene_text(surfaces_of(case)), points, normals
 
 
 @pytest.mark.parametrize("program", ["rcontrib", "rfluxmtx"])
@@ -103,7 +106,7 @@ def test_suns(few, same, tmp_path):
 def glazed(case: Case, transmissivity: float) -> scene.Scene:
     """The case with panes that transmit and mirror as Radiance's `glass` does."""
     loaded = scene.load(case)
-    quads = [s.quads for s in scene.surfaces(case) if isinstance(s.material, GlazingMaterial)]
+    quads = [s.quads for s in surfaces_of(case) if isinstance(s.material, GlazingMaterial)]
     tau, rho = radiance.glass(np.linspace(0, 1, 2049), transmissivity)
     bsdf = {"type": "glazing", "transmittance": mi.TensorXf(tau.astype(np.float32))}
     for side in ("front", "back"):
@@ -122,7 +125,7 @@ def test_glass(same, tmp_path):
     case = load_case("classroom/reference/existing")
     points, normals = every(case, 6)
     C = compute(glazed(case, 0.96), points, normals, suns(0), FEW)
-    text = radiance.scene_text(scene.surfaces(case), transmissivity=0.96)
+    text = radiance.scene_text(surfaces_of(case), transmissivity=0.96)
     room = radiance.Room(text, points, normals, tmp_path)
     theirs = room.sky([*UNBIASED, "-ad", "2048"], repeats=12)
     same(C["replicates"].values.mean(axis=1), other=theirs.mean(axis=1), within=0.003)
@@ -156,10 +159,10 @@ def test_perez_sky(tmp_path):
 @pytest.mark.slow
 def test_every_sensor(case, same, tmp_path):
     """All 576 sensors in 64 groups of 3 × 3, each with 146 sky bins and 24 suns of its own."""
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     columns, rows = case.sensors.count
     C = compute(scene.load(case), points, normals, suns(24), FEW)
-    room = radiance.Room(radiance.scene_text(scene.surfaces(case)), points, normals, tmp_path)
+    room = radiance.Room(radiance.scene_text(surfaces_of(case)), points, normals, tmp_path)
     by_sky = room.sky([*UNBIASED, "-ad", "2048"], repeats=12)
     by_suns = room.suns(suns(24).directions, 0.5, [*UNBIASED, *SUN, "-ad", "256"], repeats=12)
     mine = C["replicates"].values

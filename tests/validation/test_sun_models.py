@@ -27,6 +27,7 @@ from drcmitsuba import accumulate, backend, refinement, scene, sky, weather
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.case import Case, load_case
 from drcmitsuba.coefficients import compute
+from drcmitsuba.sensors import sensor_points
 from drcmitsuba.suns import (
     Suns,
     between_daysim_suns,
@@ -36,6 +37,7 @@ from drcmitsuba.suns import (
     spread_over_patches,
 )
 from drcmitsuba.suns.equator import declination_and_hour, direction
+from drcmitsuba.surfaces import surfaces_of
 from tests import radiance
 from tests.bench import sun_models
 from tests.validation.test_films import PRISM, changed, room
@@ -206,7 +208,7 @@ def classroom() -> Case:
 
 def sensors(case: Case, step: int = 8) -> tuple[np.ndarray, np.ndarray]:
     """Every `step`-th sensor of the grid in both directions, beginning at half a step."""
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     columns, rows = case.sensors.count
     kept = np.arange(columns * rows).reshape(rows, columns)[step // 2 :: step, step // 2 :: step]
     return points[kept.ravel()], normals[kept.ravel()]
@@ -225,7 +227,7 @@ def test_patches_of_the_three_phase_method(subdivision, program, classroom, same
     points, normals = sensors(classroom)
     C = compute(scene.load(classroom), points, normals, NO_SUNS, FINE, subdivision=subdivision)
     assert C.bin.values.tolist() == Patches(subdivision).labels
-    text = radiance.scene_text(scene.surfaces(classroom))
+    text = radiance.scene_text(surfaces_of(classroom))
     theirs_by = radiance.Room(text, points, normals, tmp_path)
     trace = {"rcontrib": theirs_by.sky, "rfluxmtx": theirs_by.sky_by_rfluxmtx}[program]
     theirs = trace([*UNBIASED, "-ad", "16384"], repeats=12, subdivision=subdivision)
@@ -253,7 +255,7 @@ def test_suns_of_the_five_phase_method(classroom, same, tmp_path):
     centres = radiance.patch_centres(6, tmp_path)[np.array(numbers) - 1]
     accuracy = FINE.model_copy(update={"sensor_sky_rays": 1, "cell_sky_rays": 1})
     C = compute(scene.load(classroom), points, normals, suns, accuracy, subdivision=None)
-    text = radiance.scene_text(scene.surfaces(classroom))
+    text = radiance.scene_text(surfaces_of(classroom))
     options = [*UNBIASED, "-dt", "0", "-dc", "1", "-dj", "1", "-ad", "256"]
     theirs = radiance.Room(text, points, normals, tmp_path).suns(
         centres, DIAMETER, options, repeats=12
@@ -323,7 +325,7 @@ ROOMS = {"film": lambda: room(PRISM), "glass": glazed}
 
 
 def mesh_for(case: Case, accuracy: Accuracy, tolerance: float = 0.05, finest: int = 5):
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     return refinement.meshed(
         scene.load(case), points, normals, 0.5, accuracy,
         latitude=LATITUDE, tolerance=tolerance, finest=finest,
@@ -375,7 +377,7 @@ def apart(case: Case, found: xr.Dataset, suns: Suns) -> tuple[np.ndarray, np.nda
     For suns of 1e9 cd/m². Pairs on the edge of a shadow are left out: few directions make their
     straight light, and that of both is drawn anew.
     """
-    points, normals = scene.sensor_points(case)
+    points, normals = sensor_points(case)
     world = scene.load(case)
     whole = refinement.with_straight(found, world, points, normals, suns, ADAPTIVE)
     between = accumulate.by_source(whole, sky_of(suns, 1e9, "adaptive"))
