@@ -10,7 +10,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case import Case
 from drcmitsuba.components import Placed
 from drcmitsuba.light import Daylight
-from drcmitsuba.material_table import GlazingMaterial
+from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.materials import film, lets_through, sends
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
@@ -157,20 +157,20 @@ def clear_panes(facts: Facts) -> Effect:
 
 def scattering_panes(facts: Facts) -> Effect:
     """Panes and shades that scatter evenly."""
-    names = {name: sends(m) for name, m in panes.diffusers(facts.case).items()}
+    names = {name: sends(m) for name, m in panes.of(facts.case, DiffuserMaterial).items()}
     return _power(names, "diffusing panes")
 
 
 def films(facts: Facts) -> Effect:
     """Panes and shades with a measured BSDF."""
-    names = {name: sends(m) for name, m in panes.films(facts.case).items()}
+    names = {name: sends(m) for name, m in panes.of(facts.case, BsdfMaterial).items()}
     return _power(names, "panes with a measured BSDF")
 
 
 def straight_through(facts: Facts) -> Effect:
     """Whether anything is seen through films."""
     told, views = [], False
-    for name, material in panes.films(facts.case).items():
+    for name, material in panes.of(facts.case, BsdfMaterial).items():
         found, seen = film(material.file), lets_through(material)
         views |= seen
         share = f"{100 * found.share_through:.1f} % of the light that {name} lets through"
@@ -199,8 +199,9 @@ def _mirrors(component: Placed) -> bool:
 def pane_to_pane(facts: Facts) -> Effect:
     """Light that a pane sends to another one across the room, before it meets a surface."""
     case, found = facts.case, panes.used(facts.case)
-    scattering = {**panes.films(case), **panes.diffusers(case)}
-    with_film = {side for name in panes.films(case) for side in found[name]}
+    measured = panes.of(case, BsdfMaterial)
+    scattering = {**measured, **panes.of(case, DiffuserMaterial)}
+    with_film = {side for name in measured for side in found[name]}
     facing = {side for name in scattering for side in found[name]}
     mirrors = {
         side

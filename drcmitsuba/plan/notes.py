@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from drcmitsuba.case import Case
+from drcmitsuba.material_table import BsdfMaterial
 from drcmitsuba.materials import film
-from drcmitsuba.plan.panes import films
+from drcmitsuba.plan import panes
 
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be given up without a note."""
@@ -42,7 +43,7 @@ def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
 def notes(case: Case) -> list[str]:
     """What was done to the films' files, for the notes of a result."""
     told = []
-    for name, material in films(case).items():
+    for name, material in panes.of(case, BsdfMaterial).items():
         found = film(material.file)
         if found.largest_albedo > 1:
             told.append(

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 from drcmitsuba.case import Case
 from drcmitsuba.components import Placed
 from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.materials import most, sends
 from drcmitsuba.reach import outside
+
+M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
 
 
 def used(case: Case) -> dict[str, tuple[str, ...]]:
@@ -29,16 +32,10 @@ def is_clear(case: Case, name: str) -> bool:
     return name == "open" or isinstance(case.materials.get(name), GlazingMaterial)
 
 
-def films(case: Case) -> dict[str, BsdfMaterial]:
-    """The measured materials that the façades or the shade use, by name."""
+def of(case: Case, kind: type[M]) -> dict[str, M]:
+    """The materials of a kind that the façades or the shade use, by name."""
     materials = ((name, case.materials.get(name)) for name in used(case))
-    return {name: m for name, m in materials if isinstance(m, BsdfMaterial)}
-
-
-def diffusers(case: Case) -> dict[str, DiffuserMaterial]:
-    """The evenly scattering materials that the façades or the shade use, by name."""
-    materials = ((name, case.materials.get(name)) for name in used(case))
-    return {name: m for name, m in materials if isinstance(m, DiffuserMaterial)}
+    return {name: m for name, m in materials if isinstance(m, kind)}
 
 
 def most_reflecting(case: Case, components: tuple[Placed, ...], beyond: bool) -> tuple[float, str]:
