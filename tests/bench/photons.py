@@ -17,6 +17,7 @@ import xarray as xr
 from drcmitsuba import scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.coefficients import compute
+from drcmitsuba.geometry import Surface
 from drcmitsuba.suns import Suns
 from drcmitsuba.transport.photons import Photons
 from drcmitsuba.transport.ports import of_suns
@@ -51,7 +52,7 @@ class Lamellae:
     finer: int = 4
 
     @property
-    def surfaces(self) -> list[scene.Surface]:
+    def surfaces(self) -> list[Surface]:
         return [*room.shell(), room.casing(), room.pane(), room.lamellae(bend=20, pieces=4)]
 
     @cached_property

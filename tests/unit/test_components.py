@@ -17,7 +17,7 @@ from drcmitsuba.design.film_year import FilmYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.reflectances import Interior
 from drcmitsuba.errors import InputError
-from drcmitsuba.geometry import normals
+from drcmitsuba.geometry import normals, rotation
 from drcmitsuba.goniophotometer.trace import follow, prepare
 from drcmitsuba.light import daylight
 from drcmitsuba.materials import bsdf
@@ -414,7 +414,7 @@ def test_holes_are_openings_of_the_room_unless_something_scatters():
 def test_a_turned_room_turns_components_and_ports(tmp_path):
     straight = case(components={"pipe": PIPE, "duct": DUCT | {"length": 1.5}})
     turned = case(room={"size": list(SIZE), "rotation": 30.0}, components=straight.components)
-    turn = scene.rotation(turned)
+    turn = rotation(turned)
     for a, b in zip(surfaces_of(straight), surfaces_of(turned), strict=True):
         assert (a.name, a.component) == (b.name, b.component)
         np.testing.assert_allclose(a.quads @ turn.T, b.quads, atol=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, scene
+from drcmitsuba import backend, geometry, scene
 from drcmitsuba.case import Case
 from drcmitsuba.errors import InputError
 from drcmitsuba.material_table import DiffuserMaterial, GlazingMaterial
@@ -90,7 +90,7 @@ def test_all_fronts_face_the_room(rotation, state):
         room={"size": list(SIZE), "rotation": rotation}, facade=facades,
         shading={"material": "shade"},
     )  # fmt: skip
-    middle = scene.rotation(turned) @ (SIZE / 2)
+    middle = geometry.rotation(turned) @ (SIZE / 2)
     surfaces = surfaces_of(turned, state)
     for surface in surfaces:
         normals, _ = normals_and_areas(surface.quads)

@@ -27,6 +27,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import backend
 from drcmitsuba import scene as scenes
+from drcmitsuba.geometry import Surface
 from drcmitsuba.materials import Lambertian
 from drcmitsuba.sky.cie import CieSky, luminance
 from drcmitsuba.transport.shadow_rays import sky_deposit
@@ -225,7 +226,7 @@ def by_patches(room, kind, subdivision=1):
     sun = xr.Dataset({"solar_zenith": ("time", [30.0]), "solar_azimuth": ("time", [azimuth])})
     patches = Patches(subdivision)
     L = CieSky(kind, diffuse_horizontal_illuminance=1.0).luminances(xr.Dataset(), sun, patches).sky
-    surface = scenes.Surface("box", Lambertian(0.0), black_box(room))
+    surface = Surface("box", Lambertian(0.0), black_box(room))
     p, n = (mi.Float(np.asarray(a, np.float32).ravel()) for a in (room.at, room.normals))
     c = sky_deposit(
         scenes.build([surface]), p, n, subdivision=subdivision, rays=1 << 19, seed=0

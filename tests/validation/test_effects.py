@@ -16,10 +16,11 @@ from drcmitsuba import backend, case, evaluate, schema
 from drcmitsuba.bsdf import read
 from drcmitsuba.light import daylight
 from drcmitsuba.plan import plan
+from drcmitsuba.shipped import shipped_folder
 
 X, Y, Z = 3.0, 4.0, 2.8
 GLASS = {"type": "glazing", "transmittance": 0.7}
-FILM = str(case.shipped_folder() / "films" / "prism.xml")
+FILM = str(shipped_folder() / "films" / "prism.xml")
 BASE = {
     "name": "pair",
     "period": {"months": [12], "hours": [10, 15], "days_per_week": 1},
@@ -82,7 +83,7 @@ def mirror(folder, reflectance):
 
 def dark(folder):
     """The film's file with nothing but zeros."""
-    text = (case.shipped_folder() / "films" / "prism.xml").read_text(encoding="utf-8")
+    text = (shipped_folder() / "films" / "prism.xml").read_text(encoding="utf-8")
     numbers = re.compile(r"(<ScatteringData>)(.*?)(</ScatteringData>)", re.DOTALL)
     zero = numbers.sub(lambda m: m[1] + re.sub(r"[^\s{},]+", "0", m[2]) + m[3], text)
     file = folder / "dark.xml"

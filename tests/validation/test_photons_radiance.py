@@ -22,6 +22,7 @@ import pytest
 from drcmitsuba import backend, scene
 from drcmitsuba.accuracy import Accuracy
 from drcmitsuba.coefficients import compute
+from drcmitsuba.geometry import Surface
 from drcmitsuba.suns import Suns
 from tests import radiance
 from tests.validation import exact_optics as optics
@@ -67,7 +68,7 @@ def test_a_mirror_images_the_sun(tmp_path):
     shelf = optics.Mirror(room.rectangle((1.5, 0.8, 1), (1, 0, 0), (0, 0.5, 0)), 0.9)
     surfaces = [
         *room.shell(0, 1e-4, 0), room.casing(0), room.pane(),
-        scene.Surface("shelf", room.MIRROR, shelf.quad[None], "shelf"),
+        Surface("shelf", room.MIRROR, shelf.quad[None], "shelf"),
     ]  # fmt: skip
     sun = to_sun(40, 180)
     x, y = np.meshgrid(np.linspace(1.2, 2.8, 33), np.linspace(2.9, 3.95, 22))
