@@ -126,7 +126,7 @@ BASE = {
     "pane_points": 64, "film_sky_samples": 128,
 }  # fmt: skip
 SCALES = [1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8]
-SEEDS, REPLICATES = 16, 2
+SEEDS, REPLICATES = 32, 2
 
 
 def root_mean(square: np.ndarray) -> float:
