@@ -211,7 +211,7 @@ def test_error_falls_with_the_samples(name, cell_size):
         # What the replicates tell is what the seeds show, taken over all scales.
         ratio, error = told_to_shown([C[..., bins] for C in found.values()])
         print(f"told over shown: {ratio:.3f} ± {error:.3f}")
-        assert error < 0.1
+        assert error < 0.15  # else it would tell nothing
         assert abs(ratio - 1) < 4 * error
 
 
