@@ -79,6 +79,11 @@ class Room(Table):
     ceiling: Reflectance = 0.8
     walls: Reflectance = 0.5
 
+    def wall(self, side: Side) -> tuple[float, float]:
+        """Length and height of a wall [m]."""
+        width, depth, height = self.size
+        return (width if side in ("south", "north") else depth), height
+
 
 class Furniture(Table):
     """Box, or horizontal plate where the height is 0, repeated on a grid."""
@@ -182,6 +187,10 @@ class Case(Table):
         if self.standing:
             got = f"{task} counts no light by way of {shortened(self.standing[0])}"
             raise InputError(self.source, "components", got, "leave them out, or use evaluate")
+
+    def is_clear(self, name: str) -> bool:
+        """Whether a strip's material is a hole or clear glass, which the shade covers."""
+        return name == "open" or isinstance(self.materials.get(name), GlazingMaterial)
 
     @property
     def panes(self) -> tuple[str, ...]:
@@ -288,11 +297,10 @@ class Case(Table):
     def _check_facade(self, side: Side, facade: Facade) -> None:
         """Refuse strips that do not fit into their wall, or of an unknown material."""
         assert self.room is not None
-        width, depth, height = self.room.size
         structures = [k for k, c in self.components.items() if isinstance(c, StructureComponent)]
         known = ["wall", "open", *self.panes, *structures]
-        wall = (width if side in ("south", "north") else depth, height)
-        facade.check(side, wall, known, [*self.materials, *self.components])
+        named = [*self.materials, *self.components]
+        facade.check(side, self.room.wall(side), known, named)
 
     def path(self, file: Path) -> Path:
         """Resolve a file that the case names: relative ones lie beside the case file."""

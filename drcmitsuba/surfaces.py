@@ -26,7 +26,7 @@ from drcmitsuba.geometry import (
     side_of,
     wall,
 )
-from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.materials import Lambertian, SurfaceMaterial, lets_through
 from drcmitsuba.reach import reaches_in
 from drcmitsuba.scope import FULL, Scope
@@ -131,7 +131,7 @@ def _surfaces(
 def _pane_material(case: Case, name: str, state: State, scope: Scope) -> SurfaceMaterial | None:
     """Material of a façade strip in a state; None for an open hole, or one for a component."""
     material = case.materials.get(name)
-    clear = name == "open" or isinstance(material, GlazingMaterial)
+    clear = case.is_clear(name)
     if state == "shaded" and case.shading is not None and clear:
         clear, material = False, case.materials[case.shading.material]
     if isinstance(material, BsdfMaterial) and scope.straight_through is not None:

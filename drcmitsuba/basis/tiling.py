@@ -34,8 +34,7 @@ class Wall:
     def size(self) -> tuple[float, float]:
         """Length and height [m]."""
         assert self.case.room is not None
-        width, depth, height = self.case.room.size
-        return (width if self.side in ("south", "north") else depth), height
+        return self.case.room.wall(self.side)
 
 
 def side_of(cases: Sequence[Case]) -> Side:

@@ -80,7 +80,7 @@ class Layout:
             remedy = "set frame = 0, and take the frames' share off the glass"
             raise InputError(case.source, f"facade.{side}.frame", got, remedy)
         _check_ranges(case, design, facade)
-        width, depth, height = case.room.size
+        length, height = case.room.wall(side)
         panes = [s for s in facade.strips if s.material != "wall"]
         band = design.band or (min(s.bottom for s in panes), max(s.top for s in panes))
         covered = sum((s.top - s.bottom) * len(s.segments or range(facade.segments)) for s in panes)
@@ -99,7 +99,7 @@ class Layout:
             side=side,
             clear=design.clear or _clear(case, facade),
             film=design.film,
-            length=width if side in ("south", "north") else depth,
+            length=length,
             band=band,
             rows=rows,
             segments=design.segments or facade.segments,

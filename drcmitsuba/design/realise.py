@@ -61,9 +61,8 @@ def realise(
     composition says.
     """
     assert case.room is not None
-    width, depth, _ = case.room.size
     old = case.facade.get(side, Facade())
-    segments, columns = _columns(tiles, width if side in ("south", "north") else depth, old)
+    segments, columns = _columns(tiles, case.room.wall(side)[0], old)
     found: dict[Piece, list[int]] = {}
     least = old.frame + 2 * THINNEST
     for i, column in enumerate(columns):

@@ -36,7 +36,7 @@ def closing(facts: Facts, scope: Scope) -> np.ndarray:
     p, n = sensor_points(case)
     some = np.linspace(0, len(p) - 1, min(MOST, len(p))).round().astype(int)
     p, n = p[some], n[some]
-    clear = [case.materials.get(n) for n in panes.used(case) if panes.is_clear(case, n)]
+    clear = [case.materials.get(n) for n in panes.used(case) if case.is_clear(n)]
     through = max(
         (m.transmittance if isinstance(m, GlazingMaterial) else 1.0 for m in clear), default=1.0
     )

@@ -150,7 +150,7 @@ def _power(names: dict[str, float], what: str) -> Effect:
 def clear_panes(facts: Facts) -> Effect:
     """Holes and clear glass of the façades."""
     case = facts.case
-    clear = (name for name in panes.used(case) if panes.is_clear(case, name))
+    clear = (name for name in panes.used(case) if case.is_clear(name))
     names = {n: 1.0 if n == "open" else sends(case.materials[n]) for n in clear}
     return _power(names, "clear glass and holes")
 
@@ -243,7 +243,7 @@ def shaded_state(facts: Facts) -> Effect:
     case = facts.case
     if case.shading is None:
         return Effect(False, "no [shading] in the case")
-    if not any(panes.is_clear(case, name) for name in panes.used(case)):
+    if not any(case.is_clear(name) for name in panes.used(case)):
         return Effect(False, "there is no clear pane that it could cover")
     threshold = case.shading.threshold
     if not isinstance(case.sun, TrueSun | Adaptive):

@@ -20,16 +20,11 @@ def used(case: Case) -> dict[str, tuple[str, ...]]:
     for side, facade in case.facade.items():
         for name in dict.fromkeys(s.material for s in facade.strips if s.material != "wall"):
             found[name] = (*found.get(name, ()), side)
-    if case.shading is not None and any(is_clear(case, name) for name in found):
-        sides = [s for n, where in found.items() if is_clear(case, n) for s in where]
+    if case.shading is not None and any(case.is_clear(name) for name in found):
+        sides = [s for n, where in found.items() if case.is_clear(n) for s in where]
         before = found.get(case.shading.material, ())
         found[case.shading.material] = tuple(dict.fromkeys((*before, *sides)))
     return found
-
-
-def is_clear(case: Case, name: str) -> bool:
-    """Whether a strip's material is a hole or clear glass, which the shade covers."""
-    return name == "open" or isinstance(case.materials.get(name), GlazingMaterial)
 
 
 def of(case: Case, kind: type[M]) -> dict[str, M]:
