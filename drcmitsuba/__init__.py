@@ -12,16 +12,19 @@ coefficients, accumulate
 Importing the package makes its Mitsuba plugins known to every JIT variant; it sets none.
 """
 
-from drcmitsuba import backend  # first: it imports Dr.Jit without its complaints on stderr
+from drcmitsuba.runtime import backend  # first: it imports Dr.Jit without its complaints on stderr
 
 # isort: split
 import drcmitsuba_plugins as _plugins  # noqa: F401  registers the plugins
 
-from drcmitsuba import accumulate, coefficients, metrics, period, schema, sky, weather
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.errors import BackendError, InputError
-from drcmitsuba.result import Result, evaluate
-from drcmitsuba.shipped import shipped_cases
+from drcmitsuba import metrics, schema, sky
+from drcmitsuba.annual.result import Result, evaluate
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.shipped import shipped_cases
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime.errors import BackendError, InputError
+from drcmitsuba.sky import period, weather
+from drcmitsuba.transport import coefficients
 
 __version__ = "0.1.0"
 

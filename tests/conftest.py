@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import t as student
 
 import drcmitsuba  # noqa: F401  registers the plugins
-from drcmitsuba import backend
+from drcmitsuba.runtime import backend
 
 VARIANTS = ["llvm_ad_mono", "llvm_ad_rgb"] if backend.llvm_version() else []
 if backend.cuda_available():

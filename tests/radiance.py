@@ -22,18 +22,18 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case import Case
-from drcmitsuba.facade_table import Facade, Strip
-from drcmitsuba.geometry import Surface
-from drcmitsuba.material_table import (
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.facade import Facade, Strip
+from drcmitsuba.case.materials import (
     BsdfMaterial,
     DielectricMaterial,
     GlazingMaterial,
     MirrorMaterial,
 )
-from drcmitsuba.materials import Lambertian, channel_of, lets_through
-from drcmitsuba.scene import Scene
-from drcmitsuba.weather import Site
+from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.scene.materials import Lambertian, channel_of, lets_through
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.sky.weather import Site
 
 SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"
 """Ground and sky as one source, told apart by direction."""

@@ -1,33 +1,15 @@
-"""BSDF files of films and panes: read, check, show, and make from measurements."""
+"""BSDF files of films and panes: read, check, show, and make from measurements.
 
-from __future__ import annotations
+reader, xml
+    `read` and `save`: LBNL's XML with tensor trees or Klems matrices.
+lobes, balance
+    Lobes of the light from one direction; energy and reciprocity.
+check, findings, advice, pictures
+    A check of a file, in numbers, words and pictures.
+pab_opto, measured, incidence, displacement, merge
+    From goniophotometer measurements to a tensor tree of variable resolution.
+"""
 
-from pathlib import Path
+from drcmitsuba.bsdf.reader import read
 
-from drcmitsuba_plugins import bsdf_file
-from drcmitsuba_plugins.bsdf_file import BsdfFile
-
-from drcmitsuba.errors import InputError
-
-
-def read(path: str | Path) -> BsdfFile:
-    """Read a BSDF file: LBNL XML with tensor trees or Klems matrices.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    BsdfFile
-        Directions point away from the surface, +z into the room, +y up.
-
-    Raises
-    ------
-    InputError
-        The file is no BSDF file, or its numbers are wrong.
-    """
-    try:
-        return bsdf_file.read(path)
-    except bsdf_file.BsdfFileError as error:
-        raise InputError(error.source, error.field, error.got, error.remedy) from None
+__all__ = ["read"]

@@ -11,8 +11,8 @@ from drcmitsuba_plugins.tensor import to_disk
 from matplotlib.tri import Triangulation
 
 from drcmitsuba.bsdf.displacement import passage
-from drcmitsuba.errors import InputError
-from drcmitsuba.progress import Progress
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress
 
 SYMMETRIES = ("auto", "none", "bilateral", "quadrilateral")
 NORMAL = np.sin(np.radians(1.0))

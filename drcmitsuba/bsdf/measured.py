@@ -24,8 +24,8 @@ from drcmitsuba_plugins.tensor import MAX_DEPTH, TensorTree, to_square
 from drcmitsuba.bsdf import incidence, pab_opto
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.bsdf.pab_opto import Measurement
-from drcmitsuba.errors import InputError
-from drcmitsuba.progress import Progress
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress
 
 FEWEST = 16
 """Points that one incidence has at least."""

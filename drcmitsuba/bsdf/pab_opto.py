@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 
 MAX_BYTES = 1 << 28
 """Largest amount of text that is read, all files together."""

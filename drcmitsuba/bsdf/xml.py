@@ -12,7 +12,7 @@ from drcmitsuba_plugins import braces
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 from drcmitsuba_plugins.tensor import TensorTree
 
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 
 DIGITS = 4
 """Significant digits of a value: rounding, 5e-4 at most, is far below the noise of counts."""

@@ -21,10 +21,10 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.redirection import concentration, redirected
 
-from drcmitsuba import materials
+from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.design.film_bins import Bins
-from drcmitsuba.errors import InputError
-from drcmitsuba.material_table import BsdfMaterial
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import materials
 
 LANES = 1 << 23
 """Pairs of directions that a file is looked up for at once."""

@@ -16,7 +16,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba_plugins.tensor import to_direction, unpack
 
-from drcmitsuba.suns import Suns
+from drcmitsuba.sky.sun_models import Suns
 
 
 class Arriving(NamedTuple):

@@ -15,8 +15,8 @@ from scipy.stats import qmc
 
 from drcmitsuba.design.film import LEAST_SPREAD, Film, ParametricFilm
 from drcmitsuba.design.film_year import FilmYear
-from drcmitsuba.errors import InputError
-from drcmitsuba.progress import Progress
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress
 
 Objective = Callable[[Any], Any]
 """From illuminances, mi.TensorXf (time, sensor) [lx], to one number, mi.Float, smooth in them."""

@@ -23,21 +23,22 @@ import xarray as xr
 from drcmitsuba_plugins.lobes import square_code
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import accumulate, scene
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import estimate
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.sky import Adaptive
 from drcmitsuba.design.film import Film
 from drcmitsuba.design.film_bins import Bins
-from drcmitsuba.errors import InputError
-from drcmitsuba.light import Daylight, daylight, luminances
-from drcmitsuba.progress import Progress
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import mean_and_error
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.sky_table import Adaptive
-from drcmitsuba.surfaces import State
+from drcmitsuba.sky.daylight import Daylight, daylight, luminances
+from drcmitsuba.transport.coefficients import estimate
 from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.mounts import Mount
 from drcmitsuba.transport.panes import PanePatches, looks
 
 CELL = "film_{:04d}"

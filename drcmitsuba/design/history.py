@@ -12,9 +12,9 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 import pandas as pd
 
-from drcmitsuba import schema
 from drcmitsuba.design.measure import Evaluation
-from drcmitsuba.errors import was_stopped
+from drcmitsuba.runtime import files
+from drcmitsuba.runtime.errors import was_stopped
 
 AREA_TOLERANCE = 2e-3
 """Of the window's area: what it may be off by."""
@@ -148,7 +148,7 @@ class History(Generic[P, E]):
 
     def save(self, file: Path) -> None:
         """Write the rows as CSV, whole or not at all."""
-        schema.save_text(self.frame.to_csv(index=False, float_format="%.6g"), file)
+        files.save_text(self.frame.to_csv(index=False, float_format="%.6g"), file)
 
     @contextmanager
     def until_stopped(self) -> Iterator[list[bool]]:

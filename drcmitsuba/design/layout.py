@@ -7,21 +7,22 @@ from itertools import product
 
 import numpy as np
 
-from drcmitsuba import basis, simulation
-from drcmitsuba.basis import Year
-from drcmitsuba.case import Case
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.design import Design
+from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial, check_energy
+from drcmitsuba.case.sky import Adaptive, TrueSun
+from drcmitsuba.case.toml import Side, checked
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
-from drcmitsuba.design_table import Design
-from drcmitsuba.errors import InputError
-from drcmitsuba.facade_table import Facade
-from drcmitsuba.light import daylight
-from drcmitsuba.material_table import DiffuserMaterial, GlazingMaterial, check_energy
-from drcmitsuba.progress import Stage, silent
-from drcmitsuba.sky_table import Adaptive, TrueSun
-from drcmitsuba.table import Side, checked
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import facade_basis
+from drcmitsuba.transport.facade_basis import Year
 
 ROWS = 6
 
@@ -111,7 +112,7 @@ class Layout:
         """Edges of the rows, from the bottom up, shape (rows + 1,) [m]."""
         return np.linspace(*self.band, self.rows + 1)
 
-    def year(self, stage: Stage = silent) -> basis.Year:
+    def year(self, stage: Stage = silent) -> facade_basis.Year:
         """Simulate the façade's basis and put it under the sky of the case's period.
 
         An adaptive sun gives way to the true suns: its mesh would follow one composition.
@@ -126,15 +127,15 @@ class Layout:
             case = case.model_copy(update={"sun": TrueSun()})
         with stage("sky"):
             light = daylight(case)
-        wall = basis.Wall(case, self.side)
+        wall = facade_basis.Wall(case, self.side)
         materials = ("wall", self.clear, self.film)
-        tiles, palette = basis.of_grid(wall, self.heights, self.segments, materials)
+        tiles, palette = facade_basis.of_grid(wall, self.heights, self.segments, materials)
         with stage("façade basis") as done:
-            found = basis.compute(
+            found = facade_basis.compute(
                 wall, tiles, palette, light.suns, case.accuracy,
                 groups=1, subdivision=case.sky.subdivision, progress=done,
             )  # fmt: skip
-        return basis.Year.of(found, light)
+        return facade_basis.Year.of(found, light)
 
     @property
     def search(self) -> Search:

@@ -13,9 +13,10 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import metrics, smooth
-from drcmitsuba.basis.year import Illuminances
-from drcmitsuba.uncertainty.rules import Rules
+from drcmitsuba import metrics
+from drcmitsuba.metrics import smooth
+from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.transport.facade_basis.year import Illuminances
 
 Aim = Literal["sDA", "worst month"]
 SOFTEST = 50.0

@@ -23,11 +23,11 @@ from typing import Any, Generic, TypeAlias
 import numpy as np
 from scipy.optimize import minimize
 
-from drcmitsuba import schema
 from drcmitsuba.design.history import E, History, P, row
 from drcmitsuba.design.problem import Composed, Problem
-from drcmitsuba.errors import InputError
-from drcmitsuba.progress import Progress, part
+from drcmitsuba.runtime import files
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress, part
 
 SHARPNESS = (4.0, 8.0, 16.0, 32.0)
 FEW = 6
@@ -113,7 +113,7 @@ class Optimum(Generic[P, E]):
         """Write `optimum.json` and `history.csv`, each whole or not at all."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        schema.save_json(self.as_dict(), folder / "optimum.json")
+        files.save_json(self.as_dict(), folder / "optimum.json")
         self.history.save(folder / "history.csv")
 
 
@@ -144,7 +144,7 @@ class Front:
         import pandas as pd
 
         frame = pd.DataFrame([row(self.problem, point) for point in self.points])
-        schema.save_text(frame.to_csv(index=False, float_format="%.6g"), file)
+        files.save_text(frame.to_csv(index=False, float_format="%.6g"), file)
 
 
 def optimise(

@@ -19,9 +19,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.basis import Tiles, Year
-from drcmitsuba.errors import InputError
-from drcmitsuba.table import choose
+from drcmitsuba.case.toml import choose
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport.facade_basis import Tiles, Year
 
 INWARD = 1e-4
 """How far inside its bounds a parameter is taken for the choice of a tile, of its range."""

@@ -21,12 +21,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.basis.year import Illuminances, Year
 from drcmitsuba.design.history import AREA_TOLERANCE
 from drcmitsuba.design.measure import Aim, Evaluation, Measure, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
-from drcmitsuba.errors import InputError
-from drcmitsuba.uncertainty.rules import Rules
+from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport.facade_basis.year import Illuminances, Year
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from drcmitsuba.basis import Tiles
-from drcmitsuba.case import Case
-from drcmitsuba.errors import InputError
-from drcmitsuba.facade_table import THINNEST, Facade, Strip
-from drcmitsuba.table import Side
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.facade import THINNEST, Facade, Strip
+from drcmitsuba.case.toml import Side
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport.facade_basis import Tiles
 
 MOST_SEGMENTS = 200
 ALIGNED = 0.01

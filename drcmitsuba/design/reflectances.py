@@ -20,21 +20,21 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba import scene
-from drcmitsuba.basis.year import Illuminances
-from drcmitsuba.case import Case
-from drcmitsuba.design.hits import FRAMES, WALLS, Sums, marked, numbered, powers
-from drcmitsuba.design.lit import Year
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.toml import choose, shortened
+from drcmitsuba.design.annual_illuminance import Year
+from drcmitsuba.design.bounce_counts import FRAMES, WALLS, Sums, marked, numbered, powers
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.errors import InputError
-from drcmitsuba.light import Daylight
-from drcmitsuba.materials import channel_of
-from drcmitsuba.progress import Progress, Stage, silent
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.surfaces import State
-from drcmitsuba.table import choose, shortened
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress, Stage, silent
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.materials import channel_of
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import State
+from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.cells import Cells, Grid, draw_points
 from drcmitsuba.transport.deposit import Deposit, launch_seed
+from drcmitsuba.transport.facade_basis.year import Illuminances
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches

@@ -12,6 +12,6 @@ save
 
 from drcmitsuba.bsdf.xml import save
 from drcmitsuba.goniophotometer.exposure import Exposure, expose, measure
-from drcmitsuba.structures.recipe import Recipe, load_recipe
+from drcmitsuba.scene.structures.recipe import Recipe, load_recipe
 
 __all__ = ["Exposure", "Recipe", "expose", "load_recipe", "measure", "save"]

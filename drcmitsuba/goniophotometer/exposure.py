@@ -10,11 +10,11 @@ from drcmitsuba_plugins.tensor import TensorTree
 
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.bsdf.xml import DIGITS
-from drcmitsuba.errors import InputError
 from drcmitsuba.goniophotometer.trace import prepare, shares
-from drcmitsuba.progress import Progress
-from drcmitsuba.structures.recipe import Recipe
-from drcmitsuba.structures.structure import unit_cell
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.scene.structures.recipe import Recipe
+from drcmitsuba.scene.structures.structure import unit_cell
 
 DEEPEST = {3: 7, 4: 6}
 MOST_SAMPLES = 1 << 21

@@ -18,10 +18,10 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
-from drcmitsuba.materials import bsdf
-from drcmitsuba.progress import Progress
-from drcmitsuba.scene import mesh, quad_mesh
-from drcmitsuba.structures.structure import UnitCell, copies
+from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.scene.materials import bsdf
+from drcmitsuba.scene.scene import mesh, quad_mesh
+from drcmitsuba.scene.structures.structure import UnitCell, copies
 
 OFFSET = 1e-5
 """Rays leave a surface by this share of the period, so that they do not meet it again."""

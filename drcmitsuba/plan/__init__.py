@@ -1,158 +1,22 @@
-"""Which effects a case calls for, and why: decided before anything is loaded or traced.
+"""Plan: which effects a case calls for, why, and what the evaluation will cost.
 
-reach, scope
-    (above) suns that can get in; what transport is told of the decisions.
 panes
-    Materials of the façades by what they do; largest albedo and depth.
-decide
-    One function an effect.
-notes.py
-    What a user should know of a result.
+    Materials of the façades by their effect on light; largest albedo and depth.
+effect, decide
+    One function for each effect, with the quantity that decides it.
+planning
+    `plan`: all decisions about a case, and the enabled effects that transport reads.
+
+Notes
+-----
+    Notes for the user on the films and on the results.
+forecast
+    Rays, seconds, memory and disk of an evaluation.
 """
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
-
-import numpy as np
-
-from drcmitsuba.case import Case
-from drcmitsuba.components import place
-from drcmitsuba.light import Daylight
-from drcmitsuba.plan import decide
 from drcmitsuba.plan.decide import Facts
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.notes import notes, photon_notes
-from drcmitsuba.reach import Reach, Reached
-from drcmitsuba.scope import Scope
+from drcmitsuba.plan.planning import Plan, plan
 
 __all__ = ["Effect", "Facts", "Plan", "notes", "photon_notes", "plan"]
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is simulated of a case.
-
-    Parameters
-    ----------
-    facts : Facts
-    effects : dict of str to Effect
-    scope : Scope
-        The same, as transport reads it.
-    """
-
-    facts: Facts
-    effects: dict[str, Effect]
-    scope: Scope
-
-    @property
-    def simulated(self) -> Case:
-        """The case as it is simulated: without a shade that never closes."""
-        case = self.facts.case
-        return case if self.scope.shade else case.without_shading()
-
-    def notes(self) -> list[str]:
-        """What is called for and left out, in words."""
-        left_out = (e for e in self.effects.values() if e.missing or (e.overruled and not e.on))
-        return [effect.reason for effect in left_out]
-
-    def told(self, coefficients: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
-        """Plain values for plan.json: {effect: {"on": bool, "reason": str, …}}.
-
-        Parameters
-        ----------
-        coefficients : mapping
-            Attributes of C, where it is known: what a mesh of suns came to is told with them.
-        """
-        told = {name: effect.told() for name, effect in self.effects.items()}
-        if "mesh_miss" in coefficients:
-            suns, miss = coefficients["mesh_suns"], 100 * coefficients["mesh_miss"]
-            told["suns"]["reason"] += (
-                f"; the mesh has {suns:g} suns and misses suns in between by {miss:.1f} % (RMS)"
-            )
-            told["suns"] |= {"mesh_suns": suns, "mesh_miss": coefficients["mesh_miss"]}
-        return told
-
-
-def plan(case: Case, light: Daylight) -> Plan:
-    """Decide what is simulated.
-
-    Parameters
-    ----------
-    case : Case
-    light : Daylight
-        Of its time stamps.
-
-    Raises
-    ------
-    InputError
-        A component or a BSDF file is unfit.
-    """
-    components = place(case)
-    reach = Reach.of(case, components)
-    everything = Reached(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
-    suns = light.suns
-    reached = everything if reach is None else reach.reached(suns.directions, suns.diameter)
-    facts = Facts(case, light, components, reach, reached)
-    interreflection, depth = decide.interreflection(facts)
-    found = {
-        "sky": decide.sky(facts),
-        "ground": decide.ground(facts),
-        "suns": decide.suns(facts),
-        "dark_hours": decide.dark_hours(facts),
-        "clear_panes": decide.clear_panes(facts),
-        "scattering_panes": decide.scattering_panes(facts),
-        "films": decide.films(facts),
-        "straight_through": decide.straight_through(facts),
-        "pane_to_pane": decide.pane_to_pane(facts),
-        "components": decide.components(facts),
-        "obstructions": decide.obstructions(facts),
-        "shaded_state": decide.shaded_state(facts),
-        "interreflection": interreflection,
-        "colour": decide.colour(facts),
-        "pictures": decide.pictures(facts),
-        "gradients": decide.gradients(facts),
-    }
-    chosen = case.effects.model_dump()
-    effects = {
-        name: effect.decided(name, chosen.get(name, "auto")) for name, effect in found.items()
-    }
-    return Plan(facts, effects, _scope(facts, effects, chosen, depth))
-
-
-def _scope(
-    facts: Facts, effects: dict[str, Effect], chosen: dict[str, str], depth: int | None
-) -> Scope:
-    """Tell transport what was decided."""
-
-    def on(name: str) -> bool:
-        return effects[name].on
-
-    def forced(name: str) -> bool:
-        return chosen[name] == "all"
-
-    limits = {"auto": depth, "all": None, "off": 0}
-    overruled_view = effects["straight_through"].overruled
-    return Scope(
-        sky=on("sky"),
-        ground=on("ground"),
-        suns=on("suns"),
-        reach=None if forced("suns") else facts.reach,
-        clear_panes=on("clear_panes"),
-        scattering_panes=on("scattering_panes"),
-        films=on("films"),
-        enclosed=not (forced("clear_panes") or forced("suns")),
-        straight_through=on("straight_through") if overruled_view else None,
-        components=on("components"),
-        obstructions=on("obstructions"),
-        pane_to_pane=on("pane_to_pane"),
-        beyond=on("obstructions") or bool(facts.case.standing),
-        shade=on("shaded_state"),
-        every_shade=forced("shaded_state"),
-        depth=limits[chosen["interreflection"]],
-        channels=on("colour"),
-        pictures=on("pictures"),
-    )

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.case import Case
-from drcmitsuba.components import Placed
-from drcmitsuba.light import Daylight
-from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial
-from drcmitsuba.materials import film, lets_through, sends
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.case.sky import Adaptive, ThreePhase, TrueSun
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
-from drcmitsuba.reach import Reach, Reached, outside
-from drcmitsuba.scene import is_coloured
-from drcmitsuba.sky_table import Adaptive, ThreePhase, TrueSun
+from drcmitsuba.scene.components import Placed
+from drcmitsuba.scene.materials import film, lets_through, sends
+from drcmitsuba.scene.scene import is_coloured
+from drcmitsuba.scene.sun_visibility import Reach, Reached, outside
+from drcmitsuba.sky.daylight import Daylight
 
 NEGLIGIBLE = 1e-3
 """Part of the light in a room that deep interreflections may leave out, without a target."""

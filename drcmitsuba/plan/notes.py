@@ -6,10 +6,10 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from drcmitsuba.case import Case
-from drcmitsuba.material_table import BsdfMaterial
-from drcmitsuba.materials import film
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.plan import panes
+from drcmitsuba.scene.materials import film
 
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be given up without a note."""

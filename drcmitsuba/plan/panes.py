@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from drcmitsuba.case import Case
-from drcmitsuba.components import Placed
-from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial
-from drcmitsuba.materials import most, sends
-from drcmitsuba.reach import outside
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.scene.components import Placed
+from drcmitsuba.scene.materials import most, sends
+from drcmitsuba.scene.sun_visibility import outside
 
 M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
 

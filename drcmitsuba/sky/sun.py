@@ -9,10 +9,10 @@ import pandas as pd
 import pvlib
 import xarray as xr
 
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 
 if TYPE_CHECKING:
-    from drcmitsuba.weather import Site
+    from drcmitsuba.sky.weather import Site
 
 AXIS = ["x", "y", "z"]
 SEARCH_STEPS = 12

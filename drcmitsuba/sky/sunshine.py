@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.cie import CieSky
 from drcmitsuba.sky.quadrature import PATCH_MEANS, PatchValues, SkyLight
 

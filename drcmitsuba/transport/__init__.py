@@ -1,13 +1,23 @@
-"""Light from sources to sensors: C = D(sensors) + G·D(cells).
+"""Transport of light from sources to sensors: C = D(sensors) + G·D(cells).
 
-gather
-    G: paths from the sensors to the diffuse surfaces.
+bsdf_lookup, film_orientation
+    Properties of surfaces by BSDF number; orientation of films.
 cells
-    The patches of surface between gather and deposit.
+    Patches of diffuse surface between gather and deposit.
+gather, gather_blocks
+    G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory.
 shadow_rays
     D: light that comes straight, through openings and clear panes.
-panes
-    D: light that panes scatter.
+panes, films
+    D: light that one scattering pane sends on, evenly or by a measured BSDF.
+ports, photon_paths, receivers, photons
+    D: light by every other chain, on photons.
 deposit
-    D: both together.
+    D: all of it.
+coefficients
+    C with the standard error of every entry.
+sun_interpolation
+    C of suns between the suns of a mesh.
+facade_basis
+    C by façade tile and material: any composition from one simulation.
 """

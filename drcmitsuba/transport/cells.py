@@ -15,8 +15,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.errors import InputError
-from drcmitsuba.scene import Scene
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.scene import Scene
 
 MAX_KEYS = 1 << 26
 """Possible cells: so many take 0.6 GiB."""

@@ -14,8 +14,8 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.scene import Scene
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.films import Films, Lit
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit

@@ -23,10 +23,10 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, streams
 
-from drcmitsuba.materials import most
-from drcmitsuba.scene import Part, Scene
+from drcmitsuba.scene.materials import most
+from drcmitsuba.scene.scene import Part, Scene
+from drcmitsuba.transport.bsdf_lookup import absorption, number
 from drcmitsuba.transport.cells import Grid, Vertices
-from drcmitsuba.transport.parts import absorption, number
 
 ROULETTE_DEPTH = 3
 ANY_DEPTH = 1 << 31

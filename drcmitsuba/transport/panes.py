@@ -21,8 +21,8 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, transmittance
 
-from drcmitsuba.errors import InputError
-from drcmitsuba.scene import Scene, quad_mesh
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.scene import Scene, quad_mesh
 from drcmitsuba.transport.gather import first_directions
 
 MOST_PATCHES = 1 << 19

@@ -9,16 +9,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.material_table import (
+from drcmitsuba.case.materials import (
     BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
     MirrorMaterial,
 )
-from drcmitsuba.materials import Lambertian, SurfaceMaterial, is_diffuse
-from drcmitsuba.scene import Part
-from drcmitsuba.transport.parts import absorption, number, table
+from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, is_diffuse
+from drcmitsuba.scene.scene import Part
+from drcmitsuba.transport.bsdf_lookup import absorption, number, table
 from drcmitsuba.transport.ports import Ports, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 

@@ -28,10 +28,10 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import streams
 
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.errors import InputError
-from drcmitsuba.progress import Progress, part
-from drcmitsuba.scene import Scene
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.deposit import launch_seed
 from drcmitsuba.transport.photon_paths import Found, Recorder, Traits, follow

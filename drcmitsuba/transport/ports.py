@@ -13,9 +13,9 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
-from drcmitsuba.geometry import Port
-from drcmitsuba.material_table import BsdfMaterial, DiffuserMaterial, GlazingMaterial
-from drcmitsuba.scene import Scene
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.scene.geometry import Port
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import even_numbers
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 

@@ -22,7 +22,7 @@ from drcmitsuba_plugins.sampling import (
     transmittance,
 )
 
-from drcmitsuba.scene import Scene
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
 
 LANES = 1 << 23

@@ -43,8 +43,8 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import backend
-from drcmitsuba.suns import Suns
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.sun_models import Suns
 from tests import radiance
 from tests.bench import films, photons
 from tests.bench.classroom import BINS, CASE, NO_SUNS, Classroom, Errors, Reference, reference
@@ -233,7 +233,7 @@ def started(
 
 def evaluation(case: str, out: Path, weather: Path | None) -> list[str]:
     """Command of an evaluation."""
-    command = [sys.executable, "-m", "drcmitsuba.cli", "evaluate", case, "-o", str(out)]
+    command = [sys.executable, "-m", "drcmitsuba.cli.main", "evaluate", case, "-o", str(out)]
     return [*command, "--weather", str(weather)] if weather else command
 
 

@@ -13,13 +13,14 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import light, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky import daylight
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 from tests import radiance
 
 CASE = "classroom/reference/existing"
@@ -71,7 +72,7 @@ class Classroom:
     @cached_property
     def year(self) -> Suns:
         """All suns above the horizon in the EvalDRC calendar."""
-        return Suns.of(light.daylight(self.case).sun, self.case.outside.sun_diameter)
+        return Suns.of(daylight.daylight(self.case).sun, self.case.outside.sun_diameter)
 
     @cached_property
     def suns(self) -> Suns:
@@ -83,7 +84,7 @@ class Classroom:
         self, suns: Suns, points: np.ndarray | None = None, normals: np.ndarray | None = None,
         **accuracy: Any,
     ) -> xr.Dataset:  # fmt: skip
-        """Coefficients by `drcmitsuba.coefficients.compute`."""
+        """Coefficients by `drcmitsuba.transport.coefficients.compute`."""
         if points is None or normals is None:
             points, normals = self.sensors
         return compute(self.scene, points, normals, suns, Accuracy(**accuracy))

@@ -11,8 +11,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba import backend, basis, load_case
-from drcmitsuba.light import daylight
+from drcmitsuba import load_case
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import facade_basis
 
 CUTS = [(3, 1), (27, 1), (6, 6)]
 
@@ -35,13 +37,13 @@ def main():
     light = daylight(case)
     print("tiles  basis s   MB  C s    E s    E and 1 reverse pass s  ratio")
     for rows, segments in CUTS:
-        wall = basis.Wall(case, "south")
+        wall = facade_basis.Wall(case, "south")
         heights = np.linspace(0.9, 3.6, rows + 1)
-        tiles, palette = basis.of_grid(wall, heights, segments, ("wall", "glass", "film"))
+        tiles, palette = facade_basis.of_grid(wall, heights, segments, ("wall", "glass", "film"))
         start = time.perf_counter()
-        found = basis.compute(wall, tiles, palette, light.suns, case.accuracy, groups=1)
+        found = facade_basis.compute(wall, tiles, palette, light.suns, case.accuracy, groups=1)
         seconds = time.perf_counter() - start
-        year, size = basis.Year.of(found, light), found.nbytes / 2**20
+        year, size = facade_basis.Year.of(found, light), found.nbytes / 2**20
         del found
         share = np.zeros((len(tiles), len(palette.names)), np.float32)
         share[:, :3] = np.random.default_rng(1).dirichlet(np.ones(3), len(tiles))

@@ -17,11 +17,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba import accumulate, backend, load_case, simulation
-from drcmitsuba.case import Case
+from drcmitsuba import load_case
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case
 from drcmitsuba.design.film import Leaves, MeasuredFilm, Mix, ParametricFilm
 from drcmitsuba.design.film_year import FilmYear
-from drcmitsuba.light import Daylight, daylight
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import Daylight, daylight
 
 REPEATS = 5
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.suns import Suns
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 from tests import radiance
 from tests.bench.classroom import BINS, Classroom, Reference
 

@@ -28,16 +28,16 @@ import drjit as dr
 import numpy as np
 from scipy.optimize import nnls
 
-from drcmitsuba import backend
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.effects_table import Effects
-from drcmitsuba.forecast import REFERENCE, Forecast, forecast
-from drcmitsuba.forecast.cost import UNITS
-from drcmitsuba.light import daylight
+from drcmitsuba.annual.result import evaluate
+from drcmitsuba.annual.tradeoff import process
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.effects import Effects
+from drcmitsuba.case.shipped import shipped_cases
 from drcmitsuba.plan import plan
-from drcmitsuba.result import evaluate
-from drcmitsuba.shipped import shipped_cases
-from drcmitsuba.tradeoff import process
+from drcmitsuba.plan.forecast import REFERENCE, Forecast, forecast
+from drcmitsuba.plan.forecast.cost import UNITS
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import daylight
 from tests.bench.__main__ import machine, table
 
 MOST = 3600.0

@@ -14,11 +14,11 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.coefficients import compute
-from drcmitsuba.geometry import Surface
-from drcmitsuba.suns import Suns
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.photons import Photons
 from drcmitsuba.transport.ports import of_suns
 from tests import radiance

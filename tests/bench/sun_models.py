@@ -16,13 +16,17 @@ import xarray as xr
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from drcmitsuba import accumulate, backend, light, plots, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.refinement import meshed, with_straight
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.sky_table import Adaptive, Daysim, FivePhase, PeriodTable, ThreePhase, TrueSun
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.sky import Adaptive, Daysim, FivePhase, PeriodTable, ThreePhase, TrueSun
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.report import plots
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky import daylight
+from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.sun_interpolation import meshed, with_straight
 
 CASE = "classroom/reference/o3"
 HOUR = "2015-03-21T08:00"
@@ -40,7 +44,7 @@ SHOWN = {
 }
 
 
-def light_of(case: Case, model: str, hour: str) -> light.Daylight:
+def light_of(case: Case, model: str, hour: str) -> daylight.Daylight:
     """Sky and sun of one hour by a sun model; the others of its month are left out."""
     month = int(hour[5:7])
     changed = case.model_copy(
@@ -49,10 +53,10 @@ def light_of(case: Case, model: str, hour: str) -> light.Daylight:
             "period": PeriodTable(months=(month,), calendar="LM-83", hours=(0, 24)),
         }
     )
-    of_month = light.daylight(changed)
+    of_month = daylight.daylight(changed)
     sky = of_month.sky.sel(time=[np.datetime64(hour)])
-    suns = of_month.suns.only(light.sources(sky))
-    return light.Daylight(sky, of_month.sun, suns, of_month.step_hours, of_month.source)
+    suns = of_month.suns.only(daylight.sources(sky))
+    return daylight.Daylight(sky, of_month.sun, suns, of_month.step_hours, of_month.source)
 
 
 def illuminance(case: Case, model: str, hour: str, accuracy: Accuracy) -> xr.Dataset:

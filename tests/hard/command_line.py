@@ -142,7 +142,7 @@ class CommandLine:
 
 def _answer(arguments: list[str]) -> Answer:
     """Run a command in this process."""
-    from drcmitsuba import cli
+    from drcmitsuba.cli import main
 
     out, err, code, fault = io.StringIO(), io.StringIO(), 0, ""
     sys.argv = ["drcmitsuba", *arguments]
@@ -150,7 +150,7 @@ def _answer(arguments: list[str]) -> Answer:
     def run():
         nonlocal code, fault
         try:
-            cli.main()
+            main.main()
         except SystemExit as stop:
             code = stop.code if isinstance(stop.code, int) else 1
         except BaseException:
@@ -166,7 +166,7 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what the program prints by itself is no answer
     import drcmitsuba
-    from drcmitsuba import backend
+    from drcmitsuba.runtime import backend
 
     backend.select()
     assert drcmitsuba

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
-from drcmitsuba.shipped import shipped_cases, shipped_folder
-from drcmitsuba.table import read_toml
+from drcmitsuba.case.shipped import shipped_cases, shipped_folder
+from drcmitsuba.case.toml import read_toml
 from tests.hard.mutations import damaged, mutated, places, toml
 
 TREE = """<WindowElement><Optical><Layer><DataDefinition>

@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba import bsdf, weather
+from drcmitsuba import bsdf
 from drcmitsuba.bsdf import check
 from drcmitsuba.bsdf.measured import from_measurements
-from drcmitsuba.case import load_case
-from drcmitsuba.errors import InputError
-from drcmitsuba.materials import film
-from drcmitsuba.period import read_timestamps
-from drcmitsuba.structures.mesh import read_mesh
-from drcmitsuba.structures.recipe import load_recipe
-from drcmitsuba.structures.structure import unit_cell
+from drcmitsuba.case.case import load_case
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.materials import film
+from drcmitsuba.scene.structures.mesh import read_mesh
+from drcmitsuba.scene.structures.recipe import load_recipe
+from drcmitsuba.scene.structures.structure import unit_cell
+from drcmitsuba.sky import weather
+from drcmitsuba.sky.period import read_timestamps
 
 
 def read_weather(path: Path) -> None:

@@ -6,8 +6,8 @@ import shutil
 import pytest
 from hypothesis import given, settings
 
-from drcmitsuba.case import load_case
-from drcmitsuba.shipped import shipped_folder
+from drcmitsuba.case.case import load_case
+from drcmitsuba.case.shipped import shipped_folder
 from tests.hard.command_line import GIB, no_more_than
 from tests.hard.generated_cases import TINY, cases, furnish, shipped
 from tests.hard.mutations import FUZZING, toml

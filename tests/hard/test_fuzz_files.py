@@ -11,8 +11,9 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 
-from drcmitsuba import InputError, schema
-from tests.hard import generated_files as files
+from drcmitsuba import InputError
+from drcmitsuba.runtime import files
+from tests.hard import generated_files
 from tests.hard import generated_results as results
 from tests.hard.command_line import GIB, growth_of, no_more_than
 from tests.hard.fuzz_readers import patched
@@ -21,15 +22,15 @@ from tests.hard.mutations import FUZZING
 from tests.hard.readers import READERS, outcome, read_bsdf
 
 STRATEGIES = {
-    "wea": files.weas(),
-    "bsdf": files.bsdf_files(),
-    "pab_opto": files.measurements(),
-    "recipe": files.recipes(),
-    "obj": files.meshes(),
-    "time_stamps": files.time_stamps(),
-    "epw": files.weather_years(".epw"),
-    "tmy3": files.weather_years(".csv"),
-    "tmy2": files.weather_years(".tm2"),
+    "wea": generated_files.weas(),
+    "bsdf": generated_files.bsdf_files(),
+    "pab_opto": generated_files.measurements(),
+    "recipe": generated_files.recipes(),
+    "obj": generated_files.meshes(),
+    "time_stamps": generated_files.time_stamps(),
+    "epw": generated_files.weather_years(".epw"),
+    "tmy3": generated_files.weather_years(".csv"),
+    "tmy2": generated_files.weather_years(".tm2"),
 }
 SLOW = ("epw", "tmy3", "tmy2")
 """Readers of 8760 rows."""
@@ -173,7 +174,7 @@ def test_many_results_are_used_or_told_in_one_line(
 
 
 def opened(path, *variables):
-    return schema.loaded(path, schema.open_dataset(path, *variables))
+    return files.loaded(path, files.open_dataset(path, *variables))
 
 
 def test_a_head_that_declares_terabytes_is_refused(good, tmp_path):

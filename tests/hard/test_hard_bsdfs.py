@@ -13,15 +13,17 @@ from drcmitsuba_plugins.klems_basis import BASES
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.tensor import to_direction, to_disk, to_square
 
-from drcmitsuba import InputError, backend, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.material_table import BsdfMaterial
-from drcmitsuba.materials import film
+from drcmitsuba import InputError
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.plan import notes
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.materials import film
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 from tests.hard.mutations import toml
 from tests.unit.test_measured import IMPORTANCE, RADIANCE, as_vector, draw, interaction, write, xml
 

@@ -9,13 +9,16 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, plan, scene, simulation
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.errors import InputError
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.transport.parts import number
+from drcmitsuba import plan
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.bsdf_lookup import number
 from drcmitsuba.transport.photon_paths import OFFSET
 from drcmitsuba.transport.photons import Ledger, Photons
 from tests.validation import unfolded_duct

@@ -9,18 +9,22 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import backend, judgement, light, metrics, simulation, smooth, uncertainty
-from drcmitsuba.basis.year import Illuminances
-from drcmitsuba.case import Case, Metrics
+from drcmitsuba import metrics
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case, Metrics
 from drcmitsuba.design.film import ParametricFilm
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.reflectances import Interior
-from drcmitsuba.errors import InputError
-from drcmitsuba.suns import Suns
-from drcmitsuba.uncertainty import Rules
+from drcmitsuba.metrics import evaluate_metrics, intervals, smooth
+from drcmitsuba.metrics.intervals import Rules
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky import daylight
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.facade_basis.year import Illuminances
 from tests.synthetic_year import SyntheticYear, Tiles
 
 RULES = Rules(Metrics(sda_threshold=500.0, sda_fraction=0.5, ase_hours=250.0), 1000.0, 0.02, 1.0)
@@ -127,8 +131,11 @@ def test_intervals_are_finite_and_hold_the_value(corner, error, holds):
     )  # fmt: skip
     found = simulation.illuminance(C, sky)
     holds("E that is not finite", ~np.isfinite(found.to_array().values), 0)
-    draws = uncertainty.draw(C, sky, found, RULES, rays=16, seed=2)
-    told = [judgement.summarise(found, RULES, draws), judgement.summarise(found, RULES)]
+    draws = intervals.draw(C, sky, found, RULES, rays=16, seed=2)
+    told = [
+        evaluate_metrics.summarise(found, RULES, draws),
+        evaluate_metrics.summarise(found, RULES),
+    ]
     for numbers in told:
         rows = [numbers[name] for name in ("sDA", "ASE", "shade_closed")]
         rows += [row for name in ("msDA", "MSE", "shade_closed_monthly") for row in numbers[name]]
@@ -269,7 +276,7 @@ def test_reflectances_at_0_and_1(holds):
         "period": {"months": [3], "hours": (10, 14), "days_per_week": 1},
         "accuracy": {"replicates": 2, "paths": 128, "cell_sky_rays": 32, "sensor_sky_rays": 128},
     })  # fmt: skip
-    interior = Interior.of(case, light.daylight(case))
+    interior = Interior.of(case, daylight.daylight(case))
     keys = ("floor", "ceiling", "walls")
     mean = {}
     for at in itertools.product((0.0, 1.0), repeat=3):

@@ -12,12 +12,12 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, coefficients
-from drcmitsuba import scene as scenes
-from drcmitsuba.case import Case
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.transport import films, gathered, photons, shadow_rays
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import coefficients, films, gather_blocks, photons, shadow_rays
 
 SAME = 1e-5
 PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
@@ -114,7 +114,7 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     """
     monkeypatch.setattr(coefficients, "BLOCK", 2)
     monkeypatch.setattr(coefficients, "SUMMED", 100)
-    monkeypatch.setattr(gathered, "KEPT", 1000)
+    monkeypatch.setattr(gather_blocks, "KEPT", 1000)
     monkeypatch.setattr(shadow_rays, "LANES", 1 << 12)
     monkeypatch.setattr(films, "LANES", 1 << 18)
     monkeypatch.setattr(photons, "LANES", 1 << 12)

@@ -8,17 +8,19 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 import drcmitsuba
-from drcmitsuba import backend, scene, simulation
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import compute, straight_suns
-from drcmitsuba.geometry import Surface
-from drcmitsuba.materials import Lambertian, bsdf
-from drcmitsuba.scene import quad_mesh
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.shipped import shipped_folder
-from drcmitsuba.suns import Suns
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.shipped import shipped_folder
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.scene.materials import Lambertian, bsdf
+from drcmitsuba.scene.scene import quad_mesh
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.coefficients import compute, straight_suns
 from drcmitsuba.transport.gather import gather
 
 ROUNDING = 2e-6

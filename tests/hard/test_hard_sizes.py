@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import drcmitsuba
-from drcmitsuba import backend
-from drcmitsuba.case import load_case
+from drcmitsuba.case.case import load_case
+from drcmitsuba.runtime import backend
 
 MIB = 2**20
 SENSORS = """

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import accumulate, backend, coefficients, smooth
-from drcmitsuba import scene as scenes
-from drcmitsuba.design.hits import Sums
+from drcmitsuba.design.bounce_counts import Sums
+from drcmitsuba.metrics import accumulate, smooth
+from drcmitsuba.metrics.intervals import _mean_illuminance
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.films import _sum
 from drcmitsuba.transport.shadow_rays import sky_deposit
-from drcmitsuba.uncertainty import _mean_illuminance
 
 ENOUGH = 1e-5
 """Relative error that is allowed, everywhere: far below any standard error."""

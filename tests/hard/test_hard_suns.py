@@ -8,16 +8,16 @@ from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import disk_solid_angle
 from scipy.stats import norm
 
-from drcmitsuba import backend, suns, weather
-from drcmitsuba import light as lights
-from drcmitsuba import scene as scenes
-from drcmitsuba.case import Case
-from drcmitsuba.period import Period
-from drcmitsuba.sky import sun_labels, sun_position
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.sky import daylight as lights
+from drcmitsuba.sky import sun_labels, sun_models, sun_position, weather
+from drcmitsuba.sky.period import Period
 from drcmitsuba.sky.sun import direction
-from drcmitsuba.suns import mesh
+from drcmitsuba.sky.sun_models import mesh
+from drcmitsuba.sky.weather import Site
 from drcmitsuba.transport.shadow_rays import sun_deposit
-from drcmitsuba.weather import Site
 
 SITES = {
     "Barrow": Site("Barrow", 71.3, -156.8, -9.0, 10.0),
@@ -336,13 +336,13 @@ def test_sun_models_keep_the_light(latitude, holds):
     omega = disk_solid_angle(diameter)
     for mf in (1, 2, 4):
         patches = Patches(mf)
-        spread = suns.spread_over_patches(d, up, patches, diameter)
+        spread = sun_models.spread_over_patches(d, up, patches, diameter)
         size = dict(zip(patches.labels, patches.solid_angles, strict=True))
         light = (spread.weights * np.vectorize(size.get)(spread.bins)).sum(axis=1)
         holds(f"three-phase, MF {mf}: light", abs(light / omega - 1), 1e-12)
-    _, blend = suns.moved_to_patch(d, up, diameter)
+    _, blend = sun_models.moved_to_patch(d, up, diameter)
     holds("five-phase: light", abs(blend.weights.sum(axis=1) - 1), 0)
-    places, blend = suns.between_daysim_suns(d, up, latitude, diameter)
+    places, blend = sun_models.between_daysim_suns(d, up, latitude, diameter)
     holds("daysim: light", abs(blend.weights.sum(axis=1) - 1), 1e-12)
     holds("daysim: negative weights", np.maximum(-blend.weights, 0), 0)
     known = {*places.labels}

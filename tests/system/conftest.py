@@ -2,7 +2,7 @@
 
 import pytest
 
-from drcmitsuba import cli
+from drcmitsuba.cli import main
 
 
 @pytest.fixture
@@ -13,7 +13,7 @@ def run(monkeypatch, capsys):
         monkeypatch.setattr("sys.argv", ["drcmitsuba", *map(str, arguments)])
         code = 0
         try:
-            cli.main()
+            main.main()
         except SystemExit as stop:
             code = stop.code
         told = capsys.readouterr()

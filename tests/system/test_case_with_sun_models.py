@@ -5,9 +5,12 @@ import pytest
 import xarray as xr
 
 import drcmitsuba
-from drcmitsuba import judgement, load_case, schema, simulation
-from drcmitsuba import light as light_module
-from drcmitsuba.errors import InputError
+from drcmitsuba import load_case
+from drcmitsuba.annual import simulation
+from drcmitsuba.metrics import evaluate_metrics
+from drcmitsuba.runtime import files
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky import daylight as light_module
 from tests.system.test_evaluate import CASE, DAYS, changed
 
 MODELS = ["true_sun", "three_phase", "five_phase", "daysim", "adaptive"]
@@ -30,10 +33,10 @@ def results(tmp_path_factory):
 @pytest.mark.parametrize("model", MODELS)
 def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
     found = results[model]
-    schema.save_zarr(found.coefficients, tmp_path / "C.zarr")
+    files.save_zarr(found.coefficients, tmp_path / "C.zarr")
     light_module.save_luminances(found.light, tmp_path / "L.zarr")
-    C = schema.open_dataset(tmp_path / "C.zarr", "replicates").load()
-    L = light_module.from_luminances(schema.open_dataset(tmp_path / "L.zarr", "L", "sun"))
+    C = files.open_dataset(tmp_path / "C.zarr", "replicates").load()
+    L = light_module.from_luminances(files.open_dataset(tmp_path / "L.zarr", "L", "sun"))
     E = simulation.illuminance(C, L)
     for name, expected in found.illuminance.data_vars.items():
         np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)
@@ -102,7 +105,7 @@ def test_a_mesh_serves_another_weather(results, tmp_path, monkeypatch):
     def refuse(*args, **options):
         raise AssertionError("nothing is gathered anew")
 
-    monkeypatch.setattr("drcmitsuba.simulation.meshed", refuse)
+    monkeypatch.setattr("drcmitsuba.annual.simulation.meshed", refuse)
     again = drcmitsuba.evaluate(other, known=mesh)
     for name in fresh.illuminance.data_vars:
         xr.testing.assert_allclose(again.illuminance[name], fresh.illuminance[name], rtol=1e-4)
@@ -137,7 +140,7 @@ def test_true_suns_of_other_hours_are_added_to_those_that_are_known(results, tmp
 def test_the_mean_illuminance_is_that_of_the_year(results, model):
     found = results[model]
     case, light = found.case, found.light
-    draws = judgement.judge(case, light, found.coefficients).draws
+    draws = evaluate_metrics.judge(case, light, found.coefficients).draws
     E = found.illuminance["total"]
     assert draws.mean_illuminance.value == pytest.approx(float(E.mean()), rel=1e-4)
 

@@ -10,9 +10,11 @@ import pvlib
 import pytest
 
 import drcmitsuba
-from drcmitsuba import cli, plots, schema
-from drcmitsuba.case import Case
-from drcmitsuba.errors import BackendError
+from drcmitsuba.case.case import Case
+from drcmitsuba.cli import main
+from drcmitsuba.report import plots
+from drcmitsuba.runtime import files
+from drcmitsuba.runtime.errors import BackendError
 
 WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
 TMY3 = Path(pvlib.__file__).parent / "data" / "723170TYA.CSV"
@@ -181,8 +183,8 @@ def test_a_full_disk_is_told_in_one_line(refused, case, tmp_path, monkeypatch):
     assert "No space left on device" in refused("evaluate", case, "-o", folder)
     left = {p.name for p in folder.iterdir()}
     assert left == {"illuminance.nc", "coefficients.zarr", "sky.zarr", "plan.json"}
-    schema.open_dataset(folder / "illuminance.nc", "total").load()
-    schema.open_dataset(folder / "coefficients.zarr", "replicates").load()
+    files.open_dataset(folder / "illuminance.nc", "total").load()
+    files.open_dataset(folder / "coefficients.zarr", "replicates").load()
 
 
 @pytest.mark.parametrize(
@@ -226,7 +228,7 @@ def test_files_of_another_kind_are_told(refused, results, tmp_path):
     assert "coefficients.zarr: results: has no 'L'" in refused("illuminance", C, C)
     assert "sky.zarr: results: has no 'total'" in refused("metrics", L)
     assert "metrics.json: results: " in refused("metrics", results / "metrics.json")
-    schema.save_netcdf(schema.open_dataset(E).load(), tmp_path / "illuminance.nc")
+    files.save_netcdf(files.open_dataset(E).load(), tmp_path / "illuminance.nc")
     assert "metrics.json: metrics: " in refused("plot", tmp_path)
     (tmp_path / "metrics.json").write_text('{"settings": {"sensors": 3}}')
     assert "metrics.json: " in refused("plot", tmp_path)
@@ -236,7 +238,7 @@ def test_an_unfit_backend_is_exit_code_1(run, case, tmp_path, monkeypatch):
     def refuse():
         raise BackendError("LLVM 15.0.7 is unfit; install LLVM 19")
 
-    monkeypatch.setattr("drcmitsuba.backend.check_llvm", refuse)
+    monkeypatch.setattr("drcmitsuba.runtime.backend.check_llvm", refuse)
     monkeypatch.setenv("DRCMITSUBA_VARIANT", "llvm_ad_mono")
     for command in (["doctor"], ["evaluate", case, "-o", tmp_path / "r"]):
         code, _, err = run(*command)
@@ -248,7 +250,7 @@ def test_an_error_of_the_program_is_not_told_as_a_bad_input(run, case, tmp_path,
     def fail(case):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("drcmitsuba.result.daylight", fail)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight", fail)
     with pytest.raises(ZeroDivisionError):
         run("evaluate", case, "-o", tmp_path / "r")
 
@@ -266,7 +268,7 @@ def test_a_stop_is_exit_code_130(run, case, tmp_path, monkeypatch, inside_a_loop
                 raise
             raise RuntimeError("dr.while_loop(): encountered an exception") from stop
 
-    monkeypatch.setattr("drcmitsuba.result.daylight", stopped)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight", stopped)
     code, _, err = run("evaluate", case, "-o", tmp_path / "r")
     assert (code, err) == (130, "drcmitsuba: stopped\n")
     assert not (tmp_path / "r").exists()
@@ -311,14 +313,14 @@ def test_ctrl_c_leaves_one_line_and_whole_files(tmp_path, case, module, name, de
     assert not any(file.startswith(".") for file in left)
     assert written <= left < RESULTS
     for file in left:
-        schema.open_dataset(folder / file).load()
+        files.open_dataset(folder / file).load()
 
 
 # ---- what works -------------------------------------------------------------------------------
 
 
 def test_a_run_from_the_shell_says_its_numbers_and_nothing_else(case, tmp_path):
-    command = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli", "evaluate", "case.toml"]
+    command = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli.main", "evaluate", "case.toml"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "sDA" in done.stdout
@@ -380,7 +382,7 @@ def test_the_doctor_reports_and_says_ready(run):
     assert "ready: " in out
 
 
-@pytest.mark.parametrize("verb", sorted(c.callback.__name__ for c in cli.app.registered_commands))
+@pytest.mark.parametrize("verb", sorted(c.callback.__name__ for c in main.app.registered_commands))
 def test_every_verb_has_a_help_page(run, verb):
     code, out, err = run(verb, "--help")
     assert (code, err) == (0, "")

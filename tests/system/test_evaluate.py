@@ -9,11 +9,14 @@ import pytest
 import xarray as xr
 
 import drcmitsuba
-from drcmitsuba import cli, load_case, metrics, schema, simulation
-from drcmitsuba import light as light_module
-from drcmitsuba.case import Case
-from drcmitsuba.errors import InputError
-from drcmitsuba.suns import Suns
+from drcmitsuba import load_case, metrics, schema
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case
+from drcmitsuba.cli import main
+from drcmitsuba.runtime import files
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky import daylight as light_module
+from drcmitsuba.sky.sun_models import Suns
 
 WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
 CASE = """
@@ -258,7 +261,7 @@ def test_a_result_shows_itself(small):
 
 def run(monkeypatch, *arguments):
     monkeypatch.setattr("sys.argv", ["drcmitsuba", *map(str, arguments)])
-    cli.main()
+    main.main()
 
 
 def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
@@ -274,7 +277,7 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     run(monkeypatch, "illuminance", *parts, "-o", tmp_path)
     run(monkeypatch, "metrics", tmp_path / "illuminance.nc", "-o", tmp_path)
     assert capsys.readouterr().err == ""
-    chained = schema.open_dataset(tmp_path / "illuminance.nc").load()
+    chained = files.open_dataset(tmp_path / "illuminance.nc").load()
     assert set(chained.variables) == set(E.variables)
     for name in E.data_vars:
         np.testing.assert_allclose(chained[name], E[name], rtol=1e-4, atol=0.05, err_msg=name)
@@ -301,7 +304,7 @@ def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeyp
     (folder / "undecided_ase_plan.png").write_text("of an evaluation before this one")
     run(monkeypatch, "evaluate", tmp_path / "case.toml", "-o", folder)
     numbers = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-    E = schema.open_dataset(folder / "illuminance.nc").load()
+    E = files.open_dataset(folder / "illuminance.nc").load()
     listed = numbers["undecided"]
     assert 0 < len(listed) < 25
     assert all(0.025 < one["probability"] < 0.975 for one in listed)
@@ -492,7 +495,7 @@ def test_a_coloured_case_goes_through_the_verbs(tmp_path, monkeypatch, capsys):
     run(monkeypatch, "illuminance", *files, "-o", tmp_path / "again")
     run(monkeypatch, "metrics", tmp_path / "again" / "illuminance.nc")
     E, again = (
-        schema.open_dataset(tmp_path / name / "illuminance.nc").load() for name in ("r", "again")
+        files.open_dataset(tmp_path / name / "illuminance.nc").load() for name in ("r", "again")
     )
     for name in E.data_vars:
         np.testing.assert_allclose(again[name], E[name], rtol=1e-4, atol=0.05, err_msg=name)

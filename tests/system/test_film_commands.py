@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drcmitsuba import bsdf, evaluate, load_case
-from drcmitsuba.materials import film, lets_through
-from drcmitsuba.shipped import shipped_folder
+from drcmitsuba.case.shipped import shipped_folder
+from drcmitsuba.scene.materials import film, lets_through
 
 PRISM = shipped_folder() / "films" / "prism.xml"
 CASE = """

@@ -82,8 +82,8 @@ def test_json_alone_on_the_screen(run, case):
 
 
 def test_a_plan_does_no_transport(run, case, monkeypatch):
-    from drcmitsuba import coefficients, scene
-    from drcmitsuba.transport import gather, photons, shadow_rays
+    from drcmitsuba.scene import scene
+    from drcmitsuba.transport import coefficients, gather, photons, shadow_rays
 
     def refused(*_, **__):
         raise AssertionError("transport")

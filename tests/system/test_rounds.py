@@ -6,10 +6,10 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
-from drcmitsuba.accuracy import Accuracy, Target
-from drcmitsuba.errors import InputError
-from drcmitsuba.pool import Pool
-from drcmitsuba.table import checked
+from drcmitsuba.annual.sample_accumulator import Pool
+from drcmitsuba.case.accuracy import Accuracy, Target
+from drcmitsuba.case.toml import checked
+from drcmitsuba.runtime.errors import InputError
 from tests.system.test_evaluate import changed
 
 RNG = np.random.default_rng(0)

@@ -8,7 +8,7 @@ import time
 import pandas as pd
 import pytest
 
-from drcmitsuba.tradeoff import settings
+from drcmitsuba.annual.tradeoff import settings
 
 CASE = """
 name = "tiny room"
@@ -37,7 +37,7 @@ def case(tmp_path):
 
 def test_a_table_and_a_picture(run, case, tmp_path, monkeypatch):
     """The default and two settings of a room that the reference is soon accurate for."""
-    from drcmitsuba.tradeoff import run as module
+    from drcmitsuba.annual.tradeoff import run as module
 
     def short(case, folder):
         names = ("default, yours", "samples × 1/8", "spacing × 2")
@@ -87,7 +87,7 @@ def test_a_wrong_case_is_told_at_once(refused, case, tmp_path):
 
 
 def test_ctrl_c_leaves_nothing_half_written(case, tmp_path):
-    command = [sys.executable, "-m", "drcmitsuba.cli", "tradeoff", case, "-o", tmp_path / "t"]
+    command = [sys.executable, "-m", "drcmitsuba.cli.main", "tradeoff", case, "-o", tmp_path / "t"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     time.sleep(4)
     process.send_signal(signal.SIGINT)

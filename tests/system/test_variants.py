@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import cli
+from drcmitsuba.cli import main
 
 ROOM = """
 name = "{name}"
@@ -52,7 +52,7 @@ def run(tmp_path, monkeypatch, capsys):
     def call(*arguments):
         monkeypatch.setattr("sys.argv", ["drcmitsuba", *map(str, arguments)])
         try:
-            cli.main()
+            main.main()
             code = 0
         except SystemExit as stop:
             code = stop.code or 0

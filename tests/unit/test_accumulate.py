@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import accumulate
-from drcmitsuba.errors import InputError
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime.errors import InputError
 
 TIMES = np.array(["2015-03-21T10:00", "2015-03-21T11:00", "2015-03-21T23:00"], "datetime64[ns]")
 SUNS = ["sun_2015-03-21T10:00", "sun_2015-03-21T11:00"]

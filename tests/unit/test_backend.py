@@ -9,11 +9,11 @@ from pathlib import Path
 import mitsuba as mi
 import pytest
 
-from drcmitsuba import backend
-from drcmitsuba.errors import BackendError
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import BackendError
 
 UNFIT = [14, 15, 16]
-DOCTOR = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli", "doctor"]
+DOCTOR = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli.main", "doctor"]
 
 
 def libraries(version):

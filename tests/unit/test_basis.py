@@ -8,19 +8,22 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import accumulate, backend, basis, coefficients, scene
-from drcmitsuba import case as case_module
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.basis import facade, simulate
-from drcmitsuba.basis.basis import Returned
-from drcmitsuba.basis.tiling import FRAME, material_at, wall_around
-from drcmitsuba.case import Case
-from drcmitsuba.errors import InputError
-from drcmitsuba.light import daylight
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.surfaces import surfaces_of
-from drcmitsuba.table import checked
+from drcmitsuba.case import case as case_module
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.toml import checked
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import coefficients, facade_basis
 from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.facade_basis import facade, simulate
+from drcmitsuba.transport.facade_basis.basis import Returned
+from drcmitsuba.transport.facade_basis.tiling import FRAME, material_at, wall_around
 from drcmitsuba.transport.gather import gather
 
 SIZE = [4.0, 5.0, 3.0]
@@ -70,7 +73,7 @@ def few(light, count):
 
 def test_tiles_of_variants_are_what_they_have_in_common():
     cases = [room(PLAIN), room(MIXED)]
-    wall, tiles, palette, shares = basis.of_variants(cases)
+    wall, tiles, palette, shares = facade_basis.of_variants(cases)
     assert wall.side == "south"
     assert wall.size == (4.0, 3.0)
     assert palette.names[-1] == "shade"
@@ -87,7 +90,7 @@ def test_tiles_of_variants_are_what_they_have_in_common():
 
 
 def test_equal_tiles_of_all_segments_are_one():
-    _, tiles, _, _ = basis.of_variants([room(PLAIN)])
+    _, tiles, _, _ = facade_basis.of_variants([room(PLAIN)])
     assert len(tiles) == 2
     assert tiles.area == pytest.approx([3.6, 3.6])
     assert sorted(map(tuple, tiles.bounds)) == [(0, 4, 0.9, 1.8), (0, 4, 1.8, 2.7)]
@@ -97,7 +100,7 @@ def test_equal_tiles_of_all_segments_are_one():
 @pytest.mark.parametrize("frame", [0.0, 0.1])
 def test_tiles_and_the_wall_around_them_are_the_wall(side, frame):
     case = room(PLAIN, side, frame)
-    wall, tiles, palette, (share,) = basis.of_variants([case])
+    wall, tiles, palette, (share,) = facade_basis.of_variants([case])
     around = wall_around(wall, tiles)
     n = np.cross(around[:, 1] - around[:, 0], around[:, 3] - around[:, 0])
     length, height = wall.size
@@ -129,7 +132,7 @@ def test_material_at_points():
 )
 def test_variants_that_differ_in_more_are_refused(change, field):
     with pytest.raises(InputError, match=field):
-        basis.of_variants([room(PLAIN), room(MIXED, **change)])
+        facade_basis.of_variants([room(PLAIN), room(MIXED, **change)])
 
 
 def test_variants_of_one_name_and_two_materials_are_refused():
@@ -138,13 +141,13 @@ def test_variants_of_one_name_and_two_materials_are_refused():
     clear = [{"bottom": 0.9, "top": 1.8, "material": "glass"}]
     first = room(clear, materials={k: m for k, m in MATERIALS.items() if k != "fabric"})
     with pytest.raises(InputError, match="another material of this name"):
-        basis.of_variants([first, room(PLAIN), room(PLAIN, materials=other)])
+        facade_basis.of_variants([first, room(PLAIN), room(PLAIN, materials=other)])
 
 
 def test_coloured_variants_are_refused():
     facade = {"south": {"strips": PLAIN, "frame": 0.1, "frame_reflectance": [0.5, 0.4, 0.3]}}
     with pytest.raises(InputError, match="make it grey"):
-        basis.of_variants([room(PLAIN[:1]), room(PLAIN, facade=facade)])
+        facade_basis.of_variants([room(PLAIN[:1]), room(PLAIN, facade=facade)])
 
 
 def test_frames_are_those_of_the_side_with_windows():
@@ -152,36 +155,36 @@ def test_frames_are_those_of_the_side_with_windows():
         "north": {"frame_reflectance": 0.0},
         "south": {"strips": PLAIN, "frame": 0.1, "frame_reflectance": 0.9},
     }
-    _, _, palette, _ = basis.of_variants([room(PLAIN, facade=facade)])
+    _, _, palette, _ = facade_basis.of_variants([room(PLAIN, facade=facade)])
     assert palette.materials[FRAME].reflectance == 0.9
 
 
 def test_windows_in_two_sides_are_refused():
     with pytest.raises(InputError, match="windows in east, south"):
-        basis.of_variants([room(PLAIN), room(PLAIN, "east")])
+        facade_basis.of_variants([room(PLAIN), room(PLAIN, "east")])
 
 
 def test_windows_in_a_side_that_the_basis_does_not_hold_are_refused():
     case = room(PLAIN, facade={side: {"strips": PLAIN} for side in ("south", "west")})
-    wall = basis.Wall(case, "south")
-    tiles, palette = basis.of_grid(wall, [0.9, 2.7], 1, ("wall", "glass"))
+    wall = facade_basis.Wall(case, "south")
+    tiles, palette = facade_basis.of_grid(wall, [0.9, 2.7], 1, ("wall", "glass"))
     with pytest.raises(InputError, match="windows in west too"):
-        basis.compute(wall, tiles, palette, daylight(case).suns, case.accuracy)
+        facade_basis.compute(wall, tiles, palette, daylight(case).suns, case.accuracy)
 
 
 def test_surfaces_outside_are_refused():
     outside = [{"corner": [0, -2, 0], "size": [4, 1, 3]}]
     case = room(PLAIN, furniture=outside)
-    wall, tiles, palette, _ = basis.of_variants([case])
+    wall, tiles, palette, _ = facade_basis.of_variants([case])
     with pytest.raises(InputError, match="outside of the room"):
-        basis.compute(wall, tiles, palette, daylight(case).suns, case.accuracy)
+        facade_basis.compute(wall, tiles, palette, daylight(case).suns, case.accuracy)
 
 
 def test_too_many_elements_are_refused():
     case = room(PLAIN)
-    wall = basis.Wall(case, "south")
+    wall = facade_basis.Wall(case, "south")
     with pytest.raises(InputError, match="take fewer tiles"):
-        basis.of_grid(wall, np.linspace(0.5, 2.5, 200), 2, ("wall", "glass", "fabric"))
+        facade_basis.of_grid(wall, np.linspace(0.5, 2.5, 200), 2, ("wall", "glass", "fabric"))
 
 
 # --- what paths remember
@@ -200,9 +203,9 @@ def test_paths_are_weighed_once_at_each_meeting():
     """Half the share is half the weight at each meeting; meetings follow a geometric series."""
     strips = [{"bottom": 0.0, "top": 3.0, "material": "fabric"}]
     case = room(strips)
-    wall, tiles, palette, (share,) = basis.of_variants([case])
+    wall, tiles, palette, (share,) = facade_basis.of_variants([case])
     light = daylight(case)
-    found = basis.compute(
+    found = facade_basis.compute(
         wall, tiles, palette, few(light, 2), Accuracy(paths=64), groups=1, subdivision=1
     )
     whole, half = found.returned.weighed(share), found.returned.weighed(0.5 * share)
@@ -220,7 +223,7 @@ def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
     materials = {"materials": MATERIALS | {"film": film}}
     strips = [{"bottom": 0.5, "top": 2.7, "material": material}]
     case = room(strips, **materials)
-    wall, tiles, palette, _ = basis.of_variants(
+    wall, tiles, palette, _ = facade_basis.of_variants(
         [room([strips[0] | {"material": m}], **materials) for m in ("film", "fabric", "glass")]
     )
     built, walls = simulate._room(wall, tiles, palette)
@@ -262,11 +265,11 @@ def both(share, found, fresh, light):
 def test_compositions_are_what_they_are_alone(state):
     """E in all and by sensor, of plain and mixed façades with frames; standard errors of both."""
     cases = [room(PLAIN, frame=0.08), room(MIXED, frame=0.08)]
-    wall, tiles, palette, shares = basis.of_variants(cases)
+    wall, tiles, palette, shares = facade_basis.of_variants(cases)
     light = daylight(cases[0])
     suns = few(light, 12)
     accuracy = Accuracy(paths=512, sensor_sky_rays=2048)
-    found = basis.compute(wall, tiles, palette, suns, accuracy)
+    found = facade_basis.compute(wall, tiles, palette, suns, accuracy)
     for case, share in zip(cases, shares, strict=True):
         alone = coefficients.compute(
             scene.load(case, state), *sensor_points(case), suns,
@@ -287,7 +290,7 @@ def test_compositions_are_what_they_are_alone(state):
 
 def test_shade_stands_before_clear_tiles_only():
     case = room(PLAIN)
-    _, _, palette, (share,) = basis.of_variants([case])
+    _, _, palette, (share,) = facade_basis.of_variants([case])
     behind = share @ palette.closing
     names = palette.names
     assert (behind[:, names.index("glass")] == 0).all()
@@ -300,9 +303,11 @@ def grid():
     backend.select()
     case = room(PLAIN)
     light = daylight(case)
-    wall = basis.Wall(case, "south")
-    tiles, palette = basis.of_grid(wall, [0.9, 1.8, 2.7], 2, ("wall", "glass", "fabric"))
-    return basis.compute(wall, tiles, palette, light.suns, Accuracy(paths=32), groups=1), light
+    wall = facade_basis.Wall(case, "south")
+    tiles, palette = facade_basis.of_grid(wall, [0.9, 1.8, 2.7], 2, ("wall", "glass", "fabric"))
+    return facade_basis.compute(
+        wall, tiles, palette, light.suns, Accuracy(paths=32), groups=1
+    ), light
 
 
 def dirichlet(seed, tiles, materials):
@@ -324,7 +329,7 @@ def test_a_year_is_coefficients_times_luminances(grid):
     import mitsuba as mi
 
     found, light = grid
-    year = basis.Year.of(found, light)
+    year = facade_basis.Year.of(found, light)
     share = dirichlet(1, 4, 3)
     E = year.illuminance(mi.TensorXf(share))
     for values, of in ((E.open, share), (E.shaded, share @ found.palette.closing)):
@@ -340,7 +345,7 @@ def test_gradients_of_a_year_are_its_differences(grid):
     import mitsuba as mi
 
     found, light = grid
-    year = basis.Year.of(found, light)
+    year = facade_basis.Year.of(found, light)
     share, step = dirichlet(2, 4, 3), 0.02
     weights = [mi.TensorXf(np.random.default_rng(i).random((len(year.months), 12))) for i in (1, 2)]
 
@@ -380,7 +385,7 @@ def test_all_wall_is_dark_and_finite(grid):
     import mitsuba as mi
 
     found, light = grid
-    year = basis.Year.of(found, light)
+    year = facade_basis.Year.of(found, light)
     share = np.zeros((4, 4), np.float32)
     share[:, 0] = 1
     x = mi.TensorXf(share)
@@ -396,7 +401,7 @@ def test_all_wall_is_dark_and_finite(grid):
 def test_a_year_refuses_another_sky(grid):
     found, _ = grid
     with pytest.raises(InputError, match="subdivision of this sky"):
-        basis.Year.of(found, daylight(room(PLAIN, sky={"subdivision": 2})))
+        facade_basis.Year.of(found, daylight(room(PLAIN, sky={"subdivision": 2})))
 
 
 @pytest.mark.parametrize("changes", [{"sun": {"model": "three_phase"}}, {"side": "north"}])
@@ -406,9 +411,9 @@ def test_no_sun_at_all(changes):
 
     case = room(PLAIN, **changes)
     light = daylight(case)
-    wall, tiles, palette, (share,) = basis.of_variants([case])
-    found = basis.compute(wall, tiles, palette, light.suns, Accuracy(paths=16))
-    E = basis.Year.of(found, light).illuminance(mi.TensorXf(share))
+    wall, tiles, palette, (share,) = facade_basis.of_variants([case])
+    found = facade_basis.compute(wall, tiles, palette, light.suns, Accuracy(paths=16))
+    E = facade_basis.Year.of(found, light).illuminance(mi.TensorXf(share))
     assert (E.open.numpy() > 0).all()
     assert (E.direct.numpy().max() == 0) == ("side" in changes)  # patches are seen straight
     plain = accumulate.by_source(found.coefficients(share), light.sky)["total"].values
@@ -419,4 +424,4 @@ def test_a_year_refuses_other_suns(grid):
     found, _ = grid
     other = room(PLAIN, period={"months": [4], "hours": [9, 15]})
     with pytest.raises(InputError, match="compute the basis for this sky"):
-        basis.Year.of(found, daylight(other))
+        facade_basis.Year.of(found, daylight(other))

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drcmitsuba import bsdf
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 GOLDEN = SHARED / "reference" / "golden_bsdf_query_radiance.csv"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drcmitsuba.bsdf import displacement, incidence, measured, pab_opto
 from drcmitsuba.bsdf.measured import Pixels, from_measurements
 from drcmitsuba.bsdf.merge import merge
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 
 DEPTH = 4
 

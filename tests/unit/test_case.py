@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drcmitsuba.case import MAX_BYTES, Case, load_case
-from drcmitsuba.errors import InputError
-from drcmitsuba.facade_table import Facade
-from drcmitsuba.shipped import shipped_cases
+from drcmitsuba.case.case import MAX_BYTES, Case, load_case
+from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.shipped import shipped_cases
+from drcmitsuba.runtime.errors import InputError
 
 CASE = """
 name = "small"

@@ -5,9 +5,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend
-from drcmitsuba.material_table import MirrorMaterial
-from drcmitsuba.materials import bsdf
+from drcmitsuba.case.materials import MirrorMaterial
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene.materials import bsdf
 
 ANGLES = np.array([0.0, 20, 45, 60, 75, 85, 89])
 

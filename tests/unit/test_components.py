@@ -7,32 +7,36 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, basis, components, plan, scene, simulation
-from drcmitsuba.basis import compute
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.components.duct import concentrator
-from drcmitsuba.components.lightpipe import polygon
-from drcmitsuba.components.placed import ray_offset
+from drcmitsuba import plan
+from drcmitsuba.annual import simulation
+from drcmitsuba.annual.season import season
+from drcmitsuba.annual.tradeoff import tradeoff
+from drcmitsuba.annual.variants import evaluate_variants
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.shipped import shipped_cases, shipped_folder, shipped_recipes
 from drcmitsuba.design.film_year import FilmYear
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.reflectances import Interior
-from drcmitsuba.errors import InputError
-from drcmitsuba.geometry import normals, rotation
 from drcmitsuba.goniophotometer.trace import follow, prepare
-from drcmitsuba.light import daylight
-from drcmitsuba.materials import bsdf
-from drcmitsuba.scope import FULL
-from drcmitsuba.season import season
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.shipped import shipped_cases, shipped_folder, shipped_recipes
-from drcmitsuba.structures import unit_cell
-from drcmitsuba.structures.block import block
-from drcmitsuba.structures.polygon import triangles
-from drcmitsuba.structures.recipe import load_recipe
-from drcmitsuba.structures.solid import check_solid, volume, welded, winding
-from drcmitsuba.surfaces import surfaces_of
-from drcmitsuba.tradeoff import tradeoff
-from drcmitsuba.variants import evaluate_variants
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import components, scene
+from drcmitsuba.scene.components.duct import concentrator
+from drcmitsuba.scene.components.lightpipe import polygon
+from drcmitsuba.scene.components.placed import ray_offset
+from drcmitsuba.scene.enabled_effects import FULL
+from drcmitsuba.scene.geometry import normals, rotation
+from drcmitsuba.scene.materials import bsdf
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.structures import unit_cell
+from drcmitsuba.scene.structures.block import block
+from drcmitsuba.scene.structures.polygon import triangles
+from drcmitsuba.scene.structures.recipe import load_recipe
+from drcmitsuba.scene.structures.solid import check_solid, volume, welded, winding
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import facade_basis
+from drcmitsuba.transport.facade_basis import compute
 
 SIZE = np.array([4.0, 5.0, 3.0])
 MATERIALS = {
@@ -697,8 +701,8 @@ TASKS = {
 
 
 def of_grid(room):
-    wall = basis.Wall(room, "south")
-    return wall, *basis.of_grid(wall, [1.0, 2.0], 1, ("wall", "glass"))
+    wall = facade_basis.Wall(room, "south")
+    return wall, *facade_basis.of_grid(wall, [1.0, 2.0], 1, ("wall", "glass"))
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -736,7 +740,7 @@ def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
 def test_panes_together_may_not_have_too_many_triangles(tmp_path, monkeypatch):
     placed = only(components.place(with_strip(tmp_path, SLATS)))
     half = 2 * len(part(placed, "structure").quads) // 2  # triangles of one of two panes
-    monkeypatch.setattr("drcmitsuba.components.structure.MOST_TRIANGLES", half)
+    monkeypatch.setattr("drcmitsuba.scene.components.structure.MOST_TRIANGLES", half)
     with pytest.raises(InputError, match=r"panel\.recipe: more than \d+ triangles in all panes"):
         components.place(with_strip(tmp_path, SLATS))
 

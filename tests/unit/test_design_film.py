@@ -11,14 +11,17 @@ from drcmitsuba_plugins.lobes import square_code
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba import backend, load_case, scene, simulation
+from drcmitsuba import load_case
+from drcmitsuba.annual import simulation
 from drcmitsuba.design.film import Leaves, MeasuredFilm, Mix, ParametricFilm
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.design.film_search import optimise_film
 from drcmitsuba.design.film_year import FilmYear
-from drcmitsuba.errors import InputError
-from drcmitsuba.light import daylight
-from drcmitsuba.suns import Suns
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.shadow_rays import sky_deposit
 from tests.unit.test_measured import write
 

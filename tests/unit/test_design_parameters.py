@@ -5,12 +5,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend
-from drcmitsuba.case import Metrics
+from drcmitsuba.case.case import Metrics
 from drcmitsuba.design.parameters import Factor, Heights, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
-from drcmitsuba.errors import InputError
-from drcmitsuba.uncertainty.rules import Rules
+from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
 from tests.synthetic_year import MATERIALS, SyntheticYear, Tiles
 
 RULES = Rules(Metrics(sda_threshold=500.0, ase_hours=20.0), 1000.0, 0.02, 1.0)

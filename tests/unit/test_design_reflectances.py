@@ -9,20 +9,17 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import accumulate, backend, light
-from drcmitsuba import scene as scenes
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.design.hits import Hits, numbered
-from drcmitsuba.design.reflectances import (
-    BOUNDS,
-    Interior,
-    reflectances,
-    with_reflectances,
-)
-from drcmitsuba.errors import InputError
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
+from drcmitsuba.case.case import Case
+from drcmitsuba.design.bounce_counts import Hits, numbered
+from drcmitsuba.design.reflectances import BOUNDS, Interior, reflectances, with_reflectances
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky import daylight
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 
 SEEDS = 8
 PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
@@ -58,7 +55,7 @@ def case_of(seed=0, replicates=2, **more):
 @pytest.fixture(scope="module")
 def year():
     backend.select("llvm_ad_mono" if backend.llvm_version() else None)
-    return light.daylight(case_of())
+    return daylight.daylight(case_of())
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +113,7 @@ def film_case(seed=0, replicates=2, **accuracy):
 
 def test_shade_that_sees_no_film_in_its_own_plane():
     case = film_case(paths=32, film_sky_samples=16)
-    interior = Interior.of(case, light.daylight(case))
+    interior = Interior.of(case, daylight.daylight(case))
     is_open, shaded = at(interior, {"ceiling": 0.6})
     assert np.isfinite(is_open).all()
     assert 0 < shaded.mean() < is_open.mean()
@@ -124,7 +121,7 @@ def test_shade_that_sees_no_film_in_its_own_plane():
 
 @pytest.mark.slow
 def test_film_equals_a_fresh_simulation(same):
-    year, rho = light.daylight(film_case()), {"ceiling": 0.6}
+    year, rho = daylight.daylight(film_case()), {"ceiling": 0.6}
     found = [
         Interior.of(film_case(seed, paths=1024, pane_points=512), year) for seed in range(SEEDS)
     ]

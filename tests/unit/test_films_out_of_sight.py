@@ -4,7 +4,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, load_case, scene
+from drcmitsuba import load_case
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
 from drcmitsuba.transport.films import Films
 
 

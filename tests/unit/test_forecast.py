@@ -10,16 +10,17 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, evaluate
-from drcmitsuba.case import Case
-from drcmitsuba.forecast import REFERENCE, Speed, count, forecast, scout, speed, told_plan
-from drcmitsuba.forecast.cost import UNITS
-from drcmitsuba.geometry import box
-from drcmitsuba.light import daylight
+from drcmitsuba import evaluate
+from drcmitsuba.annual.simulation import coefficients
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.plan import plan
-from drcmitsuba.shipped import shipped_folder
-from drcmitsuba.simulation import coefficients
-from drcmitsuba.tally import KINDS
+from drcmitsuba.plan.forecast import REFERENCE, Speed, count, forecast, scout, speed, told_plan
+from drcmitsuba.plan.forecast.cost import UNITS
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.ray_counter import KINDS
+from drcmitsuba.scene.geometry import box
+from drcmitsuba.sky.daylight import daylight
 
 GLASS = {"type": "glazing", "transmittance": 0.65}
 MILKY = {"type": "diffuser", "transmittance": 0.3, "reflectance": 0.2}
@@ -239,7 +240,7 @@ from drcmitsuba import evaluate
 from drcmitsuba.case import Case
 case = Case.model_validate({case!r})
 evaluate(case).save({folder!r})
-unwanted = ("matplotlib", "drcmitsuba.plots", "drcmitsuba.report")
+unwanted = ("matplotlib", "drcmitsuba.report.plots", "drcmitsuba.report.figures")
 print(*[name for name in unwanted if name in sys.modules])
 """
 

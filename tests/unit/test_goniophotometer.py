@@ -9,13 +9,14 @@ import pytest
 from drcmitsuba_plugins import bsdf_file
 from drcmitsuba_plugins.tensor import TensorTree, to_direction
 
-from drcmitsuba import InputError, backend
+from drcmitsuba import InputError
 from drcmitsuba import goniophotometer as gonio
 from drcmitsuba.bsdf.merge import merge
-from drcmitsuba.structures.mesh import read_mesh
-from drcmitsuba.structures.recipe import Recipe
-from drcmitsuba.structures.structure import arc, unit_cell
-from drcmitsuba.table import checked
+from drcmitsuba.case.toml import checked
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene.structures.mesh import read_mesh
+from drcmitsuba.scene.structures.recipe import Recipe
+from drcmitsuba.scene.structures.structure import arc, unit_cell
 
 FILMS = Path(__file__).resolve().parents[2] / "scenes" / "films"
 SLAB = {

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from drcmitsuba.table import read_toml
+from drcmitsuba.case.toml import read_toml
 
 ROOT = Path(__file__).resolve().parents[2]
 # fmt: off

@@ -11,8 +11,8 @@ from drcmitsuba_plugins.klems_basis import BASES
 from drcmitsuba_plugins.tensor import TensorTree, to_square
 from scipy.stats import chi2 as chi2_law
 
-from drcmitsuba import backend
 from drcmitsuba.bsdf.merge import merge
+from drcmitsuba.runtime import backend
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "bsdf"
 RADIANCE, IMPORTANCE = mi.TransportMode.Radiance, mi.TransportMode.Importance

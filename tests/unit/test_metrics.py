@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from drcmitsuba import metrics
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=60)
 

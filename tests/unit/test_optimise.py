@@ -8,17 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drcmitsuba import backend, design_pictures
-from drcmitsuba.case import Case, Metrics
+from drcmitsuba.case.case import Case, Metrics
+from drcmitsuba.case.toml import checked
+from drcmitsuba.design import pictures
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
-from drcmitsuba.errors import InputError
-from drcmitsuba.surfaces import surfaces_of
-from drcmitsuba.table import checked
-from drcmitsuba.uncertainty.rules import Rules
+from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.surfaces import surfaces_of
 from tests.synthetic_year import MATERIALS, SyntheticYear, Tiles
 
 RULES = Rules(Metrics(sda_threshold=300.0, ase_hours=10.0), 1000.0, 0.02, 1.0)
@@ -221,7 +222,7 @@ def test_the_front_falls_nowhere_and_holds_the_optimum(year, tmp_path):
     np.testing.assert_allclose(table.ASE, ase, atol=1e-3)
     assert {"sDA", "dwr", "position", "film_m2", "value"} <= set(table.columns)
     scores = {n: found.problem.hard(s) for n, s in named(year, **VARIANTS).items()}
-    figure = design_pictures.front(front, scores, found.best.hard)
+    figure = pictures.front(front, scores, found.best.hard)
     texts = {t.get_text() for t in figure.axes[0].texts}
     assert set(VARIANTS) <= texts
 
@@ -239,10 +240,10 @@ def test_files_of_a_search(year, tmp_path):
     told = json.loads((tmp_path / "optimum.json").read_text())
     assert told["evaluations"] == found.evaluations
     np.testing.assert_allclose(np.sum(list(told["composition"].values()), axis=0), 1, atol=1e-4)
-    figure = design_pictures.facade(year.tiles, found.best.share, MATERIALS, "film", "found")
+    figure = pictures.facade(year.tiles, found.best.share, MATERIALS, "film", "found")
     drawn = sum(p.get_width() * p.get_height() for p in figure.axes[0].patches if p.get_fill())
     assert drawn == pytest.approx(year.tiles.area.sum(), rel=1e-5)
-    design_pictures.search(found).savefig(tmp_path / "search.png")
+    pictures.search(found).savefig(tmp_path / "search.png")
 
 
 TABLES = {

@@ -9,7 +9,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import PatchCentres, PatchMeans, Perez, perez, radiance
 from drcmitsuba.sky.sun import direction
 

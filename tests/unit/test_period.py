@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drcmitsuba.errors import InputError
-from drcmitsuba.period import EVALDRC, LM83, Period, read_timestamps
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
 
 YEAR = np.arange("2015-01-01", "2016-01-01", dtype="datetime64[h]").astype("datetime64[ns]")
 

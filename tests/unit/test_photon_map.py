@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import backend
+from drcmitsuba.runtime import backend
 
 PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
 UP, DOWN = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]

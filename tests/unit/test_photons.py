@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba import backend
-from drcmitsuba import scene as scenes
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.errors import InputError
-from drcmitsuba.geometry import Port, Surface
-from drcmitsuba.material_table import DielectricMaterial, MirrorMaterial
-from drcmitsuba.materials import Lambertian
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import DielectricMaterial, MirrorMaterial
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.geometry import Port, Surface
+from drcmitsuba.scene.materials import Lambertian
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.photons import Photons
 from drcmitsuba.transport.receivers import CellAreas, Squares
 

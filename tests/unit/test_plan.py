@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, evaluate, load_case
-from drcmitsuba.case import Case
-from drcmitsuba.errors import InputError
-from drcmitsuba.light import daylight
+from drcmitsuba import evaluate, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.toml import checked
 from drcmitsuba.plan import panes, plan
-from drcmitsuba.table import checked
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky.daylight import daylight
 
 ROOM = {
     "period": {"months": [6], "hours": [8, 18], "days_per_week": 1},

@@ -12,8 +12,8 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.image import imread
 
-from drcmitsuba import plots
-from drcmitsuba.errors import InputError
+from drcmitsuba.report import plots
+from drcmitsuba.runtime.errors import InputError
 
 
 def sensors(x, y, values=None):
@@ -232,5 +232,5 @@ def test_save_that_fails_keeps_the_older_file(tmp_path, monkeypatch):
 
 
 def test_nothing_global_is_touched():
-    code = "import sys, drcmitsuba.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, drcmitsuba.report.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

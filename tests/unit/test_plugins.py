@@ -9,8 +9,8 @@ import pytest
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba import backend
-from drcmitsuba.scene import quad_mesh
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene.scene import quad_mesh
 
 PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
 UP = [0.0, 0.0, 1.0]

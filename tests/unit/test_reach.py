@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, simulation
-from drcmitsuba.case import Case
-from drcmitsuba.components import place
-from drcmitsuba.reach import Reach
-from drcmitsuba.suns import Suns
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene.components import place
+from drcmitsuba.scene.sun_visibility import Reach
+from drcmitsuba.sky.sun_models import Suns
 
 SIZE = [4.0, 5.0, 3.0]
 WINDOW = {"strips": [{"bottom": 1.0, "top": 2.0, "material": "open"}]}

@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend
+from drcmitsuba.runtime import backend
 from tests.unit.test_plugins import chi2
 
 FILM = {

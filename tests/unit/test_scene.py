@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, geometry, scene
-from drcmitsuba.case import Case
-from drcmitsuba.errors import InputError
-from drcmitsuba.material_table import DiffuserMaterial, GlazingMaterial
-from drcmitsuba.materials import Lambertian
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import geometry, scene
+from drcmitsuba.scene.materials import Lambertian
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
 
 SIZE = np.array([4.0, 5.0, 3.0])
 GLASS = {"type": "glazing", "transmittance": 0.65}

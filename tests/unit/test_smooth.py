@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import backend, metrics, smooth
-from drcmitsuba.errors import InputError
+from drcmitsuba import metrics
+from drcmitsuba.metrics import smooth
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
 
 TIME, SENSORS = 240, 400
 HOURS, AREA = 20.0, 0.05

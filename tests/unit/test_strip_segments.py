@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, scene
-from drcmitsuba.case import Case
-from drcmitsuba.errors import InputError
-from drcmitsuba.surfaces import surfaces_of
-from drcmitsuba.table import checked
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.toml import checked
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.surfaces import surfaces_of
 
 SIZE = np.array([4.0, 5.0, 3.0])
 MATERIALS = {

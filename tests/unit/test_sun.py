@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun_position
-from drcmitsuba.weather import Site
+from drcmitsuba.sky.weather import Site
 
 GENEVA = Site("Geneva", 46.25, 6.13, 1.0, 416.0)
 BARROW = Site("Barrow", 71.286, -156.767, -9.0, 10.0)

@@ -5,7 +5,7 @@ import pytest
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba.suns import (
+from drcmitsuba.sky.sun_models import (
     Blend,
     Suns,
     between_daysim_suns,
@@ -13,8 +13,8 @@ from drcmitsuba.suns import (
     moved_to_patch,
     spread_over_patches,
 )
-from drcmitsuba.suns.daysim import DECLINATIONS
-from drcmitsuba.suns.equator import declination_and_hour, direction
+from drcmitsuba.sky.sun_models.daysim import DECLINATIONS
+from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction
 
 RNG = np.random.default_rng(0)
 DIAMETER = 0.5

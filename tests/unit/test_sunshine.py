@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import CieSky, Sunshine, radiance, sun_position
-from drcmitsuba.weather import Site
+from drcmitsuba.sky.weather import Site
 
 GENEVA = Site("Geneva", 46.25, 6.13, 1.0, 416.0)
 YEAR = np.arange("2015-01-01", "2016-01-01", dtype="datetime64[h]").astype("datetime64[ns]")

@@ -11,19 +11,26 @@ import pandas as pd
 import pytest
 from drcmitsuba_plugins.tensor import TensorTree
 
-from drcmitsuba import backend
-from drcmitsuba.accuracy import Accuracy
+from drcmitsuba.annual.tradeoff import Row, Tradeoff, process, tradeoff
+from drcmitsuba.annual.tradeoff.coarser import coarser, trees
+from drcmitsuba.annual.tradeoff.deviation import Errors, Measured, Yardstick, jackknife, mean_square
+from drcmitsuba.annual.tradeoff.evaluation import Evaluated
+from drcmitsuba.annual.tradeoff.picture import frontier, pareto
+from drcmitsuba.annual.tradeoff.reference import Reference, some_hours, some_sensors
+from drcmitsuba.annual.tradeoff.settings import (
+    LONGEST,
+    RAYS,
+    default,
+    design,
+    spaced,
+    times_samples,
+)
 from drcmitsuba.bsdf.merge import merge
-from drcmitsuba.case import Case, Metrics, load_case
-from drcmitsuba.errors import InputError
-from drcmitsuba.materials import film
-from drcmitsuba.tradeoff import Row, Tradeoff, process, tradeoff
-from drcmitsuba.tradeoff.coarser import coarser, trees
-from drcmitsuba.tradeoff.deviation import Errors, Measured, Yardstick, jackknife, mean_square
-from drcmitsuba.tradeoff.evaluation import Evaluated
-from drcmitsuba.tradeoff.picture import frontier, pareto
-from drcmitsuba.tradeoff.reference import Reference, some_hours, some_sensors
-from drcmitsuba.tradeoff.settings import LONGEST, RAYS, default, design, spaced, times_samples
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, Metrics, load_case
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.materials import film
 
 
 @pytest.fixture(autouse=True, scope="module")

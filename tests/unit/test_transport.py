@@ -14,19 +14,20 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 from scipy.stats import t as student
 
-from drcmitsuba import backend, coefficients
-from drcmitsuba import scene as scenes
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import compute, straight_suns
-from drcmitsuba.geometry import Surface
-from drcmitsuba.material_table import DiffuserMaterial, GlazingMaterial
-from drcmitsuba.materials import Lambertian, bsdf
-from drcmitsuba.scene import quad_mesh
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.scene.materials import Lambertian, bsdf
+from drcmitsuba.scene.scene import quad_mesh
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.coefficients import compute, straight_suns
 from drcmitsuba.transport.gather import even_numbers, gather
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit

@@ -8,18 +8,20 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, design_pictures, simulation
-from drcmitsuba.basis.year import Illuminances
-from drcmitsuba.case import Case, Metrics
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case, Metrics
+from drcmitsuba.case.toml import checked
+from drcmitsuba.design import pictures
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.turned import Simulated, TiltGoal, Turned
-from drcmitsuba.design.turned_search import turn
-from drcmitsuba.errors import InputError
-from drcmitsuba.judgement import judge
+from drcmitsuba.design.tilt import Simulated, TiltGoal, Turned
+from drcmitsuba.design.tilt_search import turn
 from drcmitsuba.metrics import Interval
-from drcmitsuba.table import checked
-from drcmitsuba.uncertainty.rules import Rules
+from drcmitsuba.metrics.evaluate_metrics import judge
+from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport.facade_basis.year import Illuminances
 
 SLATS = """[structure]
 kind = "lamellae"
@@ -176,8 +178,8 @@ def test_what_is_found_is_the_best_by_hard_numbers_and_tells_its_slope(tmp_path)
     assert abs(told["slope_per_degree"]) < 0.5  # it is a maximum
     near = {t for t, s in problem.known.items() if s.aim.value >= told["sDA"] - 4}
     assert {told["tilt"], *told["intervals_overlap"]} == near
-    design_pictures.tilts(found).savefig(tmp_path / "tilt.png")
-    design_pictures.search(found).savefig(tmp_path / "search.png")
+    pictures.tilts(found).savefig(tmp_path / "tilt.png")
+    pictures.search(found).savefig(tmp_path / "search.png")
 
 
 def test_slopes_are_one_sided_at_the_bounds():

@@ -5,13 +5,14 @@ import pytest
 import xarray as xr
 from scipy.stats import t as student
 
-from drcmitsuba import accumulate, judgement, metrics, uncertainty
-from drcmitsuba.case import Metrics
+from drcmitsuba import metrics
+from drcmitsuba.case.case import Metrics
+from drcmitsuba.metrics import accumulate, evaluate_metrics, intervals
+from drcmitsuba.metrics.intervals import Bounds, Rules, t_factor
+from drcmitsuba.metrics.intervals.autonomy import multipliers
+from drcmitsuba.metrics.intervals.rules import DRAWS
+from drcmitsuba.metrics.intervals.sun import _exceeds, draw_closures, draw_sun, hidden_share
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
-from drcmitsuba.uncertainty import Bounds, Rules, t_factor
-from drcmitsuba.uncertainty.autonomy import multipliers
-from drcmitsuba.uncertainty.rules import DRAWS
-from drcmitsuba.uncertainty.sun import _exceeds, draw_closures, draw_sun, hidden_share
 
 HOURS = 60
 TIMES = np.datetime64("2015-03-02T00", "ns") + np.arange(HOURS) * np.timedelta64(24, "h")
@@ -72,7 +73,7 @@ def illuminance(C, rules=RULES):
 
 def drawn(C, rules=RULES, seed=0):
     E = illuminance(C, rules)
-    return E, uncertainty.draw(C, SKY, E, rules, rays=RAYS, seed=seed)
+    return E, intervals.draw(C, SKY, E, rules, rays=RAYS, seed=seed)
 
 
 def replicates(mean, error, n=8, seed=1):
@@ -143,7 +144,7 @@ def test_where_all_is_certain_intervals_have_no_width():
     E = replicates(np.full((HOURS, 3), [100.0, 900.0, 2000.0]), 1.0)
     C = coefficients(E, E / 10, np.full((HOURS, 3), [0.0, 0.0, 5000.0]))
     found, draws = drawn(C)
-    numbers = judgement.summarise(found, RULES, draws)
+    numbers = evaluate_metrics.summarise(found, RULES, draws)
     for name in ("sDA", "ASE", "shade_closed"):
         assert numbers[name]["low"] == numbers[name]["value"] == numbers[name]["high"]
     assert numbers["shade_closed"]["value"] == 100
@@ -157,7 +158,7 @@ def test_months_without_hours_are_none_and_nothing_else_is_nan():
     found, draws = drawn(
         coefficients(E, E / 5, np.full((HOURS, 4), 900.0), np.full((HOURS, 4), 90.0))
     )
-    numbers = judgement.summarise(found, RULES, draws)
+    numbers = evaluate_metrics.summarise(found, RULES, draws)
     for name in ("msDA", "MSE", "shade_closed_monthly"):
         known = [month for month, i in enumerate(numbers[name], start=1) if i is not None]
         assert known == [3, 4]
@@ -180,7 +181,7 @@ def test_months_and_year_count_the_same_draws():
     march = SKY.isel(time=slice(0, 30))
     is_open = C.sel(state="open", drop=True)
     found = accumulate.illuminance(is_open, None, march, xr.zeros_like(march["sun"], dtype=bool))
-    draws = uncertainty.draw(
+    draws = intervals.draw(
         C, march, found.assign_attrs(has_shade=0),
         Rules(Metrics(sda_threshold=500, ase_hours=15), 1000, 0.25, 1.0), rays=RAYS, seed=0,
     )  # fmt: skip
@@ -194,7 +195,7 @@ def test_too_close_to_call():
     mean = np.full((HOURS, 3), [460.0, 500.0, 540.0])
     E = replicates(mean, 1.0) + replicates(0.0, 8.0, seed=5).reshape(8, 1, 1)
     found, draws = drawn(coefficients(E))
-    numbers = judgement.summarise(found, RULES, draws)
+    numbers = evaluate_metrics.summarise(found, RULES, draws)
     (one,) = numbers["undecided"]
     assert one == {
         "sensor": 1, "x": 1.5, "y": 1.5, "z": 1.5, "metric": "sDA",
@@ -237,7 +238,7 @@ def test_channels_are_weighed_to_luminance():
     factors = xr.DataArray([0.5, 1.2, 0.4], dims="channel")  # weighed: 1
     factors /= float((factors * list(LUMINANCE_WEIGHTS.values())).sum())
     coloured = (grey * factors).assign_coords(channel=channel).assign_attrs(grey.attrs)
-    draws = uncertainty.draw(coloured, SKY, found, RULES, rays=RAYS, seed=0)
+    draws = intervals.draw(coloured, SKY, found, RULES, rays=RAYS, seed=0)
     np.testing.assert_allclose(draws.passing["sDA"], expected.passing["sDA"], atol=0.01)
 
 
@@ -339,7 +340,10 @@ def test_bounds_hold_the_intervals_of_draws():
     E = replicates(np.full((HOURS, 9), np.linspace(400, 600, 9)), 20.0)
     found, draws = drawn(coefficients(E))
     found = found.assign_attrs(interval_factor=t_factor(8))
-    narrow, wide = judgement.summarise(found, RULES, draws), judgement.summarise(found, RULES)
+    narrow, wide = (
+        evaluate_metrics.summarise(found, RULES, draws),
+        evaluate_metrics.summarise(found, RULES),
+    )
     assert wide["sDA"]["low"] <= narrow["sDA"]["low"] < narrow["sDA"]["high"] <= wide["sDA"]["high"]
     assert wide["sDA"]["value"] == narrow["sDA"]["value"]
     assert "undecided" not in wide

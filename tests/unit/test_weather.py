@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from drcmitsuba import weather
-from drcmitsuba.errors import InputError
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky import weather
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
 PVLIB = Path(pvlib.__file__).parent / "data"

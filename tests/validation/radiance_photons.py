@@ -30,7 +30,7 @@ from time import perf_counter
 
 import numpy as np
 
-from drcmitsuba.geometry import Surface
+from drcmitsuba.scene.geometry import Surface
 from tests import radiance
 
 DIRECT = ("-ab", "-1")

@@ -31,12 +31,16 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import accumulate, backend, judgement, metrics, scene, simulation, uncertainty
-from drcmitsuba.case import Case, Metrics
-from drcmitsuba.light import Daylight, daylight
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.uncertainty import Rules
+from drcmitsuba import metrics
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.case import Case, Metrics
+from drcmitsuba.metrics import accumulate, evaluate_metrics, intervals
+from drcmitsuba.metrics.intervals import Rules
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.sun_models import Suns
 
 pytestmark = pytest.mark.slow
 RUNS = 200
@@ -96,7 +100,7 @@ def with_thresholds(coefficients: xr.Dataset, asked: Rules) -> xr.Dataset:
 
 def hard(E: xr.Dataset, asked: Rules) -> np.ndarray:
     """Values of the metrics, the three of the year and then twelve months of three."""
-    annual, monthly = uncertainty.values(E, asked)
+    annual, monthly = intervals.values(E, asked)
     return np.concatenate([[annual[m] for m in ANNUAL], *(monthly[m] for m in MONTHLY)])
 
 
@@ -174,9 +178,9 @@ def study():
             E = simulation.illuminance(with_rules, day.sky)
             before = time.perf_counter()
             rays = accuracy.replicates * accuracy.sensor_sun_samples
-            draws = uncertainty.draw(with_rules, day.sky, E, asked, rays=rays, seed=seed)
+            draws = intervals.draw(with_rules, day.sky, E, asked, rays=rays, seed=seed)
             seconds.append(time.perf_counter() - before)
-            rows.append(ends(judgement.summarise(E, asked, draws)))
+            rows.append(ends(evaluate_metrics.summarise(E, asked, draws)))
             if i == 0:
                 covered.append(entries_covered(E, true_E[0], error))
                 means.append(E["total_open"].values)

@@ -34,13 +34,14 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import backend, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Grid, Vertices
+from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.deposit import Deposit, launch_seed
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather

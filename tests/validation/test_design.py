@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, load_case
+from drcmitsuba import load_case
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import optimise
+from drcmitsuba.runtime import backend
 
 SHARES = np.arange(0, 1.001, 0.01)
 PLACES = np.arange(0, 1.001, 0.1)

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from drcmitsuba import backend, case, evaluate, schema
+from drcmitsuba import evaluate, schema
 from drcmitsuba.bsdf import read
-from drcmitsuba.light import daylight
+from drcmitsuba.case import case
+from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.plan import plan
-from drcmitsuba.shipped import shipped_folder
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import daylight
 
 X, Y, Z = 3.0, 4.0, 2.8
 GLASS = {"type": "glazing", "transmittance": 0.7}

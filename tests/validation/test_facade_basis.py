@@ -5,9 +5,12 @@ import pytest
 from drcmitsuba_plugins.patches import Patches
 from scipy.stats import t as student
 
-from drcmitsuba import backend, basis, load_case, simulation
-from drcmitsuba.facade_table import Strip
-from drcmitsuba.light import daylight
+from drcmitsuba import load_case
+from drcmitsuba.annual import simulation
+from drcmitsuba.case.facade import Strip
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import facade_basis
 
 HEIGHTS = [0.9, 1.8, 2.7, 3.6]
 SEGMENTS = 6
@@ -57,10 +60,10 @@ def test_fifty_mixed_compositions(state, capsys):
     suns, L = some_hours(light)
     count = 50 if state == "open" else 10
     cases = [mixed(case, rng, i) for i in range(count)]
-    _, tiles, palette, shares = basis.of_variants(cases)
+    _, tiles, palette, shares = facade_basis.of_variants(cases)
     assert len(tiles) == 18
-    wall = basis.Wall(cases[0], "south")
-    found = basis.compute(wall, tiles, palette, suns, case.accuracy)
+    wall = facade_basis.Wall(cases[0], "south")
+    found = facade_basis.compute(wall, tiles, palette, suns, case.accuracy)
     labels = [*Patches(1).labels, *suns.labels]
     errors, whole = [], []
     for i, (each, share) in enumerate(zip(cases, shares, strict=True)):

@@ -18,12 +18,13 @@ import pytest
 from drcmitsuba_plugins.klems_basis import BASES
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import backend, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 
 BINS = len(Patches())
 SCENES = Path(__file__).resolve().parents[2] / "scenes"

@@ -39,14 +39,15 @@ import pytest
 from drcmitsuba_plugins import bsdf_file
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import backend, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.material_table import BsdfMaterial
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.materials import BsdfMaterial
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 from tests import radiance
 
 pytest.importorskip("pyradiance")

@@ -29,11 +29,11 @@ from drcmitsuba_plugins import braces, bsdf_file
 from drcmitsuba_plugins.tensor import TensorTree, to_direction, unpack
 from scipy.stats import norm
 
-from drcmitsuba import backend
 from drcmitsuba import goniophotometer as gonio
-from drcmitsuba.structures.recipe import Recipe
-from drcmitsuba.structures.structure import UnitCell, unit_cell
-from drcmitsuba.table import checked
+from drcmitsuba.case.toml import checked
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene.structures.recipe import Recipe
+from drcmitsuba.scene.structures.structure import UnitCell, unit_cell
 from tests import radiance
 
 pyradiance = pytest.importorskip("pyradiance")

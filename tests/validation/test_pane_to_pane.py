@@ -10,12 +10,14 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, coefficients, scene
-from drcmitsuba.case import Case
-from drcmitsuba.scope import Scope
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.shipped import shipped_folder
-from drcmitsuba.suns import Suns
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.shipped import shipped_folder
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import Scope
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import coefficients
 
 FILM = {"type": "bsdf", "file": str(shipped_folder() / "films" / "prism.xml")}
 MIRRORING = {"type": "glazing", "transmittance": 0.5, "reflectance": 0.35}

@@ -18,11 +18,12 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.geometry import Port, Surface
-from drcmitsuba.material_table import DielectricMaterial, MirrorMaterial
-from drcmitsuba.materials import Lambertian
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.materials import DielectricMaterial, MirrorMaterial
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.geometry import Port, Surface
+from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.transport.photons import Landed, Ledger, Photons
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room

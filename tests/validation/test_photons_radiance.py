@@ -19,11 +19,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drcmitsuba import backend, scene
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.coefficients import compute
-from drcmitsuba.geometry import Surface
-from drcmitsuba.suns import Suns
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 from tests import radiance
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room

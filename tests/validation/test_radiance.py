@@ -24,14 +24,17 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba import backend, scene, sky, weather
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.material_table import GlazingMaterial
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import Suns
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba import sky
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.materials import GlazingMaterial
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky import weather
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute
 from tests import radiance
 
 pytestmark = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")

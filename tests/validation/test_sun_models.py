@@ -23,12 +23,16 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba import accumulate, backend, refinement, scene, sky, weather
-from drcmitsuba.accuracy import Accuracy
-from drcmitsuba.case import Case, load_case
-from drcmitsuba.coefficients import compute
-from drcmitsuba.sensors import sensor_points
-from drcmitsuba.suns import (
+from drcmitsuba import sky
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
+from drcmitsuba.sky import weather
+from drcmitsuba.sky.sun_models import (
     Suns,
     between_daysim_suns,
     daysim,
@@ -36,8 +40,9 @@ from drcmitsuba.suns import (
     moved_to_patch,
     spread_over_patches,
 )
-from drcmitsuba.suns.equator import declination_and_hour, direction
-from drcmitsuba.surfaces import surfaces_of
+from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction
+from drcmitsuba.transport import sun_interpolation
+from drcmitsuba.transport.coefficients import compute
 from tests import radiance
 from tests.bench import sun_models
 from tests.validation.test_films import PRISM, changed, room
@@ -326,7 +331,7 @@ ROOMS = {"film": lambda: room(PRISM), "glass": glazed}
 
 def mesh_for(case: Case, accuracy: Accuracy, tolerance: float = 0.05, finest: int = 5):
     points, normals = sensor_points(case)
-    return refinement.meshed(
+    return sun_interpolation.meshed(
         scene.load(case), points, normals, 0.5, accuracy,
         latitude=LATITUDE, tolerance=tolerance, finest=finest,
     )  # fmt: skip
@@ -379,7 +384,7 @@ def apart(case: Case, found: xr.Dataset, suns: Suns) -> tuple[np.ndarray, np.nda
     """
     points, normals = sensor_points(case)
     world = scene.load(case)
-    whole = refinement.with_straight(found, world, points, normals, suns, ADAPTIVE)
+    whole = sun_interpolation.with_straight(found, world, points, normals, suns, ADAPTIVE)
     between = accumulate.by_source(whole, sky_of(suns, 1e9, "adaptive"))
     C = compute(world, points, normals, suns, ADAPTIVE)
     exact = accumulate.by_source(C, sky_of(suns, 1e9, "true_sun"))

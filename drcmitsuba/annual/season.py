@@ -1,0 +1,126 @@
+"""Monthly values with the season taken out: what a façade makes of the daylight that there is.
+
+msDA is low in December whatever the façade, and how monthly values should be judged was left open
+[1]_. This judges them beside two references in the same room, from the same simulation:
+
+- *clear*: all panes of clear glazing, the shade in use. More than that is what the component gains.
+- *opening*: all panes taken out, no shade: what the sky of the month offers through these holes.
+
+relative_m = msDA_m / msDA_m(opening). The definition is this program's own.
+
+References
+----------
+.. [1] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", Journal of Facade Design
+   and Engineering 3, 2015, section 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drcmitsuba.annual.variants import evaluate_variants
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import GlazingMaterial
+from drcmitsuba.case.toml import Side
+from drcmitsuba.runtime import files
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.transport import facade_basis
+
+Months = list[dict[str, float] | None]
+
+
+@dataclass(frozen=True)
+class Season:
+    """msDA of a façade, of clear glazing and of an unobstructed opening; shows itself in Jupyter.
+
+    Parameters
+    ----------
+    name : str
+    design, clear, opening : list of dict or None
+        {"value", "low", "high"} [%] of twelve months, January first; None for one without hours.
+    """
+
+    name: str
+    design: Months
+    clear: Months
+    opening: Months
+
+    @property
+    def relative(self) -> list[float | None]:
+        """The design's msDA over the opening's [%]; None where that is 0 or not known."""
+        return [
+            100 * a["value"] / b["value"] if a and b and b["value"] > 0 else None
+            for a, b in zip(self.design, self.opening, strict=True)
+        ]
+
+    @property
+    def gain(self) -> list[float | None]:
+        """The design's msDA less that of clear glazing [points]."""
+        return [
+            a["value"] - b["value"] if a and b else None
+            for a, b in zip(self.design, self.clear, strict=True)
+        ]
+
+    def save(self, folder: Path) -> None:
+        """Write `season.json` and `season.png`."""
+        from drcmitsuba.report import plots
+
+        numbers: dict[str, Any] = {
+            name: getattr(self, name) for name in ("design", "clear", "opening", "relative", "gain")
+        }
+        files.save_json({"name": self.name, "msDA": numbers}, folder / "season.json")
+        plots.save(plots.season(self), folder / "season.png")
+
+    def _repr_png_(self) -> bytes:
+        from io import BytesIO
+
+        from drcmitsuba.report import plots
+
+        buffer = BytesIO()
+        plots.season(self).savefig(buffer, format="png", dpi=100)
+        return buffer.getvalue()
+
+
+def season(case: Case, stage: Stage = silent) -> Season:
+    """Evaluate a case beside clear glazing and an unobstructed opening.
+
+    Parameters
+    ----------
+    case : Case
+        With windows in one side of its room.
+    stage : callable, optional
+
+    Returns
+    -------
+    Season
+
+    Raises
+    ------
+    InputError
+        There is no glazing among the materials; or as `evaluate_variants`.
+    """
+    case.refuse_components("a comparison of façades")
+    glass = [name for name, m in case.materials.items() if isinstance(m, GlazingMaterial)]
+    if not glass:
+        remedy = "add the clear glazing to compare with to [materials]"
+        raise InputError(case.source, "materials", "no glazing", remedy)
+    used = {s.material for f in case.facade.values() for s in f.strips}
+    clear = next((name for name in glass if name in used), glass[0])
+    side = facade_basis.side_of([case])
+    cases = [case, filled(case, side, clear), filled(case, side, "open")]
+    judged = [case, cases[1], cases[2].model_copy(update={"shading": None})]
+    found = [r.metrics["msDA"] for r in evaluate_variants(cases, stage, judged)]
+    return Season(case.name, *found)
+
+
+def filled(case: Case, side: Side, material: str) -> Case:
+    """Fill all openings of a side with one material; `open` leaves them empty."""
+    facade = case.facade[side]
+    strips = tuple(
+        strip if strip.material == "wall" else strip.model_copy(update={"material": material})
+        for strip in facade.strips
+    )
+    return case.with_facade(side, facade.model_copy(update={"strips": strips}))

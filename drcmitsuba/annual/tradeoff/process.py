@@ -1,0 +1,111 @@
+"""A job in a process of its own: its memory is its own, and its end is nobody else's.
+
+Processes are started by the interpreter's name rather than by `multiprocessing`, which would run
+the user's own script once more.
+"""
+
+from __future__ import annotations
+
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from drcmitsuba.runtime.errors import BackendError, InputError
+from drcmitsuba.runtime.progress import Progress
+
+T_co = TypeVar("T_co", covariant=True)
+T = TypeVar("T")
+
+POLL = 0.05
+"""Seconds between two looks at a process."""
+
+
+class Job(Protocol[T_co]):
+    """Work that can be pickled, and so can what it returns."""
+
+    def __call__(self) -> T_co:
+        """Do it."""
+
+
+class JobError(RuntimeError):
+    """A process ended without a result; the message says how in a few words."""
+
+
+def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -> T:
+    """Do a job in another process and wait for it.
+
+    Parameters
+    ----------
+    job : Job
+    deadline : float
+        By `time.monotonic`; a job that is not done by then is stopped.
+    progress : callable
+        Told the share of the time until the deadline that is over.
+
+    Raises
+    ------
+    TimeoutError
+        The deadline came.
+    JobError
+        The process ended otherwise.
+    InputError, BackendError
+        What the job raised of these.
+    """
+    start = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as name:
+        folder = Path(name)
+        (folder / "job").write_bytes(pickle.dumps(job))
+        code = f"from {__name__} import work; work({name!r})"
+        with (folder / "stderr").open("wb") as stderr:
+            # In a session of its own: Ctrl-C is ours to handle.
+            process = subprocess.Popen(
+                [sys.executable, "-c", code], start_new_session=True,
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr,
+            )  # fmt: skip
+            try:
+                while process.poll() is None:
+                    now = time.monotonic()
+                    if now >= deadline:
+                        raise TimeoutError
+                    progress((now - start) / (deadline - start))
+                    time.sleep(POLL)
+            finally:
+                process.kill()
+                process.wait()
+        return _result(folder, process.returncode)
+
+
+def _result(folder: Path, code: int) -> Any:
+    """What a process has left behind."""
+    file = folder / "result"
+    if not file.is_file():
+        told = (folder / "stderr").read_text(errors="replace").strip().splitlines()
+        ended = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        raise JobError(f"{ended}: {told[-1][:200]}" if told else ended)
+    kind, content = pickle.loads(file.read_bytes())
+    if kind == "input":
+        raise InputError(*content)
+    if kind == "backend":
+        raise BackendError(content)
+    return content
+
+
+def work(name: str) -> None:
+    """Do the job in a folder and leave the result there; the other process' side of `run`."""
+    folder = Path(name)
+    job = pickle.loads((folder / "job").read_bytes())
+    found: tuple[str, object]
+    try:
+        found = ("done", job())
+    except InputError as error:
+        found = ("input", (error.source, error.field, error.got, error.remedy))
+    except BackendError as error:
+        found = ("backend", str(error))
+    part = folder / "part"
+    part.write_bytes(pickle.dumps(found, protocol=pickle.HIGHEST_PROTOCOL))
+    part.replace(folder / "result")

@@ -1,0 +1,285 @@
+"""The reference: illuminance by the unbiased integrator `coefficient`, for some hours of the year.
+
+It shares no cells, no tables of films and no patches with what it is the reference for: every hour
+has its exact sun, the sky has Reinhart's subdivision 6. Sun that comes straight, for ASE and the
+shade, is taken from many shadow rays to every disk; these have no cells either.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import metrics, schema
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.sky import TrueSun
+from drcmitsuba.runtime import backend
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import State
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport.shadow_rays import sun_deposit
+
+SUBDIVISION = 6
+"""Of the reference's sky: 5185 patches."""
+HOURS, MOST_SENSORS = 200, 600
+FEWEST_ROUNDS, ROUNDS = 4, 16
+"""Rounds that are made at least, and that the time is cut into at least."""
+ENOUGH = 0.5
+"""RMS error [% of the mean E] of the reference below which it takes no more time."""
+LANES = 1 << 21
+"""Paths of one launch."""
+PILOT = 1 << 16
+"""Paths of the launch that the speed is measured with."""
+SUNS_PER_VERTEX = 8
+"""Suns sampled at every vertex; about the least noise in a given time for some hundred suns."""
+DISK_SAMPLES, DISK_ROUNDS = 8, 32
+"""Directions to every sun's disk in one launch, and launches, for light that comes straight."""
+
+
+def some_hours(times: np.ndarray, about: int = HOURS) -> np.ndarray:
+    """Every n-th time stamp, spread over the year and over the hours of the day.
+
+    Parameters
+    ----------
+    times : np.ndarray of datetime64, shape (time,)
+    about : int
+        How many are wanted.
+
+    Returns
+    -------
+    np.ndarray of int
+        Positions in `times`.
+
+    Notes
+    -----
+    n has no factor in common with the time stamps of a day, so that all hours of the day come.
+    """
+    _, of_day = np.unique(times.astype("datetime64[D]"), return_counts=True)
+    per_day = int(np.median(of_day))
+    wanted = max(len(times) / about, 1.0)
+    steps = [n for n in range(1, 2 * per_day + int(wanted)) if np.gcd(n, per_day) == 1]
+    step = min(steps, key=lambda n: abs(n - wanted))
+    return np.arange((step - 1) // 2, len(times), step)
+
+
+def some_sensors(case: Case, most: int = MOST_SENSORS) -> np.ndarray:
+    """Every sensor, or every n-th in both directions; positions in the grid, x running fastest."""
+    nx, ny = case.sensors.count
+    step = 1
+    while -(-nx // step) * -(-ny // step) > most:
+        step += 1
+    x, y = (np.arange((min(step, n) - 1) // 2, n, step) for n in (nx, ny))
+    return (y[:, None] * nx + x).ravel()
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Illuminance by the unbiased integrator.
+
+    Parameters
+    ----------
+    times : np.ndarray of datetime64, shape (time,)
+    sensors : np.ndarray of int, shape (sensor,)
+        Positions in the case's grid.
+    is_open : np.ndarray, shape (round, time, sensor)
+        E of independent rounds, shade open [lx].
+    shaded : np.ndarray, shape (round, closed time, sensor)
+        The same with the shade closed, for the time stamps that close.
+    direct_sun : np.ndarray, shape (time, all sensors)
+        Sun that comes straight, shade open [lx].
+    closed : np.ndarray of bool, shape (time,)
+    paths : int
+        From every sensor, for each state, in all rounds.
+    seconds : float
+    """
+
+    times: np.ndarray
+    sensors: np.ndarray
+    is_open: np.ndarray
+    shaded: np.ndarray
+    direct_sun: np.ndarray
+    closed: np.ndarray
+    paths: int
+    seconds: float
+
+    def rounds(self, closed: np.ndarray) -> np.ndarray:
+        """E of all rounds with the shade closed where both `closed` and the reference say so."""
+        both = closed & self.closed
+        E = self.is_open.copy()
+        E[:, both] = self.shaded[:, both[self.closed]]
+        return E
+
+
+@dataclass(frozen=True)
+class Light:
+    """Sky and suns of the reference's hours: luminances [cd/m²] and directions."""
+
+    sky: np.ndarray
+    sun: np.ndarray
+    directions: np.ndarray
+    diameter: float
+
+    def only(self, hours: np.ndarray) -> Light:
+        """Keep some hours."""
+        return Light(self.sky[hours], self.sun[hours], self.directions[hours], self.diameter)
+
+    @property
+    def shining(self) -> np.ndarray:
+        """Hours with sun."""
+        return np.flatnonzero(self.sun > 0)
+
+
+def light_of(case: Case, times: np.ndarray) -> Light:
+    """Exact suns and a fine sky for some of a case's hours."""
+    sky = case.sky.model_copy(update={"subdivision": SUBDIVISION})
+    found = daylight(case.model_copy(update={"sky": sky, "sun": TrueSun()}))
+    L, sun = found.sky.sel(time=times), found.sun.sel(time=times)
+    directions = sun["direction"].transpose("time", "axis").values
+    return Light(L["sky"].values, L["sun"].values, directions, case.outside.sun_diameter)
+
+
+@dataclass(frozen=True)
+class Referencing:
+    """The job: make the reference in rounds until a time.
+
+    Parameters
+    ----------
+    case : Case
+    times : np.ndarray of datetime64, shape (time,)
+    until : float
+        By `time.monotonic`. Four rounds are made in any case.
+    """
+
+    case: Case
+    times: np.ndarray
+    until: float
+
+    def __call__(self) -> Reference:
+        """Make it."""
+        start = time.monotonic()
+        backend.select()
+        light = light_of(self.case, self.times)
+        direct = direct_sun(self.case, light)
+        shading = self.case.shading
+        closed = np.zeros(len(self.times), bool)
+        if shading is not None:
+            as_array = xr.DataArray(direct, dims=("time", "sensor"))
+            closed = metrics.shade_closed(as_array, shading.threshold, shading.area).values
+        sensors = some_sensors(self.case)
+        states = [_State.of(self.case, "open", light, sensors)]
+        if closed.any():
+            states.append(_State.of(self.case, "shaded", light.only(closed), sensors))
+        spp, rounds = self._sampled(states)
+        E = [np.stack(found) for found in zip(*rounds, strict=True)]
+        shaded = E[1] if closed.any() else np.zeros((len(rounds), 0, len(sensors)), np.float32)
+        return Reference(
+            self.times, sensors, E[0], shaded, direct, closed, spp * len(rounds),
+            time.monotonic() - start,
+        )  # fmt: skip
+
+    def _sampled(self, states: list[_State]) -> tuple[int, list[list[np.ndarray]]]:
+        """Paths from a sensor in each round, and E of every round and state."""
+        pilot = max(1, PILOT // states[0].size)
+        for seed in (0, 1):  # the first one compiles
+            begin = time.monotonic()
+            _ = [state.illuminance(pilot, seed) for state in states]
+        pace = (time.monotonic() - begin) / pilot
+        left = max(self.until - time.monotonic(), 0) / ROUNDS
+        spp = int(np.clip(left / pace, 1, max(1, LANES // states[0].size)))
+        rounds: list[list[np.ndarray]] = []
+        while len(rounds) < FEWEST_ROUNDS or time.monotonic() + spp * pace < self.until:
+            # Looked at now and then only, as it takes all rounds.
+            if len(rounds) % ROUNDS == 0 and len(rounds) > 0 and _spread(rounds) < ENOUGH:
+                break
+            rounds.append([state.illuminance(spp, 2 + len(rounds)) for state in states])
+        return spp, rounds
+
+
+def _spread(rounds: list[list[np.ndarray]]) -> float:
+    """RMS of the standard error of E with the shade open, over its mean [%]."""
+    E = np.stack([found[0] for found in rounds])
+    return 100 * float(np.sqrt(E.var(axis=0, ddof=1).mean() / len(E)) / E.mean())
+
+
+def _channels(case: Case) -> Iterator[tuple[int, float]]:
+    """Colour channels and their weights; one for a grey case."""
+    weights = list(schema.LUMINANCE_WEIGHTS.values()) if scene.is_coloured(case) else [1.0]
+    yield from enumerate(weights)
+
+
+def direct_sun(case: Case, light: Light) -> np.ndarray:
+    """Sun that comes straight to all sensors of a case, shape (time, sensor) [lx]."""
+    points, normals = (mi.Float(a.astype(np.float32).ravel()) for a in sensor_points(case))
+    lit = light.shining
+    E = np.zeros((len(light.sun), dr.width(points) // 3))
+    for channel, weight in _channels(case):
+        world = scene.load(case, "open", channel)
+        for launch in range(DISK_ROUNDS):
+            D = sun_deposit(
+                world, points, normals, suns=light.directions[lit], diameter=light.diameter,
+                samples=DISK_SAMPLES, seed=launch * DISK_SAMPLES,
+            ).numpy()  # fmt: skip
+            E[lit] += weight / DISK_ROUNDS * light.sun[lit, None] * D.T
+    return E
+
+
+@dataclass(frozen=True)
+class _State:
+    """What is traced for one state of the shade: a scene for every channel, and its light."""
+
+    scenes: tuple[Any, ...]
+    weights: tuple[float, ...]
+    light: Light
+    points: np.ndarray
+    normals: np.ndarray
+
+    @classmethod
+    def of(cls, case: Case, state: State, light: Light, sensors: np.ndarray) -> _State:
+        points, normals = (a[sensors] for a in sensor_points(case))
+        channels, weights = zip(*_channels(case), strict=True)
+        scenes = tuple(_with_sources(scene.load(case, state, c).full, light) for c in channels)
+        return cls(scenes, weights, light, points, normals)
+
+    @property
+    def size(self) -> int:
+        """Number of sensors."""
+        return len(self.points)
+
+    def illuminance(self, spp: int, seed: int) -> np.ndarray:
+        """E (time, sensor) [lx] of `spp` paths from every sensor."""
+        plugin = mi.load_dict(
+            {
+                "type": "coefficient",
+                "suns_per_vertex": SUNS_PER_VERTEX,
+                "suns_per_pane": SUNS_PER_VERTEX,
+            }
+        )
+        lit, bins = self.light.shining, self.light.sky.shape[1]
+        E = np.zeros((len(self.light.sun), self.size))
+        for channel, (world, weight) in enumerate(zip(self.scenes, self.weights, strict=True)):
+            key = seed * len(self.scenes) + channel
+            parts = plugin.sensors(world, self.points, self.normals, spp, key).numpy()
+            C = weight * parts.sum(axis=0)
+            E += self.light.sky @ C[:, :bins].T
+            E[lit] += self.light.sun[lit, None] * C[:, bins:].T
+        return E.astype(np.float32)
+
+
+def _with_sources(walls: mi.Scene, light: Light) -> mi.Scene:
+    """A scene with the fine sky, and the suns that shine."""
+    world: dict[str, Any] = {f"shape{i}": shape for i, shape in enumerate(walls.shapes())}
+    world["sky"] = {"type": "tregenza_sky", "subdivision": SUBDIVISION}
+    if len(light.shining):
+        directions = mi.TensorXf(light.directions[light.shining].astype(np.float32))
+        world["suns"] = {
+            "type": "sun_disks", "directions": directions, "diameter": light.diameter,
+        }  # fmt: skip
+    return mi.load_dict({"type": "scene", **world}, optimize=False)

@@ -1,0 +1,160 @@
+"""The design: which settings are tried, one changed at a time from the default, a few together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drcmitsuba.annual.tradeoff.coarser import trees, with_coarser_films
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.sky import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
+
+RAYS = (
+    "paths", "cell_sky_rays", "sensor_sky_rays", "sensor_sun_samples", "pane_points",
+    "film_sky_samples",
+)  # fmt: skip
+"""Counts of [accuracy] that are multiplied together."""
+
+LONGEST = 120.0
+"""Seconds that the case's own target may take beyond the first round."""
+
+SUN_MODELS: tuple[tuple[Sun, int], ...] = (
+    (Adaptive(model="adaptive"), 1),
+    (ThreePhase(model="three_phase"), 1),
+    (Daysim(model="daysim"), 1),
+    (FivePhase(model="five_phase"), 1),
+    (ThreePhase(model="three_phase"), 2),
+    (ThreePhase(model="three_phase"), 4),
+)
+"""Sun models beside `true_sun`, each with a subdivision of the sky."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One way to evaluate a case.
+
+    Parameters
+    ----------
+    name : str
+        A few words, for table and picture.
+    varied : str
+        What was changed: "default", "yours", "samples", "cell size", "film", "sun model", "sky",
+        "sensor spacing" or "combination".
+    case : Case
+    """
+
+    name: str
+    varied: str
+    case: Case
+
+    def same_sensors(self, case: Case) -> bool:
+        """Whether it has the sensors of a case, so that E can be compared point by point."""
+        return self.case.sensors == case.sensors
+
+
+def times_samples(accuracy: Accuracy, factor: float) -> Accuracy:
+    """Multiply all ray counts, within the bounds of a case file."""
+    bounds = Accuracy.model_json_schema()["properties"]
+    counts = {
+        name: min(max(round(getattr(accuracy, name) * factor), 1), bounds[name]["maximum"])
+        for name in RAYS
+    }
+    return accuracy.model_copy(update=counts)
+
+
+def spaced(case: Case, factor: int) -> Case:
+    """Set the sensors `factor` times as far apart; the grid keeps its extent.
+
+    A count that `factor` does not divide is rounded up, and the points move inward by that.
+    """
+    grid = case.sensors
+    count = tuple(-(-n // factor) for n in grid.count)
+    spacing = grid.spacing * factor
+    x, y = (
+        start - (wide * spacing - n * grid.spacing) / 2
+        for start, wide, n in zip(grid.corner[:2], count, grid.count, strict=True)
+    )
+    changed = {"count": count, "spacing": spacing, "corner": (x, y, grid.corner[2])}
+    return case.model_copy(update={"sensors": grid.model_copy(update=changed)})
+
+
+def default(case: Case) -> Case:
+    """The case with the program's own settings."""
+    sky = case.sky.model_copy(update={"subdivision": 1})
+    accuracy = Accuracy(seed=case.accuracy.seed)
+    return case.model_copy(update={"accuracy": accuracy, "sky": sky, "sun": TrueSun()})
+
+
+def design(case: Case, folder: Path) -> list[Setting]:
+    """List the settings to try, in the order of what they tell.
+
+    Parameters
+    ----------
+    case : Case
+    folder : Path
+        Where coarser films are written; it has to outlive the settings.
+
+    Returns
+    -------
+    list of Setting
+        The default first, then the case's own setting where it is another.
+    """
+    base = default(case)
+
+    def changed(accuracy: Accuracy | None = None, sky: int = 1, sun: Sun | None = None) -> Case:
+        update: dict[str, Any] = {"sky": base.sky.model_copy(update={"subdivision": sky})}
+        update |= {"accuracy": accuracy or base.accuracy, "sun": sun or base.sun}
+        return base.model_copy(update=update)
+
+    def samples(factor: float) -> Accuracy:
+        return times_samples(base.accuracy, factor)
+
+    def cells(size: float, accuracy: Accuracy = base.accuracy) -> Accuracy:
+        return accuracy.model_copy(update={"cell_size": size})
+
+    adaptive = Adaptive(model="adaptive")
+    own = (case.accuracy, case.sky, case.sun) == (base.accuracy, base.sky, base.sun)
+    found = [Setting("default, yours" if own else "default", "default", base)]
+    if not own:
+        limit = min(case.accuracy.time_limit, LONGEST)
+        accuracy = case.accuracy.model_copy(update={"time_limit": limit})
+        mine = case.model_copy(update={"accuracy": accuracy})
+        found.append(Setting("yours", "yours", mine))
+    found += [
+        Setting("samples × 1/4", "samples", changed(samples(1 / 4))),
+        Setting("cells 0.9 m", "cell size", changed(cells(0.9))),
+        Setting("samples × 2", "samples", changed(samples(2))),
+        Setting("sky MF 2", "sky", changed(sky=2)),
+    ]
+    if trees(case):
+        found += [
+            Setting(f"film −{n} level{'s' * (n > 1)}", "film", with_coarser_films(base, n, folder))
+            for n in (1, 2)
+        ]
+    found += [
+        Setting(_sun_name(sun, sky), "sun model", changed(sky=sky, sun=sun))
+        for sun, sky in SUN_MODELS
+    ]
+    fast, fine = cells(0.9, samples(1 / 4)), cells(0.3, samples(2))
+    found += [
+        Setting("spacing × 2", "sensor spacing", spaced(base, 2)),
+        Setting("samples × 1/2", "samples", changed(samples(1 / 2))),
+        Setting("cells 0.3 m", "cell size", changed(cells(0.3))),
+        Setting("samples × 1/8", "samples", changed(samples(1 / 8))),
+        Setting("samples × 1/4, 0.9 m", "combination", changed(fast)),
+        Setting("samples × 1/4, adaptive", "combination", changed(samples(1 / 4), sun=adaptive)),
+        Setting("sky MF 4", "sky", changed(sky=4)),
+        Setting("samples × 2, 0.3 m, MF 4", "combination", changed(fine, 4)),
+        Setting("spacing × 3", "sensor spacing", spaced(base, 3)),
+        Setting("samples × 4", "samples", changed(samples(4))),
+        Setting("cells 0.15 m", "cell size", changed(cells(0.15))),
+        Setting("sky MF 6", "sky", changed(sky=6)),
+    ]
+    return found
+
+
+def _sun_name(sun: Sun, subdivision: int) -> str:
+    name = sun.model.replace("_", "-")
+    return name if subdivision == 1 else f"{name}, MF {subdivision}"

@@ -1,0 +1,123 @@
+"""Several façades of one room from one simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual import simulation
+from drcmitsuba.annual.result import Result, summed_up
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.sky import Adaptive
+from drcmitsuba.metrics.evaluate_metrics import judge
+from drcmitsuba.plan import Plan, notes, plan
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, silent, timed
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport import facade_basis
+
+
+def load_variants(path: str, names: Sequence[str]) -> list[Case]:
+    """Load a case and variants of it, which lie beside it.
+
+    Parameters
+    ----------
+    path : str
+        A TOML file, or the name of a shipped case.
+    names : sequence of str
+        Names of files in the same folder, without their ending.
+
+    Returns
+    -------
+    list of Case
+        The case itself first.
+
+    Raises
+    ------
+    InputError
+        As `load_case`; a name that comes twice or holds a folder.
+    """
+    first = Path(path)
+    every = [first.stem, *names]
+    for name in names:
+        if not name or Path(name).name != name or every.count(name) > 1:
+            got = f"{name!r}"
+            raise InputError("command line", "--variants", got, "name files beside the case, once")
+    return [load_case(path), *(load_case(_beside(first, name)) for name in names)]
+
+
+def _beside(first: Path, name: str) -> str:
+    """Path, or shipped name, of a variant in the folder of the first case."""
+    return str(first.with_name(name + (first.suffix if first.is_file() else "")))
+
+
+def evaluate_variants(
+    cases: Sequence[Case], stage: Stage = silent, judged: Sequence[Case] | None = None
+) -> Iterator[Result]:
+    """Evaluate façades of one room by one façade basis.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        Alike but for their façades, with windows in one side of the room.
+    stage : callable, optional
+    judged : sequence of Case, optional
+        The same cases where they are judged by other rules, such as without their shade.
+
+    Yields
+    ------
+    Result
+        One for each case. Its seconds are the basis' and its own.
+
+    Raises
+    ------
+    InputError
+        The cases cannot share a basis: they differ in more, are coloured, ask for a target or an
+        adaptive sun.
+
+    Notes
+    -----
+    The variants share their light paths, so differences between them are surer than each of them.
+    """
+    backend.select()
+    first = cases[0]
+    for case in cases:
+        case.refuse_components("a comparison of façades")
+    if first.accuracy.target is not None:
+        got = "a target for several façades at once"
+        raise InputError(first.source, "accuracy.target", got, "leave it out, or evaluate each")
+    if isinstance(first.sun, Adaptive):
+        raise InputError(first.source, "sun.model", "adaptive", "take another one for variants")
+    seconds: dict[str, float] = {}
+    with timed(stage, "sky", seconds):
+        told = [notes(case) for case in cases]
+        light = daylight(first)
+        wall, tiles, palette, shares = facade_basis.of_variants(cases)
+    with timed(stage, "façade basis", seconds) as done:
+        found = facade_basis.compute(
+            wall, tiles, palette, light.suns, first.accuracy,
+            subdivision=first.sky.subdivision, progress=done,
+        )  # fmt: skip
+    for case, share, said in zip(judged or cases, shares, told, strict=True):
+        own = dict(seconds)
+        with timed(stage, case.name, own):
+            planned = plan(case, light)
+            joined = _coefficients(found, share, planned)
+            now = judge(case, light, joined)
+        yield summed_up(planned, joined, now, own, said)
+
+
+def _coefficients(found: facade_basis.Basis, share: np.ndarray, planned: Plan) -> xr.Dataset:
+    """C of a composition in both states, or the open one where the shade never closes."""
+    case, light = planned.facts.case, planned.facts.light
+    C = {"open": found.coefficients(share)}
+    if case.shading is not None and simulation.may_close(case, light, C["open"]).any():
+        C["shaded"] = found.coefficients(share @ found.palette.closing)
+    joined = simulation.states(C, case)
+    joined.attrs |= {name: light.sky.attrs[name] for name in simulation.SUN_OF}
+    joined.attrs["fingerprint"] = simulation.fingerprint(case, planned.scope)
+    return joined

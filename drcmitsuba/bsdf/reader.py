@@ -1,0 +1,33 @@
+"""BSDF files: LBNL XML with tensor trees or Klems matrices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from drcmitsuba_plugins import bsdf_file
+from drcmitsuba_plugins.bsdf_file import BsdfFile
+
+from drcmitsuba.runtime.errors import InputError
+
+
+def read(path: str | Path) -> BsdfFile:
+    """Read a BSDF file: LBNL XML with tensor trees or Klems matrices.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    BsdfFile
+        Directions point away from the surface, +z into the room, +y up.
+
+    Raises
+    ------
+    InputError
+        The file is no BSDF file, or its numbers are wrong.
+    """
+    try:
+        return bsdf_file.read(path)
+    except bsdf_file.BsdfFileError as error:
+        raise InputError(error.source, error.field, error.got, error.remedy) from None

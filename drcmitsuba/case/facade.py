@@ -1,0 +1,109 @@
+"""The tables `[facade.SIDE]` of a case: sides of the room, cut into strips."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from drcmitsuba.case.materials import Reflectance
+from drcmitsuba.case.toml import Length, Side, Table, choose, shortened
+from drcmitsuba.runtime.errors import InputError
+
+THINNEST = 1e-3
+"""Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
+
+
+class Strip(Table):
+    """Horizontal strip of a façade between two heights; what no strip covers is wall."""
+
+    bottom: Annotated[float, Field(ge=0)]
+    top: Length
+    material: str
+    segments: (
+        Annotated[tuple[Annotated[int, Field(ge=0, lt=200)], ...], Field(min_length=1)] | None
+    ) = None
+    """Segments that it covers, counted from 0 at the left, seen from outside; without it, all."""
+
+    @model_validator(mode="after")
+    def _order(self) -> Strip:
+        if self.top <= self.bottom:
+            got = f"{self.top:g} m is not above the bottom, {self.bottom:g} m"
+            raise InputError("strip", "top", got, "give the higher edge as top")
+        if self.segments is not None and len(set(self.segments)) < len(self.segments):
+            got = f"{shortened(self.segments)} names one twice"
+            raise InputError("strip", "segments", got, "name each segment once")
+        return self
+
+    def covers(self, segment: int) -> bool:
+        """Whether it lies in a segment of the façade."""
+        return self.segments is None or segment in self.segments
+
+
+class Facade(Table):
+    """One side of the room, cut into equal segments and strips."""
+
+    segments: Annotated[int, Field(ge=1, le=200)] = 1
+    frame: Annotated[float, Field(ge=0)] = 0.0
+    """Width of opaque frame around every pane [m]; neighbours share it half and half."""
+    frame_reflectance: Reflectance = 0.5
+    strips: Annotated[tuple[Strip, ...], Field(max_length=2000)] = ()
+
+    def columns(self) -> list[tuple[range, tuple[Strip, ...]]]:
+        """Neighbouring segments under the same strips, with these strips from the bottom up."""
+        found: list[tuple[range, tuple[Strip, ...]]] = []
+        for i in range(self.segments):
+            stack = sorted((s for s in self.strips if s.covers(i)), key=lambda s: s.bottom)
+            if found and found[-1][1] == tuple(stack):
+                found[-1] = range(found[-1][0].start, i + 1), found[-1][1]
+            else:
+                found.append((range(i, i + 1), tuple(stack)))
+        return found
+
+    def check(
+        self, side: Side, wall: tuple[float, float], known: Sequence[str], named: Sequence[str]
+    ) -> None:
+        """Refuse strips that do not fit into their wall, or of an unknown material.
+
+        Parameters
+        ----------
+        side : {'south', 'east', 'north', 'west'}
+        wall : tuple of float
+            Width and height [m].
+        known : sequence of str
+            What a strip can be of.
+        named : sequence of str
+            Everything that the case gives a name.
+
+        Raises
+        ------
+        InputError
+        """
+        width, height = wall
+
+        def refuse(strip: Strip, got: str, remedy: str) -> None:
+            where = f"facade.{side}.strips, {strip.bottom:g} to {strip.top:g} m"
+            raise InputError("case", where, got, remedy)
+
+        for strip in sorted(self.strips, key=lambda s: s.bottom):
+            if strip.material not in known:
+                what = "no pane is made of" if strip.material in named else "unknown material"
+                got = f"{what} {shortened(strip.material)}"
+                refuse(strip, got, choose(strip.material, known))
+            if strip.top > height:
+                refuse(strip, f"the room is {height:g} m high", "lower the top")
+            beyond = max(strip.segments or (0,))
+            if beyond >= self.segments:
+                got = f"there is no segment {beyond} of {self.segments}"
+                refuse(strip, got, f"count from 0 to {self.segments - 1}")
+            pane = min(width / self.segments, strip.top - strip.bottom) - self.frame
+            if pane < THINNEST - 1e-9 and strip.material != "wall":
+                got = f"a frame of {self.frame:g} m leaves no pane"
+                refuse(strip, got, "give a narrower frame, fewer segments or a higher strip")
+        for _, strips in self.columns():
+            top = 0.0
+            for strip in strips:
+                if strip.bottom < top:
+                    refuse(strip, "overlaps the strip below it", f"start at {top:g} m or above")
+                top = strip.top

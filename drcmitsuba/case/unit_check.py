@@ -1,0 +1,85 @@
+"""Lengths that are hardly metres: asked about, so that nobody simulates a room of 8 km.
+
+A case insists on its lengths with `unit = "m"`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drcmitsuba.runtime.errors import InputError
+
+HIGHEST, WIDEST = 150.0, 2000.0
+"""Rooms are at most this high, and this long or wide [m]; no hall that was built is larger."""
+APART = 100.0
+"""Sensors under the free sky are at most this far from each other [m]."""
+LARGEST = 200.0
+"""Components made of a mesh are at most this large [m]."""
+A_THING = 0.2
+"""Furniture is larger than this in two directions [m]."""
+FARTHEST = 100_000.0
+"""Nothing lies further away from the room, or from sensors that have none [m]."""
+
+INSIST = 'or write unit = "m" at the top of the case if it is so'
+
+
+def _by(size: Sequence[float]) -> str:
+    return " × ".join(f"{v:g}" for v in size)
+
+
+def ask_about_room(size: Sequence[float]) -> None:
+    """Ask about a room that no building holds."""
+    if size[2] <= HIGHEST and max(size) <= WIDEST:
+        return
+    by_1000 = size[2] >= 1000 or max(size) > WIDEST
+    unit, factor = ("millimetres", 1000) if by_1000 else ("centimetres", 100)
+    got = f"{_by(size)} m looks like {unit}"
+    raise InputError("case", "room.size", got, f"divide all lengths by {factor}, {INSIST}")
+
+
+def ask_about_furniture(
+    field: str, corner: Sequence[float], size: Sequence[float], room: Sequence[float]
+) -> None:
+    """Ask about what stands outside of the room, but in it if its lengths are millimetres.
+
+    What were a speck there is a building outside.
+    """
+    low, extent, inner = (np.asarray(v, float) for v in (corner, size, room))
+    meets_room = ((low < inner) & (low + extent > 0)).all()
+    fits = ((low >= 0) & (low + extent <= 1000 * inner)).all()
+    if not meets_room and fits and np.sort(extent)[1] >= 1000 * A_THING:
+        got = f"{_by(size)} m at {_by(corner)} m looks like millimetres"
+        raise InputError("case", field, got, f"divide by 1000, {INSIST}")
+
+
+def ask_about_spacing(spacing: float) -> None:
+    """Ask about sensors under the free sky that are far from each other."""
+    if spacing > APART:
+        got = f"{spacing:g} m looks like millimetres"
+        raise InputError("case", "sensors.spacing", got, f"divide by 1000, {INSIST}")
+
+
+def ask_about_mesh(source: object, field: str, extent: Sequence[float], scale: float) -> None:
+    """Ask about a component of the size of a village."""
+    if max(extent) > LARGEST:
+        got = f"the mesh is {_by([round(v, 3) for v in extent])} m, which looks like millimetres"
+        raise InputError(source, field, got, f"give scale = {scale / 1000:g}, {INSIST}")
+
+
+def refuse_far(source: object, field: str, points: np.ndarray, around: str) -> None:
+    """Refuse points (point, 3) [m] that lie beyond `FARTHEST` from what is simulated.
+
+    Parameters
+    ----------
+    source, field
+        For the message.
+    points : np.ndarray, shape (point, 3)
+    around : str
+        What they are counted from.
+    """
+    far = float(abs(points).max())
+    if far > FARTHEST:
+        got = f"it lies {far / 1000:.4g} km from {around}"
+        raise InputError(source, field, got, "give all coordinates from one origin")

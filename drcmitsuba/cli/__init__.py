@@ -1,0 +1,1 @@
+"""Command line: `drcmitsuba VERB …`, one module for each group of verbs."""

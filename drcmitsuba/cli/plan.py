@@ -1,0 +1,77 @@
+"""The command `drcmitsuba plan`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from drcmitsuba.cli.terminal import stages, writable
+
+
+def plan(
+    case: Annotated[str, typer.Argument(help="Case file (TOML), or a shipped case by name.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", callback=writable, help="Folder for plan.json."),
+    ] = None,
+    weather: Annotated[
+        Path | None, typer.Option("--weather", help="Weather file in place of the case's own.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print plan.json in place of the table.")
+    ] = False,
+) -> None:
+    """Tell which effects of light a case calls for, why, and what its evaluation will cost."""
+    from drcmitsuba.case.case import load_case
+    from drcmitsuba.plan import notes
+    from drcmitsuba.plan import plan as decide
+    from drcmitsuba.plan.forecast import forecast, told_plan
+    from drcmitsuba.runtime import backend, files
+    from drcmitsuba.scene.sensors import sensor_points
+    from drcmitsuba.sky.daylight import daylight
+
+    loaded = load_case(case).with_weather(weather)
+    backend.select()
+    with stages() as stage, stage("plan") as done:
+        sensor_points(loaded)  # what is wrong with the sensors is told here as well
+        remarks = notes(loaded)
+        light = daylight(loaded)
+        decided = decide(loaded, light)
+        done(0.3)
+        expected = forecast(decided)
+    told = told_plan(decided, expected)
+    if output is not None:
+        files.save_json(told, output / "plan.json")
+    if as_json:
+        print(json.dumps(told, indent=2, ensure_ascii=False, default=str))
+        return
+    print_plan(loaded.name, told)
+    print(f"forecast: {expected}")
+    for note in [*light.notes, *remarks, *decided.notes()]:
+        print(f"note: {note}")
+    if output is not None:
+        print(f"the plan is in {output / 'plan.json'}")
+
+
+def print_plan(title: str, told: dict[str, dict[str, Any]]) -> None:
+    """Print the effects of a plan as a table."""
+    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE, pad_edge=False)
+    table.add_column("effect", no_wrap=True)
+    table.add_column("on", no_wrap=True)
+    table.add_column("share", justify="right", no_wrap=True)
+    table.add_column("reason")
+    for name, effect in told.items():
+        if name == "cost":
+            continue
+        share = f"{100 * effect['share']:.0f} %" if effect["share"] >= 0.005 else ""
+        mark = "missing" if effect.get("missing") else ("yes" if effect["on"] else "–")
+        table.add_row(name, mark, share, escape(effect["reason"]))
+    table.add_row("rest", "", f"{100 * told['cost']['share']:.0f} %", "sky, metrics, files")
+    Console().print(table)

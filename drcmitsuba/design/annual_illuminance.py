@@ -1,0 +1,76 @@
+"""D·L: the illuminance of receivers through a year, from what bins of unit radiance put on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.sky import daylight as lights
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.sun_models import Blend
+from drcmitsuba.transport.deposit import Irradiance
+
+
+@dataclass(frozen=True)
+class Year:
+    """Luminances of the time stamps, and the bins that stand for their suns.
+
+    Parameters
+    ----------
+    sky : np.ndarray, shape (time, bin)
+        [cd/m²]; suns have the bins that follow.
+    sun, column : np.ndarray, shape (time, k)
+        Luminances of up to k suns [cd/m²], and their bins.
+    """
+
+    sky: np.ndarray
+    sun: np.ndarray
+    column: np.ndarray
+
+    @classmethod
+    def of(cls, light: Daylight) -> Year:
+        """Take what a case's light has."""
+        sky = light.sky
+        # An adaptive sun has no blend; the time stamps' own suns are at hand in its place.
+        known = "blend_bin" in sky
+        blend = lights.blended(sky) if known else Blend.own(sky["sun_bin"].values)
+        labels = [*map(str, sky["bin"].values), *light.suns.labels]
+        at = {label: i for i, label in enumerate(labels)}
+        column = np.array([[at.get(str(b), 0) for b in row] for row in blend.bins], np.uint32)
+        sun = blend.weights * sky["sun"].values[:, None]
+        return cls(sky["sky"].values.astype(np.float32), sun.astype(np.float32), column)
+
+    def by_sun(self, d: Irradiance) -> mi.TensorXf:
+        """Illuminance by the suns, (time, receiver) [lx]."""
+        shape = len(self.sky), d.sky.shape[0]
+        entry, width = dr.arange(mi.UInt32, shape[0] * shape[1]), dr.opaque(mi.UInt32, shape[1])
+        time, receiver = entry // width, entry % width
+        out = dr.zeros(mi.Float, dr.width(entry))
+        first = dr.opaque(mi.UInt32, d.sky.shape[1])
+        for columns, values in zip(self.column.T, self.sun.T, strict=True):
+            column = dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(columns)), time)
+            value = dr.gather(mi.Float, mi.Float(np.ascontiguousarray(values)), time)
+            here = column < first
+            for part, at, mine in ((d.sky, column, here), (d.sun, column - first, ~here)):
+                if part.shape[1]:
+                    index = receiver * dr.opaque(mi.UInt32, part.shape[1]) + at
+                    out += value * dr.gather(mi.Float, part.array, index, mine)
+        dr.eval(out)
+        return mi.TensorXf(out, shape)
+
+    def by_all(self, d: Irradiance) -> mi.TensorXf:
+        """Illuminance by sky and suns, (time, receiver) [lx]."""
+        found = mi.TensorXf(self.sky) @ _turned(d.sky) + self.by_sun(d)
+        dr.eval(found)
+        return found
+
+
+def _turned(a: mi.TensorXf) -> mi.TensorXf:
+    """Transpose of a matrix."""
+    rows, columns = a.shape
+    entry, width = dr.arange(mi.UInt32, rows * columns), dr.opaque(mi.UInt32, rows)
+    index = entry % width * dr.opaque(mi.UInt32, columns) + entry // width
+    return mi.TensorXf(dr.gather(mi.Float, a.array, index), (columns, rows))

@@ -1,0 +1,197 @@
+"""Pictures of a design: what ASE costs in sDA, the façade that was found, how the search went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+
+from drcmitsuba.design.optimise import Front, Optimum
+from drcmitsuba.design.problem import FacadeScore
+from drcmitsuba.design.tilt_search import TiltOptimum
+from drcmitsuba.report.plots import BLUE, GREY, INK, ORANGE
+from drcmitsuba.transport.facade_basis import Tiles
+
+WALL, GLASS, FILM = "#D9D4CC", "#A9D8F2", "#E69F00"
+"""Of plaster, of clear panes, of film; told apart by colour-blind readers."""
+OTHER = ("#CC79A7", "#009E73")
+
+
+def front(
+    found: Front, named: Mapping[str, FacadeScore] | None = None, chosen: FacadeScore | None = None
+) -> Figure:
+    """Draw ASE against what is to be large, with the best of each.
+
+    Parameters
+    ----------
+    found : Front
+    named : mapping of str to Score, optional
+        Compositions with names, such as the variants of a study.
+    chosen : Score, optional
+        The optimum.
+
+    Returns
+    -------
+    Figure
+        Every dot of the line is a façade that no other evaluated one beats in both; towards the
+        upper left is better. The small grey dots are all evaluations.
+    """
+    figure = Figure(figsize=(7.6, 5.4), layout="constrained")
+    ax = figure.add_subplot()
+    goal = found.problem.goal
+    name = "sDA" if goal.aim == "sDA" else "msDA of the worst month"
+    cost = ", less the film's cost" if goal.film_cost > 0 else ""
+    ax.set_title("More daylight or less sun?", loc="left", weight="bold", fontsize=11)
+    ax.set_xlabel("ASE, sensors in the sun for too long [%]")
+    ax.set_ylabel(f"{name}{cost} [%]")
+    everything = np.array([[s.found.hard.ase, s.found.hard.value] for s in found.history.steps])
+    if len(everything):
+        ax.scatter(*everything.T, 6, color="#C8C8C8", zorder=1, linewidth=0, label="evaluated")
+    points = np.array([[p.hard.ase, p.hard.value] for p in found.points]).reshape(-1, 2)
+    ax.plot(*points.T, color=BLUE, marker="o", markersize=5, linewidth=1.4, zorder=3,
+            drawstyle="steps-post", label="best façades")  # fmt: skip
+    for label, score in (named or {}).items():
+        ax.scatter(
+            score.ase, score.value, 60, color=ORANGE, marker="D", edgecolor="white", zorder=4
+        )
+        ax.annotate(label, (score.ase, score.value), (7, 6), textcoords="offset points",
+                    fontsize=9, color=INK, zorder=5)  # fmt: skip
+    if chosen is not None:
+        ax.scatter(chosen.ase, chosen.value, 230, color=INK, marker="*", edgecolor="white",
+                   zorder=5, label="chosen")  # fmt: skip
+    if goal.ase_limit is not None:
+        text = f"limit {goal.ase_limit:g} %"
+        ax.axvline(goal.ase_limit, color=GREY, linewidth=1, linestyle=(0, (4, 3)), label=text)
+    _tidy(ax)
+    left, right = ax.get_xlim()
+    ax.set_xlim(min(-1.0, left), right + 0.08 * (right - left))  # room for the names
+    # Named compositions may lie anywhere in the axes.
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def facade(
+    tiles: Tiles, share: np.ndarray, materials: Sequence[str], film: str, title: str = ""
+) -> Figure:
+    """Draw a façade from outside, each tile filled by its materials.
+
+    Parameters
+    ----------
+    tiles : Tiles
+    share : np.ndarray, shape (tile, material)
+    materials : sequence of str
+    film : str
+        Drawn above the clear part of a tile; wall is drawn above both.
+    title : str
+
+    Returns
+    -------
+    Figure
+        To scale; where a tile is mixed, the heights show how much there is of each.
+    """
+    left, right, bottom, top = np.array(tiles.bounds).T
+    size = np.array([right.max() - left.min(), top.max() - bottom.min()])
+    wide = 8.6
+    high = float(np.clip(wide * size[1] / size[0], 1.2, 7.0))
+    figure = Figure(figsize=(wide, high + 1.5), layout="constrained")
+    ax = figure.add_subplot()
+    ax.set_title(title, loc="left", weight="bold", fontsize=11, parse_math=False)
+    clear = [name for name in materials if name not in ("wall", film)]
+    colours = {film: FILM, "wall": WALL}
+    colours |= dict(zip(clear, (GLASS, *OTHER, *[GREY] * len(clear)), strict=False))
+    for i in range(len(left)):
+        foot = bottom[i]
+        for name in (*clear, film, "wall"):
+            height = float(share[i, list(materials).index(name)]) * (top[i] - bottom[i])
+            if height > 0:
+                ax.add_patch(
+                    Rectangle((left[i], foot), right[i] - left[i], height, color=colours[name],
+                              linewidth=0)
+                )  # fmt: skip
+            foot += height
+        edge = Rectangle((left[i], bottom[i]), right[i] - left[i], top[i] - bottom[i],
+                         fill=False, edgecolor="white", linewidth=1.0)  # fmt: skip
+        ax.add_patch(edge)
+    margin = 0.02 * size.max()
+    ax.set(xlim=(left.min() - margin, right.max() + margin), xlabel="seen from outside [m]")
+    ax.set(ylim=(bottom.min() - margin, top.max() + margin), ylabel="height [m]")
+    ax.set_aspect("equal")
+    ax.spines[["top", "right"]].set_visible(False)
+    area = tiles.area @ np.asarray(share)
+    keys = [
+        Patch(
+            color=colours[name],
+            label=f"{_plain(name)}, {area[list(materials).index(name)]:.1f} m²",
+        )
+        for name in (*clear, film, "wall")
+        if area[list(materials).index(name)] > 1e-3
+    ]
+    figure.legend(handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    return figure
+
+
+def search(found: Optimum) -> Figure:
+    """Draw the hard value of every evaluation, and the best until then that holds the limits."""
+    figure = Figure(figsize=(7.6, 4.2), layout="constrained")
+    ax = figure.add_subplot()
+    ax.set_title("How the search went", loc="left", weight="bold", fontsize=11)
+    scores = [step.found.hard for step in found.history.steps]
+    values = np.array([score.value for score in scores])
+    holds = np.array([found.problem.is_feasible(score) for score in scores])
+    number = np.arange(1, len(values) + 1)
+    for kept, colour, label in ((holds, BLUE, "holds the limits"), (~holds, "#BBBBBB", "does not")):
+        ax.scatter(number[kept], values[kept], 12, color=colour, linewidth=0, label=label)
+    best = np.maximum.accumulate(np.where(holds, values, -np.inf))
+    ax.plot(number[best > -np.inf], best[best > -np.inf], color=INK, linewidth=1.4, label="best")
+    ax.set(xlabel="evaluation", ylabel="objective [%]")
+    _tidy(ax)
+    ax.legend(loc="lower right", frameon=False, fontsize=9)
+    return figure
+
+
+def tilts(found: TiltOptimum) -> Figure:
+    """Draw what is to be large, with its 95 % intervals, and ASE over the tilt."""
+    figure = Figure(figsize=(7.6, 5.8), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    problem = found.problem
+    steps = {problem.at(step.found.x): step.found for step in found.history.steps}
+    at = np.array(sorted(steps))
+    hard, smooth = (
+        np.array([getattr(steps[t], kind).aim for t in at]) for kind in ("hard", "smooth")
+    )
+    intervals = [problem.known[t].aim for t in at]
+    ends = np.array(
+        [(value - i.low, i.high - value) for value, i in zip(hard, intervals, strict=True)]
+    )
+    above.errorbar(at, hard, np.maximum(ends, 0).T, fmt="o", markersize=4, linewidth=1, capsize=2,
+                   color=BLUE, label="with its 95 % interval")  # fmt: skip
+    above.plot(at, smooth, color="#BBBBBB", linewidth=1.2, zorder=1, label="smooth twin")
+    name = "sDA" if problem.goal.aim == "sDA" else "msDA of the worst month"
+    above.set_title("Which tilt?", loc="left", weight="bold", fontsize=11)
+    above.set_ylabel(f"{name} [%]")
+    ase = [steps[t].hard.ase for t in at]
+    below.plot(at, ase, color=ORANGE, marker="o", markersize=4, linewidth=1.2)
+    limit = problem.goal.ase_limit
+    below.axhline(limit, color=GREY, linewidth=1, linestyle=(0, (4, 3)))
+    below.annotate(f"limit {limit:g} %", (at[0], limit), (2, 3), textcoords="offset points",
+                   fontsize=9, color=GREY)  # fmt: skip
+    below.set(xlabel=f"tilt of {problem.component} [°]", ylabel="ASE [%]")
+    for ax in (above, below):
+        ax.axvline(problem.at(found.best.x), color=INK, linewidth=1, zorder=1)
+        _tidy(ax)
+    above.legend(loc="best", frameon=False, fontsize=9)
+    return figure
+
+
+def _tidy(ax: Axes) -> None:
+    ax.grid(color="#EEEEEE", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def _plain(name: str) -> str:
+    """Name of a material as it is: between two dollars matplotlib would read a formula."""
+    return name.replace("$", r"\$")

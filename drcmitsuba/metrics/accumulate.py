@@ -1,0 +1,255 @@
+"""Coefficients × luminances = illuminance: E[time, sensor] = Σ_bin C[sensor, bin] · L[time, bin].
+
+Bins are matched by label, exactly. The sun of a time stamp is one bin, or a few in place of it, so
+its part of the sum is a product for each; the sky's is a matrix product. Replicates of C are
+carried through, and their scatter is the standard error of E: entries of C share samples, so their
+errors do not simply add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from scipy.sparse import csr_matrix
+from threadpoolctl import threadpool_limits
+
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import describe
+from drcmitsuba.sky.sun_models import Blend, mesh
+
+BLOCK = 1 << 16
+"""Entries (time, sensor) that are taken at once: they stay in the cache from sum to sum."""
+SAME_SUBDIVISION = "compute sky and coefficients with the same subdivision"
+
+
+def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
+    """Positions of bins by label.
+
+    Raises
+    ------
+    InputError
+        A label is not among the coefficients' bins.
+    """
+    known = {str(label): i for i, label in enumerate(coefficients["bin"].values)}
+    missing = [str(label) for label in labels if str(label) not in known]
+    if missing:
+        raise InputError(
+            "coefficients", "bin", f"no {missing[0]!r} ({len(missing)} bins missing)", remedy
+        )
+    return np.array([known[str(label)] for label in labels], dtype=np.int64)
+
+
+def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
+    """Luminances (time, bin) of the bins that stand for the sun, after the sky's sun model."""
+    times = np.flatnonzero(sky["sun"].values > 0)
+    known = list(map(str, coefficients["bin"].values))
+    if sky.attrs.get("sun_model") == "adaptive":
+        directions = sky["sun_direction"].values[times]
+        blend = mesh.blend(directions, np.ones(len(times), bool), known)
+        lost = int((blend.weights.sum(axis=1) < 0.5).sum())
+        if lost:
+            raise InputError(
+                "coefficients", "bin", f"no mesh of suns about {lost} of the sky's suns",
+                "compute coefficients with the adaptive sun model",
+            )  # fmt: skip
+    elif "blend_bin" in sky:
+        blend = Blend(sky["blend_bin"].values[times], sky["blend_weight"].values[times])
+    else:
+        blend = Blend.own(sky["sun_bin"].values[times])
+    rows, k = np.nonzero(blend.weights)
+    remedy = "compute coefficients for the time stamps and the sun model of this sky"
+    bins = _positions(coefficients, blend.bins[rows, k], remedy)
+    values = blend.weights[rows, k] * sky["sun"].values[times[rows]]
+    shape = (sky.sizes["time"], len(known))
+    return csr_matrix((values.astype(np.float32), (times[rows], bins)), shape)
+
+
+def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
+    """Refuse NaN: coefficients of the shaded state are known for the hours that close only."""
+    gaps = np.flatnonzero(np.isnan(values).any(axis=-1))
+    if len(gaps):
+        first = np.datetime_as_string(sky["time"].values[gaps[0]], unit="m")
+        raise InputError(
+            "coefficients", "bin", f"no numbers for {len(gaps)} time stamps, {first} the first",
+            "compute coefficients with this weather and state",
+        )  # fmt: skip
+
+
+def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
+    coords = {k: v for k, v in sky.coords.items() if v.dims == ("time",) and k != "sun_bin"}
+    return xr.DataArray(values, coords, dims=("time", "sensor"))
+
+
+def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
+    """Illuminance by sun that comes straight, for ASE and the shade.
+
+    Parameters
+    ----------
+    coefficients : xr.Dataset
+        Of the open state: `straight`, `straight_se` (sensor, bin) [sr].
+    sky : xr.Dataset
+        Of `light.Daylight`: `sun`, `sun_bin`, `sun_direction` and its blend.
+
+    Returns
+    -------
+    xr.Dataset
+        `direct_sun` and `direct_sun_se`, dims (time, sensor) [lx].
+    """
+    names = ("straight", "straight_se")
+    if "sun_straight" in coefficients:  # the time stamps' own suns, beside those of the mesh
+        own = coefficients[["sun_straight", "sun_straight_se"]]
+        coefficients = own.rename(sun="bin", sun_straight=names[0], sun_straight_se=names[1])
+        sky = sky.assign_attrs(sun_model="true_sun")
+    suns = _suns(coefficients, sky)
+    out = {}
+    for name in names:
+        values = suns @ coefficients[name].values.T
+        _refuse_gaps(values, sky)
+        out[name.replace("straight", "direct_sun")] = _array(sky, values)
+    return describe(xr.Dataset(out))
+
+
+def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`schema.mean_and_error` of arrays, in few passes; differences from the first keep digits."""
+    n, first = len(replicates), replicates[0]
+    total, squares = np.zeros_like(first), np.zeros_like(first)
+    for values in replicates[1:]:
+        difference = values - first
+        total += difference
+        squares += difference * difference
+    total /= n
+    squares -= n * total * total
+    return first + total, np.sqrt(np.maximum(squares, 0) / (n * (n - 1)))
+
+
+def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
+    """Illuminance by the sky with the ground, by the sun, and in all.
+
+    Parameters
+    ----------
+    coefficients : xr.Dataset
+        `replicates` (replicate, sensor, bin) [sr] of one state.
+    sky : xr.Dataset
+        From `sky.radiance`: `sky` (time, bin), `sun`, `sun_bin` (time) [cd/m²].
+
+    Returns
+    -------
+    xr.Dataset
+        `sky`, `sun`, `total` and `…_se`, dims (time, sensor) [lx].
+
+    Raises
+    ------
+    InputError
+        A bin of the sky has no coefficients, or NaN.
+    """
+    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    suns = _suns(coefficients, sky)
+    by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
+    by_patch = [c[patches] for c in by_bin]
+    L = sky["sky"].values.astype(np.float32)
+    names = ("sky", "sun", "total")
+    shape = (len(L), by_bin[0].shape[1])
+    out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
+    step = max(1, BLOCK // shape[1])
+    # The matrices are small: threads of the library would wait for each other most of the time.
+    with threadpool_limits(1, user_api="blas"):
+        for start in range(0, len(L), step):
+            here = slice(start, start + step)
+            by_sky = [L[here] @ c for c in by_patch]
+            by_sun = [suns[here] @ c for c in by_bin]
+            total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
+            for name, values in zip(names, (by_sky, by_sun, total), strict=True):
+                out[name][here], out[f"{name}_se"][here] = _mean_and_error(values)
+    _refuse_gaps(out["total"], sky)
+    if "sun_straight" in coefficients:
+        _add_straight(out, coefficients, sky)
+    return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
+
+
+def _add_straight(out: dict[str, np.ndarray], coefficients: xr.Dataset, sky: xr.Dataset) -> None:
+    """Add the suns that sensors see themselves where the mesh of suns has only all other light.
+
+    Their errors, and what is lost between the suns of the mesh, are independent of the replicates.
+    """
+    straight = direct_sun(coefficients, sky)
+    between = np.outer(sky["sun"].values, coefficients["mesh_error"].values).astype(np.float32)
+    variance = straight["direct_sun_se"].values ** 2 + between**2
+    for name in ("sun", "total"):
+        out[name] += straight["direct_sun"].values
+        out[f"{name}_se"] = np.sqrt(out[f"{name}_se"] ** 2 + variance)
+
+
+def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -> np.ndarray:
+    """Illuminance in all of every replicate, at some sensors.
+
+    Parameters
+    ----------
+    coefficients, sky : xr.Dataset
+        As for `by_source`.
+    sensors : np.ndarray of int, shape (sensor,)
+
+    Returns
+    -------
+    np.ndarray, shape (replicate, time, sensor)
+        [lx].
+
+    Raises
+    ------
+    InputError
+        As `by_source`.
+    """
+    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    suns, L = _suns(coefficients, sky), sky["sky"].values.astype(np.float32)
+    by_bin = [c[sensors].T for c in coefficients["replicates"].values]
+    total = np.stack([L @ c[patches] + suns @ c for c in by_bin])
+    if "sun_straight" in coefficients:
+        total += direct_sun(coefficients.isel(sensor=sensors), sky)["direct_sun"].values
+    return total
+
+
+def illuminance(
+    is_open: xr.Dataset, shaded: xr.Dataset | None, sky: xr.Dataset, closed: xr.DataArray
+) -> xr.Dataset:
+    """Illuminance of the year with the shade that opens and closes.
+
+    Parameters
+    ----------
+    is_open, shaded : xr.Dataset
+        Coefficients of the two states; `shaded` may be None where the shade never closes.
+    sky : xr.Dataset
+        From `sky.radiance`.
+    closed : xr.DataArray of bool, dim time
+        When the shade is closed.
+
+    Returns
+    -------
+    xr.Dataset
+        `total`, `total_open`, `sky_open`, `sun_open`, `direct_sun` and `…_se`, dims (time, sensor)
+        [lx]; coordinates `x`, `y`, `z`, `shade_closed`.
+
+    Raises
+    ------
+    InputError
+        Coefficients are missing for a bin, or for the shaded state of an hour that closes.
+    """
+    parts = by_source(is_open, sky)
+    out = direct_sun(is_open, sky)
+    for name in ("total", "sky", "sun"):
+        for suffix in ("", "_se"):
+            out[f"{name}_open{suffix}"] = parts[name + suffix]
+    out["total"], out["total_se"] = parts["total"].copy(), parts["total_se"].copy()
+    shut = np.flatnonzero(closed.values)
+    if len(shut):
+        if shaded is None:
+            raise InputError(
+                "coefficients", "state", f"no shaded state; {len(shut)} time stamps close",
+                "compute the coefficients of the shaded state",
+            )  # fmt: skip
+        behind = by_source(shaded, sky.isel(time=shut))
+        for suffix in ("", "_se"):
+            out["total" + suffix].values[shut] = behind["total" + suffix].values
+    out = out.assign_coords({axis: ("sensor", is_open[axis].values) for axis in "xyz"})
+    out = out.assign_coords(shade_closed=("time", closed.values))
+    return describe(out)

@@ -1,0 +1,20 @@
+"""Intervals of the metrics: draws of sDA, ASE and the shade from the replicates of E.
+
+rules
+    Thresholds of the metrics, and the resolution of the draws.
+bootstrap_counts
+    Number of sensors that pass, in every draw.
+sun, autonomy
+    Draws of direct sun and of the shade; draws of sDA and msDA.
+spread
+    Intervals from draws, or from standard errors alone.
+draw
+    `draw`, `closures`: all of it.
+"""
+
+from drcmitsuba.metrics.intervals.draw import closures, draw
+from drcmitsuba.metrics.intervals.rules import Rules, t_factor
+from drcmitsuba.metrics.intervals.spread import Bounds, Draws, values
+from drcmitsuba.metrics.intervals.sun import Closures
+
+__all__ = ["Bounds", "Closures", "Draws", "Rules", "closures", "draw", "t_factor", "values"]

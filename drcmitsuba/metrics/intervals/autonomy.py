@@ -1,0 +1,167 @@
+"""Draws of sDA and msDA: multiplier bootstrap of the replicates of E.
+
+    E* = Ē + q Σ_r w_r (E_r − Ē) / √(n (n − 1)),   w_r normal, q² = (n − 1) / χ²_{n−1},
+
+with the same w and q for all sensors and hours [1]_: what shares gather paths and cells moves
+together, and every single entry has Student's t with n − 1 degrees of freedom around its mean.
+
+References
+----------
+.. [1] A. W. van der Vaart, J. A. Wellner, "Weak convergence and empirical processes", 1996, 2.9.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.metrics.intervals.bootstrap_counts import Needed, Tally
+from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
+from drcmitsuba.metrics.intervals.sun import Closures
+
+BLOCK = 256
+"""Sensors whose replicates are in memory at once."""
+GROUPS = 64
+"""Of sensors whose errors beside the replicates are independent of each other's."""
+ENTRIES = 128
+"""Entries drawn at once: they stay in the cache, and no threads are started for so few."""
+
+
+class Multipliers(NamedTuple):
+    """Random numbers of the draws.
+
+    Parameters
+    ----------
+    replicates : np.ndarray, shape (replicate, draw)
+        Weights q·w / √(n (n − 1)).
+    others : np.ndarray, shape (group, draw)
+        Normal numbers for errors that are in no replicate; a sensor has those of its group.
+    """
+
+    replicates: np.ndarray
+    others: np.ndarray
+
+
+def multipliers(replicates: int, seed: int) -> Multipliers:
+    """Draw the random numbers."""
+    rng = np.random.default_rng([seed, 2])
+    n = replicates
+    w = rng.standard_normal((n, DRAWS))
+    q = np.sqrt((n - 1) / rng.chisquare(n - 1, DRAWS))
+    others = rng.standard_normal((GROUPS, DRAWS)).astype(np.float32)
+    return Multipliers((q * w / math.sqrt(n * (n - 1))).astype(np.float32), others)
+
+
+@dataclass(frozen=True)
+class State:
+    """Illuminance of one state of the shade, at the hours that it is wanted for.
+
+    Parameters
+    ----------
+    coefficients : xr.Dataset
+    sky : xr.Dataset
+        Of the wanted time stamps, the rows.
+    row : np.ndarray, shape (time,)
+        Row of every time stamp, −1 where the state is not wanted.
+    mean, error : np.ndarray, shape (row, sensor)
+    """
+
+    coefficients: xr.Dataset
+    sky: xr.Dataset
+    row: np.ndarray
+    mean: np.ndarray
+    error: np.ndarray
+
+    @classmethod
+    def of(
+        cls, coefficients: xr.Dataset, sky: xr.Dataset, wanted: np.ndarray,
+        known: tuple[np.ndarray, np.ndarray], is_known: np.ndarray,
+    ) -> State:  # fmt: skip
+        """Take mean and error (time, sensor) where they are known, and accumulate the rest."""
+        mean, error = (a.copy() for a in known)
+        rest = np.flatnonzero(wanted & ~is_known)
+        if len(rest):
+            found = accumulate.by_source(coefficients, sky.isel(time=rest))
+            mean[rest], error[rest] = found["total"].values, found["total_se"].values
+        row = np.where(wanted, np.cumsum(wanted) - 1, -1)
+        part = sky.isel(time=np.flatnonzero(wanted))
+        return cls(coefficients, part, row, mean[wanted], error[wanted])
+
+    def classes(self, threshold: float, beyond: float) -> tuple[np.ndarray, np.ndarray]:
+        """Entries that pass for certain, and those that may pass, (time, sensor)."""
+        reach = beyond * self.error
+        nothing = np.zeros((1, self.mean.shape[1]), bool)  # row −1
+        sure = np.concatenate([self.mean - reach >= threshold, nothing])
+        may = np.concatenate([self.mean + reach >= threshold, nothing])
+        return sure[self.row], may[self.row]
+
+    def replicates(self, sensors: np.ndarray) -> np.ndarray:
+        """Replicates of the rows at some sensors, (replicate, row, sensor)."""
+        return accumulate.replicates(self.coefficients, self.sky, sensors)
+
+    def passes(
+        self, replicates: np.ndarray, sensor: int, time: np.ndarray, drawn: Multipliers,
+        threshold: float,
+    ) -> np.ndarray:  # fmt: skip
+        """Whether E* ≥ threshold, (entry, draw), from one sensor's replicates (replicate, row).
+
+        What an adaptive sun's mesh misses, and its straight light, is in no replicate: that part of
+        the error moves all hours of a sensor the same way, which is more than it may do.
+        """
+        E = replicates[:, self.row[time]]
+        mean = E.mean(axis=0)
+        off, missing, weights = (E - mean).T, (threshold - mean)[:, None], drawn.replicates
+        if "sun_straight" in self.coefficients:
+            own = self.error[self.row[time], sensor] ** 2 - E.var(axis=0, ddof=1) / len(E)
+            off = np.column_stack([off, np.sqrt(np.maximum(own, 0))])
+            weights = np.vstack([weights, drawn.others[sensor % GROUPS]])
+        passed = np.empty((len(time), DRAWS), bool)
+        for start in range(0, len(time), ENTRIES):
+            here = slice(start, start + ENTRIES)
+            passed[here] = off[here] @ weights >= missing[here]
+        return passed
+
+
+def draw_autonomy(
+    is_open: State, shaded: State | None, closures: Closures, threshold: float, needed: Needed,
+    drawn: Multipliers,
+) -> Tally:  # fmt: skip
+    """Draw sDA and msDA; an hour takes the state that its closure was drawn to."""
+    beyond = t_factor(len(drawn.replicates), 1 - 2 * BEYOND)
+    sure, may = is_open.classes(threshold, beyond)
+    if shaded is not None:
+        sure_shaded, may_shaded = shaded.classes(threshold, beyond)
+        shut, varies = closures.closed[:, None], np.zeros((len(sure), 1), bool)
+        varies[closures.hours] = True
+        sure = np.where(varies, sure & sure_shaded, np.where(shut, sure_shaded, sure))
+        may = np.where(varies, may | may_shaded, np.where(shut, may_shaded, may))
+    doubtful = may & ~sure
+    tally = Tally(needed, needed.count(sure), needed.count(doubtful))
+    hour = np.full(len(sure), -1)  # the last row of `closes`, which no time stamp uses
+    hour[closures.hours] = np.arange(len(closures.hours))
+    closes = np.concatenate([closures.drawn, np.zeros((1, DRAWS), bool)])
+    for start in range(0, len(tally.sensors), BLOCK):
+        block = tally.sensors[start : start + BLOCK]
+        E_open = is_open.replicates(block)
+        E_shaded = None if shaded is None else shaded.replicates(block)
+        for i, sensor in enumerate(block):
+            time = tally.wanted(sensor, np.flatnonzero(doubtful[:, sensor]))
+            at, shut = hour[time], closures.closed[time]
+            passed = np.empty((len(time), DRAWS), bool)
+            one = (at >= 0) | ~shut
+            passed[one] = is_open.passes(E_open[:, :, i], sensor, time[one], drawn, threshold)
+            if shaded is not None and E_shaded is not None:
+                other = (at >= 0) | shut
+                behind = np.empty_like(passed)
+                behind[other] = shaded.passes(
+                    E_shaded[:, :, i], sensor, time[other], drawn, threshold
+                )
+                closed = np.where((at >= 0)[:, None], closes[at], shut[:, None])
+                passed = np.where(closed, behind, passed)
+            tally.add(sensor, time, passed)
+    return tally

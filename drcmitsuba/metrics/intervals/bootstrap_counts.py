@@ -1,0 +1,85 @@
+"""Counting the sensors that pass, in every draw; most are the same in all draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.metrics.intervals.rules import DRAWS, TAIL
+
+
+@dataclass(frozen=True)
+class Needed:
+    """Time stamps that a sensor has to pass, in each month and in the year; months from 0."""
+
+    month: np.ndarray
+    monthly: np.ndarray
+    yearly: int
+
+    @property
+    def empty(self) -> np.ndarray:
+        """Months without time stamps, shape (month,)."""
+        return np.bincount(self.month, minlength=12) == 0
+
+    def count(self, passed: np.ndarray) -> np.ndarray:
+        """Count by month: (time, sensor) to (sensor, month)."""
+        out = np.zeros((passed.shape[1], 12), np.int64)
+        for m in np.flatnonzero(~self.empty):
+            out[:, m] = np.count_nonzero(passed[self.month == m], axis=0)
+        return out
+
+
+class Tally:
+    """Counts, for every draw, the sensors that pass; most are the same in all draws."""
+
+    def __init__(self, needed: Needed, sure: np.ndarray, doubtful: np.ndarray) -> None:
+        """Begin with the certain entries and the number of doubtful ones, (sensor, month)."""
+        self.needed, self.sure = needed, sure
+        of_year = sure.sum(axis=1)
+        self.monthly = np.repeat((sure >= needed.monthly).sum(axis=0)[:, None], DRAWS, axis=1)
+        self.yearly = np.full(DRAWS, (of_year >= needed.yearly).sum())
+        self.passing = (of_year >= needed.yearly).astype(float)
+        self.hours = np.zeros(len(needed.month), np.int64)
+        self.open_months = (sure < needed.monthly) & (sure + doubtful >= needed.monthly)
+        self.open_year = (of_year < needed.yearly) & (
+            of_year + doubtful.sum(axis=1) >= needed.yearly
+        )
+
+    @property
+    def sensors(self) -> np.ndarray:
+        """Sensors that do not pass or fail for certain."""
+        return np.flatnonzero(self.open_year | self.open_months.any(axis=1))
+
+    def wanted(self, sensor: int, time: np.ndarray) -> np.ndarray:
+        """Which of the doubtful time stamps of a sensor have to be drawn."""
+        if self.open_year[sensor]:
+            return time
+        return time[self.open_months[sensor, self.needed.month[time]]]
+
+    def add(self, sensor: int, time: np.ndarray, passed: np.ndarray) -> None:
+        """Add the draws of a sensor's wanted time stamps, (entry, draw)."""
+        counts = np.repeat(self.sure[sensor][:, None], DRAWS, axis=1)
+        month = self.needed.month[time]
+        order = np.argsort(month, kind="stable")
+        month, starts = np.unique(month[order], return_index=True)
+        if len(starts):
+            counts[month] += np.add.reduceat(
+                passed[order].view(np.uint8), starts, axis=0, dtype=np.uint16
+            )
+        # An open month or year began as not passed.
+        of_month = self.open_months[sensor]
+        self.monthly[of_month] += counts[of_month] >= self.needed.monthly[of_month][:, None]
+        if self.open_year[sensor]:
+            passes = counts.sum(axis=0) >= self.needed.yearly
+            self.yearly += passes
+            p = self.passing[sensor] = passes.mean()
+            if TAIL < p < 1 - TAIL:
+                q = passed.mean(axis=1)
+                self.hours[time] += (q > TAIL) & (q < 1 - TAIL)
+
+    def shares(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of the sensors [%]: of the year (draw,), by month (month, draw)."""
+        monthly = 100.0 * self.monthly / len(self.sure)
+        monthly[self.needed.empty] = np.nan
+        return 100.0 * self.yearly / len(self.sure), monthly

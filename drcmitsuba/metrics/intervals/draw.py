@@ -1,0 +1,144 @@
+"""Draws of all metrics from the replicates of E: how far chance moves sDA, ASE and the shade."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import metrics
+from drcmitsuba.metrics import Interval, accumulate
+from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
+from drcmitsuba.metrics.intervals.bootstrap_counts import Needed, Tally
+from drcmitsuba.metrics.intervals.rules import Rules, t_factor
+from drcmitsuba.metrics.intervals.spread import Draws
+from drcmitsuba.metrics.intervals.sun import Closures, SunDraws, draw_closures, draw_sun
+from drcmitsuba.schema import luminance, mean_and_error
+
+
+def _exposure(mean: np.ndarray, sun: SunDraws, threshold: float, needed: Needed) -> Tally:
+    """Draw ASE and MSE."""
+    drawn = np.zeros(mean.shape, bool)
+    drawn[sun.time, sun.sensor] = True
+    tally = Tally(needed, needed.count((mean >= threshold) & ~drawn), needed.count(drawn))
+    for sensor in tally.sensors:
+        entries = np.flatnonzero(sun.sensor == sensor)
+        time = tally.wanted(sensor, sun.time[entries])
+        kept = entries[np.isin(sun.time[entries], time)]
+        tally.add(sensor, sun.time[kept], sun.exposed[kept])
+    return tally
+
+
+def closures(direct: xr.Dataset, rules: Rules, rays: int | None, seed: int) -> Closures:
+    """Draw when the shade closes.
+
+    Parameters
+    ----------
+    direct : xr.Dataset
+        `direct_sun`, `direct_sun_se` (time, sensor) [lx], of luminance.
+    rules : Rules
+    rays : int or None
+        Directions that were drawn from the disk of every sun, in all replicates; None where its
+        rim was searched for edges, so that none is hidden.
+    seed : int
+
+    Returns
+    -------
+    Closures
+    """
+    mean, error = (direct[name].values for name in ("direct_sun", "direct_sun_se"))
+    limits = rules.metrics.ase_threshold, rules.shade_threshold
+    return draw_closures(mean, draw_sun(mean, error, limits, rays, seed), rules)
+
+
+def draw(
+    coefficients: xr.Dataset, sky: xr.Dataset, illuminance: xr.Dataset, rules: Rules, *,
+    rays: int | None, seed: int,
+) -> Draws:  # fmt: skip
+    """Draw all metrics.
+
+    Parameters
+    ----------
+    coefficients : xr.Dataset
+        Of all states: `replicates` (state, replicate, sensor, bin) [sr], luminance or by channel.
+    sky : xr.Dataset
+        From `sky.radiance`.
+    illuminance : xr.Dataset
+        From `accumulate.illuminance`, of the same coefficients and sky; attribute `has_shade`.
+    rules : Rules
+    rays : int or None
+        Directions that were drawn from the disk of every sun, in all replicates; None where its
+        rim was searched for edges, so that none is hidden.
+    seed : int
+        The same seed, the same draws.
+
+    Returns
+    -------
+    Draws
+    """
+    E = {name: luminance(illuminance[name]) for name in illuminance.data_vars}
+    mean, error = E["direct_sun"].values, E["direct_sun_se"].values
+    t = rules.metrics
+    sun = draw_sun(mean, error, (t.ase_threshold, rules.shade_threshold), rays, seed)
+    shut = Closures.never(len(mean))
+    if illuminance.attrs.get("has_shade", 1):
+        shut = draw_closures(mean, sun, rules)
+    month = metrics.months(E["total"]) - 1
+    stamps = np.bincount(month, minlength=12)
+    of_ase = [metrics.exposed(t.ase_hours, rules.step_hours, n, len(mean)) for n in stamps]
+    exposure = _exposure(
+        mean, sun, t.ase_threshold,
+        Needed(month, np.array(of_ase), metrics.exposed(t.ase_hours, rules.step_hours)),
+    )  # fmt: skip
+    by_luminance = coefficients.map(luminance)
+    drawn = multipliers(coefficients.sizes["replicate"], seed)
+    of_sda = [metrics.autonomous(t.sda_fraction, n) for n in stamps]
+    needed = Needed(month, np.array(of_sda), metrics.autonomous(t.sda_fraction, len(mean)))
+    states = _states(by_luminance, sky, E, shut)
+    autonomy = draw_autonomy(*states, shut, t.sda_threshold, needed, drawn)
+    (sda, msda), (ase, mse) = autonomy.shares(), exposure.shares()
+    closed, closed_monthly = shut.shares(month)
+    return Draws(
+        {"sDA": sda, "ASE": ase, "shade_closed": closed},
+        {"msDA": msda, "MSE": mse, "shade_closed_monthly": closed_monthly},
+        {"sDA": autonomy.passing, "ASE": exposure.passing},
+        {"sDA": autonomy.hours, "ASE": exposure.hours},
+        _mean_illuminance(by_luminance, sky, shut.closed),
+        shut.possible,
+    )
+
+
+def _mean_illuminance(coefficients: xr.Dataset, sky: xr.Dataset, closed: np.ndarray) -> Interval:
+    """Mean over hours and sensors [lx], from its replicates."""
+    total = np.zeros(coefficients.sizes["replicate"])
+    for state, hours in (("open", ~closed), ("shaded", closed)):
+        if hours.any():
+            names = ("replicates", "sun_straight", "sun_straight_se")
+            C = coefficients[[name for name in names if name in coefficients]]
+            C = C.sel(state=state, drop=True).mean(
+                "sensor", keepdims=True, skipna=False, dtype=float
+            )
+            at = sky.isel(time=np.flatnonzero(hours))
+            E = accumulate.replicates(C, at, np.zeros(1, np.int64))
+            total += E.sum(axis=(1, 2), dtype=float)
+    mean, error = mean_and_error(total / len(closed))
+    half = t_factor(len(total)) * error
+    return Interval(float(mean), float(mean - half), float(mean + half))
+
+
+def _states(
+    coefficients: xr.Dataset, sky: xr.Dataset, E: Mapping[Hashable, xr.DataArray], shut: Closures
+) -> tuple[State, State | None]:
+    """Illuminance of both states at the hours that they are wanted for."""
+    varies = np.zeros(len(shut.closed), bool)
+    varies[shut.hours] = True
+    wanted = ~shut.closed | varies
+    everywhere = np.ones_like(wanted)
+    known = E["total_open"].values, E["total_open_se"].values
+    is_open = State.of(coefficients.sel(state="open", drop=True), sky, wanted, known, everywhere)
+    if not shut.possible.any():
+        return is_open, None
+    known = E["total"].values, E["total_se"].values
+    behind = coefficients.sel(state="shaded", drop=True)
+    return is_open, State.of(behind, sky, shut.possible, known, shut.closed)

@@ -1,0 +1,162 @@
+"""Intervals of the metrics: from their draws, or from the standard errors alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import metrics
+from drcmitsuba.metrics import Interval
+from drcmitsuba.metrics.intervals.rules import TAIL, Rules
+from drcmitsuba.schema import luminance
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws of the metrics [%], and how likely each sensor passes.
+
+    Parameters
+    ----------
+    annual : dict of np.ndarray, shape (draw,)
+        `sDA`, `ASE`, `shade_closed`.
+    monthly : dict of np.ndarray, shape (month, draw)
+        `msDA`, `MSE`, `shade_closed_monthly`, January first; NaN for a month without hours.
+    passing : dict of np.ndarray, shape (sensor,)
+        `sDA`, `ASE`: share of the draws in which a sensor counts, 0 to 1.
+    hours : dict of np.ndarray of int, shape (time,)
+        `sDA`, `ASE`: at how many of the undecided sensors an hour is in doubt.
+    mean_illuminance : Interval
+        Mean over all hours and sensors, shade applied [lx].
+    may_close : np.ndarray of bool, shape (time,)
+        When the shade closes in some draw.
+    """
+
+    annual: dict[str, np.ndarray]
+    monthly: dict[str, np.ndarray]
+    passing: dict[str, np.ndarray]
+    hours: dict[str, np.ndarray]
+    mean_illuminance: Interval
+    may_close: np.ndarray
+
+    def interval(self, name: str, value: float, month: int | None = None) -> Interval:
+        """95 % interval of a metric, which always holds its value.
+
+        Of direct sun and shade the draws are what may be true, and the interval their percentiles.
+        Of sDA and msDA they are what might have been found: noise lets some sensors pass and others
+        fail, and the draws hold it twice. Their interval reaches from the percentiles to their
+        mirror images about the value (the pivotal interval), which allow for that bias. All this
+        was measured on 200 evaluations of a room whose truth is known (tests/validation).
+        """
+        draws = self.annual[name] if month is None else self.monthly[name][month]
+        ends = [
+            float(np.quantile(draws, TAIL, method="lower")),
+            float(np.quantile(draws, 1 - TAIL, method="higher")),
+        ]
+        if name in ("sDA", "msDA"):
+            ends += [2 * value - end for end in ends]
+        return Interval(value, max(0.0, min(value, *ends)), min(100.0, max(value, *ends)))
+
+    def undecided(self, metric: str) -> np.ndarray:
+        """Sensors whose passing is too close to call: 2.5 % < probability < 97.5 %."""
+        p = self.passing[metric]
+        return np.flatnonzero((p > TAIL) & (p < 1 - TAIL))
+
+    def half_width(self, numbers: Mapping[str, Any], unit: str) -> float:
+        """Half the width of the intervals, to be compared with `accuracy.Target`.
+
+        Parameters
+        ----------
+        unit : str
+            "point": the larger of those of sDA and of ASE, in points; "%": that of the mean
+            illuminance, relative to it.
+        numbers : dict
+            From `judgement.summarise`, with these draws.
+        """
+        if unit == "point":
+            return max(numbers[m]["high"] - numbers[m]["low"] for m in self.passing) / 2
+        E = self.mean_illuminance
+        return 100 * (E.high - E.low) / (2 * E.value) if E.value else 0.0
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Intervals without replicates: the metrics of E with all errors the same way.
+
+    Every illuminance is taken as far down, then as far up, as its own 95 % interval goes. What
+    the errors of sensors and hours have in common is unknown without replicates; if they were
+    taken as independent, they would cancel out in the metrics and the intervals be too narrow.
+    These are wider than 95 % calls for.
+
+    Parameters
+    ----------
+    annual : dict
+        (low, high) of each metric [%].
+    monthly : dict
+        (low, high) of each metric, shape (month,) each.
+    """
+
+    annual: dict[str, tuple[float, float]]
+    monthly: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    @classmethod
+    def of(cls, illuminance: xr.Dataset, rules: Rules) -> Bounds:
+        """Evaluate E − f·se and E + f·se; f is the attribute `interval_factor`, else 1.96."""
+        factor = float(illuminance.attrs.get("interval_factor", 1.96))
+        low, high = (values(illuminance, rules, f) for f in (-factor, factor))
+        return cls(
+            {name: (low[0][name], high[0][name]) for name in low[0]},
+            {name: (low[1][name], high[1][name]) for name in low[1]},
+        )
+
+    def interval(self, name: str, value: float, month: int | None = None) -> Interval:
+        """Bounds of a metric, widened to hold the value: more direct sun closes more shades."""
+        ends = self.annual[name] if month is None else [m[month] for m in self.monthly[name]]
+        return Interval(value, float(min(value, *ends)), float(max(value, *ends)))
+
+
+def values(
+    illuminance: xr.Dataset, rules: Rules, errors: float = 0.0
+) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+    """Metrics of the year and by month [%], of E with so many standard errors added.
+
+    Parameters
+    ----------
+    illuminance : xr.Dataset
+        As from `accumulate.illuminance`.
+    rules : Rules
+    errors : float
+
+    Returns
+    -------
+    dict, dict
+        `sDA`, `ASE`, `shade_closed`; `msDA`, `MSE`, `shade_closed_monthly` (month,), NaN for a
+        month without hours.
+    """
+    total, direct = (
+        luminance(illuminance[name]) + errors * luminance(illuminance[f"{name}_se"])
+        for name in ("total", "direct_sun")
+    )
+    t = rules.metrics
+    autonomy = (t.sda_threshold, t.sda_fraction)
+    exposure = (t.ase_threshold, t.ase_hours, rules.step_hours)
+    closed = metrics.shade_closed(direct, rules.shade_threshold, rules.shade_area)
+    closed &= bool(illuminance.attrs.get("has_shade", 1))
+    month = metrics.months(total)
+    stamps = np.bincount(month, minlength=13)[1:]
+    shut = np.bincount(month, closed.values, minlength=13)[1:]
+    return (
+        {
+            "sDA": metrics.sda(total, *autonomy),
+            "ASE": metrics.ase(direct, *exposure),
+            "shade_closed": 100 * float(closed.mean()),
+        },
+        {
+            "msDA": metrics.msda(total, *autonomy).values,
+            "MSE": metrics.mse(direct, *exposure).values,
+            "shade_closed_monthly": np.where(stamps, 100 * shut / np.maximum(stamps, 1), np.nan),
+        },
+    )

@@ -1,0 +1,208 @@
+"""Direct sun at the edges of shadows, and when it closes the shade.
+
+Direct sun is drawn anew for every sensor and sun, and most of it is certain: seen or not seen. At
+the edge of a shadow, a mean μ with standard error s is worth κ = (μ/s)² rays that saw the sun; the
+sun that is seen is then Gamma distributed, E* = s²/μ · Γ(κ + 2/3). The 2/3 is the prior of the part
+of a disk that a straight edge leaves, B(2/3, 2/3): for a small part a the edge is a^(2/3) deep in
+the disk. By the same prior some pairs without a hit hide a small part, as many as `hidden_share`
+tells; which ones is not known, so in every draw they are other ones.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaincc
+
+from drcmitsuba import metrics
+from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, Rules
+
+EDGE = 2 / 3
+"""Beta prior of the part of the sun that is seen, on the edge of a shadow: B(2/3, 2/3)."""
+BLOCK = 4096
+"""Entries that are drawn at once."""
+
+
+def hidden_share(rays: int) -> float:
+    """Pairs on the edge of a shadow without a hit, for each that has hits and misses.
+
+    A Beta(2/3, 2/3) part of the sun is missed by all `rays` with
+    p = B(2/3, rays + 2/3) / B(2/3, 2/3), and likewise seen by all.
+    """
+    g = math.lgamma
+    p = math.exp(g(rays + EDGE) + g(2 * EDGE) - g(rays + 2 * EDGE) - g(EDGE))
+    return p / (1 - 2 * p)
+
+
+def _exceeds(mean: np.ndarray, error: np.ndarray, threshold: float) -> np.ndarray:
+    """Probability that direct sun reaches a threshold; of entries with hits."""
+    p = (mean >= threshold).astype(float)
+    doubtful = (abs(mean - threshold) < 8 * error) | ((mean < 7 * error) & (mean > 0))
+    mu, s = mean[doubtful].astype(float), error[doubtful].astype(float)
+    kappa = (mu / s) ** 2
+    p[doubtful] = gammaincc(kappa + EDGE, threshold * mu / s**2)
+    return p
+
+
+@dataclass(frozen=True)
+class SunDraws:
+    """Which entries of the direct sun are in doubt, and whether they reach the thresholds.
+
+    Parameters
+    ----------
+    time, sensor : np.ndarray, shape (entry,)
+    exposed, closing : np.ndarray of bool, shape (entry, draw)
+        Whether they reach the threshold of ASE, of the shade.
+    """
+
+    time: np.ndarray
+    sensor: np.ndarray
+    exposed: np.ndarray
+    closing: np.ndarray
+
+
+def draw_sun(
+    mean: np.ndarray, error: np.ndarray, limits: tuple[float, float], rays: int | None, seed: int
+) -> SunDraws:
+    """Draw the direct sun near its thresholds.
+
+    Parameters
+    ----------
+    mean, error : np.ndarray, shape (time, sensor)
+        Direct sun and its standard error [lx].
+    limits : (float, float)
+        Thresholds of ASE and of the shade [lx].
+    rays : int or None
+        Directions that were drawn from the disk of every sun, in all replicates; None where its
+        rim was searched for edges, so that none is hidden.
+    seed : int
+
+    Returns
+    -------
+    SunDraws
+    """
+    rng = np.random.default_rng([seed, 1])
+    lit = np.nonzero(mean > 0)
+    mu, s = mean[lit], error[lit]
+    p = np.stack([_exceeds(mu, s, limit) for limit in limits])
+    doubtful = ((p > BEYOND) & (p < 1 - BEYOND)).any(axis=0)
+    time, sensor, p = lit[0][doubtful], lit[1][doubtful], p[:, doubtful]
+    exposed, closing = (np.empty((len(time), DRAWS), bool) for _ in limits)
+    for start in range(0, len(time), BLOCK):
+        here = slice(start, start + BLOCK)
+        u = rng.random(exposed[here].shape, np.float32)
+        exposed[here], closing[here] = (u < row[here, None] for row in p)
+    # One miss makes s = μ / rays; the height of the sun within its disk makes far less of it.
+    found = None
+    if rays is not None:
+        found = _hidden(mean, limits, rays, int((mu < 1.2 * rays * s).sum()), rng)
+    if found is not None:
+        hidden_time, hidden_sensor, hidden = found
+        time, sensor = np.append(time, hidden_time), np.append(sensor, hidden_sensor)
+        exposed, closing = (
+            np.vstack(pair) for pair in zip((exposed, closing), hidden, strict=True)
+        )
+    return SunDraws(time, sensor, exposed, closing)
+
+
+def _hidden(
+    mean: np.ndarray, limits: tuple[float, float], rays: int, edges: int,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]] | None:  # fmt: skip
+    """Draw pairs without a hit that hide a part of the sun: any that are dark in a sunny hour."""
+    dark = np.argwhere((mean == 0) & (mean > 0).any(axis=1, keepdims=True))
+    expected = edges * hidden_share(rays)
+    if len(dark) == 0 or expected == 0:
+        return None
+    full = mean.max(axis=1)
+    # The part that a pair hides is drawn by its tail: u < p(limit), as for the others.
+    tails = [gammaincc(EDGE, limit * rays / np.maximum(full, 1e-9)) for limit in limits]
+    most = np.maximum(*tails)[dark[:, 0]]
+    total = np.cumsum(most)
+    counts = rng.poisson(expected * total[-1] / len(dark), DRAWS)
+    if counts.sum() == 0:
+        return None
+    picked = np.searchsorted(total, rng.random(counts.sum()) * total[-1])
+    in_draw = np.repeat(np.arange(DRAWS), counts)
+    u = rng.random(len(picked)) * most[picked]
+    entries, row = np.unique(picked, return_inverse=True)
+    passed = []
+    for tail in tails:
+        out = np.zeros((len(entries), DRAWS), bool)
+        out[row, in_draw] = u < tail[dark[picked, 0]]
+        passed.append(out)
+    return dark[entries, 0], dark[entries, 1], (passed[0], passed[1])
+
+
+@dataclass(frozen=True)
+class Closures:
+    """When the shade closes.
+
+    Parameters
+    ----------
+    closed : np.ndarray of bool, shape (time,)
+        By the mean of the direct sun.
+    hours : np.ndarray, shape (hour,)
+        Time stamps that close in some draws only.
+    drawn : np.ndarray of bool, shape (hour, draw)
+    """
+
+    closed: np.ndarray
+    hours: np.ndarray
+    drawn: np.ndarray
+
+    @classmethod
+    def never(cls, stamps: int) -> Closures:
+        """No shade, or one that stays open."""
+        none = np.zeros(0, np.int64)
+        return cls(np.zeros(stamps, bool), none, np.zeros((0, DRAWS), bool))
+
+    def shares(self, month: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of the hours with the shade closed [%]: (draw,) and (month, draw).
+
+        `month` (time,) counts from 0.
+        """
+        sure = self.closed.copy()
+        sure[self.hours] = False
+        stamps = np.bincount(month, minlength=12)[:, None]
+        counts = np.repeat(np.bincount(month[sure], minlength=12)[:, None], DRAWS, axis=1)
+        np.add.at(counts, month[self.hours], self.drawn)
+        with np.errstate(invalid="ignore"):
+            monthly = 100.0 * counts / stamps
+        return 100.0 * counts.sum(axis=0) / len(month), monthly
+
+    @property
+    def possible(self) -> np.ndarray:
+        """Time stamps that close in some draw, shape (time,)."""
+        out = self.closed.copy()
+        out[self.hours] = True
+        return out
+
+
+def draw_closures(mean: np.ndarray, sun: SunDraws, rules: Rules) -> Closures:
+    """Draw when the shade closes: where ≥ area of the sensors reach its threshold.
+
+    Parameters
+    ----------
+    mean : np.ndarray, shape (time, sensor)
+        Direct sun [lx].
+    sun : SunDraws
+    rules : Rules
+    """
+    least = metrics.closing_sensors(rules.shade_area, mean.shape[1])
+    passes = mean >= rules.shade_threshold
+    count = np.count_nonzero(passes, axis=1)
+    sure = count - np.bincount(sun.time, passes[sun.time, sun.sensor], len(mean)).astype(int)
+    doubtful = np.bincount(sun.time, minlength=len(mean))
+    hours = np.flatnonzero((sure < least) & (sure + doubtful >= least))
+    drawn = np.empty((len(hours), DRAWS), bool)
+    order = np.argsort(sun.time, kind="stable")
+    first, end = (np.searchsorted(sun.time[order], hours, side) for side in ("left", "right"))
+    for i, hour in enumerate(hours):
+        entries = order[first[i] : end[i]]
+        drawn[i] = sure[hour] + sun.closing[entries].sum(axis=0) >= least
+    varies = drawn.any(axis=1) != drawn.all(axis=1)
+    varies |= drawn[:, 0] != (count[hours] >= least)
+    return Closures(count >= least, hours[varies], drawn[varies])

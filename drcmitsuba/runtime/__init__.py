@@ -1,0 +1,13 @@
+"""Runtime: services that every room uses and that know nothing of light.
+
+errors
+    `InputError`, the one line that a user's mistake is answered with; `BackendError`.
+backend
+    The compiler backend: LLVM on the processor, CUDA on a GPU.
+progress
+    Progress of long work.
+files
+    Files of results, written whole or not at all; reading as untrusted input.
+ray_counter
+    Number of rays traced, by kind.
+"""

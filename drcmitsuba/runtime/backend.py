@@ -1,0 +1,132 @@
+"""The compiler backend that runs the kernels: LLVM on the processor, CUDA on a GPU.
+
+Dr.Jit takes the newest LLVM it finds; versions 15 and 16 abort the whole process at the first
+maximum or minimum, older ones are refused with a traceback. So the version is looked at before any
+kernel runs, and an unfit one is refused in one line that says what to install.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata
+
+from drcmitsuba.runtime.errors import BackendError
+
+
+@contextmanager
+def _native_code_unheard() -> Iterator[None]:
+    """Keep off stderr what compiled code writes there.
+
+    Dr.Jit looks for LLVM while it is imported and complains of an unfit one, before its log level
+    can be set. `check_llvm` tells it in one line, and only those who need LLVM.
+    """
+    try:
+        stderr = os.dup(2)
+    except OSError:  # closed: there is nothing to keep quiet
+        yield
+        return
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 2)
+    try:
+        yield
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(null)
+
+
+with _native_code_unheard():
+    import drjit as dr
+    import mitsuba as mi
+
+    # Dr.Jit looks for LLVM in a thread of its own: this waits for it.
+    dr.has_backend(dr.JitBackend.LLVM)
+
+OLDEST_LLVM = 17
+REMEDY = (
+    "install LLVM 19 (Debian, Ubuntu: apt-get install libllvm19; Fedora: dnf install llvm-libs; "
+    "macOS: brew install llvm) or set DRJIT_LIBLLVM_PATH to its libLLVM"
+)
+
+
+def cuda_available() -> bool:
+    """Whether Dr.Jit finds a GPU."""
+    return bool(dr.has_backend(dr.JitBackend.CUDA))
+
+
+def llvm_version() -> tuple[int, ...] | None:
+    """Version of the LLVM that Dr.Jit loads, None where it finds none."""
+    if not dr.has_backend(dr.JitBackend.LLVM):
+        return None
+    version = dr.detail.llvm_version()
+    return tuple(int(v) for v in version) if version else None
+
+
+def check_llvm() -> None:
+    """Refuse a missing or unfit LLVM.
+
+    Raises
+    ------
+    BackendError
+        LLVM is missing or older than 17.
+    """
+    version = llvm_version()
+    if version is None:
+        raise BackendError(f"no LLVM found, or one older than 15; {REMEDY}")
+    if version[0] < OLDEST_LLVM:
+        number = ".".join(str(v) for v in version)
+        raise BackendError(f"LLVM {number} is unfit, {OLDEST_LLVM} or newer is needed; {REMEDY}")
+
+
+def select(variant: str | None = None) -> str:
+    """Set a Mitsuba variant that the program can run on.
+
+    Parameters
+    ----------
+    variant : str, optional
+        A JIT variant. Default: `$DRCMITSUBA_VARIANT`, else the JIT variant that is already set,
+        else `cuda_ad_mono` where there is a GPU, else `llvm_ad_mono`.
+
+    Returns
+    -------
+    str
+        The variant that is now set.
+
+    Raises
+    ------
+    BackendError
+        The variant is unknown, is no JIT variant, or its backend is missing or unfit.
+    """
+    current = mi.variant()
+    if current is not None and current.startswith("scalar"):
+        current = None
+    default = "cuda_ad_mono" if cuda_available() else "llvm_ad_mono"
+    variant = variant or os.environ.get("DRCMITSUBA_VARIANT") or current or default
+    if variant not in mi.variants() or variant.startswith("scalar"):
+        known = ", ".join(v for v in mi.variants() if not v.startswith("scalar"))
+        raise BackendError(f"variant {variant!r} is none of {known}")
+    if variant.startswith("llvm"):
+        check_llvm()
+    elif not cuda_available():
+        raise BackendError(f"variant {variant!r} needs a CUDA GPU and none was found")
+    if mi.variant() != variant:
+        mi.set_variant(variant)
+    mi.set_log_level(mi.LogLevel.Error)
+    return variant
+
+
+def report() -> dict[str, str]:
+    """Describe the backends and the versions of what matters, for `drcmitsuba doctor`."""
+    version = llvm_version()
+    out = {
+        "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
+        "LLVM": ".".join(map(str, version)) if version else "not found",
+        "GPU (CUDA)": "found" if cuda_available() else "not found",
+        "threads": str(dr.thread_count()),
+    }
+    for package in ("drcmitsuba", "mitsuba", "drjit", "numpy", "xarray", "zarr", "pvlib"):
+        out[package] = metadata.version(package)
+    return out

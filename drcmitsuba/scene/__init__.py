@@ -1,0 +1,17 @@
+"""Scene: geometry and materials of a case, as the Mitsuba scenes that transport traces.
+
+materials
+    Materials of a case as Mitsuba BSDFs.
+structures
+    Micro-structures from recipe files and meshes.
+geometry, coplanar
+    The room as quadrilaterals; faces that share a plane.
+components
+    Components that are geometry: structures in strips, light pipes, ducts, meshes.
+sun_visibility, enabled_effects
+    Suns that can get in; effects that are simulated.
+surfaces, sensors
+    All surfaces of a case as plain geometry; points at which illuminance is computed.
+scene
+    The same surfaces as Mitsuba scenes.
+"""

@@ -1,0 +1,172 @@
+"""All components of a case where they stand, checked against each other and against the room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.components import Duct, LightPipe, MeshComponent, StructureComponent
+from drcmitsuba.case.facade import Facade
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.components.duct import duct
+from drcmitsuba.scene.components.lightpipe import lightpipe
+from drcmitsuba.scene.components.mesh import is_solid, mesh, triangles
+from drcmitsuba.scene.components.placed import Placed, check_hole
+from drcmitsuba.scene.components.structure import structure
+from drcmitsuba.scene.geometry import SIDES, boxes, normals, quad, wall
+from drcmitsuba.scene.structures.solid import winding
+
+NEAR = 1e-6
+"""What is this close to a wall's plane lies in it [m]."""
+IN_A_WALL = "it lies in a wall", "move it into an opening"
+TURNED = "it turns its back on every opening", "give its corners in the other order"
+DARK = (IN_A_WALL, TURNED)
+"""What is wrong with ports that no light gets to at all, and what to do."""
+
+
+def place(case: Case) -> tuple[Placed, ...]:
+    """Build the components of a case; structures that no strip names are left out.
+
+    Raises
+    ------
+    InputError
+        A component is unfit, leaves the ceiling, or runs into another one; or a port lies in a
+        wall or a solid, or sees no opening.
+    """
+    panes = panes_of(case)
+    found = []
+    for name, component in case.components.items():
+        if isinstance(component, StructureComponent):
+            if name in panes:
+                found.append(structure(case, name, component, panes[name]))
+        elif isinstance(component, LightPipe):
+            found.append(lightpipe(case, name, component))
+        elif isinstance(component, Duct):
+            found.append(duct(case, name, component))
+        else:
+            found.append(mesh(case, name, component))
+    if case.room is not None:
+        for placed in found:
+            check_hole(case.source, placed, case.room.size)
+    _check_apart(case.source, [placed for placed in found if placed.hole is not None])
+    return tuple(_checked_ports(case, found))
+
+
+def panes_of(case: Case) -> dict[str, list[np.ndarray]]:
+    """Panes and holes of all façades by material or component, fronts inward."""
+    found: dict[str, list[np.ndarray]] = {}
+    if case.room is not None:
+        for side in SIDES:
+            for name, panes in wall(case.room, side, case.facade.get(side, Facade()))[2].items():
+                found.setdefault(name, []).extend(panes)
+    return found
+
+
+def _check_apart(source: str, above: list[Placed]) -> None:
+    """Refuse components over the ceiling that run into each other."""
+    for a, b in combinations(above, 2):
+        (low, high), (other_low, other_high) = a.bounds, b.bounds
+        if ((low < other_high) & (other_low < high)).all():
+            got, remedy = f"it runs into {a.name}", "move one of them"
+            raise InputError(source, f"components.{b.name}", got, remedy)
+
+
+def _solids(case: Case) -> Iterator[tuple[str, np.ndarray]]:
+    """Closed meshes among the components: names and triangles (triangle, 3, 3)."""
+    for name, component in case.components.items():
+        if isinstance(component, MeshComponent) and is_solid(component):
+            yield name, triangles(component)
+
+
+def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Which points (point, 3) of the room's frame lie in each closed mesh of a case."""
+    yield from _within(list(_solids(case)), points)
+
+
+def _within(
+    solids: list[tuple[str, np.ndarray]], points: np.ndarray
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Which points (point, 3) lie in each of some solids, whichever way their normals point."""
+    for name, corners in solids:
+        faces, vertices = np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 3)
+        within = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
+        if within.any():
+            within[within] = abs(winding(vertices, faces, points[within])) > 0.5
+        yield name, within
+
+
+def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
+    """Components with ports that light can get to.
+
+    Ports that were named, or that a component cannot do without, have to be fit; of those around a
+    mesh the fit ones are kept.
+    """
+    openings, solids = _openings(case, found), list(_solids(case))
+    for placed in found:
+        component = case.components[placed.name]
+        by_box = isinstance(component, MeshComponent) and not component.ports
+        faults = [_fault(case, port.quad, openings, solids) for port in placed.ports]
+        if by_box:  # what a wall or a solid covers of a face, no light gets to
+            faults = [fault if fault in DARK else None for fault in faults]
+        for i, fault in enumerate(faults):
+            if fault is not None and (not by_box or None not in faults):
+                raise InputError(case.source, f"components.{placed.name}.ports.{i}", *fault)
+        fit = tuple(p for p, fault in zip(placed.ports, faults, strict=True) if fault is None)
+        yield replace(placed, ports=fit)
+
+
+def _openings(case: Case, found: list[Placed]) -> np.ndarray:
+    """Rectangles (opening, 4, 3) by which light comes into the room."""
+    by_name = panes_of(case)
+    quads = [q for panes in by_name.values() for q in panes]
+    for placed in found:
+        if placed.hole is not None and case.room is not None:
+            x0, x1, y0, y1 = placed.hole
+            corner = [x0, y0, case.room.size[2]]
+            quads.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
+    return np.reshape(quads, (-1, 4, 3))
+
+
+def _fault(
+    case: Case, q: np.ndarray, openings: np.ndarray, solids: list[tuple[str, np.ndarray]]
+) -> tuple[str, str] | None:
+    """What is wrong with a port (4, 3) and what to do; None where nothing is."""
+    middle = q.mean(axis=0)
+    points = np.concatenate([middle[None], middle + 0.98 * (q - middle)])
+    for piece in case.furniture:
+        for corner, size in boxes(piece):
+            within = (points > corner + NEAR) & (points < corner + size - NEAR)
+            if within.all(axis=1).any():
+                return f"it lies in {piece.name!r}", "move one of them"
+    for name, within in _within(solids, points):
+        if within.any():
+            return f"it lies inside of {name}", "move it into the air"
+    if case.room is None:
+        return None
+    size = np.array(case.room.size)
+    indoors = ((points > NEAR) & (points < size - NEAR)).all(axis=1)
+    outdoors = ((points < -NEAR) | (points > size + NEAR)).any(axis=1)
+    if indoors.any() and outdoors.any():
+        return "it goes through a wall", "keep it on one side, or in the plane of an opening"
+    if not indoors.any() and not outdoors.any() and not _in_an_opening(points, openings):
+        return IN_A_WALL
+    if indoors.all() and len(openings):
+        behind = (openings.reshape(-1, 3) - middle) @ normals(q[None])[0]
+        if behind.min() >= 0:
+            return TURNED
+    return None
+
+
+def _in_an_opening(points: np.ndarray, openings: np.ndarray) -> bool:
+    """Whether each point (point, 3) lies in one of the rectangles (opening, 4, 3)."""
+    u, v = openings[:, 1] - openings[:, 0], openings[:, 3] - openings[:, 0]
+    from_corner = points[:, None] - openings[None, :, 0]
+    across = np.einsum("poi,oi->po", from_corner, normals(openings)) if len(openings) else 0.0
+    s, t = (np.einsum("poi,oi->po", from_corner, e) / (e * e).sum(axis=1) for e in (u, v))
+    margin = 1e-6
+    there = (abs(across) < NEAR) & (s > -margin) & (s < 1 + margin) & (t > -margin)
+    return bool((there & (t < 1 + margin)).any(axis=1).all())

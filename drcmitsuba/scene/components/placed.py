@@ -1,0 +1,69 @@
+"""What every kind of component gives: surfaces, ports, and its hole in the ceiling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.geometry import Port, Surface
+
+RAY_OFFSET = 1500 * 2.0**-24
+"""Mitsuba starts rays off a surface by this times 1 + the largest coordinate [m]."""
+RECESS = 0.005
+"""Panes stand at least this far behind the mouth of a component [m]."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A component where it stands, in the room's frame [m].
+
+    Parameters
+    ----------
+    name : str
+    surfaces : tuple of Surface
+    ports : tuple of Port
+    hole : np.ndarray, shape (4,), or None
+        What it takes of the ceiling: lowest and highest x, lowest and highest y.
+    is_open : bool
+        Whether straight light may come in by the hole.
+    """
+
+    name: str
+    surfaces: tuple[Surface, ...]
+    ports: tuple[Port, ...]
+    hole: np.ndarray | None = None
+    is_open: bool = False
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates of all surfaces."""
+        points = np.concatenate([s.quads.reshape(-1, 3) for s in self.surfaces])
+        return points.min(axis=0), points.max(axis=0)
+
+
+def ray_offset(points: np.ndarray) -> float:
+    """Largest distance by which rays start off surfaces (…, 3), however the room is turned [m].
+
+    Layers that are closer to each other are skipped.
+    """
+    p = np.reshape(points, (-1, 3))
+    far = max(float(np.hypot(p[:, 0], p[:, 1]).max()), float(abs(p[:, 2]).max()))
+    return RAY_OFFSET * (1 + far)
+
+
+def recess(points: np.ndarray) -> float:
+    """Distance of a pane from the mouth it stands in [m]."""
+    return max(RECESS, 4 * ray_offset(points))
+
+
+def check_hole(source: str, placed: Placed, size: tuple[float, float, float]) -> None:
+    """Refuse a hole that is not within the ceiling."""
+    if placed.hole is None:
+        return
+    x0, x1, y0, y1 = placed.hole
+    if min(x0, y0) < 1e-3 or x1 > size[0] - 1e-3 or y1 > size[1] - 1e-3:
+        got = f"its hole, {x0:.4g} to {x1:.4g} and {y0:.4g} to {y1:.4g} m, leaves the ceiling"
+        remedy = f"keep it within 0 to {size[0]:g} and 0 to {size[1]:g} m"
+        raise InputError(source, f"components.{placed.name}", got, remedy)

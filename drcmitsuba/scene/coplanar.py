@@ -1,0 +1,172 @@
+"""Surfaces that share a plane: which one a ray meets is a matter of rounding, so none may be left.
+
+What lies behind the room's walls, floor and ceiling is set back; what would be seen in two ways is
+refused. Faces that look opposite ways may share a plane: a cupboard stands against the wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.case.case import Case, Furniture
+from drcmitsuba.case.materials import Reflectance
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.geometry import furniture, normals
+
+SAME_PLANE = 1e-5
+"""Planes closer than this are one [m]."""
+SET_BACK = 0.005
+"""Outside faces in the plane of a wall move this far into their body [m]."""
+OVERLAP = 1e-6
+"""Rectangles that overlap by less only touch [m]."""
+
+_PLANES = ("west wall", "east wall", "south wall", "north wall", "floor", "ceiling")
+
+
+@dataclass(frozen=True)
+class Plane:
+    """One of the six planes of a room.
+
+    Parameters
+    ----------
+    axis : int
+        Along which it lies at `at` [m].
+    at : float
+    inward : int
+        Sign of the normal of the room's own surface.
+    name : str
+    """
+
+    axis: int
+    at: float
+    inward: int
+    name: str
+
+    @property
+    def beside(self) -> list[int]:
+        """The two other axes."""
+        return [i for i in range(3) if i != self.axis]
+
+    def holds(self, faces: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """Which polygons (face, corner, 3) lie in it and overlap the side of a room of some size.
+
+        Those that their bounds take there; a triangle whose corner only is near is taken too.
+        """
+        near = (abs(faces[:, :, self.axis] - self.at) < SAME_PLANE).all(axis=1)
+        flat = faces[:, :, self.beside]
+        low, high = flat.min(axis=1), flat.max(axis=1)
+        return near & ((low < size[self.beside] - OVERLAP) & (high > OVERLAP)).all(axis=1)
+
+
+def planes(case: Case) -> list[Plane]:
+    """The planes of a case's room; none without one."""
+    if case.room is None:
+        return []
+    ends = [(axis, end) for axis in range(3) for end in (0, 1)]
+    return [
+        Plane(axis, end * case.room.size[axis], 1 - 2 * end, name)
+        for (axis, end), name in zip(ends, _PLANES, strict=True)
+    ]
+
+
+def settled(case: Case) -> list[tuple[Furniture, np.ndarray]]:
+    """Furniture of a recentred case with its faces (face, 4, 3), none of them in another's plane.
+
+    A face of a body outside that lies in the plane of a wall, such as that of a balcony, moves
+    into the body: nobody sees it but through the panes. So does a ground that reaches below the
+    room, down from the floor's plane.
+
+    Raises
+    ------
+    InputError
+        Two pieces of different reflectance, or a plate and the floor or ceiling, share a plane.
+    """
+    pieces = [(piece, np.array(faces)) for piece, faces in furniture(case)]
+    for i, (piece, faces) in enumerate(pieces):
+        for plane in planes(case):
+            _settle(case, plane, i, piece, faces)
+    _check_pieces(case, pieces)
+    return pieces
+
+
+def _settle(case: Case, plane: Plane, i: int, piece: Furniture, faces: np.ndarray) -> None:
+    """Set back the faces of a piece that lie in a plane of the room and look into it."""
+    assert case.room is not None
+    size = np.array(case.room.size)
+    is_plate = piece.size[2] == 0
+    alike = normals(faces)[:, plane.axis] * plane.inward > 0.5
+    mine = plane.holds(faces, size) & (alike | is_plate)
+    if is_plate:
+        flat = faces[:, :, plane.beside]
+        margin = size[plane.beside] * [[0], [1]] + [[-OVERLAP], [OVERLAP]]
+        within = ((flat >= margin[0]) & (flat <= margin[1])).all(axis=(1, 2))
+        if (mine & within).any():
+            got = f"{piece.name!r} lies in the plane of the {plane.name}"
+            raise InputError(case.source, f"furniture.{i}", got, "move it 1 mm into the room")
+    depth = SET_BACK if is_plate else min(SET_BACK, piece.size[plane.axis] / 2)
+    faces[mine, :, plane.axis] -= plane.inward * depth
+
+
+def _check_pieces(case: Case, pieces: list[tuple[Furniture, np.ndarray]]) -> None:
+    """Refuse faces of different reflectance that look the same way from the same place."""
+    colours: dict[Reflectance, int] = {}
+    for piece, _ in pieces:
+        colours.setdefault(piece.reflectance, len(colours))
+    if len(colours) < 2:
+        return
+    faces = np.concatenate([f for _, f in pieces])
+    owner = np.repeat(np.arange(len(pieces)), [len(f) for _, f in pieces])
+    colour = np.array([colours[piece.reflectance] for piece, _ in pieces])[owner]
+    n = normals(faces)
+    plates = np.array([piece.size[2] == 0 for piece, _ in pieces])[owner]
+    faces, n = np.concatenate([faces, faces[plates]]), np.concatenate([n, -n[plates]])
+    owner, colour = np.append(owner, owner[plates]), np.append(colour, colour[plates])
+    axis = abs(n).argmax(axis=1)
+    sign = np.take_along_axis(n, axis[:, None], 1)[:, 0] > 0
+    at = np.take_along_axis(faces[:, 0], axis[:, None], 1)[:, 0]
+    low, high = faces.min(axis=1), faces.max(axis=1)
+    order = np.lexsort((at, sign, axis))
+    changes = np.diff(axis[order]) | np.diff(sign[order].astype(int)) != 0
+    starts = np.flatnonzero(changes | (np.diff(at[order]) > SAME_PLANE)) + 1
+    for group in np.split(order, starts):
+        if (colour[group] == colour[group[0]]).all():
+            continue
+        beside = [i for i in range(3) if i != axis[group[0]]]
+        low_here, high_here = low[group][:, beside], high[group][:, beside]
+        for k, face in enumerate(group):
+            other = colour[group] != colour[face]
+            meets = (low_here < high_here[k] - OVERLAP) & (high_here > low_here[k] + OVERLAP)
+            clash = other & meets.all(axis=1)
+            if clash.any():
+                one, two = sorted((int(owner[face]), int(owner[group[np.argmax(clash)]])))
+                first, second = pieces[one][0].name, pieces[two][0].name
+                place = f"{'xyz'[axis[face]]} = {at[face]:.4g} m"
+                got = f"{second!r} and {first!r} share the plane {place}, with two reflectances"
+                raise InputError(case.source, f"furniture.{two}", got, "move it 1 mm")
+
+
+def refuse_in_walls(
+    case: Case, name: str, triangles: np.ndarray, two_sided: bool
+) -> None:  # fmt: skip
+    """Refuse a mesh with triangles (triangle, 3, 3) in the plane of a pane, a wall or the floor.
+
+    Parameters
+    ----------
+    case : Case
+    name : str
+        Of the component.
+    triangles : np.ndarray
+    two_sided : bool
+        Whether both sides of them are seen; else only those that look into the room matter.
+    """
+    for plane in planes(case):
+        assert case.room is not None
+        mine = np.flatnonzero(plane.holds(triangles, np.array(case.room.size)))
+        u, v = triangles[mine, 1] - triangles[mine, 0], triangles[mine, 2] - triangles[mine, 0]
+        facing = np.cross(u, v)[:, plane.axis] * plane.inward
+        if (facing != 0).any() if two_sided else (facing > 0).any():
+            got = f"faces of it lie in the plane of the {plane.name}"
+            remedy = f"move it {SET_BACK * 1000:g} mm off, with `position`"
+            raise InputError(case.source, f"components.{name}", got, remedy)

@@ -1,0 +1,220 @@
+"""Materials of the case as Mitsuba BSDFs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from drcmitsuba_plugins import energy, peak
+from drcmitsuba_plugins.bsdf_file import BsdfFile
+
+from drcmitsuba import bsdf as bsdf_files
+from drcmitsuba.case.materials import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    MirrorMaterial,
+    Reflectance,
+)
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
+
+
+@dataclass(frozen=True)
+class Lambertian:
+    """Opaque diffuse surface, the same on both sides."""
+
+    reflectance: Reflectance
+
+
+SurfaceMaterial = (
+    Lambertian
+    | GlazingMaterial
+    | DiffuserMaterial
+    | BsdfMaterial
+    | MirrorMaterial
+    | DielectricMaterial
+)
+
+
+@dataclass(frozen=True)
+class Film:
+    """What a BSDF file means for a scene.
+
+    Parameters
+    ----------
+    file : BsdfFile
+    largest_albedo : float
+        Largest T + R of an incidence in the file; above 1 it is scaled down to 1.
+    share_through : float
+        Part of the transmitted light that goes straight through.
+    stands_out : bool
+        Whether that is a peak and not the flank of a lobe.
+    """
+
+    file: BsdfFile
+    largest_albedo: float
+    share_through: float
+    stands_out: bool
+
+    @property
+    def coloured(self) -> bool:
+        """Whether the file holds chromaticity."""
+        return bool(self.file.colour)
+
+
+def film(path: Path) -> Film:
+    """Read the BSDF file of a material.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or sends out more than 1.05 of the light that it gets.
+    """
+    return _film(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _film(path: Path, changed: int) -> Film:
+    file = bsdf_files.read(path)
+    try:
+        if file.colour:
+            for channel in range(3):
+                energy.scaled_to_conserve(file.of_channel(channel))
+        file, largest = energy.scaled_to_conserve(file)
+    except ValueError as error:
+        raise InputError(path, "energy", str(error), f"see `drcmitsuba bsdf {path.name}`") from None
+    splits = [peak.split(c) for n, c in file.components.items() if n.startswith("t")]
+    share = max((s.share for s in splits), default=0.0)
+    return Film(file, largest, share, any(s.stands_out for s in splits))
+
+
+def lets_through(material: SurfaceMaterial) -> bool:
+    """Whether straight light passes a pane of this material undeviated."""
+    if isinstance(material, BsdfMaterial):
+        found = film(material.file)
+        by_mode = {"auto": found.stands_out, "on": found.share_through > 0, "off": False}
+        return by_mode[material.straight_through]
+    return isinstance(material, GlazingMaterial)
+
+
+def is_diffuse(material: SurfaceMaterial) -> bool:
+    """Whether light is deposited on a surface: opaque, and some of its reflection is diffuse."""
+    if isinstance(material, MirrorMaterial):
+        return material.specular < 1
+    return isinstance(material, Lambertian)
+
+
+def channel_of(reflectance: Reflectance, channel: int) -> float:
+    """Reflectance in one colour channel, or of luminance (−1); a grey one is the same in all."""
+    if channel < 0 and isinstance(reflectance, tuple):
+        weighted = zip(LUMINANCE_WEIGHTS.values(), reflectance, strict=True)
+        return float(sum(weight * value for weight, value in weighted))
+    return float(reflectance[channel] if isinstance(reflectance, tuple) else reflectance)
+
+
+def most(reflectance: Reflectance) -> float:
+    """Largest reflectance of any colour channel."""
+    return float(max(reflectance) if isinstance(reflectance, tuple) else reflectance)
+
+
+def sends(material: SurfaceMaterial) -> float:
+    """Largest share of the light that a surface sends on, reflected or transmitted."""
+    if isinstance(material, Lambertian | MirrorMaterial):
+        return most(material.reflectance)
+    if isinstance(material, GlazingMaterial | DiffuserMaterial):
+        return min(1.0, material.transmittance + material.reflectance)
+    if isinstance(material, BsdfMaterial):
+        return min(1.0, film(material.file).largest_albedo)
+    assert isinstance(material, DielectricMaterial)
+    return 1.0
+
+
+def _uniform(value: float) -> dict[str, Any]:
+    return {"type": "uniform", "value": value}
+
+
+def _mirror(material: MirrorMaterial) -> dict[str, Any]:
+    """One side of a mirror: its mirrored part, its diffuse part, or both."""
+    matt = {"type": "diffuse", "reflectance": _uniform(material.reflectance)}
+    if material.specular == 0:
+        return matt
+    clear: dict[str, Any] = {
+        "type": "conductor",
+        "material": "none",
+        "specular_reflectance": _uniform(material.reflectance),
+    }
+    if material.coating is not None:
+        clear = {
+            "type": "coated_mirror",
+            "reflectance": material.reflectance,
+            "ior": material.coating,
+        }
+    elif material.roughness:
+        clear |= {"type": "roughconductor", "alpha": material.roughness, "distribution": "ggx"}
+    if material.specular == 1:
+        return clear
+    return {"type": "blendbsdf", "weight": material.specular, "first": matt, "second": clear}
+
+
+def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
+    """Mitsuba dictionary of a material.
+
+    Parameters
+    ----------
+    material : SurfaceMaterial
+    channel : int
+        Colour channel that is simulated: 0 for grey and red, 1 for green, 2 for blue; −1 for
+        luminance.
+
+    Returns
+    -------
+    dict
+        For `mi.load_dict`. Panes reflect towards the room only: what a façade reflects to the
+        outside can return to a sensor only by way of other buildings. (Measured panes keep
+        what their file holds.)
+    """
+    if isinstance(material, BsdfMaterial):
+        measured = film(material.file)
+        return {
+            "type": "klems" if measured.file.kind == "Klems" else "tensor_tree",
+            "filename": str(material.file),
+            # Decided on the luminance, so that all channels agree with what the scene takes it for.
+            "straight_through": "on" if lets_through(material) else "off",
+            "flip": material.flip,
+            "turn": material.turn,
+            "channel": channel if measured.coloured else -1,
+        }
+    if isinstance(material, Lambertian):
+        inner = {
+            "type": "diffuse",
+            "reflectance": _uniform(channel_of(material.reflectance, channel)),
+        }
+        return {"type": "twosided", "bsdf": inner}
+    if isinstance(material, MirrorMaterial):
+        return {"type": "twosided", "bsdf": _mirror(material)}
+    if isinstance(material, DielectricMaterial):
+        rough = {"alpha": material.roughness, "distribution": "ggx"}
+        return {
+            "type": "roughdielectric" if material.roughness else "dielectric",
+            "int_ior": material.ior,
+            "ext_ior": 1.0,
+            **(rough if material.roughness else {}),
+        }
+    if isinstance(material, GlazingMaterial):
+        return {
+            "type": "glazing",
+            "transmittance": material.transmittance,
+            "exponent": material.exponent,
+            "reflectance_front": material.reflectance,
+            "reflectance_back": 0.0,
+        }
+    return {
+        "type": "diffuser",
+        "transmittance": material.transmittance,
+        "reflectance_front": material.reflectance,
+        "reflectance_back": 0.0,
+    }

@@ -1,0 +1,62 @@
+"""Points of a case at which illuminance is computed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.components import inside
+from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
+
+
+def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """Positions [m] and normals of the sensors in the world frame, shape (sensor, 3) each.
+
+    Positions count from the case's `geometry.origin`, as all that is traced.
+
+    Raises
+    ------
+    InputError
+        A sensor lies outside the room, inside furniture, or within 1 mm of a surface.
+    """
+    case, start = recentred(case), origin(case)
+    grid = case.sensors
+    x = grid.corner[0] + (np.arange(grid.count[0]) + 0.5) * grid.spacing
+    y = grid.corner[1] + (np.arange(grid.count[1]) + 0.5) * grid.spacing
+    points = np.stack([np.tile(x, len(y)), np.repeat(y, len(x))], axis=-1)
+    points = np.column_stack([points, np.full(len(points), grid.corner[2])])
+    _check_sensors(case, points, start)
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    return points @ rotation(case).T, normals
+
+
+def _check_sensors(case: Case, points: np.ndarray, start: np.ndarray) -> None:
+    """Refuse sensors that see nothing because they stand in or on something.
+
+    `start` is what the user's coordinates have in addition.
+    """
+    margin = 1e-3 - 1e-9  # 1 mm itself is fine, whatever a sum of decimals rounds to
+
+    def refuse(bad: Any, where: str) -> None:
+        if bad.any():
+            i = int(np.argmax(bad))
+            place = ", ".join(f"{round(v, 4):.10g}" for v in points[i] + start)
+            more = f" ({int(bad.sum())} in all)" if bad.sum() > 1 else ""
+            raise InputError(
+                case.source, "sensors", f"sensor {i} at ({place}) lies {where}{more}",
+                "move it at least 1 mm off every surface",
+            )  # fmt: skip
+
+    if case.room is not None:
+        size = np.array(case.room.size)
+        outside = (points <= margin) | (points >= size - margin)
+        refuse(outside.any(axis=1), "in, on or beyond a wall of the room")
+    for piece in case.furniture:
+        for corner, size in boxes(piece):
+            near = (points > corner - margin) & (points < corner + size + margin)
+            refuse(near.all(axis=1), f"in or on {piece.name!r}")
+    for name, within in inside(case, points):
+        refuse(within, f"in component {name!r}")

@@ -1,0 +1,178 @@
+"""The recipe file: one period of a micro-structure, checked before anything is traced.
+
+A recipe is a TOML file whose tables are the classes below. Lengths are millimetres, angles
+degrees. z points into the room, y up, x along the façade; light from the sun comes from −z.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from drcmitsuba.case.materials import check_energy
+from drcmitsuba.case.toml import Name, Table, checked, read_toml
+from drcmitsuba.runtime.errors import InputError
+
+MAX_BYTES = 1 << 20
+
+Length = Annotated[float, Field(ge=1e-4, le=10_000)]
+Coordinate = Annotated[float, Field(ge=-10_000, le=10_000)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Index = Annotated[float, Field(gt=1, le=4)]
+Turn = Annotated[float, Field(ge=-170, le=170)]
+Corner = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Turn]
+Polygon = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=512)]
+
+
+class Prism(Table):
+    """Clear dielectric whose cross-section is extruded along x and repeated along y.
+
+    Edges that two neighbours share, such as the cuts at both ends of a period of a film, are no
+    surfaces and vanish. Limits: one material; polygons are solid, none is a hole in another.
+    """
+
+    kind: Literal["prism"]
+    n: Index
+    """Refractive index; air outside."""
+    period: Length
+    polygons: Annotated[tuple[Polygon, ...], Field(min_length=1, max_length=64)]
+    """Corners [z, y], or [z, y, turn]: the edge to the next corner is then an arc along which the
+    surface turns by so many degrees, outward where positive."""
+
+
+class Slots(Table):
+    """Clear panel with air slots cut from the side of the room (laser-cut panel)."""
+
+    kind: Literal["slots"]
+    n: Index
+    period: Length
+    thickness: Length
+    slot: Length
+    """Width of the slots."""
+    depth: Length
+    """Depth of the slots; as much as the thickness for pieces that are cut apart."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Slots:
+        if self.slot >= self.period:
+            got = f"{self.slot:g} is not below the period, {self.period:g}"
+            raise InputError("slots", "slot", got, "give a narrower slot")
+        if self.depth > self.thickness:
+            got = f"{self.depth:g} is above the thickness, {self.thickness:g}"
+            raise InputError("slots", "depth", got, "cut at most through the panel")
+        return self
+
+
+class Lamellae(Table):
+    """Thin opaque slats along x, the same on both sides, flat or bent to an arc."""
+
+    kind: Literal["lamellae"]
+    period: Length
+    width: Length
+    """Length of the slat's chord in cross-section."""
+    tilt: Annotated[float, Field(gt=-90, lt=90)] = 0.0
+    """Of the chord; positive lifts the edge at the room."""
+    turn: Turn = 0.0
+    """Degrees by which a bent slat turns from edge to edge; positive bulges upward."""
+    reflectance: Share
+    specular: Share = 0.0
+    """Part of the reflected light that is mirrored; the rest is diffuse."""
+
+
+class Dielectric(Table):
+    """Clear material of a closed mesh whose normals point outward."""
+
+    type: Literal["dielectric"]
+    n: Index
+
+
+class Opaque(Table):
+    """Opaque material, the same on both sides."""
+
+    type: Literal["opaque"]
+    reflectance: Share
+    specular: Share = 0.0
+
+
+class Mesh(Table):
+    """One period of any shape from a file (PLY or OBJ), repeated along x and y."""
+
+    kind: Literal["mesh"]
+    file: Path
+    period: tuple[Length, Length]
+    scale: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    """Millimetres of one unit of the file."""
+    material: Annotated[Dielectric | Opaque, Field(discriminator="type")]
+
+    @model_validator(mode="after")
+    def _compact(self) -> Mesh:
+        if max(self.period) > 1000 * min(self.period):
+            got = f"{self.period[0]:g} and {self.period[1]:g}"
+            raise InputError("mesh", "period", got, "give periods within a factor of 1000")
+        return self
+
+
+class Glass(Table):
+    """Clear pane outside the structure: τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], mirrored share by Schlick."""
+
+    transmittance: Share
+    exponent: Annotated[float, Field(gt=0, le=100)] = 4.5
+    reflectance: Share = 0.0
+    """At normal incidence, on both sides."""
+    distance: Length = 1.0
+    """Air between pane and structure."""
+
+    @model_validator(mode="after")
+    def _energy(self) -> Glass:
+        check_energy(self.transmittance, self.reflectance, self.exponent)
+        return self
+
+
+Structure = Annotated[Prism | Slots | Lamellae | Mesh, Field(discriminator="kind")]
+
+
+class Recipe(Table):
+    """What the goniophotometer measures: a micro-structure, with or without glass before it."""
+
+    name: Name = "component"
+    manufacturer: Name = ""
+    structure: Structure
+    glass: Glass | None = None
+
+    _source: str = PrivateAttr("recipe")
+    _folder: Path = PrivateAttr(Path())
+
+    @property
+    def source(self) -> str:
+        """The file that the recipe came from, for messages."""
+        return self._source
+
+    def path(self, file: Path) -> Path:
+        """Resolve a file that the recipe names: relative ones lie beside the recipe."""
+        return file if file.is_absolute() else self._folder / file
+
+
+def load_recipe(path: str | Path) -> Recipe:
+    """Read and check a recipe.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file.
+
+    Returns
+    -------
+    Recipe
+
+    Raises
+    ------
+    InputError
+        The file is missing, is no TOML, has an unknown key or a value out of range.
+    """
+    file = Path(path)
+    data = read_toml(file, MAX_BYTES)
+    recipe = checked(Recipe, data, file)
+    recipe._source, recipe._folder = str(file), file.parent
+    return recipe

@@ -1,0 +1,203 @@
+"""Which suns can get into a room at all, by geometry that errs on the side of yes.
+
+A sun gets in where it stands before an opening and nothing hides the whole opening from it, or
+where it shines on something outside that may pass its light on to an opening. Both are told from
+half-spaces: a surface and another one exchange light only where each has a corner before the other.
+Shadows between surfaces outside are not looked at: they could only take suns away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.case.case import Case, Furniture
+from drcmitsuba.scene.components import Placed
+from drcmitsuba.scene.components.place import panes_of
+from drcmitsuba.scene.geometry import box, boxes, normals, rotation
+from drcmitsuba.scene.materials import most, sends
+
+MOST_FACES = 400
+"""Surfaces outside whose exchange is looked at; of more, every sun is taken to get in."""
+MOST_BLOCKERS = 64
+"""Largest surfaces outside that may hide an opening."""
+BEFORE = 1e-6
+"""Least distance before a plane [m]."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Which of some suns get in.
+
+    Parameters
+    ----------
+    mask : np.ndarray of bool, shape (sun,)
+    behind, hidden : int
+        Suns before no opening, and those that would be but for what stands outside.
+    largest : float
+        Largest n·s of an opening's outward normal and a sun; −1 without openings.
+    """
+
+    mask: np.ndarray
+    behind: int
+    hidden: int
+    largest: float
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Geometry that decides whether a sun gets into a room, in the world frame.
+
+    Parameters
+    ----------
+    openings : np.ndarray, shape (opening, 4, 3)
+        Panes, holes and ports, fronts outward [m].
+    relays : np.ndarray, shape (relay, 3)
+        Outward normals of surfaces outside that may pass light on to an opening.
+    blockers : np.ndarray, shape (blocker, 4, 3)
+        Opaque parallelograms outside [m].
+    everything : bool
+        Too much stands outside to tell: every sun is taken to get in.
+    """
+
+    openings: np.ndarray
+    relays: np.ndarray
+    blockers: np.ndarray
+    everything: bool = False
+
+    @classmethod
+    def of(cls, case: Case, components: tuple[Placed, ...]) -> Reach | None:
+        """Reach of a case; None without a room: its sensors are in the open."""
+        if case.room is None:
+            return None
+        turn = rotation(case)
+        panes = [pane[::-1] for panes in panes_of(case).values() for pane in panes]
+        standing, size = outside(case), np.array(case.room.size)
+        ports = [port.quad[::-1] for placed in components for port in placed.ports]
+        ports = [q for q in ports if ((q < BEFORE) | (q > size - BEFORE)).any()]
+        openings = np.reshape([*panes, *ports], (-1, 4, 3)) @ turn.T
+        blockers = np.reshape([q for piece in standing for q in _faces(piece)], (-1, 4, 3)) @ turn.T
+        largest = np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]
+        blockers = blockers[largest]
+        pieces = [q for piece in standing if most(piece.reflectance) > 0 for q in _faces(piece)]
+        parts = [s for placed in components for s in placed.surfaces if sends(s.material) > 0]
+        pieces += [q for s in parts for q in s.quads if ((q < -BEFORE) | (q > size + BEFORE)).any()]
+        if not pieces:
+            return cls(openings, np.zeros((0, 3)), blockers)
+        faces = np.reshape([*pieces, *box(np.zeros(3), size)], (-1, 4, 3)) @ turn.T
+        faces = faces[_areas(faces) > 0]
+        if len(faces) > MOST_FACES:
+            return cls(openings, np.zeros((0, 3)), blockers, True)
+        return cls(openings, _relays(faces, openings), blockers)
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals of the openings, outward, shape (opening, 3)."""
+        return normals(self.openings)
+
+    def reached(self, suns: np.ndarray, diameter: float) -> Reached:
+        """Tell which suns get in.
+
+        Parameters
+        ----------
+        suns : np.ndarray, shape (sun, 3)
+            Unit vectors.
+        diameter : float
+            Angle across a sun [deg].
+        """
+        radius = np.radians(diameter) / 2
+        least = -np.sin(radius)
+        cosines = self.normals @ suns.T
+        before = cosines > least
+        passed_on = (self.relays @ suns.T > least).any(axis=0) | self.everything
+        ahead = before.any(axis=0) | passed_on
+        mask = passed_on if len(self.blockers) else ahead
+        for opening, lit in zip(self.openings, before, strict=True):
+            at = np.flatnonzero(lit & ~mask)
+            for blocker in self.blockers:
+                if len(at):
+                    at = at[~_hidden(opening, blocker, suns[at], radius)]
+            mask[at] = True
+        largest = float(cosines.max()) if cosines.size else -1.0
+        return Reached(mask, int((~ahead).sum()), int((ahead & ~mask).sum()), largest)
+
+
+def reaches_in(case: Case, faces: np.ndarray) -> np.ndarray:
+    """Which polygons (face, corner, 3) have a part in the room, as far as their bounds tell."""
+    if case.room is None:
+        return np.zeros(len(faces), bool)
+    low, high = faces.min(axis=1), faces.max(axis=1)
+    size = np.array(case.room.size)
+    return ((high > BEFORE) & (low < size - BEFORE)).all(axis=1)
+
+
+def outside(case: Case) -> list[Furniture]:
+    """Furniture of which a part stands outside of the room; all of it without a room."""
+    if case.room is None:
+        return list(case.furniture)
+    size = np.array(case.room.size)
+    return [
+        piece
+        for piece in case.furniture
+        if any(((c < -BEFORE) | (c + s > size + BEFORE)).any() for c, s in boxes(piece))
+    ]
+
+
+def _faces(piece: Furniture) -> list[np.ndarray]:
+    return [face for corner, size in boxes(piece) for face in box(corner, size)]
+
+
+def _areas(quads: np.ndarray) -> np.ndarray:
+    """Areas of parallelograms (quad, 4, 3), or of triangles with their last corner twice."""
+    n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    return np.linalg.norm(n, axis=1) / 2
+
+
+def _relays(faces: np.ndarray, openings: np.ndarray) -> np.ndarray:
+    """Normals of the sides of faces (face, 4, 3) that may pass light on to openings, in steps."""
+    sides, n = np.concatenate([faces, faces]), normals(faces)
+    of_sides, of_openings = np.concatenate([n, -n]), normals(openings)
+
+    def exchange(a: np.ndarray, na: np.ndarray, b: np.ndarray, nb: np.ndarray) -> np.ndarray:
+        """Whether each of a and each of b have a corner before the other, shape (a, b)."""
+        own_a, own_b = (np.einsum("ai,ai->a", n, q[:, 0]) for n, q in ((na, a), (nb, b)))
+        before_a = np.einsum("ai,bci->abc", na, b) - own_a[:, None, None]
+        before_b = np.einsum("bi,aci->abc", nb, a) - own_b[None, :, None]
+        return np.asarray((before_a > BEFORE).any(axis=2) & (before_b > BEFORE).any(axis=2))
+
+    passes = np.asarray(exchange(sides, of_sides, openings, of_openings).any(axis=1))
+    between = exchange(sides, of_sides, sides, of_sides)
+    while True:
+        more = passes | (between & passes).any(axis=1)
+        if np.array_equal(more, passes):
+            return of_sides[passes]
+        passes = more
+
+
+def _hidden(
+    opening: np.ndarray, blocker: np.ndarray, suns: np.ndarray, radius: float
+) -> np.ndarray:
+    """Whether a parallelogram hides the whole of an opening from the whole of each sun.
+
+    Rays from the corners to a sun pierce the blocker's plane within it, by more than the sun's
+    radius moves them there: then so do those from everywhere else in the opening.
+    """
+    n = normals(blocker[None])[0]
+    u, v = blocker[1] - blocker[0], blocker[3] - blocker[0]
+    across = suns @ n
+    steep = np.abs(across) > 4 * np.sin(radius) + 1e-6
+    safe = np.where(steep, across, 1.0)
+    covered = steep.copy()
+    to_plane = (blocker[0] - opening) @ n
+    outermost = np.maximum(np.cos(np.arccos(np.minimum(np.abs(safe), 1)) + radius), 1e-6)
+    for corner, height in zip(opening, to_plane, strict=True):
+        t = height / safe
+        at = corner + t[:, None] * suns - blocker[0]
+        covered &= t > BEFORE
+        margin = np.abs(height) * np.sin(radius) / (np.abs(safe) * outermost) + 1e-3
+        for edge in (u, v):
+            length = np.linalg.norm(edge)
+            along = at @ edge / length
+            covered &= (along > margin) & (along < length - margin)
+    return covered

@@ -1,0 +1,184 @@
+"""Room, façade, components and furniture of a case as plain geometry: NumPy quadrilaterals.
+
+Panes face the room: their normals point inward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.scene.components import Placed, place
+from drcmitsuba.scene.coplanar import settled
+from drcmitsuba.scene.enabled_effects import FULL, Scope
+from drcmitsuba.scene.geometry import (
+    SIDES,
+    Port,
+    Surface,
+    ceiling,
+    quad,
+    recentred,
+    rotation,
+    side_of,
+    wall,
+)
+from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, lets_through
+from drcmitsuba.scene.sun_visibility import reaches_in
+
+State = Literal["open", "shaded"]
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """A room that straight light can only enter through known openings.
+
+    Parameters
+    ----------
+    size : np.ndarray, shape (3,)
+        Extent of the room in its own frame [m].
+    turn : np.ndarray, shape (3, 3)
+        Matrix from the room's frame to the world's.
+    openings : np.ndarray, shape (opening, 4, 3)
+        Rectangles in the walls, fronts inward, world frame [m]: what lies outside them is closed.
+        None at all where every opening is covered by panes that scatter.
+    narrowest : float
+        Least width or height of a pane or hole that lets straight light in [m].
+    spares : bool
+        Whether shadow rays that pass no opening are spared.
+    """
+
+    size: np.ndarray
+    turn: np.ndarray
+    openings: np.ndarray
+    narrowest: float = np.inf
+    spares: bool = True
+
+    def contains(self, points: mi.Float) -> bool:
+        """Whether every point (three numbers each, world frame) lies in the room."""
+        p = points.numpy().reshape(-1, 3) @ self.turn
+        return bool(((p > -1e-5) & (p < self.size + 1e-5)).all())
+
+
+def surfaces_of(case: Case, state: State = "open", scope: Scope = FULL) -> list[Surface]:
+    """List the surfaces of a case in the world frame, about the case's `geometry.origin`.
+
+    Parameters
+    ----------
+    case : Case
+    state : {'open', 'shaded'}
+        Shaded: the shade's material stands in place of every clear pane and open hole; components
+        stay uncovered.
+    scope : Scope
+        Black sheets stand for the panes that are out of it; obstructions are left out.
+
+    Returns
+    -------
+    list of Surface
+    """
+    return geometry_of(case, state, scope)[0]
+
+
+def geometry_of(
+    case: Case, state: State, scope: Scope
+) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
+    """Surfaces, enclosure and ports of a case, about its `geometry.origin`."""
+    case = recentred(case)
+    components, turn = place(case), rotation(case)
+    ports: tuple[Port, ...] = ()
+    if scope.components:
+        ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
+    found = _surfaces(case, state, components, scope)
+    return found, _enclosure(case, state, components, scope), ports
+
+
+def _surfaces(
+    case: Case, state: State, components: tuple[Placed, ...], scope: Scope
+) -> list[Surface]:
+    """Surfaces of a case whose components are placed."""
+    parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
+    turn, room = rotation(case), case.room
+    if room is not None:
+        x, y, _ = np.diag(room.size)
+        parts.append(("floor", Lambertian(room.floor), [quad(np.zeros(3), x, y)]))
+        holes = [c.hole for c in components if c.hole is not None]
+        parts.append(("ceiling", Lambertian(room.ceiling), ceiling(room, holes)))
+        for side in SIDES:
+            facade = case.facade.get(side, Facade())
+            opaque, frame, panes = wall(room, side, facade)
+            parts.append((f"wall {side}", Lambertian(room.walls), opaque))
+            parts.append((f"frame {side}", Lambertian(facade.frame_reflectance), frame))
+            for name, quads in panes.items():
+                material = _pane_material(case, name, state, scope)
+                if material is not None:
+                    parts.append((f"{name} {side}", material, quads))
+    made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
+    for piece, all_faces in settled(case):
+        faces = all_faces if scope.obstructions else all_faces[reaches_in(case, all_faces)]
+        if len(faces) == 0:
+            continue
+        is_body, m = piece.size[2] > 0, Lambertian(piece.reflectance)
+        made.append(Surface(piece.name, m, faces, closed=is_body))
+    made += [surface for component in components for surface in component.surfaces]
+    return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
+
+
+def _pane_material(case: Case, name: str, state: State, scope: Scope) -> SurfaceMaterial | None:
+    """Material of a façade strip in a state; None for an open hole, or one for a component."""
+    material = case.materials.get(name)
+    clear = case.is_clear(name)
+    if state == "shaded" and case.shading is not None and clear:
+        clear, material = False, case.materials[case.shading.material]
+    if isinstance(material, BsdfMaterial) and scope.straight_through is not None:
+        mode = "on" if scope.straight_through else "off"
+        material = material.model_copy(update={"straight_through": mode})
+    out = (
+        (clear and not scope.clear_panes)
+        or (isinstance(material, DiffuserMaterial) and not scope.scattering_panes)
+        or (isinstance(material, BsdfMaterial) and not scope.films)
+    )
+    return Lambertian(0.0) if out else material
+
+
+def _enclosure(
+    case: Case, state: State, components: tuple[Placed, ...], scope: Scope
+) -> Enclosure | None:
+    """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
+    if case.room is None:
+        return None
+    openings, narrowest = [], np.inf
+    for side, facade in case.facade.items():
+        clear = [
+            strip for strip in facade.strips if _is_opening(case, strip.material, state, scope)
+        ]
+        if clear:
+            foot, along = side_of(case.room, side)
+            inside = [i for i in range(facade.segments) if any(s.covers(i) for s in clear)]
+            left, right = inside[0] / facade.segments, (inside[-1] + 1) / facade.segments
+            bottom, top = min(s.bottom for s in clear), max(s.top for s in clear)
+            start = foot + left * along + [0, 0, bottom]
+            openings.append(quad(start, [0, 0, top - bottom], (right - left) * along))
+            segment = float(np.linalg.norm(along)) / facade.segments
+            sizes = (min(segment, s.top - s.bottom) - facade.frame for s in clear)
+            narrowest = min(narrowest, *sizes)
+    for component in components:
+        if component.hole is not None and component.is_open:
+            x0, x1, y0, y1 = component.hole
+            corner = [x0, y0, case.room.size[2]]
+            openings.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
+    turn = rotation(case)
+    quads = np.reshape(openings, (-1, 4, 3)) @ turn.T
+    return Enclosure(np.array(case.room.size), turn, quads, narrowest, scope.enclosed)
+
+
+def _is_opening(case: Case, name: str, state: State, scope: Scope) -> bool:
+    """Whether straight light may come in by a strip of a façade; structures have gaps."""
+    if name == "wall":
+        return False
+    material = _pane_material(case, name, state, scope)
+    return material is None or lets_through(material)

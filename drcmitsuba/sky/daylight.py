@@ -1,0 +1,271 @@
+"""Light of a case: from weather, period and sky model to the luminances L[time, bin]."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba import schema, sky
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.sky import (
+    Adaptive,
+    CieTable,
+    Daysim,
+    FivePhase,
+    PerezSky,
+    PeriodTable,
+    SunshineTable,
+    ThreePhase,
+)
+from drcmitsuba.runtime import files
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky import sun_models, weather
+from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
+from drcmitsuba.sky.sun_models import Blend, Suns
+
+BLOCK = 1024
+"""Time stamps of L that are held at once where it is written."""
+SUN_VARIABLES = ("sun", "sun_direction", "blend_bin", "blend_weight")
+"""What tells of the sun beside L on disk; the blend is not there where the sun is adaptive."""
+
+
+@dataclass(frozen=True)
+class Daylight:
+    """Sky and suns of the case's time stamps.
+
+    Parameters
+    ----------
+    sky : xr.Dataset
+        From `sky.radiance`, with the coordinate `clock`; `sun_direction` (time, axis), and, unless
+        the sun is adaptive, `blend_bin` and `blend_weight` (time, blend): a `suns.Blend`.
+    sun : xr.Dataset
+        From `sky.sun_position`.
+    suns : Suns
+        That coefficients are needed for; those of the time stamps themselves where it is adaptive.
+    step_hours : float
+        Length of the intervals [h].
+    source : str
+        Where the weather is from.
+    notes : tuple of str
+        What the reader of the weather changed.
+    """
+
+    sky: xr.Dataset
+    sun: xr.Dataset
+    sun_models: Suns
+    step_hours: float
+    source: str
+    notes: tuple[str, ...] = ()
+
+
+@contextmanager
+def _of(case: Case, table: str) -> Iterator[None]:
+    """Name the case file and its table in what is wrong with them."""
+    try:
+        yield
+    except InputError as error:
+        field = f"{table}.{error.field}"
+        raise InputError(case.source, field, error.got, error.remedy) from None
+
+
+def period(table: PeriodTable) -> Period:
+    """Period of a case; keys beside `calendar` override it."""
+    days = {"EvalDRC": EVALDRC, "LM-83": LM83}[table.calendar].days_per_week
+    return Period(
+        months=table.months,
+        hours=table.hours,
+        days_per_week=table.days_per_week or days,
+        daylight_saving=table.daylight_saving,
+    )
+
+
+def sky_model(case: Case) -> sky.SkyModel:
+    """Sky model of a case."""
+    table = case.sky
+    if isinstance(table, PerezSky):
+        values = sky.PatchMeans() if table.patch_values == "mean" else sky.PatchCentres()
+        return sky.Perez(patch_values=values)
+    if isinstance(table, CieTable):
+        return sky.CieSky(table.type, table.diffuse_horizontal_illuminance)
+    assert isinstance(table, SunshineTable)
+    return sky.Sunshine(table.probability, seed=table.seed)
+
+
+def _weather(case: Case) -> weather.Weather:
+    """Weather of a case: its file, a year without weather at its site, or the default."""
+    if case.weather.file is not None:
+        return weather.read(case.path(case.weather.file))
+    if case.site is None or isinstance(case.sky, PerezSky):
+        default = weather.default()
+        at = f"latitude {default.site.latitude:g}, longitude {default.site.longitude:g}"
+        note = f"no weather file: the typical year of {default.site.name} ({at}) is used"
+        if case.site is not None:
+            note += ", not [site]: a Perez sky takes place and weather from the weather file"
+        return replace(default, notes=(note, *default.notes))
+    site = weather.Site(**case.site.model_dump())
+    hours = np.arange("2015-01-01", "2016-01-01", dtype="datetime64[h]").astype("datetime64[ns]")
+    empty = xr.Dataset(coords={"time": hours}, attrs={"sun_time": "middle"})
+    return weather.Weather(f"{site.name}, no weather file", site, 1.0, empty, ())
+
+
+def daylight(case: Case) -> Daylight:
+    """Weather, sun positions and luminances of the case's time stamps: L[time, bin].
+
+    Raises
+    ------
+    InputError
+        The weather file, the period or the time stamps are unfit, or no time stamp is left.
+    """
+    w = _weather(case)
+    starts = w.data["time"].values
+    sun_time = w.data.attrs.get("sun_time", "middle")
+    if case.period.timestamps is None:
+        with _of(case, "period"):
+            times, clock = period(case.period).select(starts, w.step)
+        rows = np.searchsorted(starts, times)
+    else:
+        file = case.path(case.period.timestamps)
+        times = clock = read_timestamps(file)
+        sun_time = "instant"
+        rows = np.searchsorted(starts, times, side="right") - 1
+        step = np.timedelta64(round(w.step * 3600), "s")
+        outside = (rows < 0) | (times >= starts[rows] + step)
+        if outside.any():
+            raise InputError(
+                file, "time", f"{times[outside][0]} is not in the weather",
+                "give time stamps within the weather file",
+            )  # fmt: skip
+        if len(np.unique(times.astype("datetime64[m]"))) < len(times):
+            raise InputError(
+                file, "time", "two time stamps in one minute", "give one a minute at most"
+            )
+    with _of(case, "sky"):
+        model = sky_model(case)
+    data = w.data.isel(time=rows).assign_coords(time=times)
+    sun = sky.sun_position(times, w.step, w.site, sun_time)
+    light = sky.radiance(
+        data, sun, model=model,
+        ground_reflectance=case.outside.ground_reflectance,
+        sun_diameter=case.outside.sun_diameter,
+        patches=Patches(case.sky.subdivision),
+    ).assign_coords(clock=("time", clock))  # fmt: skip
+    if case.effects.dark_hours == "auto":  # a sun without radiance lights nothing
+        shining = np.where(light["sun"].values > 0, light["sun_bin"].values, "")
+        light = light.assign_coords(sun_bin=("time", shining))
+    light.attrs |= {
+        "latitude": w.site.latitude,
+        "longitude": w.site.longitude,
+        "timezone": w.site.timezone,
+        "sun_time": sun_time,
+        "sun_model": case.sun.model,
+    }
+    light["sun_direction"] = (("time", "axis"), sun["direction"].values)
+    sources, blend = _sun_sources(case, light, sun)
+    if blend is not None:
+        light["blend_bin"] = (("time", "blend"), blend.bins)
+        light["blend_weight"] = (("time", "blend"), blend.weights)
+    return Daylight(light, sun, sources, w.step, w.source, w.notes)
+
+
+def _sun_sources(case: Case, light: xr.Dataset, sun: xr.Dataset) -> tuple[Suns, Blend | None]:
+    """Suns that a case's sun model calls for, and their blend at each time stamp."""
+    directions, labels = light["sun_direction"].values, light["sun_bin"].values
+    up, diameter = labels != "", case.outside.sun_diameter
+    own = Suns.of(sun, diameter).only(labels)
+    if isinstance(case.sun, ThreePhase):
+        patches = Patches(case.sky.subdivision)
+        return Suns.none(), sun_models.spread_over_patches(directions, up, patches, diameter)
+    if isinstance(case.sun, FivePhase):
+        return sun_models.moved_to_patch(directions, up, diameter)
+    if isinstance(case.sun, Daysim):
+        return sun_models.between_daysim_suns(directions, up, light.attrs["latitude"], diameter)
+    if isinstance(case.sun, Adaptive):
+        return own, None
+    return own, Blend.own(labels)
+
+
+def sources(light: xr.Dataset) -> np.ndarray:
+    """Labels of all bins that stand for the suns of some time stamps, their own among them."""
+    return np.unique([*blended(light).bins.ravel(), *light["sun_bin"].values.astype(object)])
+
+
+def blended(light: xr.Dataset) -> Blend:
+    """Blend of each time stamp's sun; none where it is adaptive: that depends on C."""
+    if "blend_bin" in light:
+        return Blend(light["blend_bin"].values, light["blend_weight"].values)
+    return Blend(*np.zeros((2, light.sizes["time"], 0), object))
+
+
+def luminances(light: Daylight) -> xr.Dataset:
+    """L[time, bin] with suns as bins, so that E = C·L.
+
+    Where the sun is adaptive, it has no bin: there is only its luminance `sun` and `sun_direction`.
+    """
+    return _luminances(light, slice(None))
+
+
+def _luminances(light: Daylight, part: slice) -> xr.Dataset:
+    """Some time stamps of `luminances`."""
+    found = light.sky.isel(time=part)
+    sun_models = light.suns.labels if "blend_bin" in found else ()
+    labels = np.array([*map(str, found["bin"].values), *sun_models], dtype=object)
+    L = np.zeros((found.sizes["time"], len(labels)), np.float32)
+    L[:, : found.sizes["bin"]] = found["sky"].values
+    at = {label: i for i, label in enumerate(labels)}
+    blend = blended(found)
+    for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
+        rows = np.flatnonzero(weights)
+        L[rows, [at[b] for b in bins[rows]]] += (weights * found["sun"].values)[rows]
+    data = xr.Dataset(
+        {"L": (("time", "bin"), L)}, coords={"time": found["time"].values, "bin": labels}
+    )
+    data = data.assign({name: found[name] for name in SUN_VARIABLES if name in found})
+    data.attrs = {**light.sky.attrs, "step_hours": light.step_hours, "weather": light.source}
+    data = data.assign_coords(
+        clock=("time", found["clock"].values),
+        sun_bin=("time", found["sun_bin"].values.astype(object)),
+    )
+    return schema.describe(data)
+
+
+def save_luminances(light: Daylight, path: Path, channels: xr.DataArray | None = None) -> None:
+    """Write `luminances` as a zarr folder, some time stamps after another; never half of it.
+
+    Parameters
+    ----------
+    light : Daylight
+    path : Path
+    channels : DataArray, optional
+        Names of the colour channels; L is the same in all.
+    """
+    blocks = range(0, light.sky.sizes["time"], BLOCK)
+    parts = (_luminances(light, slice(start, start + BLOCK)) for start in blocks)
+    if channels is not None:
+        parts = (part.assign(L=part["L"].expand_dims(channel=channels)) for part in parts)
+    files.save_zarr(parts, path)
+
+
+def from_luminances(data: xr.Dataset) -> xr.Dataset:
+    """Invert `luminances`: sky (time, bin), sun (time), sun_bin (time) and the blend."""
+    labels = data["bin"].values.astype(str)
+    is_sky = ~np.char.startswith(labels, "sun_")
+    L = data["L"].isel(bin=is_sky).values
+    out = (
+        data[[name for name in SUN_VARIABLES if name in data]]
+        .drop_vars("bin", errors="ignore")
+        .load()
+    )
+    blend = blended(out)
+    at = {label: i for i, label in enumerate(labels[is_sky])}
+    for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
+        rows = np.flatnonzero((weights != 0) & np.isin(bins.astype(str), labels[is_sky]))
+        # The sun that is spread over patches is taken out of them again.
+        L[rows, [at[b] for b in bins[rows]]] -= (weights * out["sun"].values)[rows]
+    out["sky"] = (("time", "bin"), np.maximum(L, 0))
+    return out.assign_coords(bin=labels[is_sky])

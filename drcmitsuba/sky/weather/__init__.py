@@ -1,0 +1,17 @@
+"""Weather files: EPW, TMY3 and TMY2 through pvlib, Radiance's WEA.
+
+text
+    Text of strangers: bounded, decoded, rows counted.
+record
+    `Weather`: a site and its irradiances.
+values, formats
+    Rows of numbers to irradiances, for each format.
+reader
+    `read` for any of these files, `default` for the year that pvlib ships.
+"""
+
+from drcmitsuba.sky.weather.reader import default, read
+from drcmitsuba.sky.weather.record import NOMINAL_YEAR, Site, Weather
+from drcmitsuba.sky.weather.text import read_text
+
+__all__ = ["NOMINAL_YEAR", "Site", "Weather", "default", "read", "read_text"]

@@ -1,0 +1,362 @@
+"""Daylight coefficients C = D(sensors) + G·D(cells), with the standard error of every entry.
+
+Replicates are independent in everything: gather paths, points on the cells, rays to the sky,
+directions on the suns. Their mean is the estimate, their scatter its standard error. Random
+numbers follow from what they are for, a sensor, a cell, a sun: not from what shares its launch.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from functools import reduce
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.cells import Drawn
+from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.gather_blocks import Gathered, Met
+from drcmitsuba.transport.panes import PanePatches
+from drcmitsuba.transport.photons import Landed, Ledger, Photons
+from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
+
+BLOCK = 1024
+"""Sensors that are gathered at once, at most."""
+LANES = 1 << 21
+"""Paths that are traced at once, unless those of one sensor are more."""
+
+EDGE_SAMPLES = 8
+"""Directions on a sun's disk that the edge of a shadow crosses, in each replicate."""
+
+ALIKE = 0.1
+"""Share by which directions around a disk may differ, as their cosines do, without an edge."""
+
+SUMMED = 1 << 9
+"""Cells whose light is summed in single precision."""
+
+PHOTONS_SHARE = 0.8
+"""Of the time that is taken by photons, where there are any."""
+
+_PARTS = ("straight", "direct", "interreflected")
+
+
+def _flat(a: np.ndarray) -> mi.Float:
+    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
+
+
+@dataclass
+class _Replicate:
+    """One independent estimate: its deposit, and D of the cells."""
+
+    number: int
+    deposit: Deposit
+    landed: Landed | None = None
+    cells: Irradiance | None = None
+
+    def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
+        """Find D of the cells, at the points that stand for them; `keys` are theirs in the grid."""
+        p, n, key = drawn.p, drawn.n, (self.number, 1, 0)
+        rays = self.deposit.accuracy.cell_sky_rays
+        straight = self.deposit.straight(p, n, key, rays, numbers=keys)
+        found = straight.plus(self.deposit.scattered(p, n, key, keys))
+        if self.landed is not None:
+            found = found.plus(Irradiance(*self.landed.on(keys)))
+        self.cells = found
+
+    def sensors(
+        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """D of sensors: straight and mirrored, and with what panes and components scatter."""
+        key, sky_rays = (self.number, 1, 1), self.deposit.accuracy.sensor_sky_rays
+        numbers = _numbers(here)
+        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers)
+        direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
+        if self.landed is None:
+            return straight.numpy(), direct.numpy()
+        mirrored, sensors = self.landed.mirrored[here], self.landed.sensors[here]
+        return straight.numpy() + mirrored, direct.numpy() + sensors
+
+    def interreflected(self, met: Met, sensors: int) -> np.ndarray:
+        """G·D, shape (sensor, bin); G is made of this replicate's own paths."""
+        bins = sum(self.deposit.bins)
+        if self.cells is None or len(met) == 0:
+            return np.zeros((sensors, bins), np.float32)
+        first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each one
+        row = met.row - first
+        mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
+        parts = (_product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
+        return Irradiance(*parts).numpy()
+
+
+def _numbers(here: slice) -> mi.UInt32:
+    """Numbers of some sensors among all."""
+    return dr.arange(mi.UInt32, here.stop - here.start) + dr.opaque(mi.UInt32, here.start)
+
+
+def _product(
+    row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, sensors: int, d: mi.TensorXf
+) -> mi.TensorXf:
+    """G·D, shape (sensor, bin), of vertices (row, cell, weight).
+
+    Cells without light and bins that reach no cell are left out of the matrices. G is summed in
+    double precision, and the product `SUMMED` cells at a time: single precision drifts.
+    """
+    if 0 in d.shape:
+        return dr.zeros(mi.TensorXf, (sensors, d.shape[1]))
+    cells, bins = d.shape
+    stride = dr.opaque(mi.UInt32, bins)  # literals would have kernels compiled anew
+    lit, shining = (dr.compress(dr.max(d, axis=axis).array > 0) for axis in (1, 0))
+    n_lit, n_shining = dr.width(lit), dr.width(shining)
+    out = dr.zeros(mi.Float, sensors * bins)
+    if n_lit and n_shining:
+        columns = dr.opaque(mi.UInt32, n_shining)
+        number = dr.full(mi.UInt32, n_lit, cells)
+        dr.scatter(number, dr.arange(mi.UInt32, n_lit), lit)
+        at = dr.gather(mi.UInt32, number, cell, mine)
+        entry = dr.arange(mi.UInt32, sensors * n_shining)
+        to_bin = dr.gather(mi.UInt32, shining, entry % columns)
+        total = dr.zeros(mi.Float64, sensors * n_shining)
+        for start in range(0, n_lit, SUMMED):
+            size = min(SUMMED, n_lit - start)
+            first, rows = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
+            here = mine & (at >= first) & (at < first + rows)
+            g = dr.zeros(mi.Float64, sensors * size)
+            dr.scatter_add(g, mi.Float64(weight), row * rows + at - first, here)
+            part = dr.arange(mi.UInt32, size * n_shining)
+            from_cell = dr.gather(mi.UInt32, lit, first + part // columns)
+            from_bin = dr.gather(mi.UInt32, shining, part % columns)
+            compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
+            product = mi.TensorXf(mi.Float(g), (sensors, size)) @ mi.TensorXf(
+                compact, (size, n_shining)
+            )
+            total += mi.Float64(product.array)
+        dr.scatter(out, mi.Float(total), entry // columns * stride + to_bin)
+    return mi.TensorXf(out, (sensors, bins))
+
+
+def straight_suns(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Coefficients of light that comes straight from suns, and nothing else.
+
+    Parameters
+    ----------
+    scene, points, normals, suns, accuracy
+        As for `compute`.
+
+    Returns
+    -------
+    mean, error : np.ndarray, shape (sensor, sun)
+        [sr]; the errors of all entries are independent.
+
+    Notes
+    -----
+    Most sensors see all of a sun or nothing. Where `RIM` directions around the disk's edge agree,
+    that is taken for the answer; where they do not, a shadow's edge crosses the disk and what it
+    leaves is estimated with `EDGE_SAMPLES` directions in each replicate; so is a disk that may be
+    seen through a slit. A straight edge that takes or leaves less than 1.5 % of the disk, or a bar
+    across it of less than a tenth of its width, may go unnoticed.
+    """
+    shape = (len(points), len(suns.labels))
+    mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    reached = scene.scope.reaching(suns)
+    if reached.any():
+        followed = suns.where(reached)
+        for start in range(0, len(points), BLOCK):
+            here = slice(start, min(start + BLOCK, len(points)))
+            mean[here, reached], error[here, reached] = _straight_suns(
+                scene, points[here], normals[here], followed, accuracy, here
+            )
+    return mean, error
+
+
+def _straight_suns(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
+    here: slice,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """`straight_suns` of some sensors."""
+    p, n = _flat(points), _flat(normals)
+    kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
+    kind["numbers"] = _numbers(here)
+    shape = (len(points), len(suns.labels))
+    seed = launch_seed(accuracy, 0, 2)
+    total, most = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.Float, int(np.prod(shape)))
+    least = dr.full(mi.Float, dr.inf, int(np.prod(shape)))
+    for i in range(RIM):
+        d = sun_deposit(scene, p, n, **kind, samples=1, seed=seed, rim=i).array
+        total += d
+        least, most = dr.minimum(least, d), dr.maximum(most, d)
+        dr.eval(total, least, most)
+    slits = hidden_in_disks(scene, points, suns.directions, suns.diameter)
+    edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
+    mean, error = total.numpy() / RIM, np.zeros(total.shape, np.float32)
+    if dr.width(edges):
+        again = [
+            pair_deposit(
+                scene, p, n, edges, **kind, samples=EDGE_SAMPLES,
+                seed=launch_seed(accuracy, r, 3),
+            ).numpy()
+            for r in range(accuracy.replicates)
+        ]  # fmt: skip
+        mean[edges.numpy()], error[edges.numpy()] = mean_and_error(np.stack(again))
+    return mean.reshape(shape), error.reshape(shape)
+
+
+def compute(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
+    subdivision: int | None = 1, progress: Progress = lambda share: None,
+) -> xr.Dataset:  # fmt: skip
+    r"""Coefficients of sensors for the ground, the sky patches and the suns.
+
+    .. math:: C_{s,b} = \partial E_s / \partial L_b = D_{s,b} + \sum_c G_{s,c} D_{c,b}
+
+    Parameters
+    ----------
+    scene : Scene
+    points, normals : np.ndarray, shape (sensor, 3)
+        Positions [m] and unit normals of the sensors.
+    suns : Suns
+    accuracy : Accuracy
+        Samples, cell size, replicates, seed.
+    subdivision : int or None
+        Reinhart's factor MF of the sky; None leaves out ground and sky.
+    progress : callable
+        Told the share that is done.
+
+    Returns
+    -------
+    xr.Dataset
+        `straight`, `direct`, `interreflected` and their `…_se`, dims (sensor, bin), and
+        `replicates` of direct + interreflected, dims (replicate, sensor, bin); all in sr.
+
+    Notes
+    -----
+    The coefficients of what is out of the scene's scope, or proved not to get in, are 0.
+
+    Limits: diffuse surfaces are Lambertian; light that a pane mirrors on its way from the source
+    to the first diffuse surface is counted only where photons are followed.
+    """
+    labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
+    if not (scene.scope.sky or scene.scope.ground):
+        subdivision = None
+    suns = suns.where(scene.scope.reaching(suns))
+    if subdivision is None and not suns.labels:
+        return _dark(labels, points, accuracy.replicates)
+    size = 2 * accuracy.cell_size
+    panes = [panes.quads for panes in scene.scattering]
+    patches = PanePatches.of(panes, size) if panes else None
+    films = Films.of(scene, size, suns.directions, suns.diameter)
+    base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
+    followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
+    sun_samples = accuracy.sensor_sun_samples if suns.straight else 0
+    photons = Photons.of(
+        scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
+    )
+    found = estimate(
+        base, followed, points, normals, photons=photons, sun_samples=sun_samples,
+        progress=progress,
+    )  # fmt: skip
+    if len(followed) < len(labels):
+        found = found.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
+    return found
+
+
+def _dark(labels: list[str], points: np.ndarray, replicates: int) -> xr.Dataset:
+    """Coefficients of bins of which nothing gets in."""
+    dark = np.zeros((len(points), len(labels)), np.float32)
+    parts = {name + suffix: dark for name in _PARTS for suffix in ("", "_se")}
+    return _dataset(labels, points, parts, np.zeros((replicates, *dark.shape), np.float32))
+
+
+def _dataset(
+    labels: list[str], points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
+) -> xr.Dataset:
+    coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
+    coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
+    data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in parts.items()}
+    data["replicates"] = (("replicate", "sensor", "bin"), replicates)
+    return describe(xr.Dataset(data, coords))
+
+
+def estimate(
+    base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
+    sun_samples: int, photons: Photons | None = None, progress: Progress = lambda share: None,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients of sensors for all bins of a deposit.
+
+    Parameters
+    ----------
+    base : Deposit
+        Not lit yet.
+    labels : list of str
+        Of its bins.
+    points, normals : np.ndarray, shape (sensor, 3)
+    sun_samples : int
+        Directions from a sensor to every sun; 0 leaves out the light that comes straight.
+    photons : Photons, optional
+        For light that components deviate.
+    progress : callable
+
+    Returns
+    -------
+    xr.Dataset
+        As of `compute`.
+    """
+    scene, accuracy = base.scene, base.accuracy
+    replicates = [_Replicate(r, base.lit((r, 0))) for r in range(accuracy.replicates)]
+    if photons is not None:
+        progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
+        for replicate in replicates:
+            done = part(traced, *(np.array([0, 1]) + replicate.number) / len(replicates))
+            replicate.landed = photons.traced(launch_seed(accuracy, replicate.number, 6), done)
+    shape = (len(points), len(labels))
+    out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
+    totals = np.empty((len(replicates), *shape), np.float32)
+    gathered = Gathered.of(scene, points, normals, accuracy, block=BLOCK, lanes=LANES)
+    if gathered.cells.count:
+        keys = gathered.cells.keys
+        for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
+            replicate.meet(drawn, keys)
+    for block, here in enumerate(gathered.blocks):
+        p, n = _flat(points[here]), _flat(normals[here])
+        met, found = gathered.met(here), []
+        for replicate in replicates:
+            straight, direct = replicate.sensors(p, n, here, sun_samples)
+            interreflected = replicate.interreflected(met, here.stop - here.start)
+            found.append((straight, direct, interreflected))
+            totals[replicate.number, here] = direct + interreflected
+            progress((block + (replicate.number + 1) / len(replicates)) / len(gathered.blocks))
+        for name, values in zip(_PARTS, zip(*found, strict=True), strict=True):
+            out[name][here], out[f"{name}_se"][here] = mean_and_error(np.stack(values))
+    whole = _dataset(labels, points, out, totals)
+    return whole if photons is None else whole.assign_attrs(_told(replicates))
+
+
+def _told(replicates: list[_Replicate]) -> dict[str, Any]:
+    """What became of the photons' flux, and what squares smear, for the attributes of C.
+
+    `photons` is JSON, see `Ledger`, `photons_smear` relative to what the sensors get.
+    """
+    landed = [r.landed for r in replicates if r.landed is not None]
+    ledgers = {
+        name: asdict(reduce(Ledger.plus, (one.ledgers[name] for one in landed)))
+        for name in landed[0].ledgers
+    }
+    smear = np.stack([one.smear for one in landed])
+    # Less what the scatter of the replicates makes of it.
+    square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean()
+    suns = landed[0].sun.shape[1]
+    whole = np.mean([one.sensors[:, -suns:].sum(axis=1) for one in landed]) if suns else 0.0
+    smeared = float(np.sqrt(max(square, 0)) / whole) if whole else 0.0
+    return {"photons": json.dumps(ledgers), "photons_smear": smeared}

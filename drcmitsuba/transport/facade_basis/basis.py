@@ -1,0 +1,152 @@
+"""A façade basis, and the coefficients of any composition from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy.sparse import csr_matrix
+
+from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
+
+
+class Returned(NamedTuple):
+    """Vertices of paths that met the façade from inside, one entry each.
+
+    Parameters
+    ----------
+    row : np.ndarray of int
+        group · sensors + sensor.
+    block : np.ndarray of int
+        Block of cells that the vertex lies in.
+    mark : np.ndarray of int
+        The elements that the path met, see `facade.Meetings`.
+    weight : np.ndarray of float
+    """
+
+    row: np.ndarray
+    block: np.ndarray
+    mark: np.ndarray
+    weight: np.ndarray
+
+    def weighed(self, share: np.ndarray) -> np.ndarray:
+        """Weights for a composition: each times the shares of the elements that it met."""
+        factor = np.concatenate([[1.0], share.ravel()]).astype(np.float32)
+        weight = self.weight
+        for i in range(HITS):
+            weight = weight * factor[(self.mark >> (BITS * i)) & MOST_ELEMENTS]
+        return weight
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Coefficients of every element of a façade.
+
+    Parameters
+    ----------
+    tiles : Tiles
+    palette : Palette
+    points : np.ndarray, shape (sensor, 3)
+        [m].
+    labels : tuple of str
+        Bins: ground, sky patches, and the suns before the façade.
+    suns : tuple of str
+        All suns; those behind the façade have coefficients of 0.
+    elements : np.ndarray of int, shape (element,)
+        tile · materials + material of every element that lets light in.
+    straight_elements : np.ndarray of int
+        Those that straight light passes.
+    total : np.ndarray, shape (element, group, bin, sensor)
+        C of a tile filled with the material all over, without what the façade sends back [sr].
+    direct : np.ndarray or None
+        The part of it that met no diffuse surface; not kept where there is one group only.
+    straight : np.ndarray, shape (straight element, group, bin, sensor)
+        The part that comes straight [sr].
+    grouped : np.ndarray, shape (element, group, bin, block)
+        Mean D of blocks of cells [sr].
+    returned : Returned
+    """
+
+    tiles: Tiles
+    palette: Palette
+    points: np.ndarray
+    labels: tuple[str, ...]
+    suns: tuple[str, ...]
+    elements: np.ndarray
+    straight_elements: np.ndarray
+    total: np.ndarray
+    direct: np.ndarray | None
+    straight: np.ndarray
+    grouped: np.ndarray
+    returned: Returned
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        arrays = (self.total, self.direct, self.straight, self.grouped, *self.returned)
+        return sum(a.nbytes for a in arrays if a is not None)
+
+    def sent_back(self, share: np.ndarray) -> np.ndarray:
+        """C of light that the façade sent back at least once, (group, bin, sensor) [sr]."""
+        groups, sensors = self.total.shape[1], self.total.shape[3]
+        blocks = self.grouped.shape[3]
+        weight = self.returned.weighed(share)
+        G = csr_matrix(
+            (weight, (self.returned.row, self.returned.block)), (groups * sensors, blocks)
+        ).toarray().reshape(groups, sensors, blocks)  # fmt: skip
+        D = _mixed(share.ravel()[self.elements], self.grouped)
+        return np.stack([d @ g.T for d, g in zip(D, G, strict=True)])
+
+    def totals(self, share: np.ndarray) -> np.ndarray:
+        """C of a composition, shape (group, bin, sensor) [sr].
+
+        Parameters
+        ----------
+        share : np.ndarray, shape (tile, material)
+            Shares of the tiles' area; rows sum to 1.
+        """
+        return _mixed(share.ravel()[self.elements], self.total) + self.sent_back(share)
+
+    def coefficients(self, share: np.ndarray) -> xr.Dataset:
+        """Coefficients of one state of a composition, as from `coefficients.compute`.
+
+        Bins are all of the sky and all suns. A basis with one group has no standard errors.
+        """
+        total = self.totals(share)
+        assert self.direct is not None, "kept with two groups or more"
+        direct = _mixed(share.ravel()[self.elements], self.direct)
+        straight = _mixed(share.ravel()[self.straight_elements], self.straight)
+        parts = {"straight": straight, "direct": direct, "interreflected": total - direct}
+        known = {label: i for i, label in enumerate(self.labels)}
+        sky = [label for label in self.labels if not label.startswith("sun_")]
+        labels = [*sky, *self.suns]
+        column = np.array([known.get(label, -1) for label in labels])
+
+        def whole(values: np.ndarray) -> np.ndarray:
+            """(…, bin, sensor) to (…, sensor, all bins)."""
+            out = np.moveaxis(values, -2, -1)[..., column]
+            out[..., column < 0] = 0
+            return out
+
+        data: dict[str, Any] = {"replicates": (("replicate", "sensor", "bin"), whole(total))}
+        for name, values in parts.items():
+            mean, error = mean_and_error(whole(values))
+            data[name] = (("sensor", "bin"), mean)
+            data[f"{name}_se"] = (("sensor", "bin"), error)
+        coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
+        coords |= {axis: ("sensor", self.points[:, i]) for i, axis in enumerate("xyz")}
+        return describe(xr.Dataset(data, coords))
+
+
+def _mixed(weights: np.ndarray, arrays: np.ndarray) -> np.ndarray:
+    """Σ weight · array over the first axis."""
+    used = np.flatnonzero(weights)
+    if len(used) == 0:
+        return np.zeros(arrays.shape[1:], np.float32)
+    out = weights[used[0]] * arrays[used[0]]
+    for i in used[1:]:
+        out += weights[i] * arrays[i]
+    return out

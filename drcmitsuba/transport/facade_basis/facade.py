@@ -1,0 +1,243 @@
+"""Façade of a basis: tiles, the materials that may fill them, and what paths remember of them.
+
+An *element* is one tile filled with one material. What comes in through the façade is a sum over
+elements; what the room sends back to it is weighed by the elements that it met, up to `HITS` of
+them in a row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial, Reflectance
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, bsdf, lets_through
+from drcmitsuba.scene.scene import quad_mesh
+
+FRAME = "(frame)"
+"""Name of the opaque frame around panes among the materials of tiles."""
+HITS = 3
+"""Times that a path may meet the façade; what would meet it oftener, some 10⁻⁵ of E, is lost."""
+BITS = 10
+MOST_ELEMENTS = (1 << BITS) - 1
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Rectangles of a façade, grouped to tiles that are always of one composition.
+
+    Parameters
+    ----------
+    rectangles : np.ndarray, shape (rectangle, 4)
+        Left, right, bottom and top on the façade, seen from outside where its foot begins [m].
+    tile : np.ndarray of int, shape (rectangle,)
+        Tile of each of them.
+    quads : np.ndarray, shape (rectangle, 4, 3)
+        The same in the world, fronts into the room [m].
+    """
+
+    rectangles: np.ndarray
+    tile: np.ndarray
+    quads: np.ndarray
+
+    def __len__(self) -> int:
+        """Count the tiles."""
+        return int(self.tile.max()) + 1
+
+    @cached_property
+    def area(self) -> np.ndarray:
+        """Area of every tile, shape (tile,) [m²]."""
+        left, right, bottom, top = self.rectangles.T
+        return np.bincount(self.tile, (right - left) * (top - bottom))
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """Left, right, bottom and top of every tile, shape (tile, 4) [m]."""
+        return np.array(
+            [
+                [
+                    of(column[self.tile == t])
+                    for of, column in zip(_OUTER, self.rectangles.T, strict=True)
+                ]
+                for t in range(len(self))
+            ]
+        )
+
+    def of(self, tile: int) -> np.ndarray:
+        """Rectangles of a tile, shape (rectangle, 4, 3) [m]."""
+        return self.quads[self.tile == tile]
+
+
+_OUTER = (np.min, np.max, np.min, np.max)
+
+
+@dataclass(frozen=True)
+class Palette:
+    """Materials that tiles may be filled with.
+
+    Parameters
+    ----------
+    materials : dict
+        By name; `open`, a hole, is None.
+    shade : str or None
+        The one that stands before clear tiles where the shade is closed.
+    allowed : np.ndarray of bool, shape (tile, material)
+        Which of them a tile may be filled with.
+    own_shade : bool
+        Whether that material may fill a tile also where the shade is open.
+    """
+
+    materials: Mapping[str, SurfaceMaterial | None]
+    shade: str | None
+    allowed: np.ndarray
+    own_shade: bool = False
+
+    @classmethod
+    def of(
+        cls, case: Case, names: tuple[str, ...], allowed: np.ndarray, frame: Reflectance = 0.0
+    ) -> Palette:
+        """Materials of a case by name; `wall` and `FRAME` are opaque, `open` is a hole.
+
+        The shade is added where the case has one and a tile may be clear.
+
+        Raises
+        ------
+        InputError
+            A name is unknown, or there are too many elements.
+        """
+        found: dict[str, SurfaceMaterial | None] = {}
+        for name in names:
+            found[name] = _material(case, name, frame)
+        shade = case.shading.material if case.shading is not None else None
+        clear = np.array([_is_clear(m) for m in found.values()])
+        own_shade = shade in found
+        if shade is not None and allowed[:, clear].any():
+            behind = allowed[:, clear].any(axis=1)
+            if shade not in found:
+                found[shade] = case.materials[shade]
+                allowed = np.column_stack([allowed, behind])
+            else:
+                allowed = allowed.copy()
+                allowed[:, list(found).index(shade)] |= behind
+        else:
+            shade = None
+        if allowed.size > MOST_ELEMENTS:
+            got = f"{allowed.shape[0]} tiles × {allowed.shape[1]} materials"
+            remedy = f"take fewer tiles: at most {MOST_ELEMENTS} products"
+            raise InputError(case.source, "facade", got, remedy)
+        return cls(found, shade, allowed, own_shade)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of a composition."""
+        return tuple(self.materials)
+
+    @cached_property
+    def clear(self) -> np.ndarray:
+        """Whether the shade covers a material, shape (material,)."""
+        return np.array([_is_clear(m) for m in self.materials.values()])
+
+    @cached_property
+    def straight(self) -> np.ndarray:
+        """Whether straight light passes a material, shape (material,)."""
+        return np.array([m is None or lets_through(m) for m in self.materials.values()])
+
+    @cached_property
+    def lets_in(self) -> np.ndarray:
+        """Whether light comes in by a material, shape (material,)."""
+        return np.array([not isinstance(m, Lambertian) for m in self.materials.values()])
+
+    @cached_property
+    def closing(self) -> np.ndarray:
+        """Matrix (material, material) that turns compositions into those with the shade closed."""
+        move = np.eye(len(self.names), dtype=np.float32)
+        if self.shade is not None:
+            move[self.clear] = 0
+            move[self.clear, self.names.index(self.shade)] = 1
+        return move
+
+
+def _material(case: Case, name: str, frame: Reflectance) -> SurfaceMaterial | None:
+    """Material of a tile by its name."""
+    if name == "open":
+        return None
+    if name == "wall":
+        assert case.room is not None
+        return Lambertian(case.room.walls)
+    if name == FRAME:
+        return Lambertian(frame)
+    if name not in case.materials:
+        known = ", ".join(["wall", "open", *case.materials])
+        raise InputError(case.source, "materials", f"no {name!r}", f"choose one of {known}")
+    return case.materials[name]
+
+
+def _is_clear(material: SurfaceMaterial | None) -> bool:
+    """Whether the shade covers a material: clear panes and holes."""
+    return material is None or isinstance(material, GlazingMaterial)
+
+
+def _mirrors(material: SurfaceMaterial | None) -> bool:
+    """Whether a material sends anything back into the room."""
+    if isinstance(material, Lambertian):
+        return np.max(material.reflectance) > 0
+    if isinstance(material, GlazingMaterial | DiffuserMaterial):
+        return material.reflectance > 0
+    return isinstance(material, BsdfMaterial)
+
+
+class Meetings:
+    """Marks of paths that meet tiles whose material is open: `gather.Marks`.
+
+    At a tile one of its materials is drawn, and its element is kept in the path's mark, `BITS` for
+    each of up to `HITS` meetings, so that the path can be weighed for any composition:
+    weight · Π share[element]. The weight has the inverse of the chance of the draw in it.
+    """
+
+    def __init__(self, tiles: Tiles, palette: Palette, channel: int = 0) -> None:
+        self.mesh = quad_mesh("façade", tiles.quads)
+        self.context = mi.BSDFContext()
+        reflected = mi.BSDFFlags.Reflection  # what leaves the room meets nothing
+        self.context.type_mask = +reflected
+        self._facade = mi.ShapePtr(self.mesh)
+        mirrors = np.array([_mirrors(m) for m in palette.materials.values()])
+        choices = palette.allowed & mirrors
+        self._count = mi.UInt32(choices.sum(axis=1).astype(np.uint32))
+        order = np.argsort(~choices, axis=1, kind="stable")  # those that can be chosen come first
+        self._choice = mi.UInt32(order.astype(np.uint32).ravel())
+        self._tile = mi.UInt32(tiles.tile.astype(np.uint32))
+        self._materials = len(mirrors)
+        black = Lambertian(0.0)
+        self._bsdfs = [
+            mi.load_dict(bsdf(m if m is not None and mirror else black, channel))
+            for m, mirror in zip(palette.materials.values(), mirrors, strict=True)
+        ]
+
+    def meet(
+        self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
+    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool]:
+        """Draw the material of a tile; see `gather.Marks.meet`."""
+        mine = si.shape == self._facade
+        tile = dr.gather(mi.UInt32, self._tile, si.prim_index // 2, mine)
+        count = dr.gather(mi.UInt32, self._count, tile, mine)
+        k = dr.minimum(mi.UInt32(number * mi.Float(count)), dr.maximum(count, 1) - 1)
+        material = dr.gather(mi.UInt32, self._choice, tile * self._materials + k, mine)
+        element = tile * self._materials + material + 1
+        chosen = si.bsdf()
+        for i, each in enumerate(self._bsdfs):
+            chosen = dr.select(mine & (material == i), mi.BSDFPtr(each), chosen)
+        once_more = mark < (1 << BITS * (HITS - 1))
+        factor = dr.select(mine, dr.select(once_more, mi.Float(count), 0), 1)
+        return chosen, dr.select(mine, (mark << BITS) | element, mark), factor, ~mine
+
+
+def elements(mark: mi.UInt32) -> list[mi.UInt32]:
+    """Elements that a path met, one more than their number; 0 where it met none or no more."""
+    return [(mark >> (BITS * i)) & MOST_ELEMENTS for i in range(HITS)]

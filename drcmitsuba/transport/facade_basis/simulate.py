@@ -1,0 +1,330 @@
+r"""From a room to its façade basis: the coefficients of every element, in one simulation.
+
+.. math:: C(a) = \sum_e a_e \, (S_e + G_0 D_e) + G_r(a) \sum_e a_e D_e
+
+with a the composition (the share that every element e, one tile filled with one material, has of
+its tile), S and D the deposit on sensors and cells that came in by the element, and G₀ the paths
+that never met the façade from inside. Those that did, G_r, know which elements they met, and their
+weight is a product of shares (`facade.Meetings`). They carry some per cent of the light, so they
+take D as the mean over blocks of cells of `BLOCK` edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.geometry import Surface, rotation
+from drcmitsuba.scene.materials import Lambertian
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import Enclosure, surfaces_of
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
+from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.facade_basis.basis import Basis, Returned
+from drcmitsuba.transport.facade_basis.facade import Meetings, Palette, Tiles
+from drcmitsuba.transport.facade_basis.tiling import Wall, wall_around
+from drcmitsuba.transport.facade_basis.views import Glow, Room, Spread, Straight, mean
+from drcmitsuba.transport.gather import gather
+
+BLOCK = 3
+"""Edge of the blocks of cells that light which the façade sends back is taken from."""
+MOST_BYTES = 8 << 30
+
+
+def compute(
+    wall: Wall, tiles: Tiles, palette: Palette, suns: Suns, accuracy: Accuracy, *,
+    groups: int | None = None, subdivision: int = 1, progress: Progress = lambda share: None,
+) -> Basis:  # fmt: skip
+    """Compute the basis of a façade.
+
+    Parameters
+    ----------
+    wall : Wall
+    tiles : Tiles
+    palette : Palette
+        What the tiles may be filled with.
+    suns : Suns
+    accuracy : Accuracy
+    groups : int, optional
+        Independent results that are kept apart, for standard errors; a divisor of the replicates,
+        all of which are used. Without it each replicate is kept.
+    subdivision : int
+        Reinhart's factor MF.
+    progress : callable
+
+    Returns
+    -------
+    Basis
+
+    Raises
+    ------
+    InputError
+        The case is coloured, has windows in other sides or surfaces outside its room, or is too
+        large.
+
+    Notes
+    -----
+    Light that a film gets from the room's side is not in D (there is none behind one façade).
+    """
+    case = wall.case
+    groups = accuracy.replicates if groups is None else groups
+    assert accuracy.replicates % groups == 0
+    points, normals = sensor_points(case)
+    room, walls = _room(wall, tiles, palette)
+    facing = suns.directions @ -_inward(tiles) > -np.sin(np.radians(suns.diameter) / 2)
+    reaching = suns.only(np.array(suns.labels, dtype=object)[facing])
+    bins = len(Patches(subdivision)) + len(reaching.labels)
+    elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
+    kinds = 3 if groups > 1 else 2  # total, direct, straight
+    paths_at_once = 12 * accuracy.replicates * accuracy.paths  # numbers kept of a sensor's paths
+    entries = len(points) * (kinds * len(elements) * groups * bins + 5 * paths_at_once)
+    _check_size(case, entries)
+    meetings = Meetings(tiles, palette)
+    world = replace(walls, full=room.scene(meetings.mesh))
+    grid = Grid.of(world, accuracy.cell_size)
+    vertices = gather(
+        world, points, normals, replicates=accuracy.replicates, paths=accuracy.paths, grid=grid,
+        seed=launch_seed(accuracy, 0, 4), marks=meetings,
+    )  # fmt: skip
+    cells = Cells.none(grid).extended(vertices)
+    paths = _Paths(vertices, cells, len(points), accuracy.replicates // groups)
+    base = Deposit(walls, reaching.directions, suns.diameter, subdivision, accuracy, None)
+    shape = (len(elements), groups, bins, len(points))
+    straight = np.flatnonzero(palette.straight[elements % len(palette.names)])
+    total = np.empty(shape, np.float32)
+    directly = np.empty(shape, np.float32) if groups > 1 else None
+    straightly = np.empty((len(straight), *shape[1:]), np.float32)
+    grouped = np.empty((*shape[:3], paths.blocks), np.float32)
+    where = {int(e): i for i, e in enumerate(elements)}
+    where_straight = {int(elements[i]): j for j, i in enumerate(straight)}
+    done = 0
+    for group in range(groups):
+        matrix = paths.matrix(group)
+        for element, seen, lit in _elements(room, base, paths, group, points, normals):
+            i = where[element]
+            inner = np.concatenate([(matrix @ part).numpy() for part in lit], axis=1)
+            direct = seen[0] if len(seen) == 1 else seen[0].plus(seen[1])
+            total[i, group] = (direct.numpy() + inner[: len(points)]).T
+            grouped[i, group] = inner[len(points) :].T
+            if directly is not None:
+                directly[i, group] = direct.numpy().T
+            if element in where_straight:
+                straightly[where_straight[element], group] = seen[0].numpy().T
+            done += 1
+            progress(done / (groups * len(elements)))
+    return Basis(
+        tiles=tiles,
+        palette=palette,
+        points=points,
+        labels=(*Patches(subdivision).labels, *reaching.labels),
+        suns=suns.labels,
+        elements=elements,
+        straight_elements=elements[straight],
+        total=total,
+        direct=directly,
+        straight=straightly,
+        grouped=grouped,
+        returned=paths.returned(),
+    )
+
+
+def _inward(tiles: Tiles) -> np.ndarray:
+    """Normal of the façade into the room."""
+    quad = tiles.quads[0]
+    n = np.cross(quad[1] - quad[0], quad[3] - quad[0])
+    return n / np.linalg.norm(n)
+
+
+def _check_size(case: Case, entries: int) -> None:
+    """Refuse a basis that would not fit in memory."""
+    if 4 * entries > MOST_BYTES:
+        got = f"{4 * entries / 2**30:.0f} GiB of coefficients by tile, and of light paths"
+        raise InputError(case.source, "sensors", got, "take fewer sensors, tiles or time stamps")
+
+
+def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene]:
+    """The room without its tiles, for views, and as a scene."""
+    case, room = wall.case, wall.case.room
+    assert room is not None
+    case.refuse_components("a façade basis")
+    others = [side for side in case.glazed if side != wall.side]
+    if others:
+        remedy = "a basis holds one façade: make the others wall, or evaluate each case"
+        raise InputError(case.source, "facade", f"windows in {others[0]} too", remedy)
+    if scene.is_coloured(case):
+        got = "a reflectance differs between channels"
+        raise InputError(case.source, "room", got, "make it grey, or evaluate each case")
+    bare = case.model_copy(update={"facade": {}})
+    name = f"wall {wall.side}"
+    parts = [s for s in surfaces_of(bare) if s.name != name]
+    around = wall_around(wall, tiles)
+    if len(around):
+        parts.append(Surface(name, Lambertian(room.walls), around))
+    corners = np.concatenate([s.quads.reshape(-1, 3) for s in parts] + [tiles.quads.reshape(-1, 3)])
+    turn, size = rotation(case), np.array(room.size)
+    inside = corners @ turn
+    if ((inside < -1e-3) | (inside > size + 1e-3)).any():
+        got = "stands outside of the room"
+        remedy = "leave it out, or evaluate each case"
+        raise InputError(case.source, "furniture", got, remedy)
+    enclosure = Enclosure(size, turn, np.zeros((0, 4, 3)))
+    walls = replace(scene.build(parts, 0, enclosure), corners=corners)
+    return Room(tuple(walls.full.shapes()), corners, enclosure, tiles, palette), walls
+
+
+class _Receivers(NamedTuple):
+    """Points and normals of receivers in each draw, three numbers each."""
+
+    points: list[mi.Float]
+    normals: list[mi.Float]
+
+
+class _Paths:
+    """Gather paths of all groups, sorted into those that met the façade and those that did not."""
+
+    def __init__(self, vertices: Vertices, cells: Cells, sensors: int, draws: int) -> None:
+        self.vertices, self.cells, self.sensors, self.draws = vertices, cells, sensors, draws
+        self.cell = cells.of(vertices)
+        block, self.blocks = _blocks(cells)
+        met = _marks(vertices) > 0
+        # How often paths that met the façade came to each cell tells how much of its block it is.
+        visits = dr.zeros(mi.Float64, cells.count)
+        dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, met)
+        of_block = dr.zeros(mi.Float64, self.blocks)
+        dr.scatter_add(of_block, visits, block)
+        whole = dr.gather(mi.Float64, of_block, block)
+        self.block = block
+        self.share = mi.Float(dr.select(whole > 0, visits / whole, 0))
+
+    def matrix(self, group: int) -> mi.TensorXf:
+        """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
+        v, count = self.vertices, dr.opaque(mi.UInt32, self.cells.count)
+        out = dr.zeros(mi.Float64, (self.sensors + self.blocks) * self.cells.count)
+        sensors = dr.opaque(mi.UInt32, self.sensors)
+        replicate, sensor = v.row // sensors, v.row % sensors
+        mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (_marks(v) == 0)
+        weight = mi.Float64(v.weight / self.draws)
+        dr.scatter_add(out, weight, sensor * count + self.cell, mine)
+        cell = dr.arange(mi.UInt32, self.cells.count)
+        dr.scatter(out, mi.Float64(self.share), (sensors + self.block) * count + cell)
+        dr.eval(out)
+        return mi.TensorXf(mi.Float(out), (self.sensors + self.blocks, self.cells.count))
+
+    def returned(self) -> Returned:
+        """Vertices of paths that met the façade."""
+        v = self.vertices
+        at = dr.compress(_marks(v) > 0)
+        row = dr.gather(mi.UInt32, v.row, at).numpy()
+        return Returned(
+            row // (self.draws * self.sensors) * self.sensors + row % self.sensors,
+            dr.gather(mi.UInt32, self.block, dr.gather(mi.UInt32, self.cell, at)).numpy(),
+            dr.gather(mi.UInt32, _marks(v), at).numpy(),
+            dr.gather(mi.Float, v.weight, at).numpy() / self.draws,
+        )
+
+
+def _marks(vertices: Vertices) -> mi.UInt32:
+    assert vertices.mark is not None
+    return vertices.mark
+
+
+def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
+    """Block of every cell, and their number."""
+    grid = cells.grid
+    key = dr.compress(cells.index < cells.count)
+    nx, ny, _ = grid.count
+    facing, cube = key % 6, key // 6
+    i, j, k = (x // BLOCK for x in (cube % nx, cube // nx % ny, cube // (nx * ny)))
+    coarse = (((k * ny) + j) * nx + i) * 6 + facing
+    kinds, number = np.unique(coarse.numpy(), return_inverse=True)
+    block = dr.zeros(mi.UInt32, cells.count)
+    at = dr.gather(mi.UInt32, cells.index, key)
+    dr.scatter(block, mi.UInt32(np.asarray(number).ravel().astype(np.uint32)), at)
+    dr.eval(block)
+    return block, len(kinds)
+
+
+def _elements(
+    room: Room, base: Deposit, paths: _Paths, group: int, points: np.ndarray, normals: np.ndarray
+) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:
+    """Deposit of a group by way of every element: on sensors, straight first, and on cells."""
+    draws = range(group * paths.draws, (group + 1) * paths.draws)
+    p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
+    on_sensors = _Receivers([p] * len(draws), [n] * len(draws))
+    drawn = [draw_points(paths.vertices, paths.cell, paths.cells.count, d) for d in draws]
+    on_cells = _Receivers([points.p for points in drawn], [points.n for points in drawn])
+    for m, kind in enumerate(room.palette.materials.values()):
+        if not (room.palette.lets_in[m] and room.palette.allowed[:, m].any()):
+            continue
+        sources: list[Callable[[int], tuple[Irradiance, Irradiance]]] = []
+        if room.palette.straight[m]:
+            sources.append(_straight(room, m, base, draws, on_sensors, on_cells))
+        if isinstance(kind, BsdfMaterial | DiffuserMaterial):
+            sources.append(_scattered(room, m, base, draws, on_sensors, on_cells))
+        for tile in map(int, np.flatnonzero(room.palette.allowed[:, m])):
+            sensors, cells = zip(*(source(tile) for source in sources), strict=True)
+            on = cells[0] if len(cells) == 1 else cells[0].plus(cells[1])
+            yield tile * len(room.palette.names) + m, list(sensors), on
+
+
+def _straight(
+    room: Room,
+    m: int,
+    base: Deposit,
+    draws: range,
+    sensors: _Receivers,
+    cells: _Receivers,
+) -> Callable[[int], tuple[Irradiance, Irradiance]]:
+    """Straight light by one tile of a material, to sensors and cells."""
+    view, a = Straight.of(room, m, base), base.accuracy
+
+    def of(tile: int) -> tuple[Irradiance, Irradiance]:
+        kinds = (
+            (1, sensors, a.sensor_sky_rays, a.sensor_sun_samples),
+            (0, cells, a.cell_sky_rays, 1),
+        )
+        return tuple(  # type: ignore[return-value]
+            mean([
+                view.part(tile, q, facing, (d, 1, m, kind), rays, samples)
+                for d, q, facing in zip(draws, *receivers, strict=True)
+            ])
+            for kind, receivers, rays, samples in kinds
+        )  # fmt: skip
+
+    return of
+
+
+def _scattered(
+    room: Room,
+    m: int,
+    base: Deposit,
+    draws: range,
+    sensors: _Receivers,
+    cells: _Receivers,
+) -> Callable[[int], tuple[Irradiance, Irradiance]]:
+    """Light that one tile of a material scatters, to sensors and cells."""
+    film = isinstance(tuple(room.palette.materials.values())[m], BsdfMaterial)
+    view: type[Glow] | type[Spread] = Glow if film else Spread
+    scene = view.scene(room, m)
+    lit = [view.lit(scene, base, (d, 0, m)) for d in draws]
+    seen = [
+        [
+            view.seen(room, x, q, facing, (d, 1, m, kind))
+            for d, x, q, facing in zip(draws, lit, *receivers, strict=True)
+        ]
+        for kind, receivers in ((1, sensors), (0, cells))
+    ]
+    return lambda tile: tuple(mean([v.part(tile) for v in s]) for s in seen)  # type: ignore[return-value]

@@ -1,0 +1,234 @@
+"""What receivers see through one tile of a façade at a time, filled with one material.
+
+Light that comes in has crossed exactly one tile, so D splits by it. Each class here looks at the
+façade filled with one material throughout, in one replicate, and tells the part of each tile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.scene.materials import bsdf
+from drcmitsuba.scene.scene import FilmPanes, ScatteringPanes, Scene, quad_mesh
+from drcmitsuba.scene.surfaces import Enclosure
+from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
+from drcmitsuba.transport.films import Films, Looked
+from drcmitsuba.transport.panes import PanePatches
+
+
+class _AllWithin(Enclosure):
+    """Enclosure of receivers that are known to lie in the room."""
+
+    def contains(self, points: mi.Float) -> bool:
+        """Spare the look at every point, which takes longer than the rays of one tile."""
+        return True
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room whose façade is filled with tiles.
+
+    Parameters
+    ----------
+    shapes : tuple of mi.Shape
+        All of the room but the tiles.
+    corners : np.ndarray, shape (corner, 3)
+        Of the room and the tiles [m].
+    enclosure : Enclosure
+        Without openings.
+    tiles : Tiles
+    palette : Palette
+    channel : int
+    """
+
+    shapes: tuple[mi.Shape, ...]
+    corners: np.ndarray
+    enclosure: Enclosure
+    tiles: Tiles
+    palette: Palette
+    channel: int = 0
+
+    def scene(self, *more: mi.Shape) -> mi.Scene:
+        """Make a scene of the room and other shapes."""
+        shapes = {f"shape{i}": s for i, s in enumerate((*self.shapes, *more))}
+        return mi.load_dict({"type": "scene", **shapes}, optimize=False)
+
+    def with_openings(self, tiles: np.ndarray, clear: mi.Scene | None = None) -> Scene:
+        """Room that is closed but for some tiles, (tile,) of bool, which clear panes may cover."""
+        is_open = tiles[self.tiles.tile]
+        closed = self.tiles.quads[~is_open]
+        opaque = self.scene(*([quad_mesh("closed", closed)] if len(closed) else []))
+        quads = self.tiles.quads[is_open]
+        enclosure = _AllWithin(self.enclosure.size, self.enclosure.turn, quads)
+        return Scene(opaque, opaque, clear, (), (), self.corners, enclosure)
+
+    def with_panes(self, material: int) -> Scene:
+        """Room whose panes of a material hide nothing: they are what is looked at."""
+        scene = self.with_openings(self.palette.allowed[:, material])
+        return replace(scene, enclosure=self.enclosure)
+
+    def quads(self, material: int) -> np.ndarray:
+        """Rectangles that a material may fill, (rectangle, 4, 3)."""
+        return self.tiles.quads[self.palette.allowed[self.tiles.tile, material]]
+
+    def tile_of(self, patches: PanePatches) -> np.ndarray:
+        """Tile that each patch of a pane lies in, shape (patch,)."""
+        centre = patches.corner + (patches.u + patches.v) / 2
+        corner, u, v = (
+            self.tiles.quads[:, 0],
+            *(self.tiles.quads[:, i] - self.tiles.quads[:, 0] for i in (1, 3)),
+        )
+        inside = np.ones((len(centre), len(corner)), bool)
+        for edge in (u, v):
+            along = ((centre[:, None] - corner) * edge).sum(-1) / (edge * edge).sum(-1)
+            inside &= (along > 0) & (along < 1)
+        return self.tiles.tile[inside.argmax(axis=1)]
+
+
+def _subset(part: mi.TensorXf, columns: mi.UInt32) -> mi.TensorXf:
+    """Some columns of a matrix."""
+    rows, n = part.shape[0], dr.width(columns)
+    at = dr.arange(mi.UInt32, rows * n)
+    column = dr.gather(mi.UInt32, columns, at % n)
+    index = at // n * dr.opaque(mi.UInt32, part.shape[1]) + column
+    return mi.TensorXf(dr.gather(mi.Float, part.array, index), (rows, n))
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Straight light, through tiles of one clear material."""
+
+    base: Deposit
+    scenes: dict[int, Scene]
+
+    @classmethod
+    def of(cls, room: Room, material: int, base: Deposit) -> Straight:
+        """Look through each of the tiles that the material may fill."""
+        kind = tuple(room.palette.materials.values())[material]
+        pane = None if kind is None else mi.load_dict(bsdf(kind, room.channel))
+        scenes = {}
+        for tile in map(int, np.flatnonzero(room.palette.allowed[:, material])):
+            quads = room.tiles.of(tile)
+            clear = None
+            if pane is not None:
+                mesh = quad_mesh("pane", quads, pane)
+                clear = mi.load_dict({"type": "scene", "pane": mesh}, optimize=False)
+            scenes[int(tile)] = room.with_openings(np.arange(len(room.tiles)) == tile, clear)
+        return cls(base, scenes)
+
+    def part(
+        self, tile: int, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, samples: int
+    ) -> Irradiance:
+        """D of receivers by way of one tile."""
+        deposit = replace(self.base, scene=self.scenes[tile])
+        return deposit.straight(p, n, (*key, tile), sky_rays, samples)
+
+
+@dataclass(frozen=True)
+class Glow:
+    """Light of films that receivers look at, in one replicate."""
+
+    films: Films
+    deposit: Deposit
+    looked: Looked
+    tile_of: np.ndarray
+
+    @classmethod
+    def scene(cls, room: Room, material: int) -> Scene:
+        """Room with a film in all tiles that it may fill."""
+        kind = tuple(room.palette.materials.values())[material]
+        assert isinstance(kind, BsdfMaterial)
+        quads = room.quads(material)
+        panes = FilmPanes(quads, mi.load_dict(bsdf(kind, room.channel)))
+        return replace(room.with_panes(material), films=(panes,))
+
+    @classmethod
+    def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
+        """Find what reaches the film."""
+        size = 2 * base.accuracy.cell_size
+        films = Films.of(scene, size, base.suns, base.diameter)
+        return replace(base, scene=scene, films=films).lit(key)
+
+    @classmethod
+    def seen(cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Glow:
+        """Look at a film from receivers."""
+        assert lit.films is not None
+        rays = lit.accuracy.pane_points
+        looked = lit.films.looked(p, n, rays=rays, seed=lit.seed(*key, 5))
+        return cls(lit.films, lit, looked, room.tile_of(lit.films.patches))
+
+    def part(self, tile: int) -> Irradiance:
+        """D of the receivers by way of one tile."""
+        assert self.deposit.on_films is not None
+        found = self.looked.of(self.tile_of == tile)
+        return Irradiance(*self.films.sent(found, self.deposit.on_films))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Light of panes that scatter evenly, in one replicate."""
+
+    deposit: Deposit
+    transfer: mi.TensorXf
+    tile_of: np.ndarray
+
+    @classmethod
+    def scene(cls, room: Room, material: int) -> Scene:
+        """Room with a diffusing material in all tiles that it may fill."""
+        kind = tuple(room.palette.materials.values())[material]
+        assert isinstance(kind, DiffuserMaterial)
+        quads = room.quads(material)
+        panes = ScatteringPanes(quads, kind.transmittance, kind.reflectance)
+        return replace(room.with_panes(material), scattering=(panes,))
+
+    @classmethod
+    def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
+        """Find what reaches the panes."""
+        quads = [panes.quads for panes in scene.scattering]
+        patches = PanePatches.of(quads, 2 * base.accuracy.cell_size)
+        return replace(base, scene=scene, patches=patches).lit(key)
+
+    @classmethod
+    def seen(
+        cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: tuple[int, ...]
+    ) -> Spread:
+        """Look at the panes from receivers."""
+        assert lit.patches is not None
+        return cls(lit, lit.transfer(p, n, key), room.tile_of(lit.patches))
+
+    def part(self, tile: int) -> Irradiance:
+        """D of the receivers by way of one tile."""
+        assert self.deposit.faces is not None
+        patches = np.flatnonzero(self.tile_of == tile)
+        columns = mi.UInt32(np.stack([2 * patches, 2 * patches + 1], axis=1).ravel())
+        transfer = _subset(self.transfer, columns)
+        rows = (_rows(part, columns) for part in self.deposit.faces)
+        return Irradiance(*(transfer @ part for part in rows))
+
+
+def _rows(part: mi.TensorXf, rows: mi.UInt32) -> mi.TensorXf:
+    """Some rows of a matrix."""
+    n = part.shape[1]
+    if n == 0:
+        return dr.zeros(mi.TensorXf, (dr.width(rows), 0))
+    at = dr.arange(mi.UInt32, dr.width(rows) * n)
+    stride = dr.opaque(mi.UInt32, n)
+    index = dr.gather(mi.UInt32, rows, at // stride) * stride + at % stride
+    return mi.TensorXf(dr.gather(mi.Float, part.array, index), (dr.width(rows), n))
+
+
+def mean(parts: Sequence[Irradiance]) -> Irradiance:
+    """Mean over replicates."""
+    total = parts[0]
+    for part in parts[1:]:
+        total = total.plus(part)
+    scaled = Irradiance(*(part / len(parts) if 0 not in part.shape else part for part in total))
+    dr.eval(scaled.sky, scaled.sun)
+    return scaled

@@ -1,0 +1,286 @@
+"""A basis under a sky: the illuminance of a period by any composition, with gradients.
+
+The plain form of what happens here is `Basis.totals`, followed by `accumulate.by_source`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky.daylight import Daylight, blended
+from drcmitsuba.transport.facade_basis.basis import Basis
+from drcmitsuba.transport.facade_basis.facade import Palette, Tiles, elements
+
+Rows = tuple[Any, ...]
+"""Arrays (mi.Float) of equal length, one for each element."""
+AT_ONCE = 64
+"""Arrays that one kernel reads."""
+
+
+class Illuminances(NamedTuple):
+    """Illuminance of a period, tensors (time, sensor) [lx].
+
+    Parameters
+    ----------
+    open, shaded : mi.TensorXf
+        With the shade open, and before all clear tiles.
+    direct : mi.TensorXf
+        By sun that comes straight, the shade open.
+    """
+
+    open: mi.TensorXf
+    shaded: mi.TensorXf
+    direct: mi.TensorXf
+
+
+def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
+    """Σ weight · array, each of its own memory: read in one pass, as fast as that allows.
+
+    A matrix product, or a loop over one long array, takes six times as long (Dr.Jit 1.5, LLVM).
+    """
+    total = mi.Float(0)
+    for start in range(0, len(arrays), AT_ONCE):
+        for i, array in enumerate(arrays[start : start + AT_ONCE], start):
+            total += dr.gather(mi.Float, weights, i) * array
+        dr.eval(total)
+    return total
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Elements that are weighed together: C and block means of D of each, flat (bin, …)."""
+
+    elements: np.ndarray
+    total: Rows
+    grouped: Rows
+
+    @classmethod
+    def of(cls, basis: Basis, chosen: np.ndarray) -> _Part:
+        """Take some elements of a basis."""
+        of = basis.total, basis.grouped
+        return cls(basis.elements[chosen], *(_rows(a[i] for i in chosen) for a in of))
+
+
+def _rows(arrays: Iterable[np.ndarray]) -> Rows:
+    """Means over the groups (group, …) of some elements."""
+    return tuple(_flat(a.mean(axis=0)) for a in arrays)
+
+
+def _flat(a: np.ndarray) -> mi.Float:
+    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
+
+
+@dataclass(frozen=True)
+class Year:
+    """A façade's basis under the sky of a period.
+
+    Parameters
+    ----------
+    tiles : Tiles
+    palette : Palette
+    months : np.ndarray of int, shape (time,)
+    step_hours : float
+        What one time stamp stands for [h].
+    shape : tuple of int
+        Bins, blocks and sensors.
+    parts : dict of _Part
+        `covered` by the shade, the `shade` itself, and all `other` elements.
+    straight : tuple
+        Elements that straight light passes and the coefficients of each, flat (bin, sensor).
+    returned : tuple
+        Sensor, block, mark and weight of paths that met the façade.
+    sky : mi.TensorXf, shape (time, sky bin)
+        [cd/m²].
+    suns : tuple of (mi.UInt32, mi.Float)
+        Bin and luminance [cd/m²] of what stands for the sun at each time stamp.
+    """
+
+    tiles: Tiles
+    palette: Palette
+    months: np.ndarray
+    step_hours: float
+    shape: tuple[int, int, int]
+    parts: Mapping[str, _Part]
+    straight: tuple[np.ndarray, Rows]
+    returned: tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Float]
+    sky: mi.TensorXf
+    suns: tuple[tuple[mi.UInt32, mi.Float], ...]
+
+    @classmethod
+    def of(cls, basis: Basis, light: Daylight) -> Year:
+        """Put a basis under the light of a case.
+
+        Raises
+        ------
+        InputError
+            The light has bins that the basis does not know, or an adaptive sun.
+        """
+        sky = tuple(label for label in basis.labels if not label.startswith("sun_"))
+        if tuple(map(str, light.sky["bin"].values)) != sky:
+            got = f"{light.sky.sizes['bin']} bins of the sky, the basis has {len(sky)}"
+            remedy = "compute the basis with the subdivision of this sky"
+            raise InputError("basis", "bin", got, remedy)
+        palette, groups = basis.palette, basis.total.shape[1]
+        bins, sensors = basis.total.shape[2:]
+        material = basis.elements % len(palette.names)
+        covered = palette.clear[material]
+        shade = np.zeros_like(covered)
+        if palette.shade is not None:
+            shade = material == palette.names.index(palette.shade)
+        kinds = {"covered": covered & ~shade, "shade": shade, "other": ~covered & ~shade}
+        back = basis.returned
+        suns, L = _suns(basis, light), light.sky["sky"].values.astype(np.float32)
+        return cls(
+            tiles=basis.tiles,
+            palette=palette,
+            months=light.sky["clock"].dt.month.values,
+            step_hours=light.step_hours,
+            shape=(bins, basis.grouped.shape[3], sensors),
+            parts={k: _Part.of(basis, np.flatnonzero(v)) for k, v in kinds.items()},
+            straight=(basis.straight_elements, _rows(basis.straight)),
+            returned=(
+                mi.UInt32((back.row % sensors).astype(np.uint32)),
+                mi.UInt32(back.block.astype(np.uint32)),
+                mi.UInt32(back.mark.astype(np.uint32)),
+                _flat(back.weight / groups),
+            ),
+            sky=mi.TensorXf(L),
+            suns=suns,
+        )
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Columns of a composition."""
+        return self.palette.names
+
+    def illuminance(
+        self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
+    ) -> Illuminances:
+        """Illuminance by a composition.
+
+        Parameters
+        ----------
+        share : mi.TensorXf, shape (tile, material)
+            Shares of the tiles' area, the shade open; rows sum to 1. Gradients flow through.
+        scale : dict, optional
+            Factors of the light that comes in by a material, 1 where none is given. What it sends
+            back into the room is left as it is.
+
+        Returns
+        -------
+        Illuminances
+        """
+        is_open, shaded, straight = self.coefficients(share, scale)
+        E = self._accumulated(is_open)
+        E_shaded = E if self.palette.shade is None else self._accumulated(shaded)
+        direct = self._by_sun(straight)
+        dr.eval(E, E_shaded, direct)  # or each of the metrics would compute them once more
+        return Illuminances(E, E_shaded, direct)
+
+    def coefficients(
+        self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
+    ) -> tuple[mi.Float, mi.Float, mi.Float]:
+        """Coefficients of a composition, flat (bin, sensor): open, shaded, straight and open [sr].
+
+        Parameters
+        ----------
+        share, scale
+            As for `illuminance`.
+        """
+        behind = share @ mi.TensorXf(self.palette.closing)
+        factors = self._factors(scale or {})
+        lit, lit_behind = share.array * factors, behind.array * factors
+        other = self._mixed("other", lit)
+        through = self._mixed("covered", lit)
+        of_shade = self._mixed("shade", lit_behind)
+        is_open = [a + b for a, b in zip(other, through, strict=True)]
+        if self.palette.own_shade:
+            own = self._mixed("shade", lit)
+            is_open = [a + b for a, b in zip(is_open, own, strict=True)]
+        shaded = [a + b for a, b in zip(other, of_shade, strict=True)]
+        C = self._with_returned(share, *is_open)
+        C_shaded = C if self.palette.shade is None else self._with_returned(behind, *shaded)
+        return C, C_shaded, mixed(self.straight[1], _taken(lit, self.straight[0]))
+
+    def _factors(self, scale: Mapping[str, mi.Float]) -> mi.Float:
+        """Factor of the light of every element, flat (tile, material)."""
+        for name in scale:
+            if name not in self.materials:
+                known = ", ".join(self.materials)
+                raise InputError("design", "scale", f"no material {name!r}", f"choose of {known}")
+        column = dr.arange(mi.UInt32, len(self.tiles) * len(self.materials)) % len(self.materials)
+        factors = dr.ones(mi.Float, dr.width(column))
+        for name, value in scale.items():
+            factors = dr.select(column == self.materials.index(name), value, factors)
+        return factors
+
+    def _mixed(self, kind: str, lit: mi.Float) -> tuple[mi.Float, mi.Float]:
+        """C and block means of D by some elements, flat (bin, …)."""
+        part, (bins, blocks, sensors) = self.parts[kind], self.shape
+        if len(part.elements) == 0:
+            return dr.zeros(mi.Float, bins * sensors), dr.zeros(mi.Float, bins * blocks)
+        weights = _taken(lit, part.elements)
+        return mixed(part.total, weights), mixed(part.grouped, weights)
+
+    def _with_returned(self, share: mi.TensorXf, total: mi.Float, grouped: mi.Float) -> mi.Float:
+        """C with what the façade sends back, flat (bin, sensor)."""
+        bins, blocks, sensors = self.shape
+        row, block, mark, weight = self.returned
+        if dr.width(weight) == 0 or blocks == 0:
+            return total
+        met = mi.Float64(dr.concat((mi.Float(1), share.array)))  # whose gradient is a sum, too
+        for element in elements(mark):
+            weight = weight * dr.gather(mi.Float64, met, element)
+        G = dr.zeros(mi.Float64, blocks * sensors)
+        dr.scatter_add(G, mi.Float64(weight), block * sensors + row)
+        D = mi.TensorXf(grouped, (bins, blocks))
+        return total + (D @ mi.TensorXf(mi.Float(G), (blocks, sensors))).array
+
+    def _accumulated(self, coefficients: mi.Float) -> mi.TensorXf:
+        """E [lx] from C, flat (bin, sensor)."""
+        patches, sensors = self.sky.shape[1], self.shape[2]
+        of_sky = dr.gather(mi.Float, coefficients, dr.arange(mi.UInt32, patches * sensors))
+        return self.sky @ mi.TensorXf(of_sky, (patches, sensors)) + self._by_sun(coefficients)
+
+    def _by_sun(self, coefficients: mi.Float) -> mi.TensorXf:
+        """E [lx] by the suns alone."""
+        times, sensors = len(self.months), dr.opaque(mi.UInt32, self.shape[2])
+        at = dr.arange(mi.UInt32, times * self.shape[2])
+        time, sensor = at // sensors, at % sensors
+        total = dr.zeros(mi.Float, times * self.shape[2])
+        for bin_, L in self.suns:
+            C = dr.gather(
+                mi.Float, coefficients, dr.gather(mi.UInt32, bin_, time) * sensors + sensor
+            )
+            total += C * dr.gather(mi.Float, L, time)
+        return mi.TensorXf(total, (times, self.shape[2]))
+
+
+def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
+    return dr.gather(mi.Float, values, mi.UInt32(index.astype(np.uint32)))
+
+
+def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
+    """Bin and luminance of what stands for the sun, 0 where the façade does not see it."""
+    if "blend_bin" not in light.sky:
+        raise InputError("case", "sun.model", "adaptive", "take another one for a façade basis")
+    known = {label: i for i, label in enumerate(basis.labels)}
+    everywhere = {*basis.labels, *basis.suns, ""}
+    blend, sun = blended(light.sky), light.sky["sun"].values
+    found = []
+    for labels, weights in zip(blend.bins.T, blend.weights.T, strict=True):
+        strange = [b for b, w in zip(labels, weights, strict=True) if w and b not in everywhere]
+        if strange:
+            got = f"no {strange[0]!r} ({len(strange)} missing)"
+            raise InputError("basis", "bin", got, "compute the basis for this sky")
+        at = np.array([known.get(str(b), -1) for b in labels])
+        L = np.where(at >= 0, weights.astype(float) * sun, 0)
+        found.append((mi.UInt32(np.maximum(at, 0).astype(np.uint32)), _flat(L)))
+    return tuple(found)

@@ -1,0 +1,123 @@
+"""Gather paths of any number of sensors, in blocks that fit in memory.
+
+What stands for a cell is drawn from the vertices of all sensors, so their paths are traced before
+any light is deposited. Their vertices are kept where there are not too many; else the paths, whose
+random numbers are those of their sensors, are traced once more when it is their sensors' turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_points
+from drcmitsuba.transport.deposit import launch_seed
+from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
+
+KEPT = 1 << 24
+"""Vertices that are kept, at most: 200 MB."""
+
+
+class Met(NamedTuple):
+    """Diffuse vertices: the row (replicate · sensors + sensor) of each, its cell and its weight."""
+
+    row: mi.UInt32
+    cell: mi.UInt32
+    weight: mi.Float
+
+    def __len__(self) -> int:
+        """Count the vertices."""
+        return dr.width(self.weight)
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Gather paths of sensors.
+
+    Parameters
+    ----------
+    scene : Scene
+    points, normals : np.ndarray, shape (sensor, 3)
+    accuracy : Accuracy
+    blocks : tuple of slice
+        Sensors that are gathered at once.
+    cells : Cells
+        That any of them meet.
+    drawn : tuple of Drawn
+        What stands for the cells in each replicate.
+    bounces : float
+        Vertices of a path that are expected.
+    kept : dict of int to Met
+        Vertices of some blocks, by their first sensor.
+    """
+
+    scene: Scene
+    points: np.ndarray
+    normals: np.ndarray
+    accuracy: Accuracy
+    blocks: tuple[slice, ...]
+    cells: Cells
+    drawn: tuple[Drawn, ...]
+    bounces: float
+    kept: dict[int, Met]
+
+    @classmethod
+    def of(
+        cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, *,
+        block: int, lanes: int,
+    ) -> Gathered:  # fmt: skip
+        """Trace the paths of all sensors, of `block` sensors and some `lanes` paths at a time."""
+        cells, seed = Cells.none(Grid.of(scene, accuracy.cell_size)), launch_seed(accuracy, 7)
+        bounces = expected_bounces(scene, points, normals, accuracy.paths, cells.grid, seed)
+        paths = accuracy.replicates * accuracy.paths
+        most = int(lanes * USUAL / bounces) // paths  # in white rooms paths are long
+        n, step = len(points), max(1, min(block, most))
+        blocks = tuple(slice(i, min(i + step, n)) for i in range(0, n, step))
+        drawn: list[Drawn | None] = [None] * accuracy.replicates
+        kept: dict[int, Met] = {}
+        room = KEPT
+        for here in blocks:
+            vertices = _gather(scene, points, normals, accuracy, cells.grid, bounces, here)
+            if len(vertices) == 0:
+                kept[here.start] = Met(vertices.row, vertices.row, vertices.weight)
+                continue
+            cells = cells.extended(vertices)
+            cell = cells.of(vertices)
+            drawn = [
+                draw_points(vertices, cell, cells.count, r, before)
+                for r, before in enumerate(drawn)
+            ]
+            if len(vertices) <= room:
+                dr.eval(cell)
+                kept[here.start] = Met(vertices.row, cell, vertices.weight)
+                room -= len(vertices)
+        found = tuple(one for one in drawn if one is not None)
+        return cls(scene, points, normals, accuracy, blocks, cells, found, bounces, kept)
+
+    def met(self, here: slice) -> Met:
+        """Vertices of a block of sensors."""
+        if here.start in self.kept:
+            return self.kept[here.start]
+        vertices = _gather(
+            self.scene, self.points, self.normals, self.accuracy, self.cells.grid, self.bounces,
+            here,
+        )  # fmt: skip
+        return Met(vertices.row, self.cells.of(vertices), vertices.weight)
+
+
+def _gather(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, grid: Grid,
+    bounces: float, here: slice,
+) -> Vertices:  # fmt: skip
+    """Trace the paths of some of the sensors."""
+    return gather(
+        scene, points[here], normals[here], replicates=accuracy.replicates, paths=accuracy.paths,
+        grid=grid, seed=launch_seed(accuracy, 0, 4), bounces=bounces, first=here.start,
+        among=len(points),
+    )  # fmt: skip

@@ -1,0 +1,190 @@
+"""Adaptive suns: straight light at every time stamp, all other light between suns of a mesh.
+
+Straight sun jumps at the edges of shadows, so it is traced for every time stamp. What films scatter
+and what the room interreflects changes slowly with the sun, mostly: there coefficients of a mesh of
+suns are interpolated. A triangle of the mesh is tested with suns half way along its edges; where
+the interpolation misses them by more than the tolerance, its children are tested in turn. The mesh
+covers all suns that the place can have and knows nothing of weather or time stamps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.schema import describe
+from drcmitsuba.sky.sun_models import Blend, Suns, mesh
+from drcmitsuba.transport.coefficients import compute, straight_suns
+
+HELD_OUT = 48
+"""Suns that the interpolation is checked with and that never serve it."""
+
+
+class _Nodes:
+    """Coefficients of the nodes known so far, by node."""
+
+    def __init__(self, found: xr.Dataset):
+        self.found = found
+        names = map(str, found["bin"].values)
+        self.at = {n: i for i, n in enumerate(names) if n.startswith(mesh.PREFIX)}
+
+    def missing(self, nodes: np.ndarray) -> np.ndarray:
+        """Nodes of an array (…, 2) that are not known yet, each once."""
+        each = np.unique(nodes.reshape(-1, 2), axis=0)
+        return each[[mesh.label(node) not in self.at for node in each]]
+
+    def replicates(self, nodes: np.ndarray) -> np.ndarray:
+        """Replicates (replicate, sensor, node) of nodes (node, 2)."""
+        at = [self.at[mesh.label(node)] for node in nodes]
+        return self.found["replicates"].values[:, :, at]
+
+    def blended(self, blend: Blend) -> np.ndarray:
+        """Replicates (replicate, sensor, sun) of suns between the nodes."""
+        each = zip(blend.bins.T, blend.weights.T, strict=True)
+        values = self.found["replicates"].values
+        return sum(values[:, :, [self.at[b] for b in bins]] * weights for bins, weights in each)
+
+
+def _scale(replicates: np.ndarray) -> float:
+    """RMS of coefficients (replicate, sensor, sun) over the sensors and the suns that give any."""
+    mean = replicates.mean(axis=0)
+    lit = mean.any(axis=0)
+    return float(np.sqrt((mean[:, lit] ** 2).mean())) if lit.any() else 0.0
+
+
+def mesh_of(found: xr.Dataset) -> tuple[str, ...]:
+    """Labels of the mesh's suns among the bins of coefficients."""
+    return tuple(name for name in map(str, found["bin"].values) if name.startswith(mesh.PREFIX))
+
+
+def _suns(nodes: np.ndarray, diameter: float) -> Suns:
+    """Suns at nodes of the mesh; sensors do not see them straight."""
+    labels = tuple(map(mesh.label, nodes))
+    return Suns(labels, mesh.directions_of(nodes), diameter, straight=False)
+
+
+def _held_out(accuracy: Accuracy, possible: np.ndarray, diameter: float) -> Suns:
+    """Suns drawn from all possible ones."""
+    rng = np.random.default_rng(accuracy.seed)
+    at = np.sort(rng.choice(len(possible), HELD_OUT, replace=False))
+    labels = tuple(f"sun_held_out_{i:02d}" for i in range(HELD_OUT))
+    return Suns(labels, possible[at], diameter, straight=False)
+
+
+def _squared_error(difference: np.ndarray, axis: int | None = None) -> np.ndarray:
+    """Mean over `axis` of squared differences, without what their noise adds.
+
+    The mean of n replicates has the variance s²/n, which is part of its square.
+    """
+    mean, noise = difference.mean(axis=0), difference.var(axis=0, ddof=1) / len(difference)
+    return np.maximum((mean**2 - noise).mean(axis=axis), 0)
+
+
+def _miss(nodes: _Nodes, corners: np.ndarray) -> np.ndarray:
+    """RMS over the sensors by which triangles (n, 3, 2) miss the middles of their edges, (n,)."""
+    worst = np.zeros(len(corners))
+    for i, middle in enumerate(np.moveaxis(mesh.midpoints(corners), 1, 0)):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        ends = nodes.replicates(corners[:, j]) + nodes.replicates(corners[:, k])
+        square = _squared_error(nodes.replicates(middle) - ends / 2, axis=0)
+        worst = np.maximum(worst, np.sqrt(square))
+    return worst
+
+
+def _join(a: xr.Dataset, b: xr.Dataset) -> xr.Dataset:
+    return xr.concat([a, b], "bin", data_vars="minimal", coords="minimal", compat="override")
+
+
+def meshed(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, diameter: float, accuracy: Accuracy, *,
+    latitude: float, tolerance: float, finest: int, subdivision: int = 1,
+    known: tuple[str, ...] = (), progress: Progress = lambda share: None,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients of the sky and of a mesh of suns, fine enough to interpolate between them.
+
+    Parameters
+    ----------
+    scene, points, normals, accuracy, subdivision, progress
+        As for `coefficients.compute`.
+    diameter : float
+        Angle across the sun [deg].
+    latitude : float
+        Of the place [deg north].
+    tolerance : float
+        Error that interpolation may make half way between two suns of the mesh: RMS over the
+        sensors, relative to the RMS over sensors and suns of the interpolated coefficients.
+    finest : int
+        Level that the mesh is not refined beyond.
+    known : tuple of str
+        Suns of the mesh, as chosen for another state of the façade; none is added then.
+
+    Returns
+    -------
+    xr.Dataset
+        As from `compute`, with the mesh's suns among the bins, all of them without straight light,
+        and `mesh_error` (sensor) [sr]: RMS error of interpolation at suns that are not of the mesh.
+        Attributes `mesh_suns`, their number, and `mesh_miss`, that error over all sensors relative
+        to the RMS of the coefficients.
+    """
+    possible = mesh.possible_suns(latitude)
+    held_out = _held_out(accuracy, possible, diameter)
+    first = mesh.nodes_of(possible, mesh.COARSEST)
+    if known:
+        first = np.array([mesh.node(name) for name in known])
+    start = _suns(first, diameter)
+    both = Suns(
+        start.labels + held_out.labels,
+        np.concatenate([start.directions, held_out.directions]),
+        diameter,
+        straight=False,
+    )
+    whole = part(progress, 0, 1 if known else 0.5)
+    found = compute(scene, points, normals, both, accuracy, subdivision=subdivision, progress=whole)
+    is_held_out = np.isin(found["bin"].values.astype(str), held_out.labels)
+    exact = found["replicates"].values[:, :, is_held_out]
+    nodes = _Nodes(found.isel(bin=~is_held_out))
+    scale = _scale(exact)
+    live, level = (possible, mesh.COARSEST) if not known else (possible[:0], finest)
+    while len(live) and level < finest:
+        corners, of_sun = mesh.triangles_of(live, level)
+        if len(new := nodes.missing(mesh.midpoints(corners))):
+            more = compute(scene, points, normals, _suns(new, diameter), accuracy, subdivision=None)
+            nodes = _Nodes(_join(nodes.found, more))
+        level += 1
+        progress(0.5 + 0.5 * (level - mesh.COARSEST) / (finest - mesh.COARSEST))
+        live = live[(_miss(nodes, corners) > tolerance * scale)[of_sun]]
+    blend = mesh.blend(held_out.directions, np.ones(HELD_OUT, bool), tuple(nodes.at))
+    difference = nodes.blended(blend) - exact
+    error = np.sqrt(_squared_error(difference, axis=1)).astype(np.float32)
+    found = nodes.found.assign(mesh_error=("sensor", error))
+    miss = float(np.sqrt(_squared_error(difference))) / scale if scale > 0 else 0.0
+    found.attrs |= {"mesh_suns": len(nodes.at), "mesh_miss": miss}
+    return describe(found)
+
+
+def with_straight(
+    found: xr.Dataset, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns,
+    accuracy: Accuracy,
+) -> xr.Dataset:  # fmt: skip
+    """Add `sun_straight` and `sun_straight_se` (sensor, sun) [sr]: suns that sensors see straight.
+
+    Parameters
+    ----------
+    found : xr.Dataset
+        From `meshed`; suns that it has already are replaced.
+    suns : Suns
+        Those of the time stamps.
+    scene, points, normals, accuracy
+        As for `coefficients.compute`.
+    """
+    mean, error = straight_suns(scene, points, normals, suns, accuracy)
+    found = found.drop_dims("sun", errors="ignore")
+    found = found.assign_coords(sun=np.array(suns.labels, dtype=object))
+    return describe(
+        found.assign(
+            sun_straight=(("sensor", "sun"), mean), sun_straight_se=(("sensor", "sun"), error)
+        )
+    )
