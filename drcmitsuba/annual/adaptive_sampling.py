@@ -17,11 +17,11 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual import simulation
-from drcmitsuba.annual.sample_accumulator import Pool, by_state
+from drcmitsuba.annual.sample_accumulator import SampleAccumulator, by_state
 from drcmitsuba.case.case import Case
-from drcmitsuba.metrics.evaluate_metrics import Judgement, judge
+from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, may_close
 from drcmitsuba.runtime.progress import Stage, timed
-from drcmitsuba.scene.enabled_effects import Scope
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.transport.deposit import launch_seed
@@ -32,7 +32,7 @@ MOST_AT_ONCE = 8
 
 
 @dataclass(frozen=True)
-class Reached:
+class SamplingOutcome:
     """How far the sampling came.
 
     Parameters
@@ -55,9 +55,9 @@ class Reached:
 
 
 def toward_target(
-    case: Case, light: Daylight, found: xr.Dataset, now: Judgement, stage: Stage,
-    seconds: dict[str, float], scope: Scope, rays: Counter[str],
-) -> tuple[xr.Dataset, Judgement, Reached]:  # fmt: skip
+    case: Case, light: Daylight, found: xr.Dataset, now: EvaluatedMetrics, stage: Stage,
+    seconds: dict[str, float], scope: EnabledEffects, rays: Counter[str],
+) -> tuple[xr.Dataset, EvaluatedMetrics, SamplingOutcome]:  # fmt: skip
     """Add rounds until the case's target or its limit of time is reached.
 
     Parameters
@@ -67,12 +67,12 @@ def toward_target(
     light : Daylight
     found : xr.Dataset
         From `simulation.coefficients`: the first round.
-    now : Judgement
+    now : EvaluatedMetrics
         Of it.
     stage : callable
     seconds : dict
         Takes the seconds of the stage.
-    scope : Scope
+    scope : EnabledEffects
         What is simulated.
     rays : Counter
         Takes the number of rays by kind.
@@ -80,9 +80,9 @@ def toward_target(
     Returns
     -------
     coefficients : xr.Dataset
-    judgement : Judgement
+    judgement : EvaluatedMetrics
         E and metrics of these coefficients.
-    reached : Reached
+    reached : SamplingOutcome
     """
     goal = case.accuracy.goal
     assert goal is not None
@@ -107,13 +107,13 @@ def toward_target(
             _close(case, light, pools, scope, rays)
             joined = simulation.states({s: pool.found for s, pool in pools.items()}, case)
             found = joined.assign_attrs({**found.attrs, "rounds": rounds})
-            now = judge(case, light, found)
+            now = evaluate_metrics(case, light, found)
     reached = width <= goal.value
     reason = "target reached" if reached else f"limit of {most:g} s reached"
-    return found, now, Reached(str(goal), width, reached, rounds, reason)
+    return found, now, SamplingOutcome(str(goal), width, reached, rounds, reason)
 
 
-def _worth_more(now: Judgement, unit: str) -> tuple[np.ndarray, np.ndarray]:
+def _worth_more(now: EvaluatedMetrics, unit: str) -> tuple[np.ndarray, np.ndarray]:
     """Sensors and time stamps that more samples are to be spent on."""
     E = now.illuminance
     everywhere = np.arange(E.sizes["sensor"]), np.arange(E.sizes["time"])
@@ -125,8 +125,9 @@ def _worth_more(now: Judgement, unit: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sample(
-    case: Case, light: Daylight, now: Judgement, pools: dict[State, Pool], number: int,
-    sensors: np.ndarray, hours: np.ndarray, scope: Scope, rays: Counter[str],
+    case: Case, light: Daylight, now: EvaluatedMetrics, pools: dict[State, SampleAccumulator],
+    number: int,
+    sensors: np.ndarray, hours: np.ndarray, scope: EnabledEffects, rays: Counter[str],
 ) -> None:  # fmt: skip
     """Add one more round, of some sensors and time stamps."""
     seed = launch_seed(case.accuracy, 8, number) >> 2  # within what a case may name
@@ -142,12 +143,16 @@ def _sample(
 
 
 def _close(
-    case: Case, light: Daylight, pools: dict[State, Pool], scope: Scope, rays: Counter[str]
+    case: Case,
+    light: Daylight,
+    pools: dict[State, SampleAccumulator],
+    scope: EnabledEffects,
+    rays: Counter[str],
 ) -> None:
     """Find the shaded state of the hours that may close only by what was sampled since."""
     if case.shading is None:
         return
-    closing = simulation.may_close(case, light, pools["open"].found)
+    closing = may_close(case, light, pools["open"].found)
     needed = light.suns.only(sources(light.sky.isel(time=closing)))
     if "shaded" in pools:
         kind = "sun" if "sun" in pools["shaded"].found.dims else "bin"
@@ -161,4 +166,4 @@ def _close(
         if "shaded" in pools:
             pools["shaded"].extend(more)
         else:
-            pools["shaded"] = Pool(more)
+            pools["shaded"] = SampleAccumulator(more)

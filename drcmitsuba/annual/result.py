@@ -13,15 +13,15 @@ from typing import Any
 
 import xarray as xr
 
-from drcmitsuba.annual.adaptive_sampling import Reached, toward_target
+from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.simulation import coefficients
 from drcmitsuba.case.case import Case
-from drcmitsuba.metrics.evaluate_metrics import Judgement, judge
+from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, told_plan
 from drcmitsuba.runtime import backend, files
 from drcmitsuba.runtime.progress import Stage, silent, timed
-from drcmitsuba.scene.enabled_effects import FULL, Scope
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.daylight import Daylight, daylight, luminances, save_luminances
 
@@ -41,7 +41,7 @@ class Result:
         What L is made of.
     plan : dict
         As in `plan.json`.
-    scope : Scope
+    scope : EnabledEffects
         What was simulated.
     """
 
@@ -51,7 +51,7 @@ class Result:
     coefficients: xr.Dataset
     light: Daylight
     plan: dict[str, Any]
-    scope: Scope = FULL
+    scope: EnabledEffects = ALL_EFFECTS
 
     @property
     def sky(self) -> xr.Dataset:
@@ -181,7 +181,7 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     rays: Counter[str] = Counter()
     found = coefficients(case, light, stage, seconds, known, planned.scope, rays)
     with timed(stage, "accumulation and metrics", seconds):
-        now = judge(case, light, found)
+        now = evaluate_metrics(case, light, found)
     reached = None
     if case.accuracy.target is not None:
         found, now, reached = toward_target(
@@ -191,8 +191,8 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
 
 
 def summed_up(
-    planned: Plan, found: xr.Dataset, now: Judgement, seconds: dict[str, float],
-    told: list[str], reached: Reached | None = None, rays: Counter[str] | None = None,
+    planned: Plan, found: xr.Dataset, now: EvaluatedMetrics, seconds: dict[str, float],
+    told: list[str], reached: SamplingOutcome | None = None, rays: Counter[str] | None = None,
     expected: Forecast | None = None,
 ) -> Result:  # fmt: skip
     """Put the parts of an evaluation together, settings and plan with them.
@@ -202,11 +202,11 @@ def summed_up(
     planned : Plan
     found : xr.Dataset
         C of both states.
-    now : Judgement
+    now : EvaluatedMetrics
     seconds : dict
     told : list of str
         Notes on the films.
-    reached : Reached, optional
+    reached : SamplingOutcome, optional
         How far a target was reached.
     rays : Counter, optional
         Number of rays by kind.

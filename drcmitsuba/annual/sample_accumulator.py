@@ -13,7 +13,7 @@ _KINDS = {"bin": "replicates", "sun": "sun_straight"}
 """Dimensions of what is sampled, and what tells whether it was."""
 
 
-class Pool:
+class SampleAccumulator:
     """Coefficients of one state, averaged over the rounds that each entry was sampled in.
 
     Parameters
@@ -68,7 +68,7 @@ class Pool:
             rounds[where] += 1
 
 
-def by_state(found: xr.Dataset) -> dict[State, Pool]:
+def by_state(found: xr.Dataset) -> dict[State, SampleAccumulator]:
     """Coefficients of each state, without the suns that it was not asked for.
 
     Parameters
@@ -76,7 +76,7 @@ def by_state(found: xr.Dataset) -> dict[State, Pool]:
     found : xr.Dataset
         From `simulation.coefficients`: one state's suns that another has not are NaN there.
     """
-    pools: dict[State, Pool] = {}
+    pools: dict[State, SampleAccumulator] = {}
     states: tuple[State, ...] = ("open", "shaded")
     for state in states[: found.sizes["state"]]:
         part = found.sel(state=state, drop=True)
@@ -84,5 +84,5 @@ def by_state(found: xr.Dataset) -> dict[State, Pool]:
             if kind in part.dims:
                 others = [d for d in part[name].dims if d != kind]
                 part = part.isel({kind: np.flatnonzero(part[name].notnull().all(others))})
-        pools[state] = Pool(part)
+        pools[state] = SampleAccumulator(part)
     return pools

@@ -5,25 +5,24 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import metrics, schema
-from drcmitsuba.annual.sample_accumulator import Pool, by_state
+from drcmitsuba import schema
+from drcmitsuba.annual.sample_accumulator import SampleAccumulator, by_state
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
 from drcmitsuba.case.materials import BsdfMaterial
-from drcmitsuba.case.sky import Adaptive, ThreePhase
-from drcmitsuba.metrics import accumulate, intervals
+from drcmitsuba.case.sky import Adaptive
+from drcmitsuba.metrics import illuminance
+from drcmitsuba.metrics.evaluate_metrics import may_close
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent, timed
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.enabled_effects import FULL, Scope
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
@@ -37,7 +36,7 @@ from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straigh
 
 def transport(
     case: Case, state: State, suns: Suns, latitude: float, *,
-    scope: Scope = FULL, mesh: tuple[str, ...] = (),
+    scope: EnabledEffects = ALL_EFFECTS, mesh: tuple[str, ...] = (),
     sensors: np.ndarray | None = None, progress: Progress = lambda share: None,
     rays: Counter[str] | None = None,
 ) -> xr.Dataset:  # fmt: skip
@@ -50,7 +49,7 @@ def transport(
     suns : Suns
     latitude : float
         [deg north]; matters to an adaptive sun only.
-    scope : Scope
+    scope : EnabledEffects
         What is simulated.
     mesh : tuple of str
         Suns of its mesh, where they are known.
@@ -108,121 +107,7 @@ def states(found: dict[str, xr.Dataset], case: Case) -> xr.Dataset:
     return schema.describe(joined)
 
 
-def is_closed(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
-    """When the shade closes: bool by time, from the coefficients of the open state.
-
-    The thresholds are attributes of the coefficients; without a shade it never closes.
-    """
-    direct = _direct(coefficients, light)["direct_sun"]
-    if not coefficients.attrs.get("has_shade", 0):
-        return xr.zeros_like(direct.isel(sensor=0, drop=True), dtype=bool)
-    attrs = coefficients.attrs
-    if not {"shade_threshold", "shade_area"} <= attrs.keys():
-        got = "they say not when the shade closes"
-        raise InputError("coefficients", "shade_threshold, shade_area", got, "compute them anew")
-    return metrics.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
-
-
-def _direct(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
-    """Direct sun and its standard error, in luminance."""
-    return by_channel(accumulate.direct_sun, coefficients, light).map(schema.luminance)
-
-
-def may_close(case: Case, light: Daylight, is_open: xr.Dataset) -> np.ndarray:
-    """Time stamps at which the shade closes, as far as the open state's coefficients can tell."""
-    direct = _direct(is_open, light.sky)
-    return intervals.closures(direct, rules(case, light.step_hours), **drawing(case)).possible
-
-
-def rules(case: Case, step_hours: float) -> intervals.Rules:
-    """What the metrics of a case ask for; the shade's part plays no role where there is none."""
-    shading = case.shading
-    return intervals.Rules(
-        metrics=case.metrics,
-        shade_threshold=shading.threshold if shading else 1000.0,
-        shade_area=shading.area if shading else 1.0,
-        step_hours=step_hours,
-    )
-
-
-def drawing(case: Case) -> dict[str, Any]:
-    """Rays to every sun in all replicates, and the seed of the draws.
-
-    None where rims were searched, or where patches stand for the sun. Rounds that were added are
-    not counted: their entries are taken to hide a little more than they do.
-    """
-    a = case.accuracy
-    without = isinstance(case.sun, Adaptive | ThreePhase)
-    rays = None if without else a.replicates * a.sensor_sun_samples
-    return {"rays": rays, "seed": a.seed}
-
-
-def by_channel(
-    function: Callable[..., xr.Dataset], *arrays: xr.Dataset | xr.DataArray | None
-) -> xr.Dataset:
-    """Apply an accumulation to each colour channel of the coefficients, or once to grey ones."""
-    first = arrays[0]
-    assert first is not None
-    if "channel" not in first.dims:
-        return function(*arrays)
-    found = [
-        function(
-            *(
-                a.isel(channel=i, drop=True) if a is not None and "channel" in a.dims else a
-                for a in arrays
-            )
-        )
-        for i in range(first.sizes["channel"])
-    ]
-    return xr.concat(found, first["channel"], coords="minimal", compat="override")
-
-
-SUN_OF = {"latitude": 0.5, "longitude": 0.5, "timezone": 0, "sun_diameter": 0, "sun_time": None}
-"""What a sun's place follows from beside its label, and how far C and L may differ in it [deg]."""
-
-
-def _check_suns(
-    coefficients: xr.Dataset, light: xr.Dataset, names: Iterable[str] = tuple(SUN_OF)
-) -> None:
-    """Refuse suns of another place: labels tell only their time."""
-    for name in names:
-        margin = SUN_OF[name]
-        ours, theirs = coefficients.attrs.get(name), light.attrs.get(name)
-        if ours is None or theirs is None or ours == theirs:
-            continue  # arrays that the user made himself may not tell
-        if not margin or abs(ours - theirs) > margin:
-            got = f"{ours}, but {theirs} in the sky"
-            raise InputError("coefficients", name, got, "compute coefficients for this weather")
-
-
-def illuminance(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:
-    """E from C (dims state, …) and the sky, with the shade that the coefficients name.
-
-    The 95 % interval of an entry is ± `interval_factor` standard errors, an attribute: Student's
-    t with as many degrees of freedom as there are replicates, less one.
-
-    Raises
-    ------
-    InputError
-        A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
-    """
-    _check_suns(coefficients, light)
-    if "open" not in coefficients["state"].values or coefficients.sizes["replicate"] < 2:
-        got = "no state open, or a single replicate"
-        raise InputError("coefficients", "state, replicate", got, "compute them anew")
-    is_open = coefficients.sel(state="open", drop=True)
-    closed = is_closed(is_open, light)
-    shaded = None
-    if "shaded" in coefficients["state"].values:
-        shaded = coefficients.sel(state="shaded", drop=True)
-    out = by_channel(accumulate.illuminance, is_open, shaded, light, closed)
-    keep = ("has_shade", "shade_threshold", "shade_area")
-    out.attrs = {k: v for k, v in coefficients.attrs.items() if k in keep}
-    out.attrs["interval_factor"] = intervals.t_factor(coefficients.sizes["replicate"])
-    return out
-
-
-def fingerprint(case: Case, scope: Scope) -> str:
+def fingerprint(case: Case, scope: EnabledEffects) -> str:
     """Digest of all that coefficients follow from, the contents of files among it."""
     names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
     told = case.model_dump(mode="json", include=names | {"accuracy"})
@@ -255,7 +140,8 @@ def _digest(file: Path) -> str:
 
 def coefficients(
     case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None,
-    known: xr.Dataset | None = None, scope: Scope | None = None, rays: Counter[str] | None = None,
+    known: xr.Dataset | None = None, scope: EnabledEffects | None = None,
+    rays: Counter[str] | None = None,
 ) -> xr.Dataset:  # fmt: skip
     """C of both states; the shaded one only for the suns of hours in which the shade may close.
 
@@ -268,7 +154,7 @@ def coefficients(
         Takes the seconds of the stages.
     known : xr.Dataset, optional
         Coefficients of this case for another weather: what they hold is not computed again.
-    scope : Scope, optional
+    scope : EnabledEffects, optional
         What is simulated; by default what the case calls for.
     rays : Counter, optional
         Takes the number of rays by kind.
@@ -301,25 +187,29 @@ def coefficients(
             with timed(stage, "shaded façade", seconds) as done:
                 found["shaded"] = state("shaded", needed, done)
     joined = states(found, simulated)
-    joined.attrs |= {name: light.sky.attrs[name] for name in SUN_OF}
+    joined.attrs |= {name: light.sky.attrs[name] for name in illuminance.SUN_OF}
     joined.attrs["fingerprint"] = fingerprint(case, scope)
     return joined
 
 
-def _known(known: xr.Dataset, case: Case, light: Daylight, scope: Scope) -> dict[str, xr.Dataset]:
+def _known(
+    known: xr.Dataset, case: Case, light: Daylight, scope: EnabledEffects
+) -> dict[str, xr.Dataset]:
     """States of coefficients that were computed before, checked."""
     if known.attrs.get("fingerprint") != fingerprint(case, scope):
         raise InputError(
             "coefficients", "case", "they were computed for another case or accuracy",
             "compute them anew",
         )  # fmt: skip
-    _check_suns(known, light.sky, SUN_OF if case.sun.model != "adaptive" else ("latitude",))
+    illuminance.check_suns(
+        known, light.sky, illuminance.SUN_OF if case.sun.model != "adaptive" else ("latitude",)
+    )
     return {state: pool.found for state, pool in by_state(known).items()}
 
 
 def _state(
     case: Case, state: State, suns: Suns, latitude: float, known: dict[str, xr.Dataset],
-    scope: Scope, progress: Progress, rays: Counter[str] | None,
+    scope: EnabledEffects, progress: Progress, rays: Counter[str] | None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of one state, taken from what is known as far as that goes."""
     if state not in known:
@@ -328,7 +218,7 @@ def _state(
             case, state, suns, latitude, scope=scope, mesh=mesh, progress=progress, rays=rays
         )
     if not isinstance(case.sun, Adaptive):
-        pool = Pool(known[state])
+        pool = SampleAccumulator(known[state])
         missing = suns.only(pool.missing(suns.labels, "bin"))
         if missing.labels:
             more = transport(

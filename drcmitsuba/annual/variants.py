@@ -12,7 +12,8 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.sky import Adaptive
-from drcmitsuba.metrics.evaluate_metrics import judge
+from drcmitsuba.metrics import illuminance
+from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -107,7 +108,7 @@ def evaluate_variants(
         with timed(stage, case.name, own):
             planned = plan(case, light)
             joined = _coefficients(found, share, planned)
-            now = judge(case, light, joined)
+            now = evaluate_metrics(case, light, joined)
         yield summed_up(planned, joined, now, own, said)
 
 
@@ -115,9 +116,9 @@ def _coefficients(found: facade_basis.Basis, share: np.ndarray, planned: Plan) -
     """C of a composition in both states, or the open one where the shade never closes."""
     case, light = planned.facts.case, planned.facts.light
     C = {"open": found.coefficients(share)}
-    if case.shading is not None and simulation.may_close(case, light, C["open"]).any():
+    if case.shading is not None and may_close(case, light, C["open"]).any():
         C["shaded"] = found.coefficients(share @ found.palette.closing)
     joined = simulation.states(C, case)
-    joined.attrs |= {name: light.sky.attrs[name] for name in simulation.SUN_OF}
+    joined.attrs |= {name: light.sky.attrs[name] for name in illuminance.SUN_OF}
     joined.attrs["fingerprint"] = simulation.fingerprint(case, planned.scope)
     return joined

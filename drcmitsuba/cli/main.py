@@ -197,7 +197,6 @@ def illuminance(
     output: Output = Path("results"),
 ) -> None:
     """Multiply C and L to the illuminance E: illuminance.nc."""
-    from drcmitsuba.annual import simulation
     from drcmitsuba.runtime import files
     from drcmitsuba.sky import daylight
 
@@ -205,7 +204,7 @@ def illuminance(
     L = files.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
         L = files.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
-        E = simulation.illuminance(files.loaded(c, C), daylight.from_luminances(L))
+        E = illuminance.illuminance(files.loaded(c, C), daylight.from_luminances(L))
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         files.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")

@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 
-from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
@@ -18,6 +17,7 @@ from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.realise import realise
+from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.sky.daylight import daylight
@@ -174,7 +174,7 @@ class Layout:
         by_strips = self.design.parameters == "strips"
         area = (self.wwr[0] * wall, self.wwr[1] * wall) if by_strips and not fills else None
         goal = Goal(
-            rules=simulation.rules(self.case, year.step_hours),
+            rules=rules(self.case, year.step_hours),
             film=self.film,
             aim=self.design.objective,
             film_cost=self.design.film_cost,

@@ -34,8 +34,8 @@ from drcmitsuba.case.components import StructureComponent
 from drcmitsuba.case.toml import shortened
 from drcmitsuba.design.measure import Aim, Evaluation, Measure, Score
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.metrics import Interval, accumulate
-from drcmitsuba.metrics.evaluate_metrics import judge
+from drcmitsuba.metrics import Interval, accumulate, illuminance
+from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene import components
@@ -154,8 +154,8 @@ class Turned:
     @property
     def measure(self) -> Measure:
         """How a year is judged."""
-        rules = simulation.rules(self.case, self.light.step_hours)
-        return Measure(rules, self.goal.aim, self.light.sky["clock"].dt.month.values)
+        asked = rules(self.case, self.light.step_hours)
+        return Measure(asked, self.goal.aim, self.light.sky["clock"].dt.month.values)
 
     def built(self, tilt: float) -> Case:
         """Case with its lamellae at a tilt [deg]."""
@@ -265,23 +265,23 @@ class Turned:
             suns, told = light.suns.only(sources(sky.isel(time=sunny))), part(progress, last, 1)
             found["shaded"] = simulation.transport(case, "shaded", suns, latitude, progress=told)
         joined = simulation.states(found, case)
-        joined.attrs |= {name: sky.attrs[name] for name in simulation.SUN_OF}
-        judged = judge(case, light, joined)
+        joined.attrs |= {name: sky.attrs[name] for name in illuminance.SUN_OF}
+        judged = evaluate_metrics(case, light, joined)
         year = judged.illuminance.map(luminance)
         is_open, direct = year["total_open"].values, year["direct_sun"].values
         shaded = is_open.copy()
         if case.shading is not None and sunny.any():
             behind = joined.sel(state="shaded"), sky.isel(time=sunny)
-            parts = simulation.by_channel(accumulate.by_source, *behind).map(luminance)
+            parts = illuminance.by_channel(accumulate.by_source, *behind).map(luminance)
             shaded[sunny] = parts["total"].values
         E = Illuminances(*map(_tensor, (is_open, shaded, direct)))
         return Simulated(E, self._interval(judged.metrics))
 
     def _has_sun(self, case: Case, is_open: xr.Dataset) -> np.ndarray:
         """Time stamps with direct sun somewhere, or in which the shade may close anyway."""
-        direct = simulation.by_channel(accumulate.direct_sun, is_open, self.light.sky)
+        direct = illuminance.by_channel(accumulate.direct_sun, is_open, self.light.sky)
         lit = (direct.map(luminance)["direct_sun"].values > 0).any(axis=1)
-        return lit | (simulation.may_close(case, self.light, is_open) if case.shading else False)
+        return lit | (may_close(case, self.light, is_open) if case.shading else False)
 
     def _interval(self, metrics: dict[str, Any]) -> Interval:
         """95 % interval of what is to be large; of the worst month, that of the month's own."""

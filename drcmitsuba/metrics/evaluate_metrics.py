@@ -8,21 +8,22 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.sky import Adaptive, ThreePhase
 from drcmitsuba.metrics import intervals
+from drcmitsuba.metrics.illuminance import direct_sun, illuminance
 from drcmitsuba.metrics.intervals import Bounds, Draws, Rules, values
 from drcmitsuba.sky.daylight import Daylight
 
 
 @dataclass(frozen=True)
-class Judgement:
+class EvaluatedMetrics:
     """Illuminance and metrics.
 
     Parameters
     ----------
     illuminance : xr.Dataset
-        From `simulation.illuminance`.
+        From `illuminance.illuminance`.
     draws : Draws
         Of the metrics.
     metrics : dict
@@ -38,13 +39,42 @@ class Judgement:
         return self.draws.half_width(self.metrics, unit)
 
 
-def judge(case: Case, light: Daylight, found: xr.Dataset) -> Judgement:
+def rules(case: Case, step_hours: float) -> intervals.Rules:
+    """What the metrics of a case ask for; the shade's part plays no role where there is none."""
+    shading = case.shading
+    return intervals.Rules(
+        metrics=case.metrics,
+        shade_threshold=shading.threshold if shading else 1000.0,
+        shade_area=shading.area if shading else 1.0,
+        step_hours=step_hours,
+    )
+
+
+def drawing(case: Case) -> dict[str, Any]:
+    """Rays to every sun in all replicates, and the seed of the draws.
+
+    None where rims were searched, or where patches stand for the sun. Rounds that were added are
+    not counted: their entries are taken to hide a little more than they do.
+    """
+    a = case.accuracy
+    without = isinstance(case.sun, Adaptive | ThreePhase)
+    rays = None if without else a.replicates * a.sensor_sun_samples
+    return {"rays": rays, "seed": a.seed}
+
+
+def may_close(case: Case, light: Daylight, is_open: xr.Dataset) -> np.ndarray:
+    """Time stamps at which the shade closes, as far as the open state's coefficients can tell."""
+    direct = direct_sun(is_open, light.sky)
+    return intervals.closures(direct, rules(case, light.step_hours), **drawing(case)).possible
+
+
+def evaluate_metrics(case: Case, light: Daylight, found: xr.Dataset) -> EvaluatedMetrics:
     """Accumulate E from coefficients and draw its metrics."""
-    E = simulation.illuminance(found, light.sky)
+    E = illuminance(found, light.sky)
     E.attrs["step_hours"] = light.step_hours
-    asked = simulation.rules(case, light.step_hours)
-    draws = intervals.draw(found, light.sky, E, asked, **simulation.drawing(case))
-    return Judgement(E, draws, summarise(E, asked, draws))
+    asked = rules(case, light.step_hours)
+    draws = intervals.draw(found, light.sky, E, asked, **drawing(case))
+    return EvaluatedMetrics(E, draws, summarise(E, asked, draws))
 
 
 def _monthly(
@@ -80,8 +110,8 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     rules : Rules
         What the metrics ask for.
     draws : Draws, optional
-        From `uncertainty.draw`. Without replicates there are none, and the intervals are those of
-        `uncertainty.Bounds`: wider than 95 % calls for.
+        From `intervals.draw`. Without replicates there are none, and the intervals are those of
+        `intervals.Bounds`: wider than 95 % calls for.
 
     Returns
     -------

@@ -15,7 +15,7 @@ from drcmitsuba.plan.effect import Effect
 from drcmitsuba.scene.components import Placed
 from drcmitsuba.scene.materials import film, lets_through, sends
 from drcmitsuba.scene.scene import is_coloured
-from drcmitsuba.scene.sun_visibility import Reach, Reached, outside
+from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns, outside
 from drcmitsuba.sky.daylight import Daylight
 
 NEGLIGIBLE = 1e-3
@@ -31,17 +31,17 @@ class Facts:
     case : Case
     light : Daylight
     components : tuple of Placed
-    reach : Reach or None
+    reach : SunVisibility or None
         None where there is no room.
-    reached : Reached
+    reached : VisibleSuns
         Of `light.suns`.
     """
 
     case: Case
     light: Daylight
     components: tuple[Placed, ...]
-    reach: Reach | None
-    reached: Reached
+    reach: SunVisibility | None
+    reached: VisibleSuns
 
     @property
     def hours(self) -> int:

@@ -14,8 +14,8 @@ from drcmitsuba.plan import decide
 from drcmitsuba.plan.decide import Facts
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.scene.components import place
-from drcmitsuba.scene.enabled_effects import Scope
-from drcmitsuba.scene.sun_visibility import Reach, Reached
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns
 from drcmitsuba.sky.daylight import Daylight
 
 
@@ -27,13 +27,13 @@ class Plan:
     ----------
     facts : Facts
     effects : dict of str to Effect
-    scope : Scope
+    scope : EnabledEffects
         The same, as transport reads it.
     """
 
     facts: Facts
     effects: dict[str, Effect]
-    scope: Scope
+    scope: EnabledEffects
 
     @property
     def simulated(self) -> Case:
@@ -79,8 +79,8 @@ def plan(case: Case, light: Daylight) -> Plan:
         A component or a BSDF file is unfit.
     """
     components = place(case)
-    reach = Reach.of(case, components)
-    everything = Reached(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
+    reach = SunVisibility.of(case, components)
+    everything = VisibleSuns(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
     suns = light.suns
     reached = everything if reach is None else reach.reached(suns.directions, suns.diameter)
     facts = Facts(case, light, components, reach, reached)
@@ -112,7 +112,7 @@ def plan(case: Case, light: Daylight) -> Plan:
 
 def _scope(
     facts: Facts, effects: dict[str, Effect], chosen: dict[str, str], depth: int | None
-) -> Scope:
+) -> EnabledEffects:
     """Tell transport what was decided."""
 
     def on(name: str) -> bool:
@@ -123,7 +123,7 @@ def _scope(
 
     limits = {"auto": depth, "all": None, "off": 0}
     overruled_view = effects["straight_through"].overruled
-    return Scope(
+    return EnabledEffects(
         sky=on("sky"),
         ground=on("ground"),
         suns=on("suns"),

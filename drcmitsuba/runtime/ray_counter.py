@@ -13,7 +13,7 @@ photons, from surface to surface."""
 Kind = Literal["shadow", "path", "pane", "photon"]
 
 
-class Tally:
+class RayCounter:
     """Counts rays where they are traced, within kernels as well."""
 
     def __init__(self) -> None:

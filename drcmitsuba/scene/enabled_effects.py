@@ -8,12 +8,12 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.scene.sun_visibility import Reach
+from drcmitsuba.scene.sun_visibility import SunVisibility
 from drcmitsuba.sky.sun_models import Suns
 
 
 @dataclass(frozen=True)
-class Scope:
+class EnabledEffects:
     """Effects that are simulated; what is out of it is neither loaded nor traced.
 
     The default follows everything that a scene holds.
@@ -22,7 +22,7 @@ class Scope:
     ----------
     sky, ground, suns : bool
         Sources.
-    reach : Reach or None
+    reach : SunVisibility or None
         Tells which suns get in; None takes all of them.
     clear_panes, scattering_panes, films : bool
         Panes and holes of this kind; black sheets stand in place of the others.
@@ -50,7 +50,7 @@ class Scope:
     sky: bool = True
     ground: bool = True
     suns: bool = True
-    reach: Reach | None = None
+    reach: SunVisibility | None = None
     clear_panes: bool = True
     scattering_panes: bool = True
     films: bool = True
@@ -92,5 +92,5 @@ class Scope:
         return values
 
 
-FULL = Scope()
+ALL_EFFECTS = EnabledEffects()
 """All that a scene holds."""

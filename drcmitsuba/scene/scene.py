@@ -11,8 +11,8 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
-from drcmitsuba.runtime.ray_counter import Tally
-from drcmitsuba.scene.enabled_effects import FULL, Scope
+from drcmitsuba.runtime.ray_counter import RayCounter
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import SurfaceMaterial, bsdf, film, lets_through
 from drcmitsuba.scene.surfaces import Enclosure, State, geometry_of
@@ -83,9 +83,9 @@ class Scene:
         All surfaces, by BSDF.
     ports : tuple of Port
         Where photons start.
-    scope : Scope
+    scope : EnabledEffects
         What is followed.
-    tally : Tally
+    tally : RayCounter
         Counts the rays.
     """
 
@@ -98,8 +98,8 @@ class Scene:
     enclosure: Enclosure | None = None
     parts: tuple[Part, ...] = ()
     ports: tuple[Port, ...] = ()
-    scope: Scope = FULL
-    tally: Tally = field(default_factory=Tally)
+    scope: EnabledEffects = ALL_EFFECTS
+    tally: RayCounter = field(default_factory=RayCounter)
 
     @property
     def followed(self) -> bool:
@@ -218,7 +218,9 @@ def _outlined(
     )
 
 
-def load(case: Case, state: State = "open", channel: int = 0, scope: Scope = FULL) -> Scene:
+def load(
+    case: Case, state: State = "open", channel: int = 0, scope: EnabledEffects = ALL_EFFECTS
+) -> Scene:
     """Build the scene of a case in a state of its shade, for one colour channel.
 
     Channel −1 is luminance.
@@ -228,7 +230,7 @@ def load(case: Case, state: State = "open", channel: int = 0, scope: Scope = FUL
 
 
 def outline(
-    case: Case, state: State, scope: Scope, loaded: Callable[[SurfaceMaterial], Any]
+    case: Case, state: State, scope: EnabledEffects, loaded: Callable[[SurfaceMaterial], Any]
 ) -> Scene:
     """`load` without what Mitsuba traces: geometry, panes, ports, and `loaded` materials."""
     surfaces, enclosure, ports = geometry_of(case, state, scope)

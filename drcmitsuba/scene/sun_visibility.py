@@ -27,7 +27,7 @@ BEFORE = 1e-6
 
 
 @dataclass(frozen=True)
-class Reached:
+class VisibleSuns:
     """Which of some suns get in.
 
     Parameters
@@ -46,7 +46,7 @@ class Reached:
 
 
 @dataclass(frozen=True)
-class Reach:
+class SunVisibility:
     """Geometry that decides whether a sun gets into a room, in the world frame.
 
     Parameters
@@ -67,8 +67,8 @@ class Reach:
     everything: bool = False
 
     @classmethod
-    def of(cls, case: Case, components: tuple[Placed, ...]) -> Reach | None:
-        """Reach of a case; None without a room: its sensors are in the open."""
+    def of(cls, case: Case, components: tuple[Placed, ...]) -> SunVisibility | None:
+        """SunVisibility of a case; None without a room: its sensors are in the open."""
         if case.room is None:
             return None
         turn = rotation(case)
@@ -96,7 +96,7 @@ class Reach:
         """Unit normals of the openings, outward, shape (opening, 3)."""
         return normals(self.openings)
 
-    def reached(self, suns: np.ndarray, diameter: float) -> Reached:
+    def reached(self, suns: np.ndarray, diameter: float) -> VisibleSuns:
         """Tell which suns get in.
 
         Parameters
@@ -120,7 +120,7 @@ class Reach:
                     at = at[~_hidden(opening, blocker, suns[at], radius)]
             mask[at] = True
         largest = float(cosines.max()) if cosines.size else -1.0
-        return Reached(mask, int((~ahead).sum()), int((ahead & ~mask).sum()), largest)
+        return VisibleSuns(mask, int((~ahead).sum()), int((ahead & ~mask).sum()), largest)
 
 
 def reaches_in(case: Case, faces: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.scene.components import Placed, place
 from drcmitsuba.scene.coplanar import settled
-from drcmitsuba.scene.enabled_effects import FULL, Scope
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import (
     SIDES,
     Port,
@@ -65,7 +65,9 @@ class Enclosure:
         return bool(((p > -1e-5) & (p < self.size + 1e-5)).all())
 
 
-def surfaces_of(case: Case, state: State = "open", scope: Scope = FULL) -> list[Surface]:
+def surfaces_of(
+    case: Case, state: State = "open", scope: EnabledEffects = ALL_EFFECTS
+) -> list[Surface]:
     """List the surfaces of a case in the world frame, about the case's `geometry.origin`.
 
     Parameters
@@ -74,7 +76,7 @@ def surfaces_of(case: Case, state: State = "open", scope: Scope = FULL) -> list[
     state : {'open', 'shaded'}
         Shaded: the shade's material stands in place of every clear pane and open hole; components
         stay uncovered.
-    scope : Scope
+    scope : EnabledEffects
         Black sheets stand for the panes that are out of it; obstructions are left out.
 
     Returns
@@ -85,7 +87,7 @@ def surfaces_of(case: Case, state: State = "open", scope: Scope = FULL) -> list[
 
 
 def geometry_of(
-    case: Case, state: State, scope: Scope
+    case: Case, state: State, scope: EnabledEffects
 ) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
     """Surfaces, enclosure and ports of a case, about its `geometry.origin`."""
     case = recentred(case)
@@ -98,7 +100,7 @@ def geometry_of(
 
 
 def _surfaces(
-    case: Case, state: State, components: tuple[Placed, ...], scope: Scope
+    case: Case, state: State, components: tuple[Placed, ...], scope: EnabledEffects
 ) -> list[Surface]:
     """Surfaces of a case whose components are placed."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
@@ -128,7 +130,9 @@ def _surfaces(
     return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
 
 
-def _pane_material(case: Case, name: str, state: State, scope: Scope) -> SurfaceMaterial | None:
+def _pane_material(
+    case: Case, name: str, state: State, scope: EnabledEffects
+) -> SurfaceMaterial | None:
     """Material of a façade strip in a state; None for an open hole, or one for a component."""
     material = case.materials.get(name)
     clear = case.is_clear(name)
@@ -146,7 +150,7 @@ def _pane_material(case: Case, name: str, state: State, scope: Scope) -> Surface
 
 
 def _enclosure(
-    case: Case, state: State, components: tuple[Placed, ...], scope: Scope
+    case: Case, state: State, components: tuple[Placed, ...], scope: EnabledEffects
 ) -> Enclosure | None:
     """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
     if case.room is None:
@@ -176,7 +180,7 @@ def _enclosure(
     return Enclosure(np.array(case.room.size), turn, quads, narrowest, scope.enclosed)
 
 
-def _is_opening(case: Case, name: str, state: State, scope: Scope) -> bool:
+def _is_opening(case: Case, name: str, state: State, scope: EnabledEffects) -> bool:
     """Whether straight light may come in by a strip of a façade; structures have gaps."""
     if name == "wall":
         return False

@@ -10,7 +10,6 @@ import pytest
 import xarray as xr
 
 from drcmitsuba import metrics
-from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case, Metrics
 from drcmitsuba.design.film import ParametricFilm
 from drcmitsuba.design.film_bins import Bins
@@ -18,7 +17,7 @@ from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.design.reflectances import Interior
-from drcmitsuba.metrics import evaluate_metrics, intervals, smooth
+from drcmitsuba.metrics import evaluate_metrics, illuminance, intervals, smooth
 from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -129,7 +128,7 @@ def test_intervals_are_finite_and_hold_the_value(corner, error, holds):
         {"time": time, "clock": ("time", time), "bin": np.array(["ground"], object),
          "sun_bin": ("time", labels)},
     )  # fmt: skip
-    found = simulation.illuminance(C, sky)
+    found = illuminance.illuminance(C, sky)
     holds("E that is not finite", ~np.isfinite(found.to_array().values), 0)
     draws = intervals.draw(C, sky, found, RULES, rays=16, seed=2)
     told = [

@@ -6,8 +6,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
-from drcmitsuba.annual import simulation
-from drcmitsuba.metrics import evaluate_metrics
+from drcmitsuba.metrics import evaluate_metrics, illuminance
 from drcmitsuba.runtime import files
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
@@ -37,7 +36,7 @@ def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
     light_module.save_luminances(found.light, tmp_path / "L.zarr")
     C = files.open_dataset(tmp_path / "C.zarr", "replicates").load()
     L = light_module.from_luminances(files.open_dataset(tmp_path / "L.zarr", "L", "sun"))
-    E = simulation.illuminance(C, L)
+    E = illuminance.illuminance(C, L)
     for name, expected in found.illuminance.data_vars.items():
         np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)
 
@@ -140,7 +139,7 @@ def test_true_suns_of_other_hours_are_added_to_those_that_are_known(results, tmp
 def test_the_mean_illuminance_is_that_of_the_year(results, model):
     found = results[model]
     case, light = found.case, found.light
-    draws = evaluate_metrics.judge(case, light, found.coefficients).draws
+    draws = evaluate_metrics.evaluate_metrics(case, light, found.coefficients).draws
     E = found.illuminance["total"]
     assert draws.mean_illuminance.value == pytest.approx(float(E.mean()), rel=1e-4)
 

@@ -13,6 +13,7 @@ from drcmitsuba import load_case, metrics, schema
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.cli import main
+from drcmitsuba.metrics import illuminance
 from drcmitsuba.runtime import files
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
@@ -373,12 +374,12 @@ def test_suns_of_another_place_are_refused(small, tmp_path, site, told):
     C = simulation.coefficients(case, light_module.daylight(case))
     if told:
         with pytest.raises(InputError, match=told):
-            simulation.illuminance(C, light.sky)
+            illuminance.illuminance(C, light.sky)
     else:
         with pytest.raises(InputError, match=r"no numbers for"):  # other hours close
-            simulation.illuminance(C, light.sky)
+            illuminance.illuminance(C, light.sky)
         bare = C.assign_attrs(has_shade=0)
-        assert np.isfinite(simulation.illuminance(bare, light.sky)["total"]).all()
+        assert np.isfinite(illuminance.illuminance(bare, light.sky)["total"]).all()
 
 
 def test_the_same_seed_gives_the_same_numbers_and_another_one_others(evaluate, stamps):

@@ -6,7 +6,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
-from drcmitsuba.annual.sample_accumulator import Pool
+from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.accuracy import Accuracy, Target
 from drcmitsuba.case.toml import checked
 from drcmitsuba.runtime.errors import InputError
@@ -67,7 +67,7 @@ def coefficients(sensors, bins):
 def test_rounds_are_averaged_where_they_were_sampled():
     first, second, third = coefficients(3, "abc"), coefficients(2, "cb"), coefficients(1, "b")
     before = first.copy(deep=True)
-    pool = Pool(first)
+    pool = SampleAccumulator(first)
     pool.add(second, np.array([2, 0]))
     pool.add(third, np.array([2]))
     xr.testing.assert_identical(first, before)
@@ -83,7 +83,7 @@ def test_rounds_are_averaged_where_they_were_sampled():
 
 def test_errors_of_rounds_add_up_as_those_of_means():
     rounds = [coefficients(1, "a") for _ in range(3)]
-    pool = Pool(rounds[0])
+    pool = SampleAccumulator(rounds[0])
     for more in rounds[1:]:
         pool.add(more, np.array([0]))
     each = np.stack([r["direct_se"].values for r in rounds])
@@ -93,7 +93,7 @@ def test_errors_of_rounds_add_up_as_those_of_means():
 
 def test_bins_that_are_met_later_are_taken_as_they_come():
     first, more = coefficients(2, "ab"), coefficients(2, "bc")
-    pool = Pool(first)
+    pool = SampleAccumulator(first)
     pool.extend(more)
     assert list(pool.found["bin"].values) == list("abc")
     np.testing.assert_array_equal(pool.found["replicates"][..., 1], first["replicates"][..., 1])

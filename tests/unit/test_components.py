@@ -24,7 +24,7 @@ from drcmitsuba.scene import components, scene
 from drcmitsuba.scene.components.duct import concentrator
 from drcmitsuba.scene.components.lightpipe import polygon
 from drcmitsuba.scene.components.placed import ray_offset
-from drcmitsuba.scene.enabled_effects import FULL
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.geometry import normals, rotation
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.sensors import sensor_points
@@ -729,12 +729,12 @@ def test_what_follows_no_choice_of_effects_refuses_one(task):
 
 def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
     slats, cube = with_strip(tmp_path, SLATS), with_mesh(tmp_path)
-    before = simulation.fingerprint(slats, FULL), simulation.fingerprint(cube, FULL)
+    before = simulation.fingerprint(slats, ALL_EFFECTS), simulation.fingerprint(cube, ALL_EFFECTS)
     (tmp_path / "recipe.toml").write_text(SLATS.replace("0.9", "0.8"), encoding="utf-8")
     (tmp_path / "mesh.obj").write_text(CUBE.replace("v 0 0 0", "v 0 0 0.1"), encoding="utf-8")
-    after = simulation.fingerprint(slats, FULL), simulation.fingerprint(cube, FULL)
+    after = simulation.fingerprint(slats, ALL_EFFECTS), simulation.fingerprint(cube, ALL_EFFECTS)
     assert not set(before) & set(after)
-    assert simulation.fingerprint(with_strip(tmp_path, SLATS, tilt=11.0), FULL) != before[0]
+    assert simulation.fingerprint(with_strip(tmp_path, SLATS, tilt=11.0), ALL_EFFECTS) != before[0]
 
 
 def test_panes_together_may_not_have_too_many_triangles(tmp_path, monkeypatch):

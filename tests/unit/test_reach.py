@@ -7,7 +7,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.components import place
-from drcmitsuba.scene.sun_visibility import Reach
+from drcmitsuba.scene.sun_visibility import SunVisibility
 from drcmitsuba.sky.sun_models import Suns
 
 SIZE = [4.0, 5.0, 3.0]
@@ -37,7 +37,7 @@ def sun(azimuth, elevation):
 
 
 def reached(case, *suns, diameter=0.5):
-    return Reach.of(case, place(case)).reached(np.reshape(suns, (-1, 3)), diameter)
+    return SunVisibility.of(case, place(case)).reached(np.reshape(suns, (-1, 3)), diameter)
 
 
 def box(corner, size, reflectance=0.5):
@@ -67,7 +67,7 @@ def test_a_room_without_openings_lets_no_sun_in():
 
 def test_no_room_tells_nothing():
     open_air = Case.model_validate({"sensors": {"corner": [0, 0, 0], "count": [1, 1]}})
-    assert Reach.of(open_air, ()) is None
+    assert SunVisibility.of(open_air, ()) is None
 
 
 def test_a_wall_across_the_street_hides_low_suns_and_no_more():

@@ -17,7 +17,7 @@ from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.tilt import Simulated, TiltGoal, Turned
 from drcmitsuba.design.tilt_search import turn
 from drcmitsuba.metrics import Interval
-from drcmitsuba.metrics.evaluate_metrics import judge
+from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -108,7 +108,7 @@ def test_numbers_are_those_of_an_evaluation_with_the_same_seed(tmp_path):
     built = problem.built(23.0)
     assert built.components["lamellae"].tilt == 23.0
     assert built.source == problem.case.source
-    judged = judge(built, problem.light, simulation.coefficients(built, problem.light))
+    judged = evaluate_metrics(built, problem.light, simulation.coefficients(built, problem.light))
     assert judged.illuminance["shade_closed"].any()
     found = problem.evaluate(problem.free(23.0), 1e4)
     assert found.hard.aim == pytest.approx(judged.metrics["sDA"]["value"])

@@ -34,7 +34,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import metrics
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case, Metrics
-from drcmitsuba.metrics import accumulate, evaluate_metrics, intervals
+from drcmitsuba.metrics import accumulate, evaluate_metrics, illuminance, intervals
 from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
@@ -160,7 +160,7 @@ def study():
     day = light()
     suns = Suns.of(day.sun, ROOM.outside.sun_diameter)
     truth = Truth.of(suns).coefficients
-    true_E = [simulation.illuminance(with_thresholds(truth, asked), day.sky) for asked in SETS]
+    true_E = [illuminance.illuminance(with_thresholds(truth, asked), day.sky) for asked in SETS]
     own = {
         state: accumulate.by_source(truth.sel(state=state, drop=True).isel(replicate=part), day.sky)
         for state, part in (("open", slice(CHUNKS["open"])), ("shaded", slice(None)))
@@ -175,7 +175,7 @@ def study():
         rows = []
         for i, asked in enumerate(SETS):
             with_rules = with_thresholds(found, asked)
-            E = simulation.illuminance(with_rules, day.sky)
+            E = illuminance.illuminance(with_rules, day.sky)
             before = time.perf_counter()
             rays = accuracy.replicates * accuracy.sensor_sun_samples
             draws = intervals.draw(with_rules, day.sky, E, asked, rays=rays, seed=seed)

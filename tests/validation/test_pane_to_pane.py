@@ -14,7 +14,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.enabled_effects import Scope
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
@@ -67,7 +67,7 @@ def by_path_tracing(case, plain_coefficients, seed=0):
 
 def by_parts(case, *, pane_to_pane):
     suns = Suns(tuple(f"sun_{h:g}" for h in ELEVATIONS), SUNS, DIAMETER)
-    world = scene.load(case, scope=Scope(pane_to_pane=pane_to_pane))
+    world = scene.load(case, scope=EnabledEffects(pane_to_pane=pane_to_pane))
     found = coefficients.compute(world, *sensor_points(case), suns, case.accuracy)
     return found["replicates"].values
 

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics import accumulate
-from drcmitsuba.metrics.intervals.bootstrap_counts import Needed, Tally
+from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
 from drcmitsuba.metrics.intervals.sun import Closures
 
@@ -130,7 +130,7 @@ class State:
 def draw_autonomy(
     is_open: State, shaded: State | None, closures: Closures, threshold: float, needed: Needed,
     drawn: Multipliers,
-) -> Tally:  # fmt: skip
+) -> BootstrapCounts:  # fmt: skip
     """Draw sDA and msDA; an hour takes the state that its closure was drawn to."""
     beyond = t_factor(len(drawn.replicates), 1 - 2 * BEYOND)
     sure, may = is_open.classes(threshold, beyond)
@@ -141,7 +141,7 @@ def draw_autonomy(
         sure = np.where(varies, sure & sure_shaded, np.where(shut, sure_shaded, sure))
         may = np.where(varies, may | may_shaded, np.where(shut, may_shaded, may))
     doubtful = may & ~sure
-    tally = Tally(needed, needed.count(sure), needed.count(doubtful))
+    tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
     hour = np.full(len(sure), -1)  # the last row of `closes`, which no time stamp uses
     hour[closures.hours] = np.arange(len(closures.hours))
     closes = np.concatenate([closures.drawn, np.zeros((1, DRAWS), bool)])

@@ -30,7 +30,7 @@ class Needed:
         return out
 
 
-class Tally:
+class BootstrapCounts:
     """Counts, for every draw, the sensors that pass; most are the same in all draws."""
 
     def __init__(self, needed: Needed, sure: np.ndarray, doubtful: np.ndarray) -> None:

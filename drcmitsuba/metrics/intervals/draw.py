@@ -10,18 +10,18 @@ import xarray as xr
 from drcmitsuba import metrics
 from drcmitsuba.metrics import Interval, accumulate
 from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
-from drcmitsuba.metrics.intervals.bootstrap_counts import Needed, Tally
+from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
 from drcmitsuba.metrics.intervals.spread import Draws
 from drcmitsuba.metrics.intervals.sun import Closures, SunDraws, draw_closures, draw_sun
 from drcmitsuba.schema import luminance, mean_and_error
 
 
-def _exposure(mean: np.ndarray, sun: SunDraws, threshold: float, needed: Needed) -> Tally:
+def _exposure(mean: np.ndarray, sun: SunDraws, threshold: float, needed: Needed) -> BootstrapCounts:
     """Draw ASE and MSE."""
     drawn = np.zeros(mean.shape, bool)
     drawn[sun.time, sun.sensor] = True
-    tally = Tally(needed, needed.count((mean >= threshold) & ~drawn), needed.count(drawn))
+    tally = BootstrapCounts(needed, needed.count((mean >= threshold) & ~drawn), needed.count(drawn))
     for sensor in tally.sensors:
         entries = np.flatnonzero(sun.sensor == sensor)
         time = tally.wanted(sensor, sun.time[entries])

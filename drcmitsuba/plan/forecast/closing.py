@@ -6,7 +6,7 @@ import numpy as np
 
 from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.plan import Facts, panes
-from drcmitsuba.scene.enabled_effects import Scope
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.scene import outline
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.transport.shadow_rays import Openings
@@ -15,7 +15,7 @@ MOST = 128
 """Sensors that are looked at."""
 
 
-def closing(facts: Facts, scope: Scope) -> np.ndarray:
+def closing(facts: Facts, scope: EnabledEffects) -> np.ndarray:
     """Guess the time stamps at which the shade closes, bool by time stamp.
 
     Those at which enough of some sensors see the sun by an opening. Frames and furniture, and what
@@ -24,7 +24,7 @@ def closing(facts: Facts, scope: Scope) -> np.ndarray:
     Parameters
     ----------
     facts : Facts
-    scope : Scope
+    scope : EnabledEffects
     """
     case, sky = facts.case, facts.light.sky
     shading = case.shading

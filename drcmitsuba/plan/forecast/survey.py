@@ -14,7 +14,7 @@ from drcmitsuba.plan.forecast.cells import MOST, NEAR, CellCount
 from drcmitsuba.plan.forecast.film_tables import FilmTables, out_cells, tables_of
 from drcmitsuba.plan.forecast.scout import Scout
 from drcmitsuba.plan.forecast.walks import Walked, gathered, straight_through
-from drcmitsuba.scene.enabled_effects import Scope
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.scene import Scene, outline
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
@@ -75,14 +75,14 @@ class Survey:
     ----------
     case : Case
     state : {"open", "shaded"}
-    scope : Scope
+    scope : EnabledEffects
     suns : Suns
         That are followed: those that get in.
     """
 
     case: Case
     state: State
-    scope: Scope
+    scope: EnabledEffects
     suns: Suns
 
     @cached_property

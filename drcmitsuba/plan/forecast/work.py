@@ -68,7 +68,7 @@ class Work:
 
     @property
     def rays(self) -> dict[str, int]:
-        """Rays by kind, as `tally.Tally` counts them."""
+        """Rays by kind, as `tally.RayCounter` counts them."""
         units = self.by_unit
         return {kind: round(units.get(kind, 0)) for kind in KINDS}
 
