@@ -19,7 +19,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, told_plan
-from drcmitsuba.runtime import backend, files
+from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.progress import Stage, silent, timed
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
@@ -66,38 +66,38 @@ class Result:
         folder.mkdir(parents=True, exist_ok=True)
         start = time.perf_counter()
         with stage("writing") as done:
-            files.save_netcdf(self.illuminance, folder / "illuminance.nc")
+            storage.save_netcdf(self.illuminance, folder / "illuminance.nc")
             done(0.2)
-            files.save_zarr(self.coefficients, folder / "coefficients.zarr")
+            storage.save_zarr(self.coefficients, folder / "coefficients.zarr")
             done(0.5)
             save_luminances(self.light, folder / "sky.zarr", self.coefficients.get("channel"))
-            files.save_json(self.plan, folder / "plan.json")
+            storage.save_json(self.plan, folder / "plan.json")
             done(0.6)
             drawn = self._save_pictures(folder)
             self.metrics["seconds"]["writing"] = round(time.perf_counter() - start, 3)
             self.metrics["peak_memory_bytes"] = peak_memory()
-            files.save_json(self.metrics, folder / "metrics.json")
+            storage.save_json(self.metrics, folder / "metrics.json")
             written = ["illuminance.nc", "coefficients.zarr", "sky.zarr", "metrics.json", *drawn]
             disk = sum(_bytes(folder / name) for name in written)
             _settle(self.plan["cost"], self.metrics, disk)
-            files.save_json(self.plan, folder / "plan.json")  # again: now its cost is known
+            storage.save_json(self.plan, folder / "plan.json")  # again: now its cost is known
 
     def _save_pictures(self, folder: Path) -> list[str]:
         """Draw the plots, and remove those of an earlier evaluation; names of the files."""
-        figures = {}
+        drawn = {}
         if self.scope.pictures:
             from drcmitsuba.report import (  # matplotlib is only loaded where plots are drawn
                 figures,
                 plots,
             )
 
-            figures = figures.pictures(self.case, self.illuminance, self.metrics)
-            for name, figure in figures.items():
+            drawn = figures.pictures(self.case, self.illuminance, self.metrics)
+            for name, figure in drawn.items():
                 plots.save(figure, folder / name)
         for old in [*folder.glob("*_plan.png"), folder / "monthly.png"]:
-            if old.name not in figures:
+            if old.name not in drawn:
                 old.unlink(missing_ok=True)
-        return list(figures)
+        return list(drawn)
 
     def _repr_png_(self) -> bytes:
         from io import BytesIO

@@ -24,7 +24,7 @@ from drcmitsuba.annual.variants import evaluate_variants
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.case.toml import Side
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.transport import facade_basis
@@ -71,7 +71,7 @@ class Season:
         numbers: dict[str, Any] = {
             name: getattr(self, name) for name in ("design", "clear", "opening", "relative", "gain")
         }
-        files.save_json({"name": self.name, "msDA": numbers}, folder / "season.json")
+        storage.save_json({"name": self.name, "msDA": numbers}, folder / "season.json")
         plots.save(plots.season(self), folder / "season.png")
 
     def _repr_png_(self) -> bytes:

@@ -52,7 +52,7 @@ def bsdf(
     from drcmitsuba import bsdf as library
     from drcmitsuba.bsdf import check, xml
     from drcmitsuba.report import plots
-    from drcmitsuba.runtime import files
+    from drcmitsuba.runtime import storage
 
     if not math.isfinite(sum(sun)) or not (0 <= sun[0] <= 90 and -90 < sun[1] < 90):
         got = f"{sun[0]:g} {sun[1]:g}"
@@ -85,7 +85,7 @@ def bsdf(
         from drcmitsuba.bsdf import pictures
 
         output.mkdir(parents=True, exist_ok=True)
-        files.save_json(report.to_dict(), output / "bsdf.json")
+        storage.save_json(report.to_dict(), output / "bsdf.json")
         for name, figure in pictures.figures(film, report, sun).items():
             plots.save(figure, output / name)
         if not as_json:

@@ -92,13 +92,13 @@ def evaluate(
         return
     from drcmitsuba import evaluate as run
     from drcmitsuba import load_case
-    from drcmitsuba.runtime import files
+    from drcmitsuba.runtime import storage
 
     loaded = load_case(case).with_weather(weather)
     known = None
     if coefficients is not None:
-        known = files.open_dataset(coefficients, "replicates", "straight", "state")
-        known = files.loaded(coefficients, known)
+        known = storage.open_dataset(coefficients, "replicates", "straight", "state")
+        known = storage.loaded(coefficients, known)
     with stages() as stage:
         result = run(loaded, stage, known)
         result.save(output, stage)
@@ -175,7 +175,7 @@ def coefficients(case: CasePath, output: Output = Path("results"), weather: Weat
     """
     from drcmitsuba import load_case
     from drcmitsuba.annual import simulation
-    from drcmitsuba.runtime import backend, files
+    from drcmitsuba.runtime import backend, storage
     from drcmitsuba.sky import daylight
 
     loaded = load_case(case).with_weather(weather).with_dark_hours()
@@ -185,7 +185,7 @@ def coefficients(case: CasePath, output: Output = Path("results"), weather: Weat
             found = daylight.daylight(loaded)
         C = simulation.coefficients(loaded, found, stage)
         with stage("writing"):
-            files.save_zarr(C, output / "coefficients.zarr")
+            storage.save_zarr(C, output / "coefficients.zarr")
     path = output / "coefficients.zarr"
     print(f"{C.sizes['sensor']} sensors × {C.sizes['bin']} bins are in {path}")
 
@@ -197,16 +197,17 @@ def illuminance(
     output: Output = Path("results"),
 ) -> None:
     """Multiply C and L to the illuminance E: illuminance.nc."""
-    from drcmitsuba.runtime import files
+    from drcmitsuba.metrics.illuminance import illuminance as accumulated
+    from drcmitsuba.runtime import storage
     from drcmitsuba.sky import daylight
 
-    C = files.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
-    L = files.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
+    C = storage.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
+    L = storage.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
-        L = files.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
-        E = illuminance.illuminance(files.loaded(c, C), daylight.from_luminances(L))
+        L = storage.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
+        E = accumulated(storage.loaded(c, C), daylight.from_luminances(L))
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
-        files.save_netcdf(E, output / "illuminance.nc")
+        storage.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
 
 
@@ -231,7 +232,7 @@ def metrics(
     from drcmitsuba.case.toml import checked
     from drcmitsuba.metrics import evaluate_metrics
     from drcmitsuba.metrics.intervals import Rules
-    from drcmitsuba.runtime import files
+    from drcmitsuba.runtime import storage
 
     thresholds = {
         "sda_threshold": sda_threshold,
@@ -239,8 +240,8 @@ def metrics(
         "ase_threshold": ase_threshold,
         "ase_hours": ase_hours,
     }
-    E = files.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
-    E = files.loaded(e, E)
+    E = storage.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
+    E = storage.loaded(e, E)
     rules = Rules(
         checked(Metrics, thresholds, "command line"),
         shade_threshold=E.attrs.get("shade_threshold", 1000.0),
@@ -250,7 +251,7 @@ def metrics(
     numbers = evaluate_metrics.summarise(E, rules)
     _print_metrics(numbers, str(e))
     if output is not None:
-        files.save_json(numbers, output / "metrics.json")
+        storage.save_json(numbers, output / "metrics.json")
 
 
 @app.command()
@@ -259,10 +260,10 @@ def plot(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.")
     from drcmitsuba.case.case import Case
     from drcmitsuba.case.toml import checked
     from drcmitsuba.report import figures, plots
-    from drcmitsuba.runtime import files
+    from drcmitsuba.runtime import storage
 
     path, file = folder / "illuminance.nc", folder / "metrics.json"
-    E = files.loaded(path, files.open_dataset(path, "total", "direct_sun"))
+    E = storage.loaded(path, storage.open_dataset(path, "total", "direct_sun"))
     numbers = figures.read_numbers(file, E.sizes["sensor"])
     known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
     case = checked(Case, known, file)

@@ -119,7 +119,7 @@ def _save(
     """Write the pictures, and what the fresh evaluation says."""
     from drcmitsuba.design import pictures
     from drcmitsuba.report import plots
-    from drcmitsuba.runtime import files
+    from drcmitsuba.runtime import storage
 
     year, best = found.problem.year, found.best
     numbers = f"ASE {best.hard.ase:.1f} %, {_aim(found)} {best.hard.aim:.1f} %"
@@ -130,19 +130,19 @@ def _save(
     if front is not None:
         plots.save(pictures.front(front, chosen=best.hard), output / "pareto.png")
     if fresh is not None:
-        files.save_json(fresh.metrics, output / "fresh_metrics.json")
+        storage.save_json(fresh.metrics, output / "fresh_metrics.json")
 
 
 def _save_tilt(found: TiltOptimum, fresh: Any, output: Path) -> None:
     """Write the pictures, and what the fresh evaluation says."""
     from drcmitsuba.design import pictures
     from drcmitsuba.report import plots
-    from drcmitsuba.runtime import files
+    from drcmitsuba.runtime import storage
 
     plots.save(pictures.tilts(found), output / "tilt.png")
     plots.save(pictures.search(found), output / "search.png")
     if fresh is not None:
-        files.save_json(fresh.metrics, output / "fresh_metrics.json")
+        storage.save_json(fresh.metrics, output / "fresh_metrics.json")
 
 
 def _aim(found: Optimum) -> str:

@@ -33,7 +33,7 @@ def plan(
     from drcmitsuba.plan import notes
     from drcmitsuba.plan import plan as decide
     from drcmitsuba.plan.forecast import forecast, told_plan
-    from drcmitsuba.runtime import backend, files
+    from drcmitsuba.runtime import backend, storage
     from drcmitsuba.scene.sensors import sensor_points
     from drcmitsuba.sky.daylight import daylight
 
@@ -48,7 +48,7 @@ def plan(
         expected = forecast(decided)
     told = told_plan(decided, expected)
     if output is not None:
-        files.save_json(told, output / "plan.json")
+        storage.save_json(told, output / "plan.json")
     if as_json:
         print(json.dumps(told, indent=2, ensure_ascii=False, default=str))
         return

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from drcmitsuba.design.measure import Evaluation
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import was_stopped
 
 AREA_TOLERANCE = 2e-3
@@ -148,7 +148,7 @@ class History(Generic[P, E]):
 
     def save(self, file: Path) -> None:
         """Write the rows as CSV, whole or not at all."""
-        files.save_text(self.frame.to_csv(index=False, float_format="%.6g"), file)
+        storage.save_text(self.frame.to_csv(index=False, float_format="%.6g"), file)
 
     @contextmanager
     def until_stopped(self) -> Iterator[list[bool]]:

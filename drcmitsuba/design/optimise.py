@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 
 from drcmitsuba.design.history import E, History, P, row
 from drcmitsuba.design.problem import Composed, Problem
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 
@@ -113,7 +113,7 @@ class Optimum(Generic[P, E]):
         """Write `optimum.json` and `history.csv`, each whole or not at all."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        files.save_json(self.as_dict(), folder / "optimum.json")
+        storage.save_json(self.as_dict(), folder / "optimum.json")
         self.history.save(folder / "history.csv")
 
 
@@ -144,7 +144,7 @@ class Front:
         import pandas as pd
 
         frame = pd.DataFrame([row(self.problem, point) for point in self.points])
-        files.save_text(frame.to_csv(index=False, float_format="%.6g"), file)
+        storage.save_text(frame.to_csv(index=False, float_format="%.6g"), file)
 
 
 def optimise(

@@ -6,7 +6,7 @@ backend
     The compiler backend: LLVM on the processor, CUDA on a GPU.
 progress
     Progress of long work.
-files
+storage
     Files of results, written whole or not at all; reading as untrusted input.
 ray_counter
     Number of rays traced, by kind.

@@ -23,7 +23,7 @@ from drcmitsuba.case.sky import (
     SunshineTable,
     ThreePhase,
 )
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun_models, weather
 from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
@@ -58,7 +58,7 @@ class Daylight:
 
     sky: xr.Dataset
     sun: xr.Dataset
-    sun_models: Suns
+    suns: Suns
     step_hours: float
     source: str
     notes: tuple[str, ...] = ()
@@ -213,8 +213,8 @@ def luminances(light: Daylight) -> xr.Dataset:
 def _luminances(light: Daylight, part: slice) -> xr.Dataset:
     """Some time stamps of `luminances`."""
     found = light.sky.isel(time=part)
-    sun_models = light.suns.labels if "blend_bin" in found else ()
-    labels = np.array([*map(str, found["bin"].values), *sun_models], dtype=object)
+    suns = light.suns.labels if "blend_bin" in found else ()
+    labels = np.array([*map(str, found["bin"].values), *suns], dtype=object)
     L = np.zeros((found.sizes["time"], len(labels)), np.float32)
     L[:, : found.sizes["bin"]] = found["sky"].values
     at = {label: i for i, label in enumerate(labels)}
@@ -248,7 +248,7 @@ def save_luminances(light: Daylight, path: Path, channels: xr.DataArray | None =
     parts = (_luminances(light, slice(start, start + BLOCK)) for start in blocks)
     if channels is not None:
         parts = (part.assign(L=part["L"].expand_dims(channel=channels)) for part in parts)
-    files.save_zarr(parts, path)
+    storage.save_zarr(parts, path)
 
 
 def from_luminances(data: xr.Dataset) -> xr.Dataset:

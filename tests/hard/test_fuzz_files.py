@@ -12,7 +12,7 @@ import xarray as xr
 from hypothesis import given, settings
 
 from drcmitsuba import InputError
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from tests.hard import generated_files
 from tests.hard import generated_results as results
 from tests.hard.command_line import GIB, growth_of, no_more_than
@@ -174,7 +174,7 @@ def test_many_results_are_used_or_told_in_one_line(
 
 
 def opened(path, *variables):
-    return files.loaded(path, files.open_dataset(path, *variables))
+    return storage.loaded(path, storage.open_dataset(path, *variables))
 
 
 def test_a_head_that_declares_terabytes_is_refused(good, tmp_path):

@@ -7,7 +7,7 @@ import xarray as xr
 import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.metrics import evaluate_metrics, illuminance
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from tests.system.test_evaluate import CASE, DAYS, changed
@@ -32,10 +32,10 @@ def results(tmp_path_factory):
 @pytest.mark.parametrize("model", MODELS)
 def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
     found = results[model]
-    files.save_zarr(found.coefficients, tmp_path / "C.zarr")
+    storage.save_zarr(found.coefficients, tmp_path / "C.zarr")
     light_module.save_luminances(found.light, tmp_path / "L.zarr")
-    C = files.open_dataset(tmp_path / "C.zarr", "replicates").load()
-    L = light_module.from_luminances(files.open_dataset(tmp_path / "L.zarr", "L", "sun"))
+    C = storage.open_dataset(tmp_path / "C.zarr", "replicates").load()
+    L = light_module.from_luminances(storage.open_dataset(tmp_path / "L.zarr", "L", "sun"))
     E = illuminance.illuminance(C, L)
     for name, expected in found.illuminance.data_vars.items():
         np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)

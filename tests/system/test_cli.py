@@ -13,7 +13,7 @@ import drcmitsuba
 from drcmitsuba.case.case import Case
 from drcmitsuba.cli import main
 from drcmitsuba.report import plots
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import BackendError
 
 WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
@@ -183,8 +183,8 @@ def test_a_full_disk_is_told_in_one_line(refused, case, tmp_path, monkeypatch):
     assert "No space left on device" in refused("evaluate", case, "-o", folder)
     left = {p.name for p in folder.iterdir()}
     assert left == {"illuminance.nc", "coefficients.zarr", "sky.zarr", "plan.json"}
-    files.open_dataset(folder / "illuminance.nc", "total").load()
-    files.open_dataset(folder / "coefficients.zarr", "replicates").load()
+    storage.open_dataset(folder / "illuminance.nc", "total").load()
+    storage.open_dataset(folder / "coefficients.zarr", "replicates").load()
 
 
 @pytest.mark.parametrize(
@@ -228,7 +228,7 @@ def test_files_of_another_kind_are_told(refused, results, tmp_path):
     assert "coefficients.zarr: results: has no 'L'" in refused("illuminance", C, C)
     assert "sky.zarr: results: has no 'total'" in refused("metrics", L)
     assert "metrics.json: results: " in refused("metrics", results / "metrics.json")
-    files.save_netcdf(files.open_dataset(E).load(), tmp_path / "illuminance.nc")
+    storage.save_netcdf(storage.open_dataset(E).load(), tmp_path / "illuminance.nc")
     assert "metrics.json: metrics: " in refused("plot", tmp_path)
     (tmp_path / "metrics.json").write_text('{"settings": {"sensors": 3}}')
     assert "metrics.json: " in refused("plot", tmp_path)
@@ -278,15 +278,19 @@ SLOW = CASE.replace("3, 3]", "30, 30]").replace("spacing = 0.6", "spacing = 0.1"
 SLOW = SLOW.replace("paths = 16", "paths = 8000\nsensor_sky_rays = 20000")
 STOPPED_WITHIN = """
 import os, signal, sys, threading
-from drcmitsuba import cli, {module}
+from importlib import import_module
+
+from drcmitsuba.cli import main
+
+module = import_module("drcmitsuba.{module}")
 
 def stopped_within(*args, **options):
     threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGINT)).start()
     return function(*args, **options)
 
-function, {module}.{name} = {module}.{name}, stopped_within
+function, module.{name} = module.{name}, stopped_within
 sys.argv = ["drcmitsuba", "evaluate", {case!r}, "-o", {folder!r}]
-cli.main()
+main.main()
 """
 
 
@@ -294,8 +298,8 @@ cli.main()
 @pytest.mark.parametrize(
     ("module", "name", "delay", "written"),
     [
-        ("simulation", "compute", 0.3, set()),
-        ("schema", "save_zarr", 0.0, {"illuminance.nc"}),
+        ("annual.simulation", "compute", 0.3, set()),
+        ("runtime.storage", "save_zarr", 0.0, {"illuminance.nc"}),
     ],
 )
 def test_ctrl_c_leaves_one_line_and_whole_files(tmp_path, case, module, name, delay, written):
@@ -313,7 +317,7 @@ def test_ctrl_c_leaves_one_line_and_whole_files(tmp_path, case, module, name, de
     assert not any(file.startswith(".") for file in left)
     assert written <= left < RESULTS
     for file in left:
-        files.open_dataset(folder / file).load()
+        storage.open_dataset(folder / file).load()
 
 
 # ---- what works -------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.cli import main
 from drcmitsuba.metrics import illuminance
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky.sun_models import Suns
@@ -278,7 +278,7 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     run(monkeypatch, "illuminance", *parts, "-o", tmp_path)
     run(monkeypatch, "metrics", tmp_path / "illuminance.nc", "-o", tmp_path)
     assert capsys.readouterr().err == ""
-    chained = files.open_dataset(tmp_path / "illuminance.nc").load()
+    chained = storage.open_dataset(tmp_path / "illuminance.nc").load()
     assert set(chained.variables) == set(E.variables)
     for name in E.data_vars:
         np.testing.assert_allclose(chained[name], E[name], rtol=1e-4, atol=0.05, err_msg=name)
@@ -305,7 +305,7 @@ def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeyp
     (folder / "undecided_ase_plan.png").write_text("of an evaluation before this one")
     run(monkeypatch, "evaluate", tmp_path / "case.toml", "-o", folder)
     numbers = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-    E = files.open_dataset(folder / "illuminance.nc").load()
+    E = storage.open_dataset(folder / "illuminance.nc").load()
     listed = numbers["undecided"]
     assert 0 < len(listed) < 25
     assert all(0.025 < one["probability"] < 0.975 for one in listed)
@@ -496,7 +496,7 @@ def test_a_coloured_case_goes_through_the_verbs(tmp_path, monkeypatch, capsys):
     run(monkeypatch, "illuminance", *files, "-o", tmp_path / "again")
     run(monkeypatch, "metrics", tmp_path / "again" / "illuminance.nc")
     E, again = (
-        files.open_dataset(tmp_path / name / "illuminance.nc").load() for name in ("r", "again")
+        storage.open_dataset(tmp_path / name / "illuminance.nc").load() for name in ("r", "again")
     )
     for name in E.data_vars:
         np.testing.assert_allclose(again[name], E[name], rtol=1e-4, atol=0.05, err_msg=name)

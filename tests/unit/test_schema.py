@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from drcmitsuba import schema
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
 LABELS = ["ground", "sky_001", "sky_145", "sun_2015-03-21T10:00"]
@@ -33,13 +33,13 @@ def dataset():
     return schema.describe(data)
 
 
-SAVERS = [(files.save_zarr, "c.zarr"), (files.save_netcdf, "c.nc")]
+SAVERS = [(storage.save_zarr, "c.zarr"), (storage.save_netcdf, "c.nc")]
 
 
 @pytest.mark.parametrize(("save", "name"), SAVERS)
 def test_a_dataset_comes_back_as_it_was(tmp_path, save, name):
     save(dataset(), tmp_path / "new" / name)
-    found = files.open_dataset(tmp_path / "new" / name, "direct", "bin").load()
+    found = storage.open_dataset(tmp_path / "new" / name, "direct", "bin").load()
     xr.testing.assert_identical(found, dataset())
     assert list(found["bin"].values) == LABELS
     assert found["direct"].dtype == np.float32
@@ -61,7 +61,7 @@ def test_saving_again_replaces_all_of_it(tmp_path, save, name):
     save(dataset(), tmp_path / name)
     smaller = dataset().isel(bin=[0, 1], sensor=[2]).drop_vars("direct_se")
     save(smaller, tmp_path / name)
-    xr.testing.assert_identical(files.open_dataset(tmp_path / name).load(), smaller)
+    xr.testing.assert_identical(storage.open_dataset(tmp_path / name).load(), smaller)
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
@@ -87,21 +87,21 @@ def test_an_interrupted_save_keeps_what_was_there(tmp_path, monkeypatch, save, n
             patch.setattr(schema, "_replace", stop_at_once)
         with pytest.raises(stop):
             save(2 * dataset(), tmp_path / name)
-    xr.testing.assert_identical(files.open_dataset(tmp_path / name).load(), dataset())
+    xr.testing.assert_identical(storage.open_dataset(tmp_path / name).load(), dataset())
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
 def test_json_comes_back_as_it_was(tmp_path):
     data = {"sDA": {"value": 50.0}, "msDA": [None, {"value": 1e-9}], "name": "Café"}
-    files.save_json(data, tmp_path / "new" / "m.json")
+    storage.save_json(data, tmp_path / "new" / "m.json")
     assert json.loads((tmp_path / "new" / "m.json").read_text(encoding="utf-8")) == data
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_json_has_no_place_for_nan(tmp_path, bad):
-    files.save_json({"value": 1.0}, tmp_path / "m.json")
+    storage.save_json({"value": 1.0}, tmp_path / "m.json")
     with pytest.raises(ValueError, match="not JSON compliant"):
-        files.save_json({"value": bad}, tmp_path / "m.json")
+        storage.save_json({"value": bad}, tmp_path / "m.json")
     assert json.loads((tmp_path / "m.json").read_text()) == {"value": 1.0}
     assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
 
@@ -112,14 +112,14 @@ def test_an_interrupted_json_leaves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr(schema, "_replace", stop)
     with pytest.raises(KeyboardInterrupt):
-        files.save_json({"value": 1.0}, tmp_path / "m.json")
+        storage.save_json({"value": 1.0}, tmp_path / "m.json")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_no_result_is_told_in_one_line(tmp_path):
     text = tmp_path / "case.toml"
     text.write_text("name = 1")
-    files.save_netcdf(dataset(), tmp_path / "c.nc")
+    storage.save_netcdf(dataset(), tmp_path / "c.nc")
     cut = tmp_path / "cut.nc"
     cut.write_bytes((tmp_path / "c.nc").read_bytes()[:1000])
     for path, told in (
@@ -129,11 +129,11 @@ def test_what_is_no_result_is_told_in_one_line(tmp_path):
         (cut, "give a file of this program"),
     ):
         with pytest.raises(InputError, match=told) as caught:
-            files.open_dataset(path)
+            storage.open_dataset(path)
         assert str(caught.value).isprintable()
         assert str(caught.value).startswith(f"{path}: results: ")
     with pytest.raises(InputError, match="results: has no 'total'; give a file of this program"):
-        files.open_dataset(tmp_path / "c.nc", "direct", "total")
+        storage.open_dataset(tmp_path / "c.nc", "direct", "total")
 
 
 def test_luminance_weighs_channels_and_leaves_grey_alone():

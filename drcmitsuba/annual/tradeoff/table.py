@@ -15,7 +15,7 @@ from drcmitsuba.annual.tradeoff.picture import frontier
 from drcmitsuba.annual.tradeoff.row import HEADER, Row
 from drcmitsuba.case.case import Case
 from drcmitsuba.report import plots
-from drcmitsuba.runtime import files
+from drcmitsuba.runtime import storage
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Tradeoff:
     def save_csv(self, folder: str | Path) -> None:
         """Write `tradeoff.csv`, whole or not at all."""
         text = self.frame.to_csv(index=False, float_format="%.6g")
-        files.save_text(text, Path(folder) / "tradeoff.csv")
+        storage.save_text(text, Path(folder) / "tradeoff.csv")
 
     def figure(self) -> Figure:
         """The frontier: seconds against the RMS error of E."""
