@@ -13,6 +13,7 @@ from hypothesis import given, settings
 
 from drcmitsuba import InputError
 from drcmitsuba.runtime import storage
+from tests import ROOT
 from tests.hard import generated_files
 from tests.hard import generated_results as results
 from tests.hard.command_line import GIB, growth_of, no_more_than
@@ -251,7 +252,7 @@ def test_a_bsdf_of_zeros_is_read(tmp_path):
 def test_the_harness_of_atheris_runs(tmp_path):
     """Coverage-guided, for a few seconds; the optional extra `fuzz`."""
     pytest.importorskip("atheris", reason="atheris is the optional extra `fuzz`")
-    root = Path(__file__).parents[2]
+    root = ROOT
     arguments = [
         sys.executable,
         "-m",

@@ -25,7 +25,15 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from tests.hard.mutations import toml
-from tests.unit.test_measured import IMPORTANCE, RADIANCE, as_vector, draw, interaction, write, xml
+from tests.unit.plugins.test_measured import (
+    IMPORTANCE,
+    RADIANCE,
+    as_vector,
+    draw,
+    interaction,
+    write,
+    xml,
+)
 
 MODES = pytest.mark.parametrize("mode", [RADIANCE, IMPORTANCE], ids=["radiance", "importance"])
 BINS = len(Patches())

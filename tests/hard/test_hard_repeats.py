@@ -6,7 +6,6 @@ to the largest coefficient of each sensor.
 """
 
 import itertools
-from pathlib import Path
 
 import drjit as dr
 import numpy as np
@@ -18,9 +17,10 @@ from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients, films, gather_blocks, photons, shadow_rays
+from tests import ROOT
 
 SAME = 1e-5
-PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+PRISM = ROOT / "scenes" / "films" / "prism.xml"
 DIRECTIONS = np.array([[0, -0.8, 0.6], [0.48, -0.64, 0.6], [-0.6, -0.48, 0.64], [0, -0.28, 0.96]])
 SUNS = Suns(tuple(f"sun_{i}" for i in range(4)), DIRECTIONS)
 MATERIALS = {

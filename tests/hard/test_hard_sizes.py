@@ -22,8 +22,8 @@ import sys
 import numpy as np
 from drcmitsuba import backend, simulation
 from drcmitsuba.case import Case
-from drcmitsuba.result import peak_memory
-from drcmitsuba.suns import Suns
+from drcmitsuba.annual.result import peak_memory
+from drcmitsuba.sky.sun_models import Suns
 
 backend.select()
 angles = np.linspace(0.2, 1.2, 16)
@@ -48,7 +48,7 @@ import sys
 import numpy as np
 import drcmitsuba
 from drcmitsuba.case import load_case
-from drcmitsuba.result import peak_memory
+from drcmitsuba.annual.result import peak_memory
 
 result = drcmitsuba.evaluate(load_case(sys.argv[1]))
 E = result.illuminance
@@ -64,8 +64,8 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba import scene
 from drcmitsuba.case import load_case
-from drcmitsuba.result import peak_memory
-from drcmitsuba.sensors import sensor_points
+from drcmitsuba.annual.result import peak_memory
+from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba import backend
 
 backend.select()

@@ -15,8 +15,9 @@ from drcmitsuba.cli import main
 from drcmitsuba.report import plots
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import BackendError
+from tests import SHARED
 
-WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
+WEATHER = SHARED / "data" / "weather"
 TMY3 = Path(pvlib.__file__).parent / "data" / "723170TYA.CSV"
 CASE = """
 name = "small room"

@@ -2,7 +2,6 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,9 @@ from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky.sun_models import Suns
+from tests import SHARED
 
-WEATHER = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
+WEATHER = SHARED / "data" / "weather"
 CASE = """
 name = "small room"
 [period]

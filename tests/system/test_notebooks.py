@@ -3,13 +3,13 @@
 What a reader would see is tested: no error, nothing on stderr, every cell run, pictures drawn.
 """
 
-from pathlib import Path
-
 import nbformat
 import pytest
 from nbclient import NotebookClient
 
-FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
+from tests import ROOT
+
+FOLDER = ROOT / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 SLOWEST_CELL = 300
 """Seconds; on 2 cores shared with other work the slowest took a tenth of it."""

@@ -6,11 +6,11 @@ Imports inside functions count too; `drcmitsuba/__init__.py` is the table of con
 import ast
 import sys
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests import ROOT
+
 ROOMS = [
     "schema", "runtime", "case", "sky", "bsdf", "scene", "goniophotometer", "transport",
     "metrics", "report", "plan", "annual", "design", "cli",

@@ -25,10 +25,11 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
+from tests import ROOT, SHARED
 
 BINS = len(Patches())
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "bsdf"
+SCENES = ROOT / "scenes"
+SHARED = SHARED / "data" / "bsdf"
 PRISM = SCENES / "films" / "prism.xml"
 
 

@@ -21,7 +21,6 @@ an incident cell 0.009 to 0.027; half the sum of the absolute differences of the
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,11 +33,11 @@ from drcmitsuba.case.toml import checked
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import UnitCell, unit_cell
-from tests import radiance
+from tests import ROOT, radiance
 
 pyradiance = pytest.importorskip("pyradiance")
 
-FILM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+FILM = ROOT / "scenes" / "films" / "prism.xml"
 OURS = 16384
 LEVEL = 1e-4
 

@@ -13,13 +13,12 @@ References
 .. [2] C. Bauer, S. Wittkopf, Journal of Facade Design and Engineering (2016), section 4.2.
 """
 
-from pathlib import Path
-
 import pytest
 
 import drcmitsuba
+from tests import SHARED
 
-GENEVA = Path(__file__).resolve().parents[3] / "shared/data/weather/CHE_Geneva.067000_IWEC.epw"
+GENEVA = SHARED / "data/weather/CHE_Geneva.067000_IWEC.epw"
 WINTER, SUMMER = (11, 12, 1, 2), (5, 6, 7, 8)
 
 

@@ -15,8 +15,6 @@ Expected: patches, shares and the light in them agree to rounding; coefficients 
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -43,7 +41,7 @@ from drcmitsuba.sky.sun_models import (
 from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction
 from drcmitsuba.transport import sun_interpolation
 from drcmitsuba.transport.coefficients import compute
-from tests import radiance
+from tests import SHARED, radiance
 from tests.bench import sun_models
 from tests.validation.test_films import PRISM, changed, room
 
@@ -273,7 +271,7 @@ def test_suns_of_the_five_phase_method(classroom, same, tmp_path):
 
 # What a film makes of the models
 
-GENEVA = Path(__file__).resolve().parents[3] / "shared/data/weather/CHE_Geneva.067000_IWEC.epw"
+GENEVA = SHARED / "data/weather/CHE_Geneva.067000_IWEC.epw"
 
 
 @pytest.mark.slow

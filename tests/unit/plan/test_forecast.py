@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from pathlib import Path
 
 import drjit as dr
 import numpy as np
@@ -21,6 +20,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.ray_counter import KINDS
 from drcmitsuba.scene.geometry import box
 from drcmitsuba.sky.daylight import daylight
+from tests import ROOT
 
 GLASS = {"type": "glazing", "transmittance": 0.65}
 MILKY = {"type": "diffuser", "transmittance": 0.3, "reflectance": 0.2}
@@ -256,7 +256,7 @@ def test_matplotlib_is_loaded_where_pictures_are_drawn(pictures, loaded, tmp_pat
     code = NOT_LOADED.format(case=case, folder=str(tmp_path))
     told = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True,
-        cwd=Path(__file__).resolve().parents[2], env=os.environ,
+        cwd=ROOT, env=os.environ,
     )  # fmt: skip
     assert told.stdout.split(" ")[0].strip() == loaded
     assert bool(list(tmp_path.glob("*.png"))) == (pictures == "auto")

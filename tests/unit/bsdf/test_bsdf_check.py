@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,11 +16,12 @@ from drcmitsuba import bsdf
 from drcmitsuba.bsdf import balance, lobes
 from drcmitsuba.bsdf.check import check
 from drcmitsuba.bsdf.pictures import figures
+from tests import SHARED
 
 N = 16  # cells along an axis of the films below
 CELL = np.pi / N**2
 KLEMS = BASES["LBNL/Klems Full"]
-REFUSED = Path(__file__).resolve().parents[3] / "shared/data/bsdf/radiance_testBSDF_ref.xml"
+REFUSED = SHARED / "data/bsdf/radiance_testBSDF_ref.xml"
 
 
 def film(kind="TensorTree4", name="film", notes=(), **components):

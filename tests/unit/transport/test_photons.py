@@ -1,7 +1,5 @@
 """Photons against exact answers, and with every other kind of light against plain path tracing."""
 
-from pathlib import Path
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -23,8 +21,9 @@ from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.photons import Photons
 from drcmitsuba.transport.receivers import CellAreas, Squares
+from tests import ROOT
 
-FILM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+FILM = ROOT / "scenes" / "films" / "prism.xml"
 X, Y, Z = np.eye(3)
 DIRECTIONS = np.array([[0, -0.8, 0.6], [0.48, -0.64, 0.6], [0, -0.28, 0.96], [0, 0.8, 0.6]])
 WIDE = Suns(tuple(f"sun_{i}" for i in range(4)), DIRECTIONS, 30.0)

@@ -1,13 +1,13 @@
 """Sky patches against Radiance's tables, and the look-up in Dr.Jit against the patches' bounds."""
 
-from pathlib import Path
-
 import mitsuba as mi
 import numpy as np
 import pytest
 from drcmitsuba_plugins.patches import Patches, patch_index
 
-REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference"
+from tests import SHARED
+
+REFERENCE = SHARED / "reference"
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import weather
+from tests import SHARED
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "weather"
+SHARED = SHARED / "data" / "weather"
 PVLIB = Path(pvlib.__file__).parent / "data"
 HOURS = pd.date_range("2015-01-01", "2015-12-31 23:00", freq="h")
 LEAP_HOURS = pd.date_range("2016-01-01", "2016-12-31 23:00", freq="h")

@@ -1,7 +1,6 @@
 """E as a function of the reflectances, against fresh simulations, exact answers and differences."""
 
 from dataclasses import replace
-from pathlib import Path
 from time import perf_counter
 
 import drjit as dr
@@ -20,9 +19,10 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky import daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
+from tests import ROOT
 
 SEEDS = 8
-PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+PRISM = ROOT / "scenes" / "films" / "prism.xml"
 KEYS = ("floor", "ceiling", "walls", "table")
 ELSEWHERE = {"floor": 0.5, "ceiling": 0.6, "walls": 0.8, "table": 0.1}
 

@@ -3,7 +3,6 @@
 import csv
 import tracemalloc
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,8 @@ from hypothesis import strategies as st
 
 from drcmitsuba import bsdf
 from drcmitsuba.runtime.errors import InputError
+from tests import SHARED
 
-SHARED = Path(__file__).resolve().parents[3] / "shared"
 GOLDEN = SHARED / "reference" / "golden_bsdf_query_radiance.csv"
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
 LAMBERTIAN = "{ 0.1 }"

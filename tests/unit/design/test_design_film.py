@@ -23,9 +23,10 @@ from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.shadow_rays import sky_deposit
-from tests.unit.test_measured import write
+from tests import ROOT
+from tests.unit.plugins.test_measured import write
 
-PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+PRISM = ROOT / "scenes" / "films" / "prism.xml"
 CASE = f"""
 name = "small room"
 [period]

@@ -2,7 +2,6 @@
 
 import struct
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,9 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene.structures.mesh import read_mesh
 from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import arc, unit_cell
+from tests import ROOT
 
-FILMS = Path(__file__).resolve().parents[2] / "scenes" / "films"
+FILMS = ROOT / "scenes" / "films"
 SLAB = {
     "kind": "prism", "n": 1.49, "period": 1.0,
     "polygons": [[[0, 0], [0.5, 0], [0.5, 1], [0, 1]]],

@@ -1,7 +1,6 @@
 """Perez sky: Radiance's own output, exact integrals, convergence of patch means, and edge cases."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,9 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import PatchCentres, PatchMeans, Perez, perez, radiance
 from drcmitsuba.sky.sun import direction
+from tests import SHARED
 
-REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference"
+REFERENCE = SHARED / "reference"
 RADIANCE_DEW_POINT = 11.0
 """gendaymtx's dew point [deg C] where a WEA file has none."""
 

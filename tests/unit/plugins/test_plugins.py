@@ -1,7 +1,5 @@
 """Emitters, panes and the unbiased integrator against exact answers and Mitsuba's own."""
 
-from pathlib import Path
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -11,8 +9,9 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.scene import quad_mesh
+from tests import ROOT
 
-PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+PRISM = ROOT / "scenes" / "films" / "prism.xml"
 UP = [0.0, 0.0, 1.0]
 ORIGIN = [0.0, 0.0, 0.0]
 SUNS = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.96, 0.28], [-0.8, 0.6, 0]])

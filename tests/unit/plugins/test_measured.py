@@ -1,7 +1,5 @@
 """Plugins `tensor_tree` and `klems`: values, sampling, peak, energy, mounting, gradients."""
 
-from pathlib import Path
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -13,8 +11,9 @@ from scipy.stats import chi2 as chi2_law
 
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.runtime import backend
+from tests import SHARED
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "bsdf"
+SHARED = SHARED / "data" / "bsdf"
 RADIANCE, IMPORTANCE = mi.TransportMode.Radiance, mi.TransportMode.Importance
 
 HEAD = """<?xml version="1.0"?><WindowElement><Optical><Layer><DataDefinition>

@@ -15,8 +15,9 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import CieSky, PatchCentres, cie, radiance
 from drcmitsuba.sky.sun import direction
+from tests import SHARED
 
-REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference"
+REFERENCE = SHARED / "reference"
 OPTION = {
     "clear": "-s",
     "clear_with_sun": "+s",

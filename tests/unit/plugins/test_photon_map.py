@@ -1,7 +1,5 @@
 """The photon map against exact answers, `coefficient` and Mitsuba's path tracer."""
 
-from pathlib import Path
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -9,8 +7,9 @@ import pytest
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.runtime import backend
+from tests import ROOT
 
-PRISM = Path(__file__).resolve().parents[2] / "scenes" / "films" / "prism.xml"
+PRISM = ROOT / "scenes" / "films" / "prism.xml"
 UP, DOWN = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
 SUNS = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, -0.6, 0.8]])
 
