@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 VARIABLES: dict[str, tuple[str, str]] = {
     # name: (unit, long name)
@@ -65,6 +68,46 @@ def describe(data: xr.Dataset) -> xr.Dataset:
             error = "standard error of: " if base != name else ""
             variable.attrs.update(units=unit, long_name=error + long_name)
     return data
+
+
+class UnknownLabelsError(KeyError):
+    """Labels that are not among the known ones: `labels`, a tuple of str."""
+
+    def __init__(self, labels: Iterable[str]):
+        self.labels = tuple(map(str, labels))
+        super().__init__(f"no {self.labels[0]!r} ({len(self.labels)} missing)")
+
+
+def positions(labels: ArrayLike, known: Iterable[str], missing: int | None = None) -> np.ndarray:
+    """Position of each label among the known labels, matched exactly.
+
+    Parameters
+    ----------
+    labels : array of str, any shape
+        Labels of bins, suns or sensors.
+    known : iterable of str
+        Labels in the order of the array that they index.
+    missing : int, optional
+        Position given to a label that is not known.
+
+    Returns
+    -------
+    np.ndarray of int64, shape of `labels`
+
+    Raises
+    ------
+    UnknownLabelsError
+        A label is not known, and no `missing` is given.
+    """
+    wanted = np.asarray(labels, dtype=object)
+    place = {str(label): i for i, label in enumerate(known)}
+    at = np.array([place.get(str(label), -1) for label in wanted.ravel()], np.int64)
+    at = at.reshape(wanted.shape)
+    if (unknown := at < 0).any():
+        if missing is None:
+            raise UnknownLabelsError(wanted[unknown])
+        at[unknown] = missing
+    return at
 
 
 def luminance(values: xr.DataArray) -> xr.DataArray:

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.scene.surfaces import State
+from drcmitsuba.schema import positions
 
 _KINDS = {"bin": "replicates", "sun": "sun_straight"}
 """Dimensions of what is sampled, and what tells whether it was."""
@@ -50,8 +51,7 @@ class SampleAccumulator:
     def add(self, more: xr.Dataset, sensors: np.ndarray) -> None:
         """Average one more round into the entries that it has."""
         for kind, rounds in self._rounds.items():
-            at = {str(label): i for i, label in enumerate(self.found[kind].values)}
-            bins = np.array([at[str(label)] for label in more[kind].values], dtype=np.int64)
+            bins = positions(more[kind].values, self.found[kind].values)
             where = np.ix_(sensors, bins)
             share = 1 / (rounds[where] + 1)
             for name, values in more.items():

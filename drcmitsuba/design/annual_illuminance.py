@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.schema import positions
 from drcmitsuba.sky import daylight as lights
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Blend
@@ -38,8 +39,7 @@ class Year:
         known = "blend_bin" in sky
         blend = lights.blended(sky) if known else Blend.own(sky["sun_bin"].values)
         labels = [*map(str, sky["bin"].values), *light.suns.labels]
-        at = {label: i for i, label in enumerate(labels)}
-        column = np.array([[at.get(str(b), 0) for b in row] for row in blend.bins], np.uint32)
+        column = positions(blend.bins, labels, missing=0).astype(np.uint32)
         sun = blend.weights * sky["sun"].values[:, None]
         return cls(sky["sky"].values.astype(np.float32), sun.astype(np.float32), column)
 

@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.schema import describe
+from drcmitsuba.schema import UnknownLabelsError, describe, positions
 from drcmitsuba.sky.sun_models import Blend, mesh
 
 BLOCK = 1 << 16
@@ -32,13 +32,11 @@ def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.
     InputError
         A label is not among the coefficients' bins.
     """
-    known = {str(label): i for i, label in enumerate(coefficients["bin"].values)}
-    missing = [str(label) for label in labels if str(label) not in known]
-    if missing:
-        raise InputError(
-            "coefficients", "bin", f"no {missing[0]!r} ({len(missing)} bins missing)", remedy
-        )
-    return np.array([known[str(label)] for label in labels], dtype=np.int64)
+    try:
+        return positions(labels, coefficients["bin"].values)
+    except UnknownLabelsError as error:
+        got = f"no {error.labels[0]!r} ({len(error.labels)} bins missing)"
+        raise InputError("coefficients", "bin", got, remedy) from None
 
 
 def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:

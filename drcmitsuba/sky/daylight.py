@@ -217,11 +217,11 @@ def _luminances(light: Daylight, part: slice) -> xr.Dataset:
     labels = np.array([*map(str, found["bin"].values), *suns], dtype=object)
     L = np.zeros((found.sizes["time"], len(labels)), np.float32)
     L[:, : found.sizes["bin"]] = found["sky"].values
-    at = {label: i for i, label in enumerate(labels)}
     blend = blended(found)
     for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
         rows = np.flatnonzero(weights)
-        L[rows, [at[b] for b in bins[rows]]] += (weights * found["sun"].values)[rows]
+        columns = schema.positions(bins[rows], labels)
+        L[rows, columns] += (weights * found["sun"].values)[rows]
     data = xr.Dataset(
         {"L": (("time", "bin"), L)}, coords={"time": found["time"].values, "bin": labels}
     )
@@ -262,10 +262,10 @@ def from_luminances(data: xr.Dataset) -> xr.Dataset:
         .load()
     )
     blend = blended(out)
-    at = {label: i for i, label in enumerate(labels[is_sky])}
     for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
         rows = np.flatnonzero((weights != 0) & np.isin(bins.astype(str), labels[is_sky]))
         # The sun that is spread over patches is taken out of them again.
-        L[rows, [at[b] for b in bins[rows]]] -= (weights * out["sun"].values)[rows]
+        columns = schema.positions(bins[rows], labels[is_sky])
+        L[rows, columns] -= (weights * out["sun"].values)[rows]
     out["sky"] = (("time", "bin"), np.maximum(L, 0))
     return out.assign_coords(bin=labels[is_sky])

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.schema import describe
+from drcmitsuba.schema import describe, positions
 from drcmitsuba.sky.sun_models import Blend, Suns, mesh
 from drcmitsuba.transport.coefficients import compute, straight_suns
 
@@ -27,25 +28,25 @@ class _Nodes:
     """Coefficients of the nodes known so far, by node."""
 
     def __init__(self, found: xr.Dataset):
-        self.found = found
-        names = map(str, found["bin"].values)
-        self.at = {n: i for i, n in enumerate(names) if n.startswith(mesh.PREFIX)}
+        self.found, self.labels = found, mesh_of(found)
 
     def missing(self, nodes: np.ndarray) -> np.ndarray:
         """Nodes of an array (…, 2) that are not known yet, each once."""
-        each = np.unique(nodes.reshape(-1, 2), axis=0)
-        return each[[mesh.label(node) not in self.at for node in each]]
+        each, known = np.unique(nodes.reshape(-1, 2), axis=0), set(self.labels)
+        return each[[mesh.label(node) not in known for node in each]]
 
     def replicates(self, nodes: np.ndarray) -> np.ndarray:
         """Replicates (replicate, sensor, node) of nodes (node, 2)."""
-        at = [self.at[mesh.label(node)] for node in nodes]
-        return self.found["replicates"].values[:, :, at]
+        return self._replicates([mesh.label(node) for node in nodes])
 
     def blended(self, blend: Blend) -> np.ndarray:
         """Replicates (replicate, sensor, sun) of suns between the nodes."""
         each = zip(blend.bins.T, blend.weights.T, strict=True)
-        values = self.found["replicates"].values
-        return sum(values[:, :, [self.at[b] for b in bins]] * weights for bins, weights in each)
+        return sum(self._replicates(bins) * weights for bins, weights in each)
+
+    def _replicates(self, labels: ArrayLike) -> np.ndarray:
+        """Replicates (replicate, sensor, label) of bins by label."""
+        return self.found["replicates"].values[:, :, positions(labels, self.found["bin"].values)]
 
 
 def _scale(replicates: np.ndarray) -> float:
@@ -156,12 +157,12 @@ def meshed(
         level += 1
         progress(0.5 + 0.5 * (level - mesh.COARSEST) / (finest - mesh.COARSEST))
         live = live[(_miss(nodes, corners) > tolerance * scale)[of_sun]]
-    blend = mesh.blend(held_out.directions, np.ones(HELD_OUT, bool), tuple(nodes.at))
+    blend = mesh.blend(held_out.directions, np.ones(HELD_OUT, bool), nodes.labels)
     difference = nodes.blended(blend) - exact
     error = np.sqrt(_squared_error(difference, axis=1)).astype(np.float32)
     found = nodes.found.assign(mesh_error=("sensor", error))
     miss = float(np.sqrt(_squared_error(difference))) / scale if scale > 0 else 0.0
-    found.attrs |= {"mesh_suns": len(nodes.at), "mesh_miss": miss}
+    found.attrs |= {"mesh_suns": len(nodes.labels), "mesh_miss": miss}
     return describe(found)
 
 

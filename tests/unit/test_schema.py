@@ -84,7 +84,7 @@ def test_an_interrupted_save_keeps_what_was_there(tmp_path, monkeypatch, save, n
             writer = getattr(xr.Dataset, method)
             patch.setattr(xr.Dataset, method, write_half_and_stop)
         else:
-            patch.setattr(schema, "_replace", stop_at_once)
+            patch.setattr(storage, "_replace", stop_at_once)
         with pytest.raises(stop):
             save(2 * dataset(), tmp_path / name)
     xr.testing.assert_identical(storage.open_dataset(tmp_path / name).load(), dataset())
@@ -110,7 +110,7 @@ def test_an_interrupted_json_leaves_nothing(tmp_path, monkeypatch):
     def stop(*paths):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(schema, "_replace", stop)
+    monkeypatch.setattr(storage, "_replace", stop)
     with pytest.raises(KeyboardInterrupt):
         storage.save_json({"value": 1.0}, tmp_path / "m.json")
     assert list(tmp_path.iterdir()) == []
@@ -149,3 +149,14 @@ def test_the_error_of_a_mean_by_hand():
     mean, error = schema.mean_and_error(np.array([[1.0, 5.0], [3.0, 5.0]]))
     np.testing.assert_allclose(mean, [2, 5])
     np.testing.assert_allclose(error, [1, 0])
+
+
+def test_positions_of_labels():
+    known = np.array(LABELS, object)
+    asked = [["sky_145", "ground"], ["sky_001", "sky_145"]]
+    assert schema.positions(asked, known).tolist() == [[2, 0], [1, 2]]
+    assert schema.positions([], known).shape == (0,)
+    assert schema.positions(["sky_1", "ground"], known, missing=-1).tolist() == [-1, 0]
+    with pytest.raises(schema.UnknownLabelsError, match="no 'sky_1' \\(2 missing\\)") as error:
+        schema.positions(["sky_1", "ground", "sky_01"], known)
+    assert error.value.labels == ("sky_1", "sky_01")

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.sparse import csr_matrix
 
-from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.schema import describe, mean_and_error, positions
 from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
 
 
@@ -120,10 +120,9 @@ class Basis:
         direct = _mixed(share.ravel()[self.elements], self.direct)
         straight = _mixed(share.ravel()[self.straight_elements], self.straight)
         parts = {"straight": straight, "direct": direct, "interreflected": total - direct}
-        known = {label: i for i, label in enumerate(self.labels)}
         sky = [label for label in self.labels if not label.startswith("sun_")]
         labels = [*sky, *self.suns]
-        column = np.array([known.get(label, -1) for label in labels])
+        column = positions(labels, self.labels, missing=-1)
 
         def whole(values: np.ndarray) -> np.ndarray:
             """(…, bin, sensor) to (…, sensor, all bins)."""

@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight, blended
 from drcmitsuba.transport.facade_basis.basis import Basis
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles, elements
@@ -271,7 +272,6 @@ def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
     """Bin and luminance of what stands for the sun, 0 where the façade does not see it."""
     if "blend_bin" not in light.sky:
         raise InputError("case", "sun.model", "adaptive", "take another one for a façade basis")
-    known = {label: i for i, label in enumerate(basis.labels)}
     everywhere = {*basis.labels, *basis.suns, ""}
     blend, sun = blended(light.sky), light.sky["sun"].values
     found = []
@@ -280,7 +280,7 @@ def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
         if strange:
             got = f"no {strange[0]!r} ({len(strange)} missing)"
             raise InputError("basis", "bin", got, "compute the basis for this sky")
-        at = np.array([known.get(str(b), -1) for b in labels])
+        at = positions(labels, basis.labels, missing=-1)
         L = np.where(at >= 0, weights.astype(float) * sun, 0)
         found.append((mi.UInt32(np.maximum(at, 0).astype(np.uint32)), _flat(L)))
     return tuple(found)
