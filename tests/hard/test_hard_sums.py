@@ -11,7 +11,7 @@ import xarray as xr
 
 from drcmitsuba.design.bounce_counts import Sums
 from drcmitsuba.metrics import accumulate, smooth
-from drcmitsuba.metrics.intervals import _mean_illuminance
+from drcmitsuba.metrics.intervals.draw import _mean_illuminance
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.transport import coefficients
