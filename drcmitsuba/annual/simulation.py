@@ -85,7 +85,7 @@ def transport(
         at = {axis: ("sensor", points[:, i] + start[i]) for i, axis in enumerate("xyz")}
         found.append(of_channel.assign_coords(at))
         if rays is not None:
-            rays.update(world.tally.counted())
+            rays.update(world.ray_counter.counted())
     if len(channels) == 1:
         return found[0]
     return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))
@@ -116,7 +116,7 @@ def fingerprint(case: Case, scope: EnabledEffects) -> str:
     chosen = {k: v for k, v in case.effects.overruled.items() if k != "dark_hours"}
     told |= {
         "effects": chosen,
-        "scope": scope.told(),
+        "scope": scope.to_dict(),
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
     }
@@ -234,5 +234,5 @@ def _state(
         of_channel = known[state].isel(channel=i) if channels else known[state]
         found.append(with_straight(of_channel, world, points, normals, suns, case.accuracy))
         if rays is not None:
-            rays.update(world.tally.counted())
+            rays.update(world.ray_counter.counted())
     return xr.concat(found, known[state]["channel"]) if channels else found[0]

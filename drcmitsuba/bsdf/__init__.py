@@ -4,7 +4,7 @@ reader, xml
     `read` and `save`: LBNL's XML with tensor trees or Klems matrices.
 lobes, balance
     Lobes of the light from one direction; energy and reciprocity.
-check, findings, advice, pictures
+check, check_report, advice, pictures
     A check of a file, in numbers, words and pictures.
 pab_opto, measured, incidence, displacement, merge
     From goniophotometer measurements to a tensor tree of variable resolution.

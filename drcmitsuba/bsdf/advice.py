@@ -5,7 +5,7 @@ from __future__ import annotations
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 
 from drcmitsuba.bsdf.balance import Energy
-from drcmitsuba.bsdf.findings import SUN, Width
+from drcmitsuba.bsdf.check_report import SUN, Width
 from drcmitsuba.bsdf.lobes import StraightThrough
 
 NEARLY_LAMBERTIAN = 0.9
@@ -49,7 +49,7 @@ def model(
     # Deciding is the narrowest peak, measured by the cell that it lies in.
     sharpest = min(widths, key=lambda w: w.half_maximum / w.resolution)
     resolved = all(w.is_resolved for w in widths)
-    view = straight.found and straight.share > 0.5 * max(w.share for w in widths)
+    view = straight.stands_out and straight.share > 0.5 * max(w.share for w in widths)
     blurred = not resolved and sharpest.resolution > SHARP and not view
     return ("geometry" if blurred else own), (
         _geometry(sharpest, straight, blurred, view),

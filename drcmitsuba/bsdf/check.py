@@ -10,7 +10,7 @@ from drcmitsuba_plugins.bsdf_file import BsdfFile
 
 from drcmitsuba.bsdf import advice, balance
 from drcmitsuba.bsdf.balance import SIDES
-from drcmitsuba.bsdf.findings import Curve, Report, Sunlight, Width
+from drcmitsuba.bsdf.check_report import CheckReport, Curve, Sunlight, Width
 from drcmitsuba.bsdf.lobes import lobe, resolution, straight_through, sun
 
 THETAS = tuple(range(0, 90, 5))
@@ -23,7 +23,7 @@ REDIRECTED = tuple(range(25, 65, 5))
 """Elevations [deg] of the sun that a redirecting film is meant for."""
 
 
-def check(file: BsdfFile) -> Report:
+def check(file: BsdfFile) -> CheckReport:
     """Check a BSDF file and say what it is good for.
 
     Parameters
@@ -32,7 +32,7 @@ def check(file: BsdfFile) -> Report:
 
     Returns
     -------
-    Report
+    CheckReport
         `curves`: T and R over θ = 0 … 85° from four azimuths, both sides. `energy`: diffuse T and
         R, largest T + R. `reciprocity`: ∫|f(i, o) − f(o, i)| over the mean of both integrals, for
         'transmission', 'rb', 'rf'; None where a direction is missing. `sunlight`, `widths`: where
@@ -53,7 +53,7 @@ def check(file: BsdfFile) -> Report:
     mounting = _mounting(file)
     refused = any(e.verdict == "refused" for e in energy)
     model, reasons = advice.model(file.kind, widths, straight, lambertian, energy, refused)
-    return Report(
+    return CheckReport(
         source=file.source,
         name=file.name,
         manufacturer=file.manufacturer,

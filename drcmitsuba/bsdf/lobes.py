@@ -135,7 +135,7 @@ class StraightThrough:
 
     Parameters
     ----------
-    found : bool
+    stands_out : bool
         Whether the straight-through cells stand out enough to be simulated as a view through.
     share : float
         Part of the transmitted light that goes straight through, all incidences together.
@@ -145,7 +145,7 @@ class StraightThrough:
         Straight-through f against its neighbours at normal incidence; None where they are dark.
     """
 
-    found: bool
+    stands_out: bool
     share: float
     normal: float
     ratio: float | None
@@ -166,7 +166,7 @@ def straight_through(component: Component) -> StraightThrough:
             # The axis is the corner of four cells: the one with both coordinates from ½ on.
             cell = 3 << 2 * (component.depth - 1)
     return StraightThrough(
-        found=bool(split.stands_out),
+        stands_out=bool(split.stands_out),
         share=float(split.share),
         normal=float(split.through[cell]),
         ratio=float(before / after) if after > 0 else None,

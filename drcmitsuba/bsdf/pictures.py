@@ -16,7 +16,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
 
-from drcmitsuba.bsdf.check import Report
+from drcmitsuba.bsdf.check import CheckReport
 from drcmitsuba.bsdf.lobes import Lobe, lobe, sun
 
 BLUE, ORANGE, GREEN, PURPLE, GREY, INK = (
@@ -31,14 +31,14 @@ STEP = 5
 
 
 def figures(
-    file: BsdfFile, report: Report, sun: tuple[float, float] = (45.0, 0.0)
+    file: BsdfFile, report: CheckReport, sun: tuple[float, float] = (45.0, 0.0)
 ) -> dict[str, Figure]:
     """Draw a BSDF file.
 
     Parameters
     ----------
     file : BsdfFile
-    report : Report
+    report : CheckReport
         From `check`.
     sun : (float, float)
         Elevation, and azimuth from the façade's normal, clockwise as seen from above [deg].
@@ -243,7 +243,7 @@ def _sun_ray(ax: Axes, profile: float) -> None:
     ax.text(-reach * c - 0.03, reach * s, "sun", fontsize=10, **style)
 
 
-def curves(report: Report, title: str) -> Figure:
+def curves(report: CheckReport, title: str) -> Figure:
     """T and R over incidence, for light from outside and from the room."""
     figure = Figure(figsize=(9.6, 4.5))
     _heading(figure, title, "directional-hemispherical transmittance T and reflectance R")

@@ -33,7 +33,7 @@ MOST_COUNTERS = 1 << 24
 
 
 @dataclass(frozen=True)
-class Cell:
+class TracedPeriod:
     """Unit cell as Mitsuba traces it, in units of its longer period.
 
     Parameters
@@ -67,7 +67,7 @@ def _border(positions: np.ndarray, period: float) -> float:
     return float(np.mod(at[widest] + gaps[widest] / 2, period))
 
 
-def prepare(unit: UnitCell) -> Cell:
+def prepare(unit: UnitCell) -> TracedPeriod:
     """Build the scene: the structure with all repetitions that reach into one period, and glass."""
     scale = 1 / (unit.period[1] if unit.extruded else unit.period.max())
     # Coordinates are small, whatever the recipe's origin: float32 is finest about zero.
@@ -103,7 +103,7 @@ def prepare(unit: UnitCell) -> Cell:
         shapes["glass"] = quad_mesh("glass", pane[None], mi.load_dict(glass))
     scene = mi.load_dict({"type": "scene", **shapes}, optimize=False)
     start, length = corner.tolist(), period.tolist()
-    return Cell(
+    return TracedPeriod(
         scene, (start[0], start[1]), (length[0], length[1]),
         (float(bounds[0]), float(bounds[1])), unit.extruded,
     )  # fmt: skip
@@ -111,13 +111,13 @@ def prepare(unit: UnitCell) -> Cell:
 
 @dr.syntax
 def follow(
-    cell: Cell, sampler: mi.Sampler, p: mi.Point3f, d: mi.Vector3f
+    cell: TracedPeriod, sampler: mi.Sampler, p: mi.Point3f, d: mi.Vector3f
 ) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
     """Follow light to where it leaves the structure.
 
     Parameters
     ----------
-    cell : Cell
+    cell : TracedPeriod
     sampler : mi.Sampler
         Seeded for as many lanes.
     p : mi.Point3f
@@ -202,7 +202,7 @@ def even_numbers(index: mi.UInt32, row: mi.UInt32, seed: int, dimensions: int) -
 
 
 def _start(
-    cell: Cell, from_side: int, at: mi.Point2f, u: mi.Float, v: mi.Float
+    cell: TracedPeriod, from_side: int, at: mi.Point2f, u: mi.Float, v: mi.Float
 ) -> tuple[mi.Point3f, mi.Vector3f]:
     """Position in the plane before the structure, and direction of travel from the unit disk."""
     z = dr.sqrt(dr.maximum(1 - dr.squared_norm(at), 0))
@@ -213,7 +213,13 @@ def _start(
 
 
 def _launch(
-    cell: Cell, from_side: int, rank: int, n: int, cells: np.ndarray, samples: int, seed: int
+    cell: TracedPeriod,
+    from_side: int,
+    rank: int,
+    n: int,
+    cells: np.ndarray,
+    samples: int,
+    seed: int,
 ) -> tuple[np.ndarray, float]:
     """Shares (cell, 2, n²) of the light of some incident cells that is transmitted, reflected.
 
@@ -256,14 +262,14 @@ def _launch(
 
 
 def shares(
-    cell: Cell, from_side: int, *, rank: int, depth: int, samples: int, seed: int,
+    cell: TracedPeriod, from_side: int, *, rank: int, depth: int, samples: int, seed: int,
     progress: Progress,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Where the light of every incident cell goes.
 
     Parameters
     ----------
-    cell : Cell
+    cell : TracedPeriod
     from_side : int
         −1 for light from outside, 1 for light from the room.
     rank, depth : int

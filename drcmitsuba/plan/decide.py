@@ -12,8 +12,8 @@ from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMat
 from drcmitsuba.case.sky import Adaptive, ThreePhase, TrueSun
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
-from drcmitsuba.scene.components import Placed
-from drcmitsuba.scene.materials import film, lets_through, sends
+from drcmitsuba.scene.components import PlacedComponent
+from drcmitsuba.scene.materials import albedo, film, lets_through
 from drcmitsuba.scene.scene import is_coloured
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns, outside
 from drcmitsuba.sky.daylight import Daylight
@@ -30,7 +30,7 @@ class Facts:
     ----------
     case : Case
     light : Daylight
-    components : tuple of Placed
+    components : tuple of PlacedComponent
     reach : SunVisibility or None
         None where there is no room.
     reached : VisibleSuns
@@ -39,7 +39,7 @@ class Facts:
 
     case: Case
     light: Daylight
-    components: tuple[Placed, ...]
+    components: tuple[PlacedComponent, ...]
     reach: SunVisibility | None
     reached: VisibleSuns
 
@@ -151,19 +151,19 @@ def clear_panes(facts: Facts) -> Effect:
     """Holes and clear glass of the façades."""
     case = facts.case
     clear = (name for name in panes.used(case) if case.is_clear(name))
-    names = {n: 1.0 if n == "open" else sends(case.materials[n]) for n in clear}
+    names = {n: 1.0 if n == "open" else albedo(case.materials[n]) for n in clear}
     return _power(names, "clear glass and holes")
 
 
 def scattering_panes(facts: Facts) -> Effect:
     """Panes and shades that scatter evenly."""
-    names = {name: sends(m) for name, m in panes.of(facts.case, DiffuserMaterial).items()}
+    names = {name: albedo(m) for name, m in panes.of(facts.case, DiffuserMaterial).items()}
     return _power(names, "diffusing panes")
 
 
 def films(facts: Facts) -> Effect:
     """Panes and shades with a measured BSDF."""
-    names = {name: sends(m) for name, m in panes.of(facts.case, BsdfMaterial).items()}
+    names = {name: albedo(m) for name, m in panes.of(facts.case, BsdfMaterial).items()}
     return _power(names, "panes with a measured BSDF")
 
 
@@ -191,9 +191,9 @@ def components(facts: Facts) -> Effect:
     return Effect(True, f"photons through the ports of {', '.join(mirroring)}")
 
 
-def _mirrors(component: Placed) -> bool:
+def _mirrors(component: PlacedComponent) -> bool:
     """Whether a component deviates light; what is only black casts shadows."""
-    return any(sends(s.material) > 0 for s in component.surfaces)
+    return any(albedo(s.material) > 0 for s in component.surfaces)
 
 
 def pane_to_pane(facts: Facts) -> Effect:
@@ -264,7 +264,7 @@ def shaded_state(facts: Facts) -> Effect:
 def most_direct(facts: Facts) -> tuple[float, int]:
     """Bound of the direct sun on horizontal sensors [lx], and time stamps that may close."""
     case = facts.case
-    through = [1.0 if n == "open" else sends(case.materials[n]) for n in panes.used(case)
+    through = [1.0 if n == "open" else albedo(case.materials[n]) for n in panes.used(case)
                if n == "open" or n in case.materials]  # fmt: skip
     factor = max(through, default=1.0)
     # Mirrors, and glass across the room, may add to it.
@@ -274,7 +274,7 @@ def most_direct(facts: Facts) -> tuple[float, int]:
     bound = normal * np.clip(z + np.radians(case.outside.sun_diameter), 0, 1) * factor
     if facts.reach is not None:
         directions = facts.light.sun["direction"].values
-        bound = bound * facts.reach.reached(directions, case.outside.sun_diameter).mask
+        bound = bound * facts.reach.visible(directions, case.outside.sun_diameter).mask
     assert case.shading is not None
     closes = bound > 0 if bends else bound >= case.shading.threshold
     return float(bound.max(initial=0)), int(closes.sum())

@@ -7,8 +7,8 @@ from typing import TypeVar
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
-from drcmitsuba.scene.components import Placed
-from drcmitsuba.scene.materials import most, sends
+from drcmitsuba.scene.components import PlacedComponent
+from drcmitsuba.scene.materials import albedo, max_reflectance
 from drcmitsuba.scene.sun_visibility import outside
 
 M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
@@ -33,34 +33,36 @@ def of(case: Case, kind: type[M]) -> dict[str, M]:
     return {name: m for name, m in materials if isinstance(m, kind)}
 
 
-def most_reflecting(case: Case, components: tuple[Placed, ...], beyond: bool) -> tuple[float, str]:
+def most_reflecting(
+    case: Case, components: tuple[PlacedComponent, ...], beyond: bool
+) -> tuple[float, str]:
     """Largest albedo of what light may meet in a room, and of which surface.
 
     Parameters
     ----------
     case : Case
-    components : tuple of Placed
+    components : tuple of PlacedComponent
     beyond : bool
         Light that leaves by a pane may come back; else panes count with what they reflect.
     """
     found: list[tuple[float, str]] = []
     if case.room is not None:
         for name in ("floor", "ceiling", "walls"):
-            found.append((most(getattr(case.room, name)), name))
+            found.append((max_reflectance(getattr(case.room, name)), name))
         for side, facade in case.facade.items():
             if facade.frame > 0:
-                found.append((most(facade.frame_reflectance), f"frames {side}"))
+                found.append((max_reflectance(facade.frame_reflectance), f"frames {side}"))
     left_out = [] if beyond else outside(case)
     for piece in case.furniture:
         if piece not in left_out:
-            found.append((most(piece.reflectance), piece.name))
+            found.append((max_reflectance(piece.reflectance), piece.name))
     for name in used(case):
         material = case.materials.get(name)
         if isinstance(material, GlazingMaterial | DiffuserMaterial) and not beyond:
             found.append((material.reflectance, name))
         elif material is not None:
-            found.append((sends(material), name))
-    found += [(sends(s.material), c.name) for c in components for s in c.surfaces]
+            found.append((albedo(material), name))
+    found += [(albedo(s.material), c.name) for c in components for s in c.surfaces]
     return max(found, default=(0.0, "nothing"))
 
 

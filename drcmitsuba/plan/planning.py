@@ -82,7 +82,7 @@ def plan(case: Case, light: Daylight) -> Plan:
     reach = SunVisibility.of(case, components)
     everything = VisibleSuns(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
     suns = light.suns
-    reached = everything if reach is None else reach.reached(suns.directions, suns.diameter)
+    reached = everything if reach is None else reach.visible(suns.directions, suns.diameter)
     facts = Facts(case, light, components, reach, reached)
     interreflection, depth = decide.interreflection(facts)
     found = {
@@ -127,7 +127,7 @@ def _scope(
         sky=on("sky"),
         ground=on("ground"),
         suns=on("suns"),
-        reach=None if forced("suns") else facts.reach,
+        sun_visibility=None if forced("suns") else facts.reach,
         clear_panes=on("clear_panes"),
         scattering_panes=on("scattering_panes"),
         films=on("films"),

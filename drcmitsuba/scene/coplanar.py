@@ -26,7 +26,7 @@ _PLANES = ("west wall", "east wall", "south wall", "north wall", "floor", "ceili
 
 
 @dataclass(frozen=True)
-class Plane:
+class RoomPlane:
     """One of the six planes of a room.
 
     Parameters
@@ -60,13 +60,13 @@ class Plane:
         return near & ((low < size[self.beside] - OVERLAP) & (high > OVERLAP)).all(axis=1)
 
 
-def planes(case: Case) -> list[Plane]:
+def planes(case: Case) -> list[RoomPlane]:
     """The planes of a case's room; none without one."""
     if case.room is None:
         return []
     ends = [(axis, end) for axis in range(3) for end in (0, 1)]
     return [
-        Plane(axis, end * case.room.size[axis], 1 - 2 * end, name)
+        RoomPlane(axis, end * case.room.size[axis], 1 - 2 * end, name)
         for (axis, end), name in zip(ends, _PLANES, strict=True)
     ]
 
@@ -91,7 +91,7 @@ def settled(case: Case) -> list[tuple[Furniture, np.ndarray]]:
     return pieces
 
 
-def _settle(case: Case, plane: Plane, i: int, piece: Furniture, faces: np.ndarray) -> None:
+def _settle(case: Case, plane: RoomPlane, i: int, piece: Furniture, faces: np.ndarray) -> None:
     """Set back the faces of a piece that lie in a plane of the room and look into it."""
     assert case.room is not None
     size = np.array(case.room.size)

@@ -22,7 +22,7 @@ class EnabledEffects:
     ----------
     sky, ground, suns : bool
         Sources.
-    reach : SunVisibility or None
+    sun_visibility : SunVisibility or None
         Tells which suns get in; None takes all of them.
     clear_panes, scattering_panes, films : bool
         Panes and holes of this kind; black sheets stand in place of the others.
@@ -50,7 +50,7 @@ class EnabledEffects:
     sky: bool = True
     ground: bool = True
     suns: bool = True
-    reach: SunVisibility | None = None
+    sun_visibility: SunVisibility | None = None
     clear_panes: bool = True
     scattering_panes: bool = True
     films: bool = True
@@ -66,13 +66,13 @@ class EnabledEffects:
     channels: bool | None = None
     pictures: bool = True
 
-    def reaching(self, suns: Suns) -> np.ndarray:
+    def enabled_suns(self, suns: Suns) -> np.ndarray:
         """Which suns are followed, shape (sun,); the coefficients of the others are 0."""
         if not self.suns:
             return np.zeros(len(suns.labels), bool)
-        if self.reach is None or not suns.labels:
+        if self.sun_visibility is None or not suns.labels:
             return np.ones(len(suns.labels), bool)
-        return self.reach.reached(suns.directions, suns.diameter).mask
+        return self.sun_visibility.visible(suns.directions, suns.diameter).mask
 
     def shines(self, d: mi.Vector3f) -> mi.Bool:
         """Whether light of sky and ground is wanted that comes from directions."""
@@ -80,14 +80,14 @@ class EnabledEffects:
             return mi.Bool(True)
         return d.z >= 0 if self.sky else (d.z < 0) & self.ground
 
-    def told(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain values that coefficients follow from, for their fingerprint.
 
         Not whether suns shine or the shade closes: that the weather decides, and suns or a state
         that another weather needs are added.
         """
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        for name in ("suns", "reach", "shade", "every_shade", "pictures"):
+        for name in ("suns", "sun_visibility", "shade", "every_shade", "pictures"):
             del values[name]
         return values
 

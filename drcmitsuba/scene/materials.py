@@ -41,7 +41,7 @@ SurfaceMaterial = (
 
 
 @dataclass(frozen=True)
-class Film:
+class FilmFile:
     """What a BSDF file means for a scene.
 
     Parameters
@@ -66,7 +66,7 @@ class Film:
         return bool(self.file.colour)
 
 
-def film(path: Path) -> Film:
+def film(path: Path) -> FilmFile:
     """Read the BSDF file of a material.
 
     Raises
@@ -78,7 +78,7 @@ def film(path: Path) -> Film:
 
 
 @lru_cache(maxsize=16)
-def _film(path: Path, changed: int) -> Film:
+def _film(path: Path, changed: int) -> FilmFile:
     file = bsdf_files.read(path)
     try:
         if file.colour:
@@ -89,7 +89,7 @@ def _film(path: Path, changed: int) -> Film:
         raise InputError(path, "energy", str(error), f"see `drcmitsuba bsdf {path.name}`") from None
     splits = [peak.split(c) for n, c in file.components.items() if n.startswith("t")]
     share = max((s.share for s in splits), default=0.0)
-    return Film(file, largest, share, any(s.stands_out for s in splits))
+    return FilmFile(file, largest, share, any(s.stands_out for s in splits))
 
 
 def lets_through(material: SurfaceMaterial) -> bool:
@@ -116,15 +116,15 @@ def channel_of(reflectance: Reflectance, channel: int) -> float:
     return float(reflectance[channel] if isinstance(reflectance, tuple) else reflectance)
 
 
-def most(reflectance: Reflectance) -> float:
+def max_reflectance(reflectance: Reflectance) -> float:
     """Largest reflectance of any colour channel."""
     return float(max(reflectance) if isinstance(reflectance, tuple) else reflectance)
 
 
-def sends(material: SurfaceMaterial) -> float:
+def albedo(material: SurfaceMaterial) -> float:
     """Largest share of the light that a surface sends on, reflected or transmitted."""
     if isinstance(material, Lambertian | MirrorMaterial):
-        return most(material.reflectance)
+        return max_reflectance(material.reflectance)
     if isinstance(material, GlazingMaterial | DiffuserMaterial):
         return min(1.0, material.transmittance + material.reflectance)
     if isinstance(material, BsdfMaterial):

@@ -83,9 +83,9 @@ class Scene:
         All surfaces, by BSDF.
     ports : tuple of Port
         Where photons start.
-    scope : EnabledEffects
+    effects : EnabledEffects
         What is followed.
-    tally : RayCounter
+    ray_counter : RayCounter
         Counts the rays.
     """
 
@@ -98,13 +98,13 @@ class Scene:
     enclosure: Enclosure | None = None
     parts: tuple[Part, ...] = ()
     ports: tuple[Port, ...] = ()
-    scope: EnabledEffects = ALL_EFFECTS
-    tally: RayCounter = field(default_factory=RayCounter)
+    effects: EnabledEffects = ALL_EFFECTS
+    ray_counter: RayCounter = field(default_factory=RayCounter)
 
     @property
     def followed(self) -> bool:
         """Whether photons are traced."""
-        return bool(self.ports) or self.scope.pane_to_pane
+        return bool(self.ports) or self.effects.pane_to_pane
 
     @property
     def low(self) -> np.ndarray:
@@ -219,22 +219,22 @@ def _outlined(
 
 
 def load(
-    case: Case, state: State = "open", channel: int = 0, scope: EnabledEffects = ALL_EFFECTS
+    case: Case, state: State = "open", channel: int = 0, effects: EnabledEffects = ALL_EFFECTS
 ) -> Scene:
     """Build the scene of a case in a state of its shade, for one colour channel.
 
     Channel −1 is luminance.
     """
-    parts = geometry_of(case, state, scope)
-    return replace(build(parts[0], channel, *parts[1:]), scope=scope)
+    parts = geometry_of(case, state, effects)
+    return replace(build(parts[0], channel, *parts[1:]), effects=effects)
 
 
 def outline(
-    case: Case, state: State, scope: EnabledEffects, loaded: Callable[[SurfaceMaterial], Any]
+    case: Case, state: State, effects: EnabledEffects, loaded: Callable[[SurfaceMaterial], Any]
 ) -> Scene:
     """`load` without what Mitsuba traces: geometry, panes, ports, and `loaded` materials."""
-    surfaces, enclosure, ports = geometry_of(case, state, scope)
-    return replace(_outlined(surfaces, loaded, enclosure, ports), scope=scope)
+    surfaces, enclosure, ports = geometry_of(case, state, effects)
+    return replace(_outlined(surfaces, loaded, enclosure, ports), effects=effects)
 
 
 def is_coloured(case: Case) -> bool:

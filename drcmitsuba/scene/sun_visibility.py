@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.case.case import Case, Furniture
-from drcmitsuba.scene.components import Placed
-from drcmitsuba.scene.components.place import panes_of
+from drcmitsuba.scene.components import PlacedComponent
+from drcmitsuba.scene.components.placement import panes_of
 from drcmitsuba.scene.geometry import box, boxes, normals, rotation
-from drcmitsuba.scene.materials import most, sends
+from drcmitsuba.scene.materials import albedo, max_reflectance
 
 MOST_FACES = 400
 """Surfaces outside whose exchange is looked at; of more, every sun is taken to get in."""
@@ -67,7 +67,7 @@ class SunVisibility:
     everything: bool = False
 
     @classmethod
-    def of(cls, case: Case, components: tuple[Placed, ...]) -> SunVisibility | None:
+    def of(cls, case: Case, components: tuple[PlacedComponent, ...]) -> SunVisibility | None:
         """SunVisibility of a case; None without a room: its sensors are in the open."""
         if case.room is None:
             return None
@@ -80,8 +80,10 @@ class SunVisibility:
         blockers = np.reshape([q for piece in standing for q in _faces(piece)], (-1, 4, 3)) @ turn.T
         largest = np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]
         blockers = blockers[largest]
-        pieces = [q for piece in standing if most(piece.reflectance) > 0 for q in _faces(piece)]
-        parts = [s for placed in components for s in placed.surfaces if sends(s.material) > 0]
+        pieces = [
+            q for piece in standing if max_reflectance(piece.reflectance) > 0 for q in _faces(piece)
+        ]
+        parts = [s for placed in components for s in placed.surfaces if albedo(s.material) > 0]
         pieces += [q for s in parts for q in s.quads if ((q < -BEFORE) | (q > size + BEFORE)).any()]
         if not pieces:
             return cls(openings, np.zeros((0, 3)), blockers)
@@ -96,7 +98,7 @@ class SunVisibility:
         """Unit normals of the openings, outward, shape (opening, 3)."""
         return normals(self.openings)
 
-    def reached(self, suns: np.ndarray, diameter: float) -> VisibleSuns:
+    def visible(self, suns: np.ndarray, diameter: float) -> VisibleSuns:
         """Tell which suns get in.
 
         Parameters

@@ -14,7 +14,7 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
-from drcmitsuba.scene.components import Placed, place
+from drcmitsuba.scene.components import PlacedComponent, place
 from drcmitsuba.scene.coplanar import settled
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import (
@@ -66,7 +66,7 @@ class Enclosure:
 
 
 def surfaces_of(
-    case: Case, state: State = "open", scope: EnabledEffects = ALL_EFFECTS
+    case: Case, state: State = "open", effects: EnabledEffects = ALL_EFFECTS
 ) -> list[Surface]:
     """List the surfaces of a case in the world frame, about the case's `geometry.origin`.
 
@@ -76,31 +76,31 @@ def surfaces_of(
     state : {'open', 'shaded'}
         Shaded: the shade's material stands in place of every clear pane and open hole; components
         stay uncovered.
-    scope : EnabledEffects
+    effects : EnabledEffects
         Black sheets stand for the panes that are out of it; obstructions are left out.
 
     Returns
     -------
     list of Surface
     """
-    return geometry_of(case, state, scope)[0]
+    return geometry_of(case, state, effects)[0]
 
 
 def geometry_of(
-    case: Case, state: State, scope: EnabledEffects
+    case: Case, state: State, effects: EnabledEffects
 ) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
     """Surfaces, enclosure and ports of a case, about its `geometry.origin`."""
     case = recentred(case)
     components, turn = place(case), rotation(case)
     ports: tuple[Port, ...] = ()
-    if scope.components:
+    if effects.components:
         ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
-    found = _surfaces(case, state, components, scope)
-    return found, _enclosure(case, state, components, scope), ports
+    found = _surfaces(case, state, components, effects)
+    return found, _enclosure(case, state, components, effects), ports
 
 
 def _surfaces(
-    case: Case, state: State, components: tuple[Placed, ...], scope: EnabledEffects
+    case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
 ) -> list[Surface]:
     """Surfaces of a case whose components are placed."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
@@ -116,12 +116,12 @@ def _surfaces(
             parts.append((f"wall {side}", Lambertian(room.walls), opaque))
             parts.append((f"frame {side}", Lambertian(facade.frame_reflectance), frame))
             for name, quads in panes.items():
-                material = _pane_material(case, name, state, scope)
+                material = _pane_material(case, name, state, effects)
                 if material is not None:
                     parts.append((f"{name} {side}", material, quads))
     made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
     for piece, all_faces in settled(case):
-        faces = all_faces if scope.obstructions else all_faces[reaches_in(case, all_faces)]
+        faces = all_faces if effects.obstructions else all_faces[reaches_in(case, all_faces)]
         if len(faces) == 0:
             continue
         is_body, m = piece.size[2] > 0, Lambertian(piece.reflectance)
@@ -131,26 +131,26 @@ def _surfaces(
 
 
 def _pane_material(
-    case: Case, name: str, state: State, scope: EnabledEffects
+    case: Case, name: str, state: State, effects: EnabledEffects
 ) -> SurfaceMaterial | None:
     """Material of a façade strip in a state; None for an open hole, or one for a component."""
     material = case.materials.get(name)
     clear = case.is_clear(name)
     if state == "shaded" and case.shading is not None and clear:
         clear, material = False, case.materials[case.shading.material]
-    if isinstance(material, BsdfMaterial) and scope.straight_through is not None:
-        mode = "on" if scope.straight_through else "off"
+    if isinstance(material, BsdfMaterial) and effects.straight_through is not None:
+        mode = "on" if effects.straight_through else "off"
         material = material.model_copy(update={"straight_through": mode})
     out = (
-        (clear and not scope.clear_panes)
-        or (isinstance(material, DiffuserMaterial) and not scope.scattering_panes)
-        or (isinstance(material, BsdfMaterial) and not scope.films)
+        (clear and not effects.clear_panes)
+        or (isinstance(material, DiffuserMaterial) and not effects.scattering_panes)
+        or (isinstance(material, BsdfMaterial) and not effects.films)
     )
     return Lambertian(0.0) if out else material
 
 
 def _enclosure(
-    case: Case, state: State, components: tuple[Placed, ...], scope: EnabledEffects
+    case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
 ) -> Enclosure | None:
     """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
     if case.room is None:
@@ -158,7 +158,7 @@ def _enclosure(
     openings, narrowest = [], np.inf
     for side, facade in case.facade.items():
         clear = [
-            strip for strip in facade.strips if _is_opening(case, strip.material, state, scope)
+            strip for strip in facade.strips if _is_opening(case, strip.material, state, effects)
         ]
         if clear:
             foot, along = side_of(case.room, side)
@@ -177,12 +177,12 @@ def _enclosure(
             openings.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
     turn = rotation(case)
     quads = np.reshape(openings, (-1, 4, 3)) @ turn.T
-    return Enclosure(np.array(case.room.size), turn, quads, narrowest, scope.enclosed)
+    return Enclosure(np.array(case.room.size), turn, quads, narrowest, effects.enclosed)
 
 
-def _is_opening(case: Case, name: str, state: State, scope: EnabledEffects) -> bool:
+def _is_opening(case: Case, name: str, state: State, effects: EnabledEffects) -> bool:
     """Whether straight light may come in by a strip of a façade; structures have gaps."""
     if name == "wall":
         return False
-    material = _pane_material(case, name, state, scope)
+    material = _pane_material(case, name, state, effects)
     return material is None or lets_through(material)

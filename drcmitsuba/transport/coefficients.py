@@ -170,7 +170,7 @@ def straight_suns(
     """
     shape = (len(points), len(suns.labels))
     mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    reached = scene.scope.reaching(suns)
+    reached = scene.effects.enabled_suns(suns)
     if reached.any():
         followed = suns.where(reached)
         for start in range(0, len(points), BLOCK):
@@ -248,9 +248,9 @@ def compute(
     to the first diffuse surface is counted only where photons are followed.
     """
     labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
-    if not (scene.scope.sky or scene.scope.ground):
+    if not (scene.effects.sky or scene.effects.ground):
         subdivision = None
-    suns = suns.where(scene.scope.reaching(suns))
+    suns = suns.where(scene.effects.enabled_suns(suns))
     if subdivision is None and not suns.labels:
         return _dark(labels, points, accuracy.replicates)
     size = 2 * accuracy.cell_size

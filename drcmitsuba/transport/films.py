@@ -194,7 +194,7 @@ class Films:
         lobe = (mi.Float(index) + lobe) / samples  # spread evenly over the lobes
         bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
         d, weight = mount.turn.to_world(bs.wo), value[0]
-        wanted = self.scene.scope.shines(d)
+        wanted = self.scene.effects.shines(d)
         if mount.exposed:
             return d, dr.select((bs.wo.z < 0) & wanted, weight, 0)
         corner, u, v = (

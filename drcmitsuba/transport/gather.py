@@ -23,7 +23,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, streams
 
-from drcmitsuba.scene.materials import most
+from drcmitsuba.scene.materials import max_reflectance
 from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.transport.bsdf_lookup import absorption, number
 from drcmitsuba.transport.cells import Grid, Vertices
@@ -133,7 +133,7 @@ def gather(
     -------
     Vertices
     """
-    if scene.scope.depth == 0:
+    if scene.effects.depth == 0:
         return Vertices.none()
     lanes = replicates * len(points) * paths
     capacity = int(bounces * lanes)
@@ -165,7 +165,7 @@ def expected_bounces(
 
 def reflectance_of(part: Part) -> float:
     """Largest reflectance of a surface in any colour; 0 of what has none."""
-    return most(getattr(part.material, "reflectance", 0.0))
+    return max_reflectance(getattr(part.material, "reflectance", 0.0))
 
 
 @dr.syntax
@@ -203,9 +203,9 @@ def _trace(
     every = lanes // len(points) * among
     count, room = dr.opaque(mi.UInt32, every & 0xFFFFFFFF), dr.opaque(mi.UInt32, capacity)
     tag = own * paths + index
-    limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.scope.depth is None else scene.scope.depth)
+    limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
     while dr.hint(active, exclude=[grid, scene, count, room, marks, solids, limit]):
-        scene.tally.add("path", active)
+        scene.ray_counter.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
@@ -228,7 +228,7 @@ def _trace(
             & mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
             & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
         )
-        if dr.hint(not scene.scope.beyond, mode="scalar"):
+        if dr.hint(not scene.effects.beyond, mode="scalar"):
             # Through a pane to where nothing stands: the ray would meet nothing.
             active &= bs.wo.z * si.wi.z > 0
         if dr.hint(solids is not None, mode="scalar"):

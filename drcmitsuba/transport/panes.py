@@ -173,7 +173,7 @@ def looks(
         cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
         seen = seen & (cosine > 0) & (cos_pane != 0)
         shadow = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
-        scene.tally.add("pane", seen, dr.width(d))
+        scene.ray_counter.add("pane", seen, dr.width(d))
         seen &= ~scene.opaque.ray_test(shadow, coherent=False, active=seen)
         by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
         by_cosine = cosine * dr.inv_pi

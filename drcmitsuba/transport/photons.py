@@ -199,7 +199,7 @@ class Photons:
             Told the share that is done.
         """
         patches = len(Patches(self.subdivision)) if self.subdivision else 0
-        scope = self.ports[0].scene.scope
+        scope = self.ports[0].scene.effects
         wanted = np.array([scope.ground, *[scope.sky] * (patches - 1)][:patches])
         by_sky, through_sky, _, a = self._landed(
             of_sky(self.subdivision or 1), wanted, PATCH * self.count, seed, part(progress, 0, 0.3)
@@ -275,7 +275,7 @@ class Photons:
         )  # fmt: skip
         dr.eval(fates, found)  # together: each sum alone would follow all photons again
         *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
-        self.ports[0].scene.tally.take("photon", round(segments))
+        self.ports[0].scene.ray_counter.take("photon", round(segments))
         names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
         told = dict(zip(names, fluxes, strict=True))
         return Ledger(photons=dr.width(lanes), segments=round(segments), **told)

@@ -156,7 +156,7 @@ def straight(
     """Transmittance from points to the sky: 0 behind anything opaque, else the panes' product."""
     if openings is not None:
         active = active & openings.passed(p, d)
-    scene.tally.add("shadow", active, dr.width(d))
+    scene.ray_counter.add("shadow", active, dr.width(d))
     ray = mi.Ray3f(p, d)
     lit = active & ~scene.opaque.ray_test(ray, coherent=False, active=active)
     if scene.clear is None:
@@ -204,7 +204,7 @@ def sky_deposit(
         frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
         number = dr.gather(mi.UInt32, numbers, row)
         d = frame.to_world(first_directions(lane % rays, number, seed))
-        tau = straight(scene, openings, p, d, scene.scope.shines(d))
+        tau = straight(scene, openings, p, d, scene.effects.shines(d))
         index = row * bins + patch_index(d, subdivision)
         dr.scatter_add(out, mi.Float64(tau * (np.pi / rays)), index, tau > 0)
         dr.eval(out)

@@ -158,7 +158,7 @@ def _followed(plan: Plan, suns: Suns) -> Suns:
     """Suns that are followed for others; those of a mesh where the sun is adaptive."""
     if isinstance(plan.facts.case.sun, Adaptive):
         suns = mesh_suns(plan.facts.light.sky.attrs["latitude"], suns.diameter)
-    return suns.where(plan.scope.reaching(suns))
+    return suns.where(plan.scope.enabled_suns(suns))
 
 
 def mesh_suns(latitude: float, diameter: float) -> Suns:
@@ -176,7 +176,7 @@ def _adaptive(survey: Survey, own: Suns) -> Work:
     again = Work()
     _gather(survey, again)
     work.take(again, levels, "suns")
-    own = own.where(survey.scope.reaching(own))
+    own = own.where(survey.scope.enabled_suns(own))
     straight = Survey(survey.case, survey.state, survey.scope, own)
     seen = straight.seen("sensors")
     pairs = seen.count * len(own.labels)

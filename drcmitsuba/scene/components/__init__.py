@@ -6,7 +6,7 @@ inside
     Which points lie in a closed mesh.
 """
 
-from drcmitsuba.scene.components.place import inside, place
-from drcmitsuba.scene.components.placed import Placed
+from drcmitsuba.scene.components.placed_component import PlacedComponent
+from drcmitsuba.scene.components.placement import inside, place
 
-__all__ = ["Placed", "inside", "place"]
+__all__ = ["PlacedComponent", "inside", "place"]

@@ -23,7 +23,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import Duct
 from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.components.placed import Placed, recess
+from drcmitsuba.scene.components.placed_component import PlacedComponent, recess
 from drcmitsuba.scene.geometry import UP, Port, Surface, side_of
 
 STEP = 1.0
@@ -41,7 +41,7 @@ def concentrator(height: float, acceptance: float) -> tuple[np.ndarray, np.ndarr
     return before[0] - before, r
 
 
-def duct(case: Case, name: str, table: Duct) -> Placed:
+def duct(case: Case, name: str, table: Duct) -> PlacedComponent:
     """Build a duct.
 
     Raises
@@ -119,4 +119,4 @@ def duct(case: Case, name: str, table: Duct) -> Placed:
     x, y = outlet(0)[:, 0], outlet(0)[:, 1]
     hole = np.array([x.min(), x.max(), y.min(), y.max()])
     is_open = table.bottom is None or isinstance(case.materials[table.bottom], GlazingMaterial)
-    return Placed(name, tuple(surfaces), ports, hole, is_open)
+    return PlacedComponent(name, tuple(surfaces), ports, hole, is_open)

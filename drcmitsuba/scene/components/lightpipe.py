@@ -12,7 +12,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import LightPipe
 from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.components.placed import Placed, recess
+from drcmitsuba.scene.components.placed_component import PlacedComponent, recess
 from drcmitsuba.scene.geometry import UP, Port, Surface, quad
 from drcmitsuba.scene.materials import Lambertian
 
@@ -49,7 +49,7 @@ def tube(corners: np.ndarray, low: float, high: float) -> np.ndarray:
     return np.array([quad(a, UP * (high - low), d) for a, d in zip(p, along, strict=True)])
 
 
-def lightpipe(case: Case, name: str, pipe: LightPipe) -> Placed:
+def lightpipe(case: Case, name: str, pipe: LightPipe) -> PlacedComponent:
     """Build a pipe.
 
     Raises
@@ -96,4 +96,4 @@ def lightpipe(case: Case, name: str, pipe: LightPipe) -> Placed:
             surfaces.append(Surface(f"{name} {key}", case.materials[key], across(z)[None], name))
     ports = Port(name, across(head)), Port(name, across(foot)[[0, 3, 2, 1]])
     is_open = pipe.bottom is None or isinstance(case.materials[pipe.bottom], GlazingMaterial)
-    return Placed(name, tuple(surfaces), ports, hole, is_open)
+    return PlacedComponent(name, tuple(surfaces), ports, hole, is_open)

@@ -12,7 +12,7 @@ from drcmitsuba.case.components import MeshComponent
 from drcmitsuba.case.materials import DielectricMaterial
 from drcmitsuba.case.unit_check import ask_about_mesh, refuse_far
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.components.placed import Placed
+from drcmitsuba.scene.components.placed_component import PlacedComponent
 from drcmitsuba.scene.coplanar import refuse_in_walls
 from drcmitsuba.scene.geometry import Port, Surface, around, box, normals
 from drcmitsuba.scene.structures.mesh import read_mesh
@@ -53,7 +53,7 @@ def triangles(component: MeshComponent) -> np.ndarray:
     return (component.scale * vertices @ turn.T + component.position)[faces]
 
 
-def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
+def mesh(case: Case, name: str, component: MeshComponent) -> PlacedComponent:
     """Place a mesh.
 
     Raises
@@ -89,7 +89,7 @@ def mesh(case: Case, name: str, component: MeshComponent) -> Placed:
         corners = corners[:, [0, 2, 1]]  # a mirror is the same on both sides
     refuse_in_walls(case, name, corners, not closed or isinstance(material, DielectricMaterial))
     surface = Surface(name, material, corners[:, [0, 1, 2, 2]], name, closed)
-    return Placed(name, (surface,), tuple(Port(name, q) for q in quads))
+    return PlacedComponent(name, (surface,), tuple(Port(name, q) for q in quads))
 
 
 def _check(source: str, field: str, quads: np.ndarray, points: np.ndarray) -> None:

@@ -19,7 +19,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
 from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.components.placed import Placed, ray_offset
+from drcmitsuba.scene.components.placed_component import PlacedComponent, ray_offset
 from drcmitsuba.scene.geometry import Port, Surface, quad
 from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.scene.structures.block import MM, Block, block, is_clear
@@ -113,7 +113,7 @@ def recipe_of(case: Case, name: str, component: StructureComponent) -> Recipe:
 
 def structure(
     case: Case, name: str, component: StructureComponent, panes: list[np.ndarray]
-) -> Placed:
+) -> PlacedComponent:
     """Build a structure into panes of the façades.
 
     Parameters
@@ -167,7 +167,7 @@ def structure(
         for key, material in made.items()
         if material is not None and found[key]
     ]
-    return Placed(name, tuple(surfaces), tuple(Port(name, q) for q in ports))
+    return PlacedComponent(name, tuple(surfaces), tuple(Port(name, q) for q in ports))
 
 
 def _check_fineness(

@@ -68,7 +68,7 @@ def test_a_lambertian_film_is_even_in_every_respect():
     assert report.lambertian["tb"] == pytest.approx(0.5)
     assert report.reciprocity["transmission"] == pytest.approx(0, abs=1e-12)
     assert (report.model, report.hint, report.verdict) == ("any", "", "ok")
-    assert not report.straight.found
+    assert not report.straight.stands_out
     assert report.notes == ("reflection into the room is missing: 0",)
 
 
@@ -96,7 +96,7 @@ def test_a_film_that_is_measured_another_way_round_is_hinted_at(component, where
 
 def test_a_window_is_a_view_and_needs_no_geometry():
     report = check(film(tb=sending(window)))
-    assert report.straight.found
+    assert report.straight.stands_out
     assert report.straight.share == pytest.approx(1)
     assert report.straight.normal == pytest.approx(0.6)
     assert report.straight.ratio is None  # all around is dark
@@ -128,7 +128,7 @@ def test_a_wide_peak_is_resolved_and_needs_no_geometry():
     report = check(film(tb=tree))
     assert all(w.is_resolved for w in report.widths)
     assert report.model == "tensor_tree"
-    assert not report.straight.found
+    assert not report.straight.stands_out
 
 
 def test_a_klems_file_is_simulated_as_one():

@@ -23,7 +23,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import components, scene
 from drcmitsuba.scene.components.duct import concentrator
 from drcmitsuba.scene.components.lightpipe import polygon
-from drcmitsuba.scene.components.placed import ray_offset
+from drcmitsuba.scene.components.placed_component import ray_offset
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.geometry import normals, rotation
 from drcmitsuba.scene.materials import bsdf

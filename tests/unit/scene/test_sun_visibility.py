@@ -37,7 +37,7 @@ def sun(azimuth, elevation):
 
 
 def reached(case, *suns, diameter=0.5):
-    return SunVisibility.of(case, place(case)).reached(np.reshape(suns, (-1, 3)), diameter)
+    return SunVisibility.of(case, place(case)).visible(np.reshape(suns, (-1, 3)), diameter)
 
 
 def box(corner, size, reflectance=0.5):

@@ -15,7 +15,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components.duct import duct
 from drcmitsuba.scene.components.lightpipe import lightpipe
 from drcmitsuba.scene.components.mesh import is_solid, mesh, triangles
-from drcmitsuba.scene.components.placed import Placed, check_hole
+from drcmitsuba.scene.components.placed_component import PlacedComponent, check_hole
 from drcmitsuba.scene.components.structure import structure
 from drcmitsuba.scene.geometry import SIDES, boxes, normals, quad, wall
 from drcmitsuba.scene.structures.solid import winding
@@ -28,7 +28,7 @@ DARK = (IN_A_WALL, TURNED)
 """What is wrong with ports that no light gets to at all, and what to do."""
 
 
-def place(case: Case) -> tuple[Placed, ...]:
+def place(case: Case) -> tuple[PlacedComponent, ...]:
     """Build the components of a case; structures that no strip names are left out.
 
     Raises
@@ -66,7 +66,7 @@ def panes_of(case: Case) -> dict[str, list[np.ndarray]]:
     return found
 
 
-def _check_apart(source: str, above: list[Placed]) -> None:
+def _check_apart(source: str, above: list[PlacedComponent]) -> None:
     """Refuse components over the ceiling that run into each other."""
     for a, b in combinations(above, 2):
         (low, high), (other_low, other_high) = a.bounds, b.bounds
@@ -99,7 +99,7 @@ def _within(
         yield name, within
 
 
-def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
+def _checked_ports(case: Case, found: list[PlacedComponent]) -> Iterator[PlacedComponent]:
     """Components with ports that light can get to.
 
     Ports that were named, or that a component cannot do without, have to be fit; of those around a
@@ -119,7 +119,7 @@ def _checked_ports(case: Case, found: list[Placed]) -> Iterator[Placed]:
         yield replace(placed, ports=fit)
 
 
-def _openings(case: Case, found: list[Placed]) -> np.ndarray:
+def _openings(case: Case, found: list[PlacedComponent]) -> np.ndarray:
     """Rectangles (opening, 4, 3) by which light comes into the room."""
     by_name = panes_of(case)
     quads = [q for panes in by_name.values() for q in panes]

@@ -74,7 +74,7 @@ class Width:
 
 
 @dataclass(frozen=True)
-class Report:
+class CheckReport:
     """What `check` found; see there."""
 
     source: str
@@ -133,7 +133,7 @@ def _energy(e: Energy) -> str:
     )
 
 
-def _rows(report: Report) -> list[tuple[str, str]]:
+def _rows(report: CheckReport) -> list[tuple[str, str]]:
     """Lines of a report's table: what, and what was found."""
     r = report
     table = [
@@ -161,7 +161,7 @@ def _rows(report: Report) -> list[tuple[str, str]]:
             f"{100 * view.share:.1f} % of the transmitted light, {100 * view.normal:.1f} % of the "
             "light at normal incidence"
         )
-        table.append(("view straight through", text if view.found else f"none ({text})"))
+        table.append(("view straight through", text if view.stands_out else f"none ({text})"))
     if r.lambertian:
         text = ", ".join(f"{n} {100 * v:.1f} %" for n, v in r.lambertian.items())
         table.append(("Lambertian part", text))

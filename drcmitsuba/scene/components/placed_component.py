@@ -16,7 +16,7 @@ RECESS = 0.005
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedComponent:
     """A component where it stands, in the room's frame [m].
 
     Parameters
@@ -58,7 +58,7 @@ def recess(points: np.ndarray) -> float:
     return max(RECESS, 4 * ray_offset(points))
 
 
-def check_hole(source: str, placed: Placed, size: tuple[float, float, float]) -> None:
+def check_hole(source: str, placed: PlacedComponent, size: tuple[float, float, float]) -> None:
     """Refuse a hole that is not within the ceiling."""
     if placed.hole is None:
         return
