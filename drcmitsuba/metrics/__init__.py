@@ -1,37 +1,44 @@
 """Metrics: illuminance E = C·L, and sDA, ASE, msDA, MSE and the rule of the shade.
 
-hard, smooth
-    Metrics as the standards define them, on any DataArray (time, sensor); their smooth twins.
+autonomy
+    sDA and msDA of any DataArray (time, sensor), and their smooth twins.
+sunlight
+    ASE and MSE, and their smooth twins.
+shade
+    When the shade closes, and its smooth twin.
+smooth
+    The smooth twins by the metrics' names.
+counts, smooth_step
+    Counts above thresholds that all families share, exact and smooth.
+confidence
+    `Interval`, a value with its 95 % interval.
 accumulate
-    E from coefficients and luminances.
+    E from coefficients C and luminances L.
+illuminance
+    E of a case's period, the shade applied.
 intervals
     95 % intervals of the metrics.
 evaluate_metrics
     From coefficients to illuminance, metrics and their intervals.
 """
 
-from drcmitsuba.metrics.hard import (
-    Interval,
-    ase,
-    autonomous,
-    closing_sensors,
-    exposed,
-    months,
-    msda,
-    mse,
-    sda,
-    shade_closed,
-)
+from drcmitsuba.metrics import smooth
+from drcmitsuba.metrics.autonomy import autonomy_stamps, msda, sda
+from drcmitsuba.metrics.confidence import Interval
+from drcmitsuba.metrics.counts import months
+from drcmitsuba.metrics.shade import closing_sensors, shade_closed
+from drcmitsuba.metrics.sunlight import ase, exposure_stamps, mse
 
 __all__ = [
     "Interval",
     "ase",
-    "autonomous",
+    "autonomy_stamps",
     "closing_sensors",
-    "exposed",
+    "exposure_stamps",
     "months",
     "msda",
     "mse",
     "sda",
     "shade_closed",
+    "smooth",
 ]

@@ -82,7 +82,7 @@ def _monthly(
 ) -> list[dict[str, float] | None]:
     """Twelve intervals, January first; None for a month without hours."""
     return [
-        None if np.isnan(v) else spread.interval(name, float(v), month).as_dict()
+        None if np.isnan(v) else spread.interval(name, float(v), month).to_dict()
         for month, v in enumerate(values)
     ]
 
@@ -123,7 +123,7 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     spread = Bounds.of(illuminance, rules) if draws is None else draws
     annual, monthly = values(illuminance, rules)
     numbers: dict[str, Any] = {
-        **{name: spread.interval(name, value).as_dict() for name, value in annual.items()},
+        **{name: spread.interval(name, value).to_dict() for name, value in annual.items()},
         **{name: _monthly(name, months, spread) for name, months in monthly.items()},
     }
     if draws is not None:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable
 import xarray as xr
 
 from drcmitsuba import schema
-from drcmitsuba.metrics import accumulate, hard
+from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.intervals import t_factor
+from drcmitsuba.metrics.shade import shade_closed
 from drcmitsuba.runtime.errors import InputError
 
 
@@ -24,7 +25,7 @@ def is_closed(coefficients: xr.Dataset, light: xr.Dataset) -> xr.DataArray:
     if not {"shade_threshold", "shade_area"} <= attrs.keys():
         got = "they say not when the shade closes"
         raise InputError("coefficients", "shade_threshold, shade_area", got, "compute them anew")
-    return hard.shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
+    return shade_closed(direct, attrs["shade_threshold"], attrs["shade_area"])
 
 
 def direct_sun(coefficients: xr.Dataset, light: xr.Dataset) -> xr.Dataset:

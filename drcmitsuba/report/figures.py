@@ -9,10 +9,11 @@ from typing import Annotated, Any
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
 from drcmitsuba import metrics
 from drcmitsuba.case.case import Case
+from drcmitsuba.metrics import Interval
 from drcmitsuba.report import plots
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import boxes
@@ -21,21 +22,13 @@ from drcmitsuba.schema import luminance
 MAX_BYTES = 1 << 26
 
 
-Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+def _of_shares(interval: Interval) -> Interval:
+    if not 0 <= interval.low <= interval.value <= interval.high <= 100:
+        raise ValueError("not 0 ≤ low ≤ value ≤ high ≤ 100")
+    return interval
 
 
-class Interval(BaseModel):
-    """A number and its 95 % interval."""
-
-    value: Percent
-    low: Percent
-    high: Percent
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Interval:
-        if not self.low <= self.value <= self.high:
-            raise ValueError("the value lies outside of its interval")
-        return self
+Share = Annotated[Interval, AfterValidator(_of_shares)]
 
 
 class Undecided(BaseModel):
@@ -46,15 +39,15 @@ class Undecided(BaseModel):
     probability: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
-Months = Annotated[list[Interval | None], Field(min_length=12, max_length=12)]
+Months = Annotated[list[Share | None], Field(min_length=12, max_length=12)]
 
 
 class Numbers(BaseModel):
     """What the pictures need of `metrics.json`; it holds more."""
 
-    sDA: Interval  # noqa: N815
-    ASE: Interval
-    shade_closed: Interval
+    sDA: Share  # noqa: N815
+    ASE: Share
+    shade_closed: Share
     msDA: Months  # noqa: N815
     MSE: Months
     shade_closed_monthly: Months
@@ -110,8 +103,8 @@ def _too_close(
     t, hours = case.metrics, illuminance.sizes["time"]
     step_hours = float(illuminance.attrs.get("step_hours", 1.0))
     asked = {
-        "sDA": ("total", t.sda_threshold, metrics.autonomous(t.sda_fraction, hours)),
-        "ASE": ("direct_sun", t.ase_threshold, metrics.exposed(t.ase_hours, step_hours)),
+        "sDA": ("total", t.sda_threshold, metrics.autonomy_stamps(t.sda_fraction, hours)),
+        "ASE": ("direct_sun", t.ase_threshold, metrics.exposure_stamps(t.ase_hours, step_hours)),
     }
     figures = {}
     for metric, (name, threshold, least) in asked.items():

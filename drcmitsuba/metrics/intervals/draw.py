@@ -86,15 +86,15 @@ def draw(
         shut = draw_closures(mean, sun, rules)
     month = metrics.months(E["total"]) - 1
     stamps = np.bincount(month, minlength=12)
-    of_ase = [metrics.exposed(t.ase_hours, rules.step_hours, n, len(mean)) for n in stamps]
+    of_ase = [metrics.exposure_stamps(t.ase_hours, rules.step_hours, n, len(mean)) for n in stamps]
     exposure = _exposure(
         mean, sun, t.ase_threshold,
-        Needed(month, np.array(of_ase), metrics.exposed(t.ase_hours, rules.step_hours)),
+        Needed(month, np.array(of_ase), metrics.exposure_stamps(t.ase_hours, rules.step_hours)),
     )  # fmt: skip
     by_luminance = coefficients.map(luminance)
     drawn = multipliers(coefficients.sizes["replicate"], seed)
-    of_sda = [metrics.autonomous(t.sda_fraction, n) for n in stamps]
-    needed = Needed(month, np.array(of_sda), metrics.autonomous(t.sda_fraction, len(mean)))
+    of_sda = [metrics.autonomy_stamps(t.sda_fraction, n) for n in stamps]
+    needed = Needed(month, np.array(of_sda), metrics.autonomy_stamps(t.sda_fraction, len(mean)))
     states = _states(by_luminance, sky, E, shut)
     autonomy = draw_autonomy(*states, shut, t.sda_threshold, needed, drawn)
     (sda, msda), (ase, mse) = autonomy.shares(), exposure.shares()

@@ -1,0 +1,18 @@
+"""A value with its 95 % confidence interval, as `metrics.json` holds every number."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value and its 95 % confidence interval, all in the unit of the value."""
+
+    value: float
+    low: float
+    high: float
+
+    def to_dict(self) -> dict[str, float]:
+        """Return `{"value", "low", "high"}` as in `metrics.json`."""
+        return asdict(self)

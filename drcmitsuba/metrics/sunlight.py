@@ -1,0 +1,190 @@
+"""Sunlight exposure, of a year and by month: ASE, MSE and their smooth twins.
+
+References
+----------
+.. [1] IES LM-83-12, "Approved method: IES spatial daylight autonomy (sDA) and annual sunlight
+   exposure (ASE)", 2012.
+.. [2] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", Journal of Facade Design
+   and Engineering 3, 2015, equations 2 and 4.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.metrics import smooth_step
+from drcmitsuba.metrics.counts import (
+    checked,
+    exact,
+    monthly_share,
+    not_negative,
+    share,
+    stamps_reached,
+)
+from drcmitsuba.runtime.errors import InputError
+
+
+def exposure_stamps(hours: float, step_hours: float, t_m: int = 1, t_y: int = 1) -> int:
+    """Time stamps in the sun at which a sensor counts: ⌈hours/step_hours · t_m/t_y⌉.
+
+    Parameters
+    ----------
+    hours : float
+        Hours of exposure in the whole period [h].
+    step_hours : float
+        Length of the interval that one time stamp stands for [h].
+    t_m, t_y : int
+        Time stamps of the month and of the whole period; without them the period is meant.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    InputError
+        Hours below 0 or infinite, or a step of 0.
+    """
+    step = exact(not_negative("step_hours", step_hours))
+    if step == 0:
+        raise InputError("metrics", "step_hours", f"{step_hours}", "give hours above 0")
+    return math.ceil(exact(not_negative("hours", hours)) / step * t_m / t_y)
+
+
+def ase(
+    direct: xr.DataArray, threshold: float = 1000.0, hours: float = 250.0, step_hours: float = 1.0
+) -> float:
+    """Annual sunlight exposure, the share of sensors in direct sun for too many hours.
+
+    ASE = Σ_j A(j) / N with A(j) = 1 where a_j ≥ T_y [2]_, equation 2.
+
+    Parameters
+    ----------
+    direct : DataArray (time, sensor)
+        Illuminance by direct sun without shade, at the hours of the evaluation period [lx].
+    threshold : float
+        Illuminance that counts as exposed [lx].
+    hours : float
+        T_y, hours of exposure at which a sensor counts [h]: 250 h of a whole year. They are taken
+        as they come, also where `direct` covers part of a year.
+    step_hours : float
+        Length of the interval that one time stamp stands for [h].
+
+    Returns
+    -------
+    float
+        ASE [%].
+
+    Raises
+    ------
+    InputError
+        Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
+    """
+    a_j = stamps_reached(checked(direct, "direct"), threshold)
+    return share(a_j >= exposure_stamps(hours, step_hours))
+
+
+def mse(
+    direct: xr.DataArray, threshold: float = 1000.0, hours: float = 250.0, step_hours: float = 1.0
+) -> xr.DataArray:
+    """Monthly sunlight exposure: `ase` with its hours relative to the stamps of each month.
+
+    MSE_m = Σ_j A(j, m) / N with A(j, m) = 1 where a_{j,m} ≥ T_m [2]_, equation 4. The paper gives
+    no number for T_m but says that it is relative to the month's time stamps: T_m = hours·t_m/t_y.
+
+    Parameters
+    ----------
+    direct : DataArray (time, sensor)
+        As for `ase`. The month of a stamp is that of the coordinate `clock` where there is one,
+        else that of `time`.
+    threshold, hours, step_hours : float
+        As for `ase`; `hours` are those of the whole of `direct`.
+
+    Returns
+    -------
+    DataArray (month,)
+        MSE [%] of the months 1 to 12, NaN for a month without time stamps.
+
+    Raises
+    ------
+    InputError
+        As `ase`; stamps that are not dates.
+    """
+    shares = monthly_share(
+        direct, "direct", threshold, lambda t_m, t_y: exposure_stamps(hours, step_hours, t_m, t_y)
+    )
+    shares.attrs["long_name"] = "monthly sunlight exposure"
+    return shares.rename("MSE")
+
+
+def smooth_ase(
+    direct: mi.TensorXf,
+    threshold: float = 1000.0,
+    hours: float = 250.0,
+    step_hours: float = 1.0,
+    *,
+    sharpness: float,
+) -> mi.Float:
+    """Twin of `ase`: 100 · mean_j s(Σ_t s(E_tj; threshold); n − ½).
+
+    Parameters
+    ----------
+    direct : mi.TensorXf (time, sensor)
+        Illuminance by direct sun without shade [lx].
+    threshold, hours, step_hours : float
+        As for `ase`; n is the count of time stamps by `exposure_stamps`.
+    sharpness : float
+        k of both steps.
+
+    Returns
+    -------
+    mi.Float
+        Smooth ASE [%].
+
+    Raises
+    ------
+    InputError
+        No time stamp or sensor, a threshold or a sharpness out of range.
+    """
+    stamps = smooth_step.stamps_reached(direct, threshold, sharpness)
+    return smooth_step.share(stamps, exposure_stamps(hours, step_hours), sharpness)
+
+
+def smooth_mse(
+    direct: mi.TensorXf,
+    months: np.ndarray,
+    threshold: float = 1000.0,
+    hours: float = 250.0,
+    step_hours: float = 1.0,
+    *,
+    sharpness: float,
+) -> mi.TensorXf:
+    """Twin of `mse`, of the months that have time stamps.
+
+    Parameters
+    ----------
+    direct : mi.TensorXf (time, sensor)
+        As for `smooth_ase` [lx].
+    months : np.ndarray, shape (time,)
+        Month of each time stamp, 1 to 12, in any order.
+    threshold, hours, step_hours, sharpness : float
+        As for `smooth_ase`.
+
+    Returns
+    -------
+    mi.TensorXf (present,)
+        Smooth MSE [%] of the months in `np.unique(months)`.
+
+    Raises
+    ------
+    InputError
+        As `smooth_ase`; not one month for each time stamp.
+    """
+    return smooth_step.monthly_share(
+        direct, months, threshold,
+        lambda t_m, t_y: exposure_stamps(hours, step_hours, t_m, t_y), sharpness,
+    )  # fmt: skip
