@@ -21,10 +21,10 @@ from drcmitsuba.annual.sample_accumulator import SampleAccumulator, by_state
 from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, may_close
 from drcmitsuba.runtime.progress import Stage, timed
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight, sources
-from drcmitsuba.transport.deposit import launch_seed
 from drcmitsuba.transport.sun_interpolation import mesh_of
 
 MOST_AT_ONCE = 8
@@ -130,7 +130,7 @@ def _sample(
     sensors: np.ndarray, hours: np.ndarray, scope: EnabledEffects, rays: Counter[str],
 ) -> None:  # fmt: skip
     """Add one more round, of some sensors and time stamps."""
-    seed = launch_seed(case.accuracy, 8, number) >> 2  # within what a case may name
+    seed = launch_seed(case.accuracy.seed, Stream.ROUNDS, number) >> 2  # below a case's limit
     again = case.model_copy(update={"accuracy": case.accuracy.model_copy(update={"seed": seed})})
     for state, pool in pools.items():
         at = hours if state == "open" else hours[now.draws.may_close[hours]]

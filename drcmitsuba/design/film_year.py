@@ -30,13 +30,14 @@ from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.random_streams import Draw, Key
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight, luminances
 from drcmitsuba.transport.coefficients import estimate
-from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.panes import PanePatches, looks
@@ -69,7 +70,7 @@ class CellDeposit(Deposit):
         return sky + (1 << 2 * self.depth), suns
 
     def straight(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1,
+        self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
         numbers: mi.UInt32 | None = None,
     ) -> Irradiance:  # fmt: skip
         """Light that comes straight; none from the film's cells."""
@@ -79,7 +80,7 @@ class CellDeposit(Deposit):
         return Irradiance(dr.concat((sky, none), axis=1), sun)
 
     def by_films(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance:
         """Irradiance per radiance of the film's cells [sr]: the cells that receivers look into."""
         count, (first, suns) = dr.width(p) // 3, super().bins
@@ -87,7 +88,7 @@ class CellDeposit(Deposit):
         out = dr.zeros(mi.Float64, count * (sum(self.bins) - suns))
         for look in looks(
             self.scene, self.film, p, n,
-            rays=self.accuracy.pane_points, seed=launch_seed(self.accuracy, *key, 5),
+            rays=self.accuracy.pane_points, seed=self.seed(key, Draw.FILMS),
             numbers=numbers,
         ):  # fmt: skip
             cell = square_code(self.mount.turn.to_local(-look.d).xy, self.depth)

@@ -27,13 +27,14 @@ from drcmitsuba.design.bounce_counts import FRAMES, WALLS, Sums, marked, numbere
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, silent
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import channel_of
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.cells import Cells, Grid, draw_points
-from drcmitsuba.transport.deposit import Deposit, launch_seed
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.facade_basis.year import Illuminances
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
@@ -148,7 +149,7 @@ class _State:
         grid = Grid.of(world, a.cell_size)
         vertices = gather(
             world, points, normals, replicates=a.replicates, paths=a.paths,
-            grid=grid, seed=launch_seed(a, 0, 4), marks=marks,
+            grid=grid, seed=launch_seed(a.seed, Stream.PATHS), marks=marks,
         )  # fmt: skip
         known = Cells.none(grid).extended(vertices)
         if not known.count:
@@ -163,12 +164,12 @@ class _State:
         parts, means_before, means_of_cells = [], [], []
         samples = a.sensor_sun_samples if suns.straight else 0
         for r in range(a.replicates):
-            deposit = base.lit((r, 0))
-            straight = deposit.straight(p, n, (r, 1, 1), a.sensor_sky_rays, samples)
-            before = year.by_all(straight.plus(deposit.scattered(p, n, (r, 1, 1))))
+            deposit = base.lit(r)
+            straight = deposit.straight(p, n, (Stream.SENSORS, r), a.sensor_sky_rays, samples)
+            before = year.by_all(straight.plus(deposit.scattered(p, n, (Stream.SENSORS, r))))
             _, q, facing = draw_points(vertices, cell, known.count, r)
-            on_cells = deposit.straight(q, facing, (r, 1, 0), a.cell_sky_rays)
-            cells = year.by_all(on_cells.plus(deposit.scattered(q, facing, (r, 1, 0))))
+            on_cells = deposit.straight(q, facing, (Stream.CELLS, r), a.cell_sky_rays)
+            cells = year.by_all(on_cells.plus(deposit.scattered(q, facing, (Stream.CELLS, r))))
             parts.append((before, year.by_sun(straight), cells))
             parts = [tuple(sum(x[1:], x[0]) for x in zip(*parts, strict=True))]
             dr.eval(parts)

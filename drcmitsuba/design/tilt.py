@@ -38,11 +38,11 @@ from drcmitsuba.metrics import Interval, accumulate, illuminance
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import components
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight, daylight, sources
-from drcmitsuba.transport.deposit import launch_seed
 from drcmitsuba.transport.facade_basis.year import Illuminances
 
 
@@ -163,7 +163,7 @@ class Turned:
 
     def afresh(self, tilt: float) -> Case:
         """Case at a tilt with another seed, for numbers that the search has not chosen."""
-        seed = launch_seed(self.case.accuracy, 9) >> 2  # within what a case may name
+        seed = launch_seed(self.case.accuracy.seed, Stream.FRESH_SEED) >> 2  # below a case's limit
         accuracy = self.case.accuracy.model_copy(update={"seed": seed})
         return self.built(tilt).model_copy(update={"accuracy": accuracy})
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import mesh, quad_mesh
 from drcmitsuba.scene.structures.structure import UnitCell, copies
@@ -184,23 +184,6 @@ def follow(
     return d, weight, lost
 
 
-def _steps(dimensions: int) -> list[int]:
-    """2³² / φʲ with φ^(d+1) = φ + 1: steps of a sequence that fills d dimensions evenly [1]_."""
-    phi = 2.0
-    for _ in range(60):
-        phi = (1 + phi) ** (1 / (dimensions + 1))
-    return [int(2**32 / phi**j) for j in range(1, dimensions + 1)]
-
-
-def even_numbers(index: mi.UInt32, row: mi.UInt32, seed: int, dimensions: int) -> list[mi.Float]:
-    """Point `index` of an even sequence in [0, 1)ᵈ, shifted at random for every row and seed."""
-    shifts = [*random_bits(row, 2 * seed), *random_bits(row, 2 * seed + 1)]
-    return [
-        mi.Float((index * mi.UInt32(s) + shift) >> 8) * TO_UNIT
-        for s, shift in zip(_steps(dimensions), shifts, strict=False)
-    ]
-
-
 def _start(
     cell: TracedPeriod, from_side: int, at: mi.Point2f, u: mi.Float, v: mi.Float
 ) -> tuple[mi.Point3f, mi.Vector3f]:
@@ -230,7 +213,8 @@ def _launch(
     per_cell = dr.opaque(mi.UInt32, samples)
     slot = lane // per_cell
     incident = dr.gather(mi.UInt32, mi.UInt32(cells.astype(np.uint32)), slot)
-    number = even_numbers(lane - slot * per_cell, incident, seed, 4)
+    index = lane - slot * per_cell
+    number = [x for pair in (0, 1) for x in even_numbers(index, incident, seed, pair)]
     if rank == 4:
         s = (mi.Float(incident // n) + number[0]) / n
         t = (mi.Float(incident % n) + number[1]) / n

@@ -10,4 +10,6 @@ storage
     Files of results, written whole or not at all; reading as untrusted input.
 ray_counter
     Number of rays traced, by kind.
+random_streams
+    Seeds of random numbers, one for each purpose and replicate; evenly spread sequences.
 """

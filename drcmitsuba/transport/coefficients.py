@@ -20,11 +20,12 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.random_streams import Key, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Drawn
-from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered, Met
 from drcmitsuba.transport.panes import PanePatches
@@ -66,7 +67,8 @@ class _Replicate:
 
     def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
         """Find D of the cells, at the points that stand for them; `keys` are theirs in the grid."""
-        p, n, key = drawn.p, drawn.n, (self.number, 1, 0)
+        p, n = drawn.p, drawn.n
+        key: Key = (Stream.CELLS, self.number)
         rays = self.deposit.accuracy.cell_sky_rays
         straight = self.deposit.straight(p, n, key, rays, numbers=keys)
         found = straight.plus(self.deposit.scattered(p, n, key, keys))
@@ -78,7 +80,7 @@ class _Replicate:
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """D of sensors: straight and mirrored, and with what panes and components scatter."""
-        key, sky_rays = (self.number, 1, 1), self.deposit.accuracy.sensor_sky_rays
+        key, sky_rays = (Stream.SENSORS, self.number), self.deposit.accuracy.sensor_sky_rays
         numbers = _numbers(here)
         straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers)
         direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
@@ -190,7 +192,7 @@ def _straight_suns(
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
     kind["numbers"] = _numbers(here)
     shape = (len(points), len(suns.labels))
-    seed = launch_seed(accuracy, 0, 2)
+    seed = launch_seed(accuracy.seed, Stream.SUN_RIMS)
     total, most = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.Float, int(np.prod(shape)))
     least = dr.full(mi.Float, dr.inf, int(np.prod(shape)))
     for i in range(RIM):
@@ -205,7 +207,7 @@ def _straight_suns(
         again = [
             pair_deposit(
                 scene, p, n, edges, **kind, samples=EDGE_SAMPLES,
-                seed=launch_seed(accuracy, r, 3),
+                seed=launch_seed(accuracy.seed, Stream.SUN_EDGES, r),
             ).numpy()
             for r in range(accuracy.replicates)
         ]  # fmt: skip
@@ -314,12 +316,13 @@ def estimate(
         As of `compute`.
     """
     scene, accuracy = base.scene, base.accuracy
-    replicates = [_Replicate(r, base.lit((r, 0))) for r in range(accuracy.replicates)]
+    replicates = [_Replicate(r, base.lit(r)) for r in range(accuracy.replicates)]
     if photons is not None:
         progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
         for replicate in replicates:
             done = part(traced, *(np.array([0, 1]) + replicate.number) / len(replicates))
-            replicate.landed = photons.traced(launch_seed(accuracy, replicate.number, 6), done)
+            seed = launch_seed(accuracy.seed, Stream.PHOTONS, replicate.number)
+            replicate.landed = photons.traced(seed, done)
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)

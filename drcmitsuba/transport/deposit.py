@@ -15,6 +15,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.random_streams import Draw, Key, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.films import Films, Lit
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
@@ -36,17 +37,12 @@ class Irradiance(NamedTuple):
         return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
 
 
-def launch_seed(accuracy: Accuracy, *key: int) -> int:
-    """Seed of one launch; launches with different keys are independent."""
-    return int(np.random.SeedSequence(accuracy.seed, spawn_key=key).generate_state(1)[0])
-
-
 @dataclass(frozen=True)
 class Deposit:
     """Deposit on any receivers, in one replicate.
 
-    Methods take the receivers' positions and normals, three numbers each, the key of the launch,
-    and optionally `numbers`, see `shadow_rays.sky_deposit`.
+    Methods take the receivers' positions [m] and normals, three numbers each, the stream of their
+    random numbers with its indices, and optionally `numbers`, see `shadow_rays.sky_deposit`.
 
     Parameters
     ----------
@@ -83,12 +79,12 @@ class Deposit:
         """Number of sky bins, the ground among them, and of suns."""
         return len(Patches(self.subdivision)) if self.subdivision else 0, len(self.suns)
 
-    def seed(self, *key: int) -> int:
+    def seed(self, key: Key, draw: Draw) -> int:
         """Seed of one launch."""
-        return launch_seed(self.accuracy, *key)
+        return launch_seed(self.accuracy.seed, *key, draw)
 
     def straight(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, sun_samples: int = 1,
+        self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
         numbers: mi.UInt32 | None = None,
     ) -> Irradiance:  # fmt: skip
         """Light that comes straight; that of the suns is left out with 0 samples."""
@@ -97,68 +93,86 @@ class Deposit:
         if self.subdivision:
             sky = sky_deposit(
                 self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
-                seed=self.seed(*key, 0), numbers=numbers,
+                seed=self.seed(key, Draw.SKY), numbers=numbers,
             )  # fmt: skip
         if sun_samples:
             sun = sun_deposit(
                 self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
-                seed=self.seed(*key, 1), numbers=numbers,
+                seed=self.seed(key, Draw.SUN), numbers=numbers,
             )  # fmt: skip
         return Irradiance(sky, sun)
 
     def transfer(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> mi.TensorXf:
         """K from the faces of the panes to receivers, shape (receiver, face)."""
         assert self.patches is not None
         return pane_transfer(
             self.scene, self.patches, p, n,
-            rays=self.accuracy.pane_points, seed=self.seed(*key, 2), numbers=numbers,
+            rays=self.accuracy.pane_points, seed=self.seed(key, Draw.PANES), numbers=numbers,
         )  # fmt: skip
 
-    def lit(self, key: tuple[int, ...]) -> Deposit:
-        """Find what reaches the panes, light from pane to pane included.
+    def lit(self, replicate: int, material: int | None = None) -> Deposit:
+        """Deposit with the light on the panes found, light from pane to pane included.
 
         Light from one film to another, or from a diffusing pane to a film, is not followed.
+
+        Parameters
+        ----------
+        replicate : int
+        material : int, optional
+            Of the tiles of a façade basis, each of which has random numbers of its own.
+
+        Returns
+        -------
+        Deposit
+            The same with `faces` and `on_films`.
         """
-        films = self._with_films_lit((*key, 0))
+        key: Key = (Stream.PANES, replicate)
+        of_films: Key = (Stream.FILMS, replicate)
+        if material is not None:
+            key = (Stream.BASIS_PANES, replicate, material)
+            of_films = (Stream.BASIS_FILMS, replicate, material)
+        films = self._with_films_lit(of_films)
         if films.patches is None:
             return films
-        rng = np.random.default_rng(self.seed(*key, 3))
+        rng = np.random.default_rng(self.seed(key, Draw.POINTS))
         p, n = films.patches.face_points(rng)
         received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
-        received = received.plus(films.by_films(p, n, (*key, 1)))
+        received = received.plus(films.by_films(p, n, (Stream.FILMS_TO_PANES, replicate)))
         between = films.transfer(p, n, key)
         return replace(films, faces=Irradiance(*(settle(between, part) for part in received)))
 
-    def _with_films_lit(self, key: tuple[int, ...]) -> Deposit:
+    def _with_films_lit(self, key: Key) -> Deposit:
         if self.films is None:
             return self
-        rng = np.random.default_rng(self.seed(*key, 3))
+        rng = np.random.default_rng(self.seed(key, Draw.POINTS))
         p, n = self.films.patches.face_points(rng)
         sun = sun_deposit(
             self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=1,
-            seed=self.seed(*key, 1),
+            seed=self.seed(key, Draw.SUN),
         )  # fmt: skip
-        to_suns = self.films.answer_to_suns(self.suns, self.diameter, self.seed(*key, 6))
+        to_suns = self.films.answer_to_suns(
+            self.suns, self.diameter, self.seed(key, Draw.SUN_ANSWER)
+        )
         to_sky = self.films.answer_to_sky(
-            self.subdivision, self.accuracy.film_sky_samples, self.seed(*key, 0)
+            self.subdivision, self.accuracy.film_sky_samples, self.seed(key, Draw.SKY)
         )
         return replace(self, on_films=Lit(sun, to_suns, to_sky))
 
     def by_films(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance | None:
         """Light by way of films; None where there are none."""
         if self.films is None or self.on_films is None:
             return None
         looked = self.films.looked(
-            p, n, rays=self.accuracy.pane_points, seed=self.seed(*key, 5), numbers=numbers
+            p, n, rays=self.accuracy.pane_points, seed=self.seed(key, Draw.FILMS), numbers=numbers
         )
         return Irradiance(*self.films.sent(looked, self.on_films))
 
     def scattered(
-        self, p: mi.Float, n: mi.Float, key: tuple[int, ...], numbers: mi.UInt32 | None = None
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance | None:
         """Light by way of panes that scatter; None where there are none."""
         films = self.by_films(p, n, key, numbers)

@@ -26,9 +26,9 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
 
+from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.film_orientation import Mount, mounts
-from drcmitsuba.transport.gather import even_numbers
 from drcmitsuba.transport.panes import OFFSET, PanePatches, looks
 from drcmitsuba.transport.shadow_rays import LANES, straight, sun_numbers
 

@@ -8,10 +8,6 @@ reflection, the interreflected coefficient of a sensor is
 and G is estimated by paths whose directions follow the cosine law and the BSDFs: every diffuse
 vertex adds its throughput (1/paths × the product of the albedos up to and with it) to its cell.
 A source is never collected here; what leaves the room and meets nothing adds nothing.
-
-References
-----------
-.. [1] M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
 """
 
 from __future__ import annotations
@@ -21,8 +17,9 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, streams
+from drcmitsuba_plugins.sampling import streams
 
+from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import max_reflectance
 from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.transport.bsdf_lookup import absorption, number
@@ -45,26 +42,6 @@ WHITE = 0.85
 """Reflectance of the whitest surface from which on the vertices of some paths are counted first."""
 PILOT = 16
 """Sensors whose paths these are."""
-
-
-# 2³² / φʲ with φ⁵ = φ + 1: steps of a sequence that fills four dimensions evenly [1]_.
-_STEPS = (3679390609, 3152041523, 2700274805, 2313257605)
-
-
-def even_numbers(
-    index: mi.UInt32, row: mi.UInt32, seed: int, pair: int, place: mi.UInt32 | int = 0
-) -> mi.Point2f:
-    """Point `index` of an even sequence in [0, 1)², one of two pairs of dimensions.
-
-    Every `row`, place of it and seed has a random shift of its own (Cranley and Patterson), which
-    makes estimates unbiased and rows independent.
-    """
-    shifts = random_bits(row, seed + 0x9E3779B9 * pair, place)
-    numbers = (
-        index * mi.UInt32(step) + shift
-        for step, shift in zip(_STEPS[2 * pair : 2 * pair + 2], shifts, strict=True)
-    )
-    return mi.Point2f(*(mi.Float(number >> 8) * TO_UNIT for number in numbers))
 
 
 def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f:

@@ -15,9 +15,9 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_points
-from drcmitsuba.transport.deposit import launch_seed
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 
 KEPT = 1 << 24
@@ -73,7 +73,8 @@ class Gathered:
         block: int, lanes: int,
     ) -> Gathered:  # fmt: skip
         """Trace the paths of all sensors, of `block` sensors and some `lanes` paths at a time."""
-        cells, seed = Cells.none(Grid.of(scene, accuracy.cell_size)), launch_seed(accuracy, 7)
+        cells = Cells.none(Grid.of(scene, accuracy.cell_size))
+        seed = launch_seed(accuracy.seed, Stream.PATH_LENGTHS)
         bounces = expected_bounces(scene, points, normals, accuracy.paths, cells.grid, seed)
         paths = accuracy.replicates * accuracy.paths
         most = int(lanes * USUAL / bounces) // paths  # in white rooms paths are long
@@ -118,6 +119,6 @@ def _gather(
     """Trace the paths of some of the sensors."""
     return gather(
         scene, points[here], normals[here], replicates=accuracy.replicates, paths=accuracy.paths,
-        grid=grid, seed=launch_seed(accuracy, 0, 4), bounces=bounces, first=here.start,
+        grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS), bounces=bounces, first=here.start,
         among=len(points),
     )  # fmt: skip

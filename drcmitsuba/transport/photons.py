@@ -31,9 +31,9 @@ from drcmitsuba_plugins.sampling import streams
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.deposit import launch_seed
 from drcmitsuba.transport.photon_paths import Found, Recorder, Traits, follow
 from drcmitsuba.transport.ports import Ports, Sources, Start, of_sky, of_suns
 from drcmitsuba.transport.receivers import CellAreas, Squares
@@ -184,7 +184,7 @@ class Photons:
                 raise InputError("case", f"components.{ports.name}", got, remedy)
         grid = Grid.of(scene, accuracy.cell_size)
         return cls(
-            found, CellAreas.of(scene, grid, launch_seed(accuracy, 5)),
+            found, CellAreas.of(scene, grid, launch_seed(accuracy.seed, Stream.CELL_AREAS)),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
             subdivision, accuracy.photons, accuracy.photon_surfaces,
         )  # fmt: skip

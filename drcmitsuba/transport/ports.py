@@ -14,9 +14,9 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import Port
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.gather import even_numbers
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 OFFSET = 1e-4

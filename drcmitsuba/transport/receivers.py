@@ -14,11 +14,11 @@ import mitsuba as mi
 import numpy as np
 from scipy.spatial import cKDTree
 
+from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import number, table
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.gather import even_numbers
 
 POINTS = 1024
 """Points that measure the area of a whole face of a cell."""

@@ -37,12 +37,13 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Grid, Vertices
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.deposit import Deposit, launch_seed
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 from tests.validation.test_films import PRISM, towards
@@ -232,9 +233,9 @@ def deposit(case: Case, accuracy: Accuracy) -> Callable[[Vertices, int], np.ndar
     base = Deposit(loaded, DIRECTIONS, SUNS.diameter, None, accuracy, None, films)
 
     def at(vertices: Vertices, seed: int) -> np.ndarray:
-        lit = base.lit((seed, 0))
-        found = lit.straight(vertices.p, vertices.n, (seed, 1), 1)
-        return found.plus(lit.scattered(vertices.p, vertices.n, (seed, 1))).sun.numpy()
+        lit = base.lit(seed)
+        found = lit.straight(vertices.p, vertices.n, (Stream.CELLS, seed), 1)
+        return found.plus(lit.scattered(vertices.p, vertices.n, (Stream.CELLS, seed))).sun.numpy()
 
     return at
 
@@ -257,7 +258,7 @@ def bias_of_cells(case: Case, sizes: list[float], paths: int, rounds: int) -> np
     out = np.zeros((len(sizes) + 1, len(SHIFTS), rounds, len(points), len(DIRECTIONS)))
 
     def traced(number: int) -> tuple[Vertices, np.ndarray]:
-        seed = launch_seed(Accuracy(seed=7), number)
+        seed = launch_seed(7, Stream.ROUNDS, number)
         vertices = gather(
             loaded, points, normals, replicates=1, paths=paths,
             grid=Grid.of(loaded, 1.0), seed=seed,

@@ -25,6 +25,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface, rotation
 from drcmitsuba.scene.materials import Lambertian
@@ -32,7 +33,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import Enclosure, surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
-from drcmitsuba.transport.deposit import Deposit, Irradiance, launch_seed
+from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.facade_basis.basis import Basis, Returned
 from drcmitsuba.transport.facade_basis.facade import Meetings, Palette, Tiles
 from drcmitsuba.transport.facade_basis.tiling import Wall, wall_around
@@ -97,7 +98,7 @@ def compute(
     grid = Grid.of(world, accuracy.cell_size)
     vertices = gather(
         world, points, normals, replicates=accuracy.replicates, paths=accuracy.paths, grid=grid,
-        seed=launch_seed(accuracy, 0, 4), marks=meetings,
+        seed=launch_seed(accuracy.seed, Stream.PATHS), marks=meetings,
     )  # fmt: skip
     cells = Cells.none(grid).extended(vertices)
     paths = _Paths(vertices, cells, len(points), accuracy.replicates // groups)
@@ -298,7 +299,7 @@ def _straight(
         )
         return tuple(  # type: ignore[return-value]
             mean([
-                view.part(tile, q, facing, (d, 1, m, kind), rays, samples)
+                view.part(tile, q, facing, (Stream.BASIS_STRAIGHT, d, m, kind, tile), rays, samples)
                 for d, q, facing in zip(draws, *receivers, strict=True)
             ])
             for kind, receivers, rays, samples in kinds
@@ -319,10 +320,10 @@ def _scattered(
     film = isinstance(tuple(room.palette.materials.values())[m], BsdfMaterial)
     view: type[Glow] | type[Spread] = Glow if film else Spread
     scene = view.scene(room, m)
-    lit = [view.lit(scene, base, (d, 0, m)) for d in draws]
+    lit = [view.lit(scene, base, d, m) for d in draws]
     seen = [
         [
-            view.seen(room, x, q, facing, (d, 1, m, kind))
+            view.seen(room, x, q, facing, (Stream.BASIS_SCATTERED, d, m, kind))
             for d, x, q, facing in zip(draws, lit, *receivers, strict=True)
         ]
         for kind, receivers in ((1, sensors), (0, cells))

@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.runtime.random_streams import Draw, Key
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import FilmPanes, ScatteringPanes, Scene, quad_mesh
 from drcmitsuba.scene.surfaces import Enclosure
@@ -124,11 +125,11 @@ class Straight:
         return cls(base, scenes)
 
     def part(
-        self, tile: int, p: mi.Float, n: mi.Float, key: tuple[int, ...], sky_rays: int, samples: int
+        self, tile: int, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, samples: int
     ) -> Irradiance:
         """D of receivers by way of one tile."""
         deposit = replace(self.base, scene=self.scenes[tile])
-        return deposit.straight(p, n, (*key, tile), sky_rays, samples)
+        return deposit.straight(p, n, key, sky_rays, samples)
 
 
 @dataclass(frozen=True)
@@ -150,18 +151,18 @@ class Glow:
         return replace(room.with_panes(material), films=(panes,))
 
     @classmethod
-    def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
+    def lit(cls, scene: Scene, base: Deposit, replicate: int, material: int) -> Deposit:
         """Find what reaches the film."""
         size = 2 * base.accuracy.cell_size
         films = Films.of(scene, size, base.suns, base.diameter)
-        return replace(base, scene=scene, films=films).lit(key)
+        return replace(base, scene=scene, films=films).lit(replicate, material)
 
     @classmethod
-    def seen(cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: tuple[int, ...]) -> Glow:
+    def seen(cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Glow:
         """Look at a film from receivers."""
         assert lit.films is not None
         rays = lit.accuracy.pane_points
-        looked = lit.films.looked(p, n, rays=rays, seed=lit.seed(*key, 5))
+        looked = lit.films.looked(p, n, rays=rays, seed=lit.seed(key, Draw.FILMS))
         return cls(lit.films, lit, looked, room.tile_of(lit.films.patches))
 
     def part(self, tile: int) -> Irradiance:
@@ -189,16 +190,14 @@ class Spread:
         return replace(room.with_panes(material), scattering=(panes,))
 
     @classmethod
-    def lit(cls, scene: Scene, base: Deposit, key: tuple[int, ...]) -> Deposit:
+    def lit(cls, scene: Scene, base: Deposit, replicate: int, material: int) -> Deposit:
         """Find what reaches the panes."""
         quads = [panes.quads for panes in scene.scattering]
         patches = PanePatches.of(quads, 2 * base.accuracy.cell_size)
-        return replace(base, scene=scene, patches=patches).lit(key)
+        return replace(base, scene=scene, patches=patches).lit(replicate, material)
 
     @classmethod
-    def seen(
-        cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: tuple[int, ...]
-    ) -> Spread:
+    def seen(cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Spread:
         """Look at the panes from receivers."""
         assert lit.patches is not None
         return cls(lit, lit.transfer(p, n, key), room.tile_of(lit.patches))

@@ -18,6 +18,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.materials import Lambertian, bsdf
@@ -28,7 +29,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute, straight_suns
-from drcmitsuba.transport.gather import even_numbers, gather
+from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 

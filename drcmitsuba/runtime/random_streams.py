@@ -1,0 +1,158 @@
+"""Random numbers: one seed for every purpose, replicate and place, and evenly spread sequences.
+
+References
+----------
+.. [1] M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
+
+_N = None
+
+
+class Stream(Enum):
+    """Purposes that random numbers serve; the value is the form of the key of a launch.
+
+    A form holds fixed numbers, and None in the place of each index. Two forms differ in length, or
+    in a fixed number at one place at least: no two streams share a key, whatever the indices.
+    """
+
+    CELL_AREAS = (5,)
+    """Points that measure the areas of cells."""
+    PATH_LENGTHS = (7,)
+    """Paths whose vertices are counted, to find out how many there are."""
+    FRESH_SEED = (9,)
+    """Seed of a second evaluation, of what a search with the first seed has chosen."""
+    SUN_RIMS = (0, 2)
+    """Directions around the rim of each sun."""
+    PATHS = (0, 4)
+    """Gather paths of all replicates."""
+    SUN_EDGES = (_N, 3)
+    """Directions on suns that a shadow's edge crosses; replicate."""
+    PHOTONS = (_N, 6)
+    """Photons; replicate."""
+    ROUNDS = (_N, 8)
+    """Seed of a round of adaptive sampling; round."""
+    PANES = (_N, 0, _N)
+    """Light on the faces of panes that scatter evenly; replicate, `Draw`."""
+    FILMS = (_N, 0, 0, _N)
+    """Light on films, and their answer to it; replicate, `Draw`."""
+    FILMS_TO_PANES = (_N, 0, 1, _N)
+    """Light of films on the faces of panes that scatter evenly; replicate, `Draw`."""
+    CELLS = (_N, 1, 0, _N)
+    """Light on cells; replicate, `Draw`."""
+    SENSORS = (_N, 1, 1, _N)
+    """Light on sensors; replicate, `Draw`."""
+    BASIS_FILMS = (_N, 0, _N, 0, _N)
+    """Light on the films of a façade basis; replicate, material, `Draw`."""
+    BASIS_PANES = (_N, 0, _N, 1, _N)
+    """Light on the scattering panes of a façade basis; replicate, material, `Draw`."""
+    BASIS_SCATTERED = (_N, 1, _N, _N, _N)
+    """Scattered light on the receivers of a basis; replicate, material, kind, `Draw`."""
+    BASIS_STRAIGHT = (_N, 1, _N, _N, _N, _N)
+    """Straight light on the receivers of a basis; replicate, material, kind, tile, `Draw`."""
+
+    def key(self, *indices: int) -> tuple[int, ...]:
+        """Key of a launch: the form with its indices put in.
+
+        Raises
+        ------
+        ValueError
+            There are more or fewer indices than the form has places.
+        """
+        places = sum(number is None for number in self.value)
+        if len(indices) != places:
+            raise ValueError(f"{self.name}: {len(indices)} indices, the stream has {places}")
+        each = iter(indices)
+        return tuple(next(each) if number is None else number for number in self.value)
+
+
+class Draw(IntEnum):
+    """What is drawn for light on receivers: the last index of the streams that it belongs to."""
+
+    SKY = 0
+    """Rays to the sky; on films, directions to the sky."""
+    SUN = 1
+    """Directions on suns."""
+    PANES = 2
+    """Points on panes that scatter evenly, and directions to them."""
+    POINTS = 3
+    """Points on the faces of panes."""
+    FILMS = 5
+    """Points on films, and directions to them."""
+    SUN_ANSWER = 6
+    """Directions on suns, and in outgoing cells, for the answer of films."""
+
+
+Key = tuple[Any, ...]
+"""Stream and its indices but the last, which is a `Draw`."""
+
+
+def launch_seed(base: int, stream: Stream, *indices: int) -> int:
+    """Seed of one launch; launches of different streams or indices are independent.
+
+    Parameters
+    ----------
+    base : int
+        Seed of the case.
+    stream : Stream
+    indices : int
+        What the stream's form asks for: replicate, material, … .
+
+    Returns
+    -------
+    int
+        Below 2³².
+    """
+    key = stream.key(*indices)
+    return int(np.random.SeedSequence(base, spawn_key=key).generate_state(1)[0])
+
+
+def even_steps(dimensions: int) -> list[int]:
+    """2³² / φʲ with φ^(d+1) = φ + 1: steps of a sequence that fills d dimensions evenly [1]_."""
+    phi = 2.0
+    for _ in range(60):
+        phi = (1 + phi) ** (1 / (dimensions + 1))
+    return [int(2**32 / phi**j) for j in range(1, dimensions + 1)]
+
+
+_STEPS = even_steps(4)
+
+
+def even_numbers(
+    index: mi.UInt32, row: mi.UInt32, seed: int, pair: int, place: mi.UInt32 | int = 0
+) -> mi.Point2f:
+    """Point of an even sequence in [0, 1)², one of two pairs of dimensions.
+
+    Every row, place and seed has a random shift of its own (Cranley and Patterson), which makes
+    estimates unbiased and rows independent.
+
+    Parameters
+    ----------
+    index : mi.UInt32
+        Number of the point in the sequence.
+    row : mi.UInt32
+        Number of the sequence: of the sensor, cell, sun … that the points are for.
+    seed : int
+    pair : {0, 1}
+        Pair of the four dimensions.
+    place : mi.UInt32 or int
+        Second number of the sequence.
+
+    Returns
+    -------
+    mi.Point2f
+    """
+    shifts = random_bits(row, seed + 0x9E3779B9 * pair, place)
+    numbers = (
+        index * mi.UInt32(step) + shift
+        for step, shift in zip(_STEPS[2 * pair : 2 * pair + 2], shifts, strict=True)
+    )
+    return mi.Point2f(*(mi.Float(number >> 8) * TO_UNIT for number in numbers))
