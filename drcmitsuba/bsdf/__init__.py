@@ -10,6 +10,7 @@ pab_opto, measured, incidence, displacement, merge
     From goniophotometer measurements to a tensor tree of variable resolution.
 """
 
+from drcmitsuba.bsdf import check
 from drcmitsuba.bsdf.reader import read
 
-__all__ = ["read"]
+__all__ = ["check", "read"]

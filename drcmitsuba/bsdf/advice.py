@@ -124,7 +124,7 @@ def gaps(file: BsdfFile) -> tuple[str, ...]:
         if name in file.components:
             continue
         by_reciprocity = file.component(name) is not None
-        notes.append(f"{text} is missing: {'taken by reciprocity' if by_reciprocity else '0'}")
+        notes.append(f"{text} is missing: taken {'by reciprocity' if by_reciprocity else 'as 0'}")
     if file.colour:
         notes.append(f"chromaticity is given for {', '.join(sorted(file.colour))}")
     return tuple(notes)

@@ -1,49 +1,66 @@
-"""What a designer wants to know of a BSDF file before he relies on it.
+"""Check of a BSDF file: energy, reciprocity, lobes of the sun's light, and what it is good for.
 
 Directions are as in `drcmitsuba_plugins.bsdf_file`: away from the surface, +z into the room, +y up.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.klems_basis import KlemsMatrix
 
 from drcmitsuba.bsdf import advice, balance
 from drcmitsuba.bsdf.balance import SIDES
 from drcmitsuba.bsdf.check_report import CheckReport, Curve, Sunlight, Width
-from drcmitsuba.bsdf.lobes import lobe, resolution, straight_through, sun
+from drcmitsuba.bsdf.lobes import around, cells_at, lobe, resolution, straight_through, sun
+from drcmitsuba.bsdf.reader import read
 
-THETAS = tuple(range(0, 90, 5))
-"""Incidences of the curves [deg]."""
+THETAS = tuple(map(float, range(0, 90, 5)))
+"""Incidences of the curves [deg]; of a Klems matrix the centres of its rings are taken."""
 PLANES = {"above": 90.0, "below": 270.0, "right": 0.0, "left": 180.0}
 """Azimuth [deg] of the light's origin; right and left as seen from the room."""
 ELEVATIONS = tuple(range(10, 90, 10))
+"""Elevations of the sun whose light is summed [deg]."""
 PEAK_ELEVATIONS = (15.0, 30.0, 45.0, 60.0)
+"""Elevations of the sun whose peak is measured [deg]; in a Klems matrix those of the next rings."""
 REDIRECTED = tuple(range(25, 65, 5))
 """Elevations [deg] of the sun that a redirecting film is meant for."""
 
 
-def check(file: BsdfFile) -> CheckReport:
+def check(file: BsdfFile | str | Path) -> CheckReport:
     """Check a BSDF file and say what it is good for.
 
     Parameters
     ----------
-    file : BsdfFile
+    file : BsdfFile, str or Path
+        File as read by `bsdf.read`, or its path.
 
     Returns
     -------
     CheckReport
-        `curves`: T and R over θ = 0 … 85° from four azimuths, both sides. `energy`: diffuse T and
-        R, largest T + R. `reciprocity`: ∫|f(i, o) − f(o, i)| over the mean of both integrals, for
-        'transmission', 'rb', 'rf'; None where a direction is missing. `sunlight`, `widths`: where
-        the sun's light goes. `mounting`: part of the light of suns 25–60° high that goes up, for
-        the four ways to mount the film. `model`: 'klems', 'tensor_tree', 'any', 'geometry', 'none'.
+        `curves`: T and R over θ = 0 … 85° (Klems: the centres of the rings) from four azimuths,
+        both sides. `energy`: diffuse T and R, largest T + R. `reciprocity`: ∫|f(i, o) − f(o, i)|
+        over the mean of both integrals, for 'transmission', 'rb', 'rf'; None where a direction is
+        missing. `sunlight`, `widths`: where the sun's light goes. `mounting`: part of the light of
+        suns 25–60° high that goes up, for the four ways to mount the film. `model`: 'klems',
+        'tensor_tree', 'any', 'geometry', 'none'.
+
+    Raises
+    ------
+    InputError
+        The path leads to no BSDF file, or its numbers are wrong.
 
     Notes
     -----
-    Lobes are taken at 256² directions. Reciprocity is exact for trees of rank 4 and Klems, by
-    16 × 64² pairs of directions for rank 3. A vertical façade is assumed. All is for luminance.
+    Lobes are taken at 256² directions; on a border of the file's cells all numbers but `widths`
+    are means over the cells that meet there, widths are those of one cell. Reciprocity is exact for
+    trees of rank 4 and Klems, by 16 × 64² pairs of directions for rank 3. A vertical façade is
+    assumed. All is for luminance.
     """
+    if not isinstance(file, BsdfFile):
+        file = read(file)
     energy = tuple(balance.energy(file, side) for side in SIDES)
     sunlight = _sunlight(file)
     widths = _widths(file) if any(s.transmittance > 1e-3 for s in sunlight) else ()
@@ -80,54 +97,75 @@ def _from(theta: np.ndarray, phi: float | np.ndarray, side: float) -> np.ndarray
     return np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), side * np.cos(t)], axis=-1)
 
 
+def _rings(file: BsdfFile) -> np.ndarray:
+    """Angles from the normal [deg] of the rings' centres, shape (ring,); none but of Klems."""
+    matrices = [c for c in file.components.values() if isinstance(c, KlemsMatrix)]
+    if not matrices:
+        return np.zeros(0)
+    basis = matrices[0].incident
+    return np.round(np.degrees(np.arccos(basis.centres[basis.first, 2])), 6)
+
+
 def _curves(file: BsdfFile) -> tuple[Curve, ...]:
+    """T and R over incidence, for light from both sides."""
     planes = {"any": 90.0} if file.kind == "TensorTree3" else PLANES
-    found = []
+    thetas = tuple(_rings(file).tolist()) or THETAS
+    curves = []
     for side, (_, _, z) in SIDES.items():
         for plane, phi in planes.items():
-            T, R = file.hemispherical(_from(np.array(THETAS, float), phi, z))
-            found.append(Curve(side, plane, THETAS, tuple(T.tolist()), tuple(R.tolist())))
-    return tuple(found)
+            near = around(_from(np.array(thetas), phi, z)).reshape(-1, 3)
+            T, R = (v.reshape(-1, 4).mean(axis=1).tolist() for v in file.hemispherical(near))
+            curves.append(Curve(side, plane, thetas, tuple(T), tuple(R)))
+    return tuple(curves)
 
 
 def _sunlight(file: BsdfFile) -> tuple[Sunlight, ...]:
+    """Transmittance and upward part of the light of suns at `ELEVATIONS`."""
     component = file.component("tb")
     if component is None:
         return ()
-    found = []
+    sunlight = []
     for elevation in ELEVATIONS:
         incident = sun(elevation)
-        T = float(component.hemispherical(incident[None])[0])
-        found.append(Sunlight(float(elevation), T, lobe(component, incident, 1.0).upward()))
-    return tuple(found)
+        T = float(component.hemispherical(cells_at(component, incident)).mean())
+        sunlight.append(Sunlight(float(elevation), T, lobe(component, incident, 1.0).upward()))
+    return tuple(sunlight)
+
+
+def _peak_elevations(file: BsdfFile) -> tuple[float, ...]:
+    """Elevations of the sun [deg] at which peaks are measured: within cells, not between them."""
+    rings = _rings(file)
+    if not len(rings):
+        return PEAK_ELEVATIONS
+    return tuple(dict.fromkeys(float(rings[abs(rings - e).argmin()]) for e in PEAK_ELEVATIONS))
 
 
 def _widths(file: BsdfFile) -> tuple[Width, ...]:
+    """Main peaks of the transmitted light, each for one incident cell."""
     component = file.component("tb")
     assert component is not None
-    found = []
-    for elevation in PEAK_ELEVATIONS:
-        incident = sun(elevation)
-        light = lobe(component, incident, 1.0)
+    widths = []
+    for elevation in _peak_elevations(file):
+        light = lobe(component, sun(elevation), 1.0, one_cell=True)
         if light.power.sum() == 0:
             continue
         toward = light.brightest()
-        found.append(
+        widths.append(
             Width(
                 elevation,
                 float(np.degrees(np.arcsin(np.clip(toward[1], -1, 1)))),
                 light.width_at_half_maximum(),
                 light.width_of_half_the_light(),
                 light.share(light.half_maximum()),
-                resolution(component, incident, toward),
+                resolution(component, light.incident, toward),
             )
         )
-    return tuple(found)
+    return tuple(widths)
 
 
 def _mounting(file: BsdfFile) -> dict[str, float]:
     """Part of the light of high suns that goes up, for the four ways to mount the film."""
-    found = {}
+    upward = {}
     for name, transmission, turned, swapped in (
         ("as the file says", "tb", 1, 1),
         ("upside down", "tb", -1, 1),
@@ -143,5 +181,5 @@ def _mounting(file: BsdfFile) -> dict[str, float]:
             light = lobe(component, incident, float(swapped), grid=64)
             up = light.outgoing[:, 1] * turned > 0
             parts.append(float(light.power[up].sum()))
-        found[name] = float(np.mean(parts))
-    return found
+        upward[name] = float(np.mean(parts))
+    return upward

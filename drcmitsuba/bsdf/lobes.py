@@ -1,8 +1,12 @@
-"""What a component does with light from one direction: where it goes, how narrow its peak is.
+"""Lobes of a BSDF component: where light from one direction goes, how narrow its peak is.
 
 Directions point away from the surface, +z into the room, +y up, +x to the right as seen from the
 room. Outgoing directions are the centres of a grid over the square of Shirley and Chiu, each of
 the same projected solid angle, so that sums over the grid are sums of light.
+
+A file holds one value a cell. Many directions of interest lie on a border of cells: the plane
+normal to the façade in every tree, 15° and 45° from the normal in a Klems matrix. There the mean
+of the cells on both sides is taken, so that no side of the border is favoured.
 """
 
 from __future__ import annotations
@@ -14,10 +18,12 @@ import numpy as np
 from drcmitsuba_plugins import peak
 from drcmitsuba_plugins.bsdf_file import Component, Swapped
 from drcmitsuba_plugins.klems_basis import KlemsMatrix
-from drcmitsuba_plugins.tensor import TensorTree, to_direction
+from drcmitsuba_plugins.tensor import TensorTree, to_direction, to_square
 
 GRID = 256
 """Directions of a lobe along either axis: as fine as the finest tree."""
+ASIDE = 1e-6
+"""Sine of the angle by which directions are moved off the borders of cells."""
 
 
 def sun(elevation: float, azimuth: float = 0.0) -> np.ndarray:
@@ -30,6 +36,10 @@ def sun(elevation: float, azimuth: float = 0.0) -> np.ndarray:
     azimuth : float
         From the façade's normal, clockwise as seen from above [deg]: to the right as seen from
         the room.
+
+    Returns
+    -------
+    np.ndarray, shape (3,)
     """
     e, a = np.radians(elevation), np.radians(azimuth)
     return np.array([np.cos(e) * np.sin(a), np.sin(e), -np.cos(e) * np.cos(a)])
@@ -42,11 +52,12 @@ def cone_width(solid_angle: float | np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Lobe:
-    """Light from one direction after a component.
+    """Transmitted or reflected light from one direction.
 
     Parameters
     ----------
     incident : np.ndarray, shape (3,)
+        Direction to the source of the light.
     outgoing : np.ndarray, shape (grid², 3)
     value : np.ndarray, shape (grid²,)
         f [1/sr].
@@ -106,12 +117,61 @@ class Lobe:
         return float(cone_width(self.solid_angle[order[:count]].sum()))
 
 
-def lobe(component: Component, incident: np.ndarray, side: float, grid: int = GRID) -> Lobe:
-    """Light that a component sends to the side +z or −z."""
+def around(directions: np.ndarray) -> np.ndarray:
+    """Four directions beside each direction (…, 3), one in each cell that meets there, (…, 4, 3).
+
+    Where no border is near, all four lie in one cell.
+    """
+    steps = ASIDE * np.array([[-1, -1, 0], [-1, 1, 0], [1, -1, 0], [1, 1, 0]])
+    moved = directions[..., None, :] + steps
+    return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+
+
+def cells_at(component: Component, incident: np.ndarray) -> np.ndarray:
+    """Directions, one in each incident cell that a direction (3,) lies in or on the border of.
+
+    Returns
+    -------
+    np.ndarray, shape (cell, 3)
+        One direction, but two or four on a border.
+    """
+    near = around(incident)
+    if isinstance(component, KlemsMatrix):
+        cells = component.incident.patch(-near[:, 0], -near[:, 1], near[:, 2])
+    else:
+        n = 1 << (component.tree if isinstance(component, Swapped) else component).depth
+        s, t = (np.floor(n * c) for c in to_square(near[:, 0], near[:, 1]))
+        cells = s * n + t
+    return near[np.sort(np.unique(cells, return_index=True)[1])]
+
+
+def lobe(
+    component: Component, incident: np.ndarray, side: float, grid: int = GRID, *,
+    one_cell: bool = False,
+) -> Lobe:  # fmt: skip
+    """Light from a direction (3,) that a component sends to the side +z or −z.
+
+    Parameters
+    ----------
+    component : Component
+    incident : np.ndarray, shape (3,)
+        On a border of cells f is the mean over the cells that meet there.
+    side : float
+        1 for the room's side, −1 for the outside.
+    grid : int
+        Directions along either axis of the outgoing square.
+    one_cell : bool
+        Take only the first of the cells that meet there: a mean would widen the lobe.
+
+    Returns
+    -------
+    Lobe
+    """
     u = (np.arange(grid) + 0.5) / grid
     outgoing = to_direction(*(a.ravel() for a in np.meshgrid(u, u, indexing="ij")), side=side)
-    value = component.values(np.broadcast_to(incident, outgoing.shape), outgoing)
-    return Lobe(incident, outgoing, value)
+    cells = cells_at(component, incident)[: 1 if one_cell else None]
+    values = [component.values(np.broadcast_to(d, outgoing.shape), outgoing) for d in cells]
+    return Lobe(cells[0] if one_cell else incident, outgoing, np.mean(values, axis=0))
 
 
 def resolution(component: Component, incident: np.ndarray, outgoing: np.ndarray) -> float:

@@ -16,8 +16,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
 
-from drcmitsuba.bsdf.check import CheckReport
-from drcmitsuba.bsdf.lobes import Lobe, lobe, sun
+from drcmitsuba.bsdf.check_report import CheckReport
+from drcmitsuba.bsdf.lobes import Lobe, cells_at, lobe, sun
 
 BLUE, ORANGE, GREEN, PURPLE, GREY, INK = (
     "#0072B2", "#D55E00", "#009E73", "#AA4499", "#5A5A5A", "#222222",
@@ -74,11 +74,20 @@ def _sun_text(elevation: float, azimuth: float) -> str:
     return f"sun outside, {elevation:.0f}° high{side}"
 
 
+def _mean_text(file: BsdfFile, incident: np.ndarray) -> str:
+    """Say how many incident cells the lobes are a mean of; nothing where it is one."""
+    components = [c for c in map(file.component, ("tb", "rb")) if c is not None]
+    count = max((len(cells_at(c, incident)) for c in components), default=1)
+    if count == 1:
+        return ""
+    return f": on the border of {count} cells of the file, of which the mean is shown"
+
+
 def lobes(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Figure:
     """Maps of f over the directions that the sun's light takes, into the room and back outside."""
     incident = sun(elevation, azimuth)
     figure = Figure(figsize=(9.6, 5.35))
-    _heading(figure, title, _sun_text(elevation, azimuth))
+    _heading(figure, title, _sun_text(elevation, azimuth) + _mean_text(file, incident))
     sides = (("tb", "transmitted into the room", 1.0), ("rb", "reflected to the outside", -1.0))
     values = {}
     for name, _, side in sides:
@@ -243,12 +252,25 @@ def _sun_ray(ax: Axes, profile: float) -> None:
     ax.text(-reach * c - 0.03, reach * s, "sun", fontsize=10, **style)
 
 
+def _plateau_text(report: CheckReport) -> str:
+    """Say why curves have corners and plateaus."""
+    if report.kind == "Klems":
+        return (
+            "The file holds one value for each ring of incidences: points are the rings' centres."
+        )
+    return (
+        "The file holds one value a cell of incidences: T and R do not change within a cell "
+        "(plateaus), the widest of which lie near 90°."
+    )
+
+
 def curves(report: CheckReport, title: str) -> Figure:
     """T and R over incidence, for light from outside and from the room."""
     figure = Figure(figsize=(9.6, 4.5))
     _heading(figure, title, "directional-hemispherical transmittance T and reflectance R")
     axes = figure.subplots(1, 2, sharey=True)
-    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.12, top=0.76, wspace=0.08)
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.17, top=0.76, wspace=0.08)
+    figure.text(0.07, 0.02, _plateau_text(report), fontsize=8.5, color=GREY, va="bottom")
     colours = {"above": BLUE, "below": ORANGE, "right": GREEN, "left": PURPLE, "any": BLUE}
     styles: dict[str, Any] = {"left": {"linestyle": (0, (3, 2))}}
     top = max((max(c.transmittance + c.reflectance) for c in report.curves), default=1.0)

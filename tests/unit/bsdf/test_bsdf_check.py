@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Wedge
 
-from drcmitsuba import bsdf
+from drcmitsuba import InputError, bsdf, load_case
 from drcmitsuba.bsdf import balance, lobes
 from drcmitsuba.bsdf.check import check
 from drcmitsuba.bsdf.pictures import figures
@@ -69,7 +69,7 @@ def test_a_lambertian_film_is_even_in_every_respect():
     assert report.reciprocity["transmission"] == pytest.approx(0, abs=1e-12)
     assert (report.model, report.hint, report.verdict) == ("any", "", "ok")
     assert not report.straight.stands_out
-    assert report.notes == ("reflection into the room is missing: 0",)
+    assert report.notes == ("reflection into the room is missing: taken as 0",)
 
 
 def test_a_redirecting_film_sends_the_sun_up():
@@ -213,6 +213,37 @@ def test_a_report_is_plain_data_a_table_and_safe_html():
     assert "&lt;b&gt;film" in report._repr_html_()
 
 
+def test_a_path_is_checked_like_the_file_that_it_leads_to():
+    path = load_case("prism/as_bsdf").materials["panel"].file
+    assert check(str(path)) == check(path) == check(bsdf.read(path))
+    with pytest.raises(InputError, match="No such file"):
+        check("missing.xml")
+
+
+def test_klems_curves_have_their_points_at_the_centres_of_rings():
+    report = check(film("Klems", tb=klems()))
+    assert report.curves[0].theta == (0, 10, 20, 30, 40, 50, 60, 70, 82.5)
+    assert [w.elevation for w in report.widths] == [10, 30, 40, 60]
+    value = klems().value * np.arange(1, 146) / 145  # every incident patch another transmittance
+    curve = check(film("Klems", tb=replace(klems(), value=value))).curves[0]
+    first = KLEMS.first + np.array(KLEMS.counts) * 3 // 4 % KLEMS.counts  # from above is −y inward
+    assert curve.transmittance == pytest.approx(0.8 * (first + 1) / 145)
+
+
+def test_between_cells_the_mean_of_both_is_taken():
+    tree = sending(window)
+    on_axis, beside = lobes.sun(40.0), lobes.sun(40.0, 5.0)
+    assert len(lobes.cells_at(tree, on_axis)) == 2
+    assert len(lobes.cells_at(tree, beside)) == 1
+    assert len(lobes.cells_at(tree, lobes.sun(0.0))) == 4
+    value = lobes.lobe(tree, on_axis, 1.0, 128).value.reshape(128, 128)
+    np.testing.assert_array_equal(value, value[::-1])  # left as right
+    one = lobes.lobe(tree, on_axis, 1.0, 128, one_cell=True)
+    assert one.value.max() == pytest.approx(2 * value.max())
+    assert len(lobes.cells_at(klems(), lobes.sun(45.0))) == 2
+    assert len(lobes.cells_at(klems(), lobes.sun(40.0))) == 1
+
+
 def test_a_film_that_transmits_nothing_is_no_error():
     for file in (film(rf=lambertian(0.5)), film(tb=lambertian(0.0))):
         report = check(file)
@@ -312,6 +343,15 @@ def test_a_name_is_no_formula_and_takes_one_line():
         title = figure.texts[0]
         assert title.get_text().startswith("100$ ^{ film long")
         assert title.get_window_extent().x1 < figure.bbox.x1
+
+
+def test_pictures_say_where_cells_show(drawn):
+    assert any("plateaus" in t.get_text() for t in drawn["curves.png"].texts)
+    assert not any("mean is shown" in t.get_text() for t in drawn["lobes.png"].texts)
+    file = film("Klems", tb=klems())
+    found = figures(file, check(file))
+    assert any("mean is shown" in t.get_text() for t in found["lobes.png"].texts)
+    assert any("rings' centres" in t.get_text() for t in found["curves.png"].texts)
 
 
 def test_what_is_not_in_the_file_is_said(drawn):
