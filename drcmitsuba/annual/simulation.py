@@ -15,7 +15,7 @@ from drcmitsuba.annual.sample_accumulator import SampleAccumulator, by_state
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
 from drcmitsuba.case.materials import BsdfMaterial
-from drcmitsuba.case.sky import Adaptive
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.evaluate_metrics import may_close
 from drcmitsuba.plan import plan

@@ -11,7 +11,7 @@ import xarray as xr
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.case.case import Case, load_case
-from drcmitsuba.case.sky import Adaptive
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close
 from drcmitsuba.plan import Plan, notes, plan

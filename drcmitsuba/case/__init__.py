@@ -1,11 +1,17 @@
 """Case file: the simulated room, façade, sky and accuracy, checked before anything runs.
 
-toml, unit_check
-    Reading and checking of tables; lengths that look like millimetres.
-sky, facade, materials, components, design, effects, accuracy
-    One module for the tables of each subject.
 case
     `Case`: all tables together; `load_case`.
+toml, unit_check
+    Reading and checking of tables; lengths that look like millimetres.
+weather, sky, sun
+    Place, weather file and period; sky and ground; model of the sun.
+room, facade, furniture, sensors
+    The room, its sides with panes, boxes and plates, points of the illuminance.
+materials, components, shading
+    Panes, mirrors and solids; components that are geometry; the sun shade.
+metrics, accuracy, effects, design
+    Thresholds; numbers of samples; simulated effects of light; the search of `optimise`.
 shipped
     Cases and recipes that come with the package.
 """

@@ -1,4 +1,4 @@
-"""How accurately a case is simulated: samples, and what they are to reach."""
+"""The table `[accuracy]` of a case: numbers of samples, and the intervals to reach."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from drcmitsuba.runtime.errors import InputError
 
 
 class Target(NamedTuple):
-    """Half the width that a 95 % interval may have.
+    """Largest half width of the 95 % intervals.
 
     Parameters
     ----------
     value : float
-    unit : str
-        "point": points of sDA and of ASE; "%": of the mean illuminance.
+        Half width, in `unit`.
+    unit : {'point', '%'}
+        Points of sDA and of ASE, or per cent of the mean illuminance.
     """
 
     value: float
@@ -26,12 +27,18 @@ class Target(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Target:
-        """Read "1 point", "0.5 points" or "2 %"."""
-        found = re.fullmatch(r"\s*(\d{1,3}(?:\.\d{1,6})?)\s*(points?|%)\s*", text, re.ASCII)
-        if found is None or not 0 < float(found[1]) <= 100:
+        """Read "1 point", "0.5 points" or "2 %".
+
+        Raises
+        ------
+        InputError
+            The text is none of these, or the value is not above 0 and at most 100.
+        """
+        match = re.fullmatch(r"\s*(\d{1,3}(?:\.\d{1,6})?)\s*(points?|%)\s*", text, re.ASCII)
+        if match is None or not 0 < float(match[1]) <= 100:
             got = shortened(text)
             raise InputError("accuracy", "target", got, 'write "1 point" (of sDA, ASE) or "2 %"')
-        return cls(float(found[1]), found[2].removesuffix("s"))
+        return cls(float(match[1]), match[2].removesuffix("s"))
 
     def __str__(self) -> str:
         plural = "s" if self.unit == "point" and self.value != 1 else ""
@@ -39,33 +46,36 @@ class Target(NamedTuple):
 
 
 class Accuracy(Table):
-    """Sampling: rays and points of each of the independent replicates."""
+    """Samples of each independent replicate, and the intervals to reach with further ones."""
 
     seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
+    """Seed of all random numbers; the same seed gives the same numbers."""
     replicates: Annotated[int, Field(ge=2, le=64)] = 8
+    """Number of independent replicates, from which standard errors are taken."""
     paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
-    """Gather: paths from a sensor."""
+    """Gather G: paths from a sensor."""
     cell_size: Annotated[float, Field(ge=1e-3, le=100)] = 0.45
+    """Edge of the cubes that cut diffuse surfaces into cells [m]."""
     cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
-    """Deposit: rays from a cell to the sky."""
+    """Deposit D: rays from a cell to the sky."""
     sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
-    """Deposit: rays from a sensor to the sky."""
+    """Deposit D: rays from a sensor to the sky."""
     sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 4
-    """Deposit: directions from a sensor to every sun; a cell takes one."""
+    """Deposit D: directions from a sensor to every sun; a cell takes one."""
     pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
-    """Deposit: points on the scattering panes that a sensor or a cell looks at."""
+    """Deposit D: points on the scattering panes that a sensor or a cell looks at."""
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
-    """Deposit: directions to the sky from every outgoing cell of a film."""
+    """Deposit D: directions to the sky from every outgoing cell of a film's BSDF."""
     photons: Annotated[int, Field(ge=1, le=1 << 22)] = 1024
-    """Deposit: photons of every sun to each component; of a patch of the sky four times as many."""
+    """Photons from every sun to each component; from a patch of the sky, four times as many."""
     photon_surfaces: Annotated[int, Field(ge=2, le=10_000)] = 256
-    """Surfaces that a photon is followed over; what is still under way is told as lost."""
+    """Largest number of surfaces that a photon meets; a note says how much is lost by this."""
     sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3
-    """Edge of the square around a sensor that photons are counted on [m], at most."""
+    """Largest edge of the square around a sensor on which photons are counted [m]."""
     target: str | None = None
-    """Half the width of the 95 % intervals to reach: "1 point" of sDA and ASE, "2 %" of mean E."""
+    """Half width of the 95 % intervals to reach: "1 point" of sDA and ASE, or "2 %" of mean E."""
     time_limit: Annotated[float, Field(gt=0, le=1e6)] = 600.0
-    """Seconds that may be spent on further samples for the target; the round in flight ends."""
+    """Time for further samples towards the target, after which no round begins [s]."""
 
     @model_validator(mode="after")
     def _target_is_readable(self) -> Accuracy:
@@ -74,5 +84,5 @@ class Accuracy(Table):
 
     @property
     def goal(self) -> Target | None:
-        """The target, taken apart."""
+        """The target as value and unit, None without a target."""
         return None if self.target is None else Target.parse(self.target)

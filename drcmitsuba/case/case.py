@@ -1,13 +1,13 @@
-"""The case file: what is simulated, checked before anything runs.
+"""The case file: all tables together, checked before anything runs.
 
-A case is a TOML file. Its tables are the classes below; a key that none of them knows is an error,
-and so is a value out of its range. Lengths are metres, angles degrees. The room's frame has its
-origin in the south-west corner of the floor, x to the east, y to the north, z up.
+A case is a TOML file. Each of its tables has a module of its own, which also checks what the table
+says against the others; a key that no table knows is an error, and so is a value out of its range.
+Lengths are metres, angles degrees. The room's frame has its origin in the south-west corner of the
+floor, x to the east, y to the north, z up.
 """
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
@@ -24,136 +24,88 @@ from drcmitsuba.case.components import (
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.furniture import Furniture, check_furniture
 from drcmitsuba.case.materials import (
     BsdfMaterial,
     DielectricMaterial,
-    DiffuserMaterial,
     GlazingMaterial,
     Material,
     MirrorMaterial,
-    Reflectance,
+    check_names,
 )
-from drcmitsuba.case.shipped import shipped_cases, shipped_folder
-from drcmitsuba.case.sky import (
-    Adaptive,
-    Outside,
-    PerezSky,
-    PeriodTable,
-    Site,
-    Sky,
-    Sun,
-    ThreePhase,
-    TrueSun,
-    WeatherFile,
-)
+from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.case.room import Room
+from drcmitsuba.case.sensors import Sensors
+from drcmitsuba.case.shading import Shading
+from drcmitsuba.case.shipped import locate_case
+from drcmitsuba.case.sky import Outside, PerezSky, Sky
+from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.toml import (
-    Coordinate,
-    Fraction,
-    Length,
     Name,
-    Point,
     Side,
     Table,
     checked,
-    choose,
+    is_file,
+    named_of_kind,
     read_toml,
     shortened,
 )
-from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
+from drcmitsuba.case.unit_check import ask_about_spacing
+from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
 from drcmitsuba.runtime.errors import InputError
 
 MAX_BYTES = 1 << 20
-
-MOST_PIECES, MOST_SENSORS = 100_000, 250_000
-
-Threshold = Annotated[float, Field(gt=0, le=1e9)]
-"""Of illuminance [lx]; the largest is far beyond any sun."""
-
-
-class Room(Table):
-    """Box of a room. `rotation` turns it clockwise, seen from above, about the origin."""
-
-    size: tuple[Length, Length, Length]
-    rotation: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    floor: Reflectance = 0.2
-    ceiling: Reflectance = 0.8
-    walls: Reflectance = 0.5
-
-    def wall(self, side: Side) -> tuple[float, float]:
-        """Length and height of a wall [m]."""
-        width, depth, height = self.size
-        return (width if side in ("south", "north") else depth), height
-
-
-class Furniture(Table):
-    """Box, or horizontal plate where the height is 0, repeated on a grid."""
-
-    name: Name = "furniture"
-    corner: Point
-    size: tuple[Length, Length, Annotated[float, Field(ge=0, le=100_000)]]
-    reflectance: Reflectance = 0.5
-    count: tuple[Annotated[int, Field(ge=1, le=1000)], Annotated[int, Field(ge=1, le=1000)]] = (
-        1,
-        1,
-    )
-    step: tuple[Coordinate, Coordinate] = (0.0, 0.0)
-
-
-class Sensors(Table):
-    """Grid of points that look up: the first at corner + spacing/2, x running fastest."""
-
-    corner: Point
-    count: tuple[Annotated[int, Field(ge=1, le=2000)], Annotated[int, Field(ge=1, le=2000)]]
-    spacing: Length = 0.3
-
-
-class Shading(Table):
-    """Sun shade before the clear panes; closed when ≥ `area` of the points get ≥ `threshold`."""
-
-    material: str
-    threshold: Threshold = 1000.0
-    area: Fraction = 0.02
-
-
-class Metrics(Table):
-    """Thresholds of sDA and ASE."""
-
-    sda_threshold: Threshold = 300.0
-    sda_fraction: Fraction = 0.5
-    ase_threshold: Threshold = 1000.0
-    ase_hours: Annotated[float, Field(gt=0, le=1e6)] = 250.0
+"""Largest size of a case file [bytes]."""
 
 
 class Case(Table):
-    """Everything that one evaluation needs. See the tables' own classes for their keys."""
+    """Everything that one evaluation needs."""
 
     name: Name = "case"
+    """Title of tables and pictures."""
     unit: Literal["m"] | None = None
-    """Of all lengths; "m" insists on lengths that look like millimetres."""
-    site: Site | None = None
+    """Unit of all lengths; "m" insists on lengths that look like millimetres."""
+    site: SiteTable | None = None
+    """Place, where there is no weather file."""
     weather: WeatherFile = WeatherFile()
+    """Weather file."""
     period: PeriodTable = PeriodTable()
+    """Hours that are evaluated."""
     sky: Sky = PerezSky()
+    """Model of the sky."""
     sun: Sun = TrueSun()
+    """Model of the sun."""
     outside: Outside = Outside()
+    """Ground, and the size of the sun."""
     room: Room | None = None
+    """Box of the room; without it, the sensors are under the free sky."""
     facade: dict[Side, Facade] = Field(default_factory=dict)
+    """Sides of the room that have panes, by name."""
     materials: dict[str, Material] = Field(default_factory=dict)
+    """Materials by name."""
     components: Annotated[dict[str, Component], Field(max_length=100)] = Field(default_factory=dict)
+    """Components that are geometry, by name."""
     furniture: Annotated[tuple[Furniture, ...], Field(max_length=10_000)] = ()
+    """Boxes and plates, inside the room or outside of it."""
     sensors: Sensors
+    """Points at which the illuminance is computed."""
     shading: Shading | None = None
+    """Sun shade; without it, nothing closes."""
     metrics: Metrics = Metrics()
+    """Thresholds of the metrics."""
     accuracy: Accuracy = Accuracy()
+    """Numbers of samples, and the intervals to reach."""
     effects: Effects = Effects()
+    """Effects of light that are simulated."""
     design: Design | None = None
+    """What `optimise` searches."""
 
     _source: str = PrivateAttr("case")
     _folder: Path = PrivateAttr(Path())
 
     @property
     def source(self) -> str:
-        """The file that the case came from, for messages."""
+        """File that the case came from, for messages."""
         return self._source
 
     @property
@@ -164,7 +116,7 @@ class Case(Table):
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """Components that stand somewhere: structures only where a strip names them."""
+        """Names of the components that stand somewhere: a structure needs a strip that names it."""
         strips = {s.material for f in self.facade.values() for s in f.strips}
         return tuple(
             name
@@ -173,15 +125,15 @@ class Case(Table):
         )
 
     def refuse_overruled(self, task: str) -> None:
-        """Raise InputError where an effect is overruled: the task follows no such choice."""
+        """Raise InputError where an effect is not "auto": the task follows no such choice."""
         for name in self.effects.overruled:
             got = f"{task} simulates what it needs"
             raise InputError(self.source, f"effects.{name}", got, 'leave it "auto"')
 
     def refuse_components(self, task: str) -> None:
-        """Raise InputError where a component stands, or an effect is overruled.
+        """Raise InputError where a component stands, or an effect is not "auto".
 
-        The task counts no light by way of components, and follows no such choice.
+        The task counts no light by way of components, and follows no choice of effects.
         """
         self.refuse_overruled(task)
         if self.standing:
@@ -194,113 +146,51 @@ class Case(Table):
 
     @property
     def panes(self) -> tuple[str, ...]:
-        """Materials that a pane can be of."""
+        """Names of the materials that a pane can have."""
         solid = (MirrorMaterial, DielectricMaterial)
         return tuple(k for k, m in self.materials.items() if not isinstance(m, solid))
 
     @model_validator(mode="after")
-    def _consistent(self) -> Case:
-        if self.facade and self.room is None:
-            raise InputError("case", "facade", "there is no room", "add a [room]")
-        for name in ("wall", "open"):
-            if name in self.materials:
-                got = "strips use this name for no material"
-                raise InputError("case", f"materials.{name}", got, "choose another name")
+    def _tables_agree(self) -> Case:
+        check_names(self.materials)
+        check_furniture(self.furniture)
         check_components(self.components, self.materials, self.room is not None)
-        if self.standing and isinstance(self.sun, Adaptive):
-            got = "a mesh of suns would blur what components mirror"
-            raise InputError("case", "sun.model", got, 'take "true_sun"')
+        check_sun(self.sun, self.effects, bool(self.standing))
         if self.unit is None:
-            self._ask_about_lengths()
-        self._check_effects()
-        pieces = sum(piece.count[0] * piece.count[1] for piece in self.furniture)
-        if pieces > MOST_PIECES:
-            raise InputError("case", "furniture", f"{pieces} pieces", f"at most {MOST_PIECES}")
-        points = self.sensors.count[0] * self.sensors.count[1]
-        if points > MOST_SENSORS:
-            raise InputError("case", "sensors.count", f"{points} points", f"at most {MOST_SENSORS}")
+            if self.room is None:
+                ask_about_spacing(self.sensors.spacing)
+            else:
+                self.room.ask_about_lengths(self.furniture)
         for side, facade in self.facade.items():
             self._check_facade(side, facade)
         if self.shading is not None:
-            name = self.shading.material
-            scatters = (DiffuserMaterial, BsdfMaterial)
-            if not isinstance(self.materials.get(name), scatters):
-                known = [k for k, m in self.materials.items() if isinstance(m, scatters)]
-                got = f"{shortened(name)} is no diffuser or bsdf in [materials]"
-                raise InputError("case", "shading.material", got, choose(name, known))
+            self.shading.check(self.materials)
         if self.design is not None:
             self._check_design(self.design)
         return self
 
-    def _ask_about_lengths(self) -> None:
-        """Ask about lengths that are hardly metres."""
+    def _needed_room(self, table: str) -> Room:
+        """The room, which a table cannot do without."""
         if self.room is None:
-            ask_about_spacing(self.sensors.spacing)
-            return
-        ask_about_room(self.room.size)
-        for i, piece in enumerate(self.furniture):
-            ask_about_furniture(f"furniture.{i}", piece.corner, piece.size, self.room.size)
-
-    def _check_effects(self) -> None:
-        """Refuse choices that the model of the sun cannot follow."""
-        chosen = self.effects
-        if isinstance(self.sun, ThreePhase):
-            for name in ("sky", "suns"):
-                if getattr(chosen, name) == "off":
-                    got = "a three-phase sun is among the patches of the sky"
-                    remedy = 'leave it "auto", or take another sun.model'
-                    raise InputError("case", f"effects.{name}", got, remedy)
-        if isinstance(self.sun, Adaptive) and chosen.pane_to_pane == "all":
-            got = "a mesh of suns would blur what panes mirror"
-            raise InputError("case", "effects.pane_to_pane", got, 'take sun.model = "true_sun"')
-
-    def _check_design(self, design: Design) -> None:
-        """Refuse a design of unknown materials, or of a façade that is not there."""
-        if self.room is None:
-            raise InputError("case", "design", "there is no room", "add a [room]")
-        if design.component is not None:
-            self._check_turned(design.component)
-            return
-        clear = [k for k, m in self.materials.items() if isinstance(m, GlazingMaterial)]
-        for key, name, known in (
-            ("film", design.film, [k for k in self.panes if k not in clear]),
-            ("clear", design.clear, clear),
-        ):
-            if name is not None and name not in known:
-                got = f"{shortened(name)} is no such material in [materials]"
-                raise InputError("case", f"design.{key}", got, choose(name, known))
-        if design.film == design.clear:
-            raise InputError("case", "design.film", "it is the clear one", "name another material")
-        if design.band is not None and design.band[1] > self.room.size[2]:
-            got = f"the room is {self.room.size[2]:g} m high"
-            raise InputError("case", "design.band", got, "lower its upper edge")
-        glazed = self.glazed
-        if design.side is None and len(glazed) != 1:
-            got = f"{len(glazed)} sides have panes"
-            raise InputError("case", "design.side", got, 'name one, side = "south"')
-        bare = design.side is not None and design.side not in glazed
-        if bare and (design.band is None or design.wwr == "fixed"):
-            got = f"the {design.side} side has no panes"
-            raise InputError("case", "design.side", got, "give band and wwr = [low, high]")
-
-    def _check_turned(self, name: str) -> None:
-        """Refuse to tilt what is no structure, or stands nowhere."""
-        known = [k for k, c in self.components.items() if isinstance(c, StructureComponent)]
-        where = "design.component"
-        if name not in known:
-            got = f"{shortened(name)} is no structure in [components]"
-            raise InputError("case", where, got, choose(name, known))
-        if name not in self.standing:
-            got = f"{shortened(name)} stands nowhere"
-            raise InputError("case", where, got, "name it as the material of a strip")
+            raise InputError("case", table, "there is no room", "add a [room]")
+        return self.room
 
     def _check_facade(self, side: Side, facade: Facade) -> None:
         """Refuse strips that do not fit into their wall, or of an unknown material."""
-        assert self.room is not None
-        structures = [k for k, c in self.components.items() if isinstance(c, StructureComponent)]
+        structures = named_of_kind(self.components, (StructureComponent,))
         known = ["wall", "open", *self.panes, *structures]
-        named = [*self.materials, *self.components]
-        facade.check(side, self.room.wall(side), known, named)
+        names = [*self.materials, *self.components]
+        facade.check(side, self._needed_room("facade").wall(side), known, names)
+
+    def _check_design(self, design: Design) -> None:
+        """Refuse a search that the other tables of the case leave no room for."""
+        room = self._needed_room("design")
+        if design.component is not None:
+            design.check_tilt(named_of_kind(self.components, (StructureComponent,)), self.standing)
+            return
+        clear = named_of_kind(self.materials, (GlazingMaterial,))
+        films = [name for name in self.panes if name not in clear]
+        design.check_facade(room.size[2], films, clear, self.glazed)
 
     def path(self, file: Path) -> Path:
         """Resolve a file that the case names: relative ones lie beside the case file."""
@@ -317,7 +207,7 @@ class Case(Table):
         Raises
         ------
         InputError
-            It does not fit into the room.
+            The façade does not fit into the room.
         """
         self._check_facade(side, facade)
         return self._with(facade={**self.facade, side: facade})
@@ -336,11 +226,11 @@ class Case(Table):
         furniture: tuple[Furniture, ...],
         components: Mapping[str, Component],
     ) -> Case:
-        """Replace all that has coordinates where there is no room."""
+        """Replace the tables that have coordinates where there is no room."""
         return self._with(sensors=sensors, furniture=furniture, components=dict(components))
 
     def with_dark_hours(self) -> Case:
-        """Ask for the suns of all time stamps, for coefficients that any weather can use."""
+        """Simulate the suns of all time stamps, for coefficients that serve any weather."""
         return self._with(effects=self.effects.model_copy(update={"dark_hours": "all"}))
 
     def without_shading(self) -> Case:
@@ -352,27 +242,6 @@ class Case(Table):
         if file is None:
             return self
         return self._with(weather=WeatherFile(file=Path(file).absolute()))
-
-
-def _is_file(path: Path, source: object, field: str) -> bool:
-    """Whether a path names a file; a name that no file can have is refused."""
-    try:
-        return path.is_file()
-    except OSError as error:
-        remedy = "check the path and its rights"
-        raise InputError(source, field, f"{path}: {error.strerror}", remedy) from None
-
-
-def _locate(path: str | Path) -> Path:
-    """Path of a case file or of a shipped case."""
-    file = Path(path)
-    if _is_file(file, path, "case file"):
-        return file
-    if str(path) in shipped_cases():
-        return shipped_folder() / f"{path}.toml"
-    near = difflib.get_close_matches(str(path), shipped_cases(), n=1)
-    hint = f"did you mean the shipped case {near[0]}?" if near else "give a TOML file"
-    raise InputError(path, "case file", "no such file", hint)
 
 
 def load_case(path: str | Path) -> Case:
@@ -392,7 +261,7 @@ def load_case(path: str | Path) -> Case:
     InputError
         The file is missing, is no TOML, has an unknown key or a value out of range.
     """
-    file = _locate(path)
+    file = locate_case(path)
     data = read_toml(file, MAX_BYTES)
     case = checked(Case, data, file)
     case._source, case._folder = str(file), file.parent
@@ -400,22 +269,22 @@ def load_case(path: str | Path) -> Case:
 
 
 def _with_files(case: Case) -> Case:
-    """Resolve the files of materials and components, and refuse a case that lacks one."""
+    """Make the paths of materials and components whole, and refuse a file that is missing."""
 
-    def found(file: Path, field: str) -> Path:
+    def resolved(file: Path, field: str) -> Path:
         path = case.path(file)
-        if not _is_file(path, case.source, field):
+        if not is_file(path, case.source, field):
             remedy = "give its path relative to the case file"
             raise InputError(case.source, field, f"{file}: no such file", remedy)
         return path
 
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
-            path = found(material.file, f"materials.{name}.file")
+            path = resolved(material.file, f"materials.{name}.file")
             case.materials[name] = material.model_copy(update={"file": path})
     for name, component in case.components.items():
         if isinstance(component, StructureComponent | MeshComponent):
             key = "recipe" if isinstance(component, StructureComponent) else "file"
-            path = found(getattr(component, key), f"components.{name}.{key}")
+            path = resolved(getattr(component, key), f"components.{name}.{key}")
             case.components[name] = component.model_copy(update={key: path})
     return case

@@ -15,14 +15,23 @@ from drcmitsuba.case.materials import (
     Material,
     MirrorMaterial,
 )
-from drcmitsuba.case.toml import Coordinate, Fraction, Point, Side, Table, choose, shortened
+from drcmitsuba.case.toml import (
+    Coordinate,
+    Fraction,
+    Point,
+    Side,
+    Table,
+    choose,
+    named_of_kind,
+    shortened,
+)
 from drcmitsuba.runtime.errors import InputError
 
 Extent = Annotated[float, Field(ge=1e-3, le=10_000, strict=True)]
-"""Of pipes and ducts [m]; thinner ones are slips of the pen."""
+"""Width or length of a pipe or duct [m]; thinner ones are slips of the pen."""
 
 Wanted = tuple[str | None, tuple[type[Table], ...]]
-"""Name of a material, None where there is none, and what it may be."""
+"""Name of a material, None where none is named, and the classes that it may have."""
 
 Clear = (GlazingMaterial,)
 Pane = (GlazingMaterial, DiffuserMaterial)
@@ -37,21 +46,22 @@ class StructureComponent(Table):
     """
 
     type: Literal["structure"]
+    """Kind of the component."""
     recipe: Path
-    """TOML file of the goniophotometer, relative to the case file."""
+    """Recipe of the goniophotometer (TOML), relative to the case file."""
     tilt: Annotated[float, Field(gt=-90, lt=90)] | None = None
-    """Of lamellae [deg], in place of their recipe's."""
+    """Tilt of lamellae, in place of the recipe's [deg]."""
     outer: str | None = None
-    """Glazing outside of the structure; a recipe's own [glass] stands there too."""
+    """Glazing outside of the structure; the recipe's own [glass] stands there too."""
     inner: str | None = None
     """Glazing between the structure and the room."""
     gap: Annotated[float, Field(gt=0, le=1)] = 0.005
     """Air between neighbouring layers [m]."""
     casing: Fraction = 0.5
-    """Reflectance of the casing and of what whole periods leave of the pane."""
+    """Reflectance of the casing and of the rest of the pane that no whole period fills [–]."""
 
     def materials(self) -> dict[str, Wanted]:
-        """Materials by key: their names and what they may be."""
+        """Names of the materials by key, and the classes that each may have."""
         return {"outer": (self.outer, Clear), "inner": (self.inner, Clear)}
 
 
@@ -59,20 +69,24 @@ class LightPipe(Table):
     """A straight mirrored pipe through the ceiling."""
 
     type: Literal["lightpipe"]
+    """Kind of the component."""
     centre: tuple[Coordinate, Coordinate]
+    """Centre of the pipe in the ceiling, x and y [m]."""
     width: Extent
-    """Diameter, from side to side."""
+    """Diameter, from side to opposite side [m]."""
     sides: Annotated[int, Field(ge=4, le=720, multiple_of=4)] = 24
+    """Number of plane sides."""
     height: Extent
-    """Of its upper end above the ceiling."""
+    """Height of the upper end above the ceiling [m]."""
     mirror: str
+    """Mirror inside the pipe."""
     top: str | None = None
-    """Glazing at its upper end; without it, it is open."""
+    """Glazing at the upper end; default: open."""
     bottom: str | None = None
-    """Glazing or diffuser in the ceiling; without it, it is open."""
+    """Glazing or diffuser in the ceiling; default: open."""
 
     def materials(self) -> dict[str, Wanted]:
-        """Materials by key: their names and what they may be."""
+        """Names of the materials by key, and the classes that each may have."""
         return {
             "mirror": (self.mirror, Mirror),
             "top": (self.top, Clear),
@@ -87,26 +101,30 @@ class Duct(Table):
     """
 
     type: Literal["duct"]
+    """Kind of the component."""
     side: Side = "south"
+    """Side of the room at which the light enters."""
     centre: Coordinate
-    """Of the duct along its side, from the left, seen from outside."""
+    """Centre of the duct along its side, from the left, seen from outside [m]."""
     width: Extent
+    """Width of the channel [m]."""
     height: Extent
-    """Of the channel."""
+    """Height of the channel [m]."""
     length: Extent
-    """From the plane of the side to the far end."""
+    """Length from the plane of the side to the far end [m]."""
     above: Annotated[float, Field(gt=0, le=100)] = 0.05
-    """Lower edge of the entry above the ceiling."""
+    """Height of the entry's lower edge above the ceiling [m]."""
     acceptance: Annotated[float, Field(ge=5, le=85)] | None = None
     """Half angle of a compound parabolic concentrator at the entry, above and below [deg]."""
     mirror: str
+    """Mirror inside the duct."""
     cover: str | None = None
-    """Glazing at the entry; without it, it is open."""
+    """Glazing at the entry; default: open."""
     bottom: str | None = None
-    """Glazing or diffuser in the ceiling; without it, it is open."""
+    """Glazing or diffuser in the ceiling; default: open."""
 
     def materials(self) -> dict[str, Wanted]:
-        """Materials by key: their names and what they may be."""
+        """Names of the materials by key, and the classes that each may have."""
         return {
             "mirror": (self.mirror, Mirror),
             "cover": (self.cover, Clear),
@@ -118,20 +136,22 @@ class MeshComponent(Table):
     """Any shape from a file (PLY or OBJ), of a mirror or a clear solid."""
 
     type: Literal["mesh"]
+    """Kind of the component."""
     file: Path
-    """Relative to the case file."""
+    """PLY or OBJ file, relative to the case file."""
     material: str
+    """A mirror or a dielectric of [materials]."""
     position: Point = (0.0, 0.0, 0.0)
-    """Where the file's origin stands."""
+    """Place of the file's origin [m]."""
     scale: Annotated[float, Field(gt=0, le=1e6)] = 1.0
-    """Metres of one unit of the file."""
+    """Length of one unit of the file [m]."""
     rotation: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """Clockwise, seen from above, about the file's origin [deg]."""
+    """Turn about the file's origin, clockwise seen from above [deg]."""
     ports: Annotated[tuple[tuple[Point, Point, Point, Point], ...], Field(max_length=1000)] = ()
-    """Rectangles by which light comes to it; without any, the faces of its bounding box."""
+    """Corners of rectangles by which light reaches the mesh [m]; default: its bounding box."""
 
     def materials(self) -> dict[str, Wanted]:
-        """Materials by key: their names and what they may be."""
+        """Names of the materials by key, and the classes that each may have."""
         return {"material": (self.material, Solid)}
 
 
@@ -152,7 +172,7 @@ def check_components(
             raise InputError("case", where, "there is no room", "add a [room]")
         for key, (used, kinds) in component.materials().items():
             if used is not None and not isinstance(materials.get(used), kinds):
-                known = [k for k, m in materials.items() if isinstance(m, kinds)]
+                known = named_of_kind(materials, kinds)
                 wanted = " or ".join(k.__name__.removesuffix("Material").lower() for k in kinds)
                 got = f"{shortened(used)} is no {wanted} in [materials]"
                 raise InputError("case", f"{where}.{key}", got, choose(used, known))

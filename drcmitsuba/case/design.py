@@ -1,68 +1,73 @@
-"""The table `[design]` of a case: what may be turned, and what is wanted."""
+"""The table `[design]` of a case: what a search may change, and its objective."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from drcmitsuba.case.toml import Table
+from drcmitsuba.case.toml import Percent, Side, Table, choose, shortened
 from drcmitsuba.runtime.errors import InputError
 
-Part = Annotated[float, Field(ge=0, le=1)]
-Percent = Annotated[float, Field(ge=0, le=100)]
+Share = Annotated[float, Field(ge=0, le=1)]
 Tilt = Annotated[float, Field(gt=-90, lt=90)]
 
 OF_TILT = ("tilt", "tilt_step")
-"""Keys that say something of lamellae only."""
+"""Keys of the search for a tilt only."""
 OF_BOTH = ("objective", "ase_limit", "sharpness")
-"""Keys of both kinds of search; all others are those of a façade."""
+"""Keys of both searches; all others belong to the search for a façade."""
 
 
 class Design(Table):
-    """What is to be optimised: a façade, its film has to be named; or the tilt of lamellae."""
+    """Search for the best façade with a film, or for the best tilt of lamellae."""
 
     film: str | None = None
     """Material that may take the place of the clear one; the shade does not cover it."""
     component: str | None = None
-    """Lamellae that are tilted, in place of a film: a structure of [components]."""
+    """Lamellae to be tilted, in place of a film: a structure of [components]."""
     tilt: tuple[Tilt, Tilt] = (-30.0, 30.0)
-    """Least and most tilt of the lamellae [deg]."""
+    """Lowest and highest tilt of the lamellae [deg]."""
     tilt_step: Annotated[float, Field(gt=0, le=45)] = 1.0
-    """What differences are taken over, and how finely the tilt is searched [deg]."""
+    """Step of the search over tilts and of its finite differences [deg]."""
     clear: str | None = None
-    """Without it, the clear material of the façade as it is."""
-    side: Literal["south", "east", "north", "west"] | None = None
-    """Without it, the one side with panes."""
+    """Clear material; default: that of the façade as it is."""
+    side: Side | None = None
+    """Side of the room; default: the one side with panes."""
     band: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]] | None = None
-    """Lowest and highest edge of panes [m]; without it, those of the façade as it is."""
+    """Heights between which panes may lie [m]; default: those of the façade as it is."""
     parameters: Literal["window", "strips"] = "window"
-    """One window with one film in it, or every tile of its own."""
+    """"window": one window with one film in it; "strips": every tile by itself."""
     rows: Annotated[int, Field(ge=1, le=100)] | None = None
-    """Tiles one above the other; six without it and `row_height`."""
+    """Number of tiles one above the other; default: six, or as `row_height` says."""
     row_height: Annotated[float, Field(gt=0, le=100)] | None = None
-    """Their height, about [m], in place of `rows`."""
+    """Approximate height of a tile, in place of `rows` [m]."""
     segments: Annotated[int, Field(ge=1, le=200)] | None = None
-    """Tiles side by side; without it, the façade's segments."""
-    wwr: Literal["fixed"] | tuple[Part, Part] = "fixed"
-    """Window-to-wall ratio: that of the façade as it is, or a range."""
+    """Number of tiles side by side; default: the façade's segments."""
+    wwr: Literal["fixed"] | tuple[Share, Share] = "fixed"
+    """Window-to-wall ratio: "fixed" as the façade has it, or a range [–]."""
     objective: Literal["sDA", "worst month"] = "sDA"
+    """Metric to be made large: sDA, or msDA of the worst month."""
     film_cost: Annotated[float, Field(ge=0, le=1000)] = 0.0
-    """Points of the objective that film in all of the band has to bring."""
+    """Points of the objective that film in all of the band has to bring [%]."""
     ase_limit: Percent = 10.0
+    """Largest ASE [%]."""
     starts: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Beside the best of what is looked at first: the case's own start, then random ones."""
+    """Number of starts beside the best of a first look: the case's own, then random ones."""
     pareto: Annotated[int, Field(ge=0, le=100)] = 8
-    """Limits of ASE in the sweep for the Pareto front; 0: none."""
+    """Number of limits of ASE on the Pareto front; 0: no front."""
     sharpness: Annotated[
         tuple[Annotated[float, Field(ge=1, le=1e6)], ...], Field(min_length=1, max_length=20)
     ] = (4.0, 8.0, 16.0, 32.0)
+    """Sharpness of the smooth metrics, one search after another [–]; the larger, the harder."""
     iterations: Annotated[int, Field(ge=1, le=1000)] = 20
+    """Largest number of steps at each sharpness."""
     seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
-    glazing_transmittance: tuple[Part, Part] | None = None
-    """Range of that of the clear material; without it, it stays as it is."""
-    shade_vlt: tuple[Part, Part] | None = None
-    """Range of the shade's transmittance; without it, it stays as it is."""
+    """Seed of the random starts."""
+    glazing_transmittance: tuple[Share, Share] | None = None
+    """Range of the clear material's transmittance [–]; default: it stays as it is."""
+    shade_vlt: tuple[Share, Share] | None = None
+    """Range of the shade's transmittance [–]; default: it stays as it is."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> Design:
@@ -90,8 +95,63 @@ class Design(Table):
         if self.rows is not None and self.row_height is not None:
             raise InputError("design", "row_height", "rows are given too", "give one of them")
         for key in ("band", "wwr", "glazing_transmittance", "shade_vlt"):
-            given = getattr(self, key)
-            if isinstance(given, tuple) and given[1] < given[0] + (1e-3 if key == "band" else 0):
-                got = f"{given[0]:g} to {given[1]:g}"
+            limits = getattr(self, key)
+            if isinstance(limits, tuple) and limits[1] < limits[0] + (1e-3 if key == "band" else 0):
+                got = f"{limits[0]:g} to {limits[1]:g}"
                 raise InputError("design", key, got, "give the lower value first")
         return self
+
+    def check_facade(
+        self, height: float, films: Sequence[str], clear: Sequence[str], glazed: Sequence[Side]
+    ) -> None:
+        """Refuse a search for a façade of unknown materials, or in a side without panes.
+
+        Parameters
+        ----------
+        height : float
+            Height of the room [m].
+        films, clear : sequence of str
+            Names of the materials that can be the film, or the clear one.
+        glazed : sequence of {'south', 'east', 'north', 'west'}
+            Sides that have panes.
+
+        Raises
+        ------
+        InputError
+        """
+        for key, name, known in (("film", self.film, films), ("clear", self.clear, clear)):
+            if name is not None and name not in known:
+                got = f"{shortened(name)} is no such material in [materials]"
+                raise InputError("case", f"design.{key}", got, choose(name, known))
+        if self.film == self.clear:
+            raise InputError("case", "design.film", "it is the clear one", "name another material")
+        if self.band is not None and self.band[1] > height:
+            got = f"the room is {height:g} m high"
+            raise InputError("case", "design.band", got, "lower its upper edge")
+        if self.side is None and len(glazed) != 1:
+            got = f"{len(glazed)} sides have panes"
+            raise InputError("case", "design.side", got, 'name one, side = "south"')
+        bare = self.side is not None and self.side not in glazed
+        if bare and (self.band is None or self.wwr == "fixed"):
+            got = f"the {self.side} side has no panes"
+            raise InputError("case", "design.side", got, "give band and wwr = [low, high]")
+
+    def check_tilt(self, structures: Sequence[str], standing: Sequence[str]) -> None:
+        """Refuse to tilt a component that is no structure, or that no strip names.
+
+        Parameters
+        ----------
+        structures, standing : sequence of str
+            Names of the components that are structures, and of those that stand somewhere.
+
+        Raises
+        ------
+        InputError
+        """
+        name, where = str(self.component), "design.component"
+        if name not in structures:
+            got = f"{shortened(name)} is no structure in [components]"
+            raise InputError("case", where, got, choose(name, structures))
+        if name not in standing:
+            got = f"{shortened(name)} stands nowhere"
+            raise InputError("case", where, got, "name it as the material of a strip")

@@ -1,4 +1,4 @@
-"""The table `[effects]` of a case: decisions of the plan that the user takes himself."""
+"""The table `[effects]` of a case: choices that the user takes out of the hands of the plan."""
 
 from __future__ import annotations
 
@@ -10,33 +10,41 @@ Choice = Literal["auto", "all", "off"]
 
 
 class Effects(Table):
-    """What is simulated: "auto" as the scene calls for, "all" in any case, "off" in none."""
+    """Effects of light: "auto" simulates what the scene calls for, "all" always, "off" never."""
 
     sky: Choice = "auto"
+    """Light of the sky."""
     ground: Choice = "auto"
+    """Light of the ground below the horizon."""
     suns: Choice = "auto"
-    """"all": every sun above the horizon, also those that can get into no opening."""
+    """Light of the suns; "all": also of suns that can get into no opening."""
     dark_hours: Literal["auto", "all"] = "auto"
-    """"all": the suns of time stamps at which the sun has no radiance, too."""
+    """Time stamps at which the sun has no radiance; "all": their suns are simulated too."""
     clear_panes: Choice = "auto"
     """Clear glass and holes in the façades; "off" puts black sheets there."""
     scattering_panes: Choice = "auto"
+    """Light through diffusers."""
     films: Choice = "auto"
+    """Light through panes with a measured BSDF."""
     straight_through: Choice = "auto"
+    """Views straight through a measured BSDF."""
     components: Choice = "auto"
-    """"off": no photons; components stand where they are and cast shadows."""
+    """Light by way of components; "off": no photons, only the shadows of the components."""
     pane_to_pane: Choice = "auto"
     """Light that a pane sends to another one across the room, followed by photons."""
     obstructions: Choice = "auto"
     """Furniture outside of the room."""
     shaded_state: Choice = "auto"
+    """Coefficients with the shade closed."""
     interreflection: Choice = "auto"
-    """"all": to any depth; "off": light that met a surface of the room counts for nothing."""
+    """Light that met diffuse surfaces; "all": to any depth; "off": it counts for nothing."""
     colour: Choice = "auto"
+    """Red, green and blue apart, in place of luminance alone."""
     pictures: Choice = "auto"
+    """Pictures of the results."""
 
     @property
     def overruled(self) -> dict[str, str]:
-        """Choices on effects of light that are not left to the plan."""
+        """Choices other than "auto", by name of the effect; without `pictures`."""
         chosen = self.model_dump(exclude={"pictures"})
         return {name: choice for name, choice in chosen.items() if choice != "auto"}

@@ -19,12 +19,15 @@ class Strip(Table):
     """Horizontal strip of a façade between two heights; what no strip covers is wall."""
 
     bottom: Annotated[float, Field(ge=0)]
+    """Height of the lower edge above the floor [m]."""
     top: Length
+    """Height of the upper edge above the floor [m]."""
     material: str
+    """A material of a pane, a structure of [components], "open" (a hole) or "wall"."""
     segments: (
         Annotated[tuple[Annotated[int, Field(ge=0, lt=200)], ...], Field(min_length=1)] | None
     ) = None
-    """Segments that it covers, counted from 0 at the left, seen from outside; without it, all."""
+    """Segments with this strip, counted from 0 at the left, seen from outside; default: all."""
 
     @model_validator(mode="after")
     def _order(self) -> Strip:
@@ -37,7 +40,7 @@ class Strip(Table):
         return self
 
     def covers(self, segment: int) -> bool:
-        """Whether it lies in a segment of the façade."""
+        """Whether the strip lies in a segment of the façade."""
         return self.segments is None or segment in self.segments
 
 
@@ -45,21 +48,30 @@ class Facade(Table):
     """One side of the room, cut into equal segments and strips."""
 
     segments: Annotated[int, Field(ge=1, le=200)] = 1
+    """Number of equal segments side by side, each with panes of its own."""
     frame: Annotated[float, Field(ge=0)] = 0.0
-    """Width of opaque frame around every pane [m]; neighbours share it half and half."""
+    """Width of the opaque frame between neighbouring panes [m]; each edge of a pane loses half."""
     frame_reflectance: Reflectance = 0.5
+    """Reflectance of the frame [–]: one number, or [red, green, blue]."""
     strips: Annotated[tuple[Strip, ...], Field(max_length=2000)] = ()
+    """Strips of panes; the rest of the side is wall."""
 
     def columns(self) -> list[tuple[range, tuple[Strip, ...]]]:
-        """Neighbouring segments under the same strips, with these strips from the bottom up."""
-        found: list[tuple[range, tuple[Strip, ...]]] = []
+        """Group neighbouring segments that have the same strips.
+
+        Returns
+        -------
+        list of (range, tuple of Strip)
+            Segments of a group, and their strips from the bottom up.
+        """
+        groups: list[tuple[range, tuple[Strip, ...]]] = []
         for i in range(self.segments):
             stack = sorted((s for s in self.strips if s.covers(i)), key=lambda s: s.bottom)
-            if found and found[-1][1] == tuple(stack):
-                found[-1] = range(found[-1][0].start, i + 1), found[-1][1]
+            if groups and groups[-1][1] == tuple(stack):
+                groups[-1] = range(groups[-1][0].start, i + 1), groups[-1][1]
             else:
-                found.append((range(i, i + 1), tuple(stack)))
-        return found
+                groups.append((range(i, i + 1), tuple(stack)))
+        return groups
 
     def check(
         self, side: Side, wall: tuple[float, float], known: Sequence[str], named: Sequence[str]
@@ -72,13 +84,15 @@ class Facade(Table):
         wall : tuple of float
             Width and height [m].
         known : sequence of str
-            What a strip can be of.
+            Names that a strip can have as its material.
         named : sequence of str
-            Everything that the case gives a name.
+            Names of all materials and components of the case.
 
         Raises
         ------
         InputError
+            A strip is higher than the wall, overlaps another one, has no such segment or material,
+            or is all frame.
         """
         width, height = wall
 

@@ -1,7 +1,8 @@
-"""The materials of a case: panes of its façades, mirrors and clear solids of its components."""
+"""The tables `[materials.NAME]` of a case: panes of façades, mirrors and solids of components."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,11 +13,23 @@ from drcmitsuba.case.toml import Fraction, Table
 from drcmitsuba.runtime.errors import InputError
 
 Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
-"""A grey reflectance, or one for red, green and blue."""
+"""A grey reflectance, or one for red, green and blue [–]."""
 
 
 def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0) -> None:
-    """Refuse a pane that sends out more than it gets; glass (exponent > 0) at any incidence."""
+    """Refuse a pane whose transmittance and reflectance together exceed 1.
+
+    Parameters
+    ----------
+    transmittance, reflectance : float
+        At normal incidence [–].
+    exponent : float
+        That of a glazing [–], which is checked at 201 incidences; 0 for other panes.
+
+    Raises
+    ------
+    InputError
+    """
     x = 1 - np.linspace(0, 1, 201)
     total = np.array([transmittance + reflectance])
     if exponent > 0:
@@ -34,10 +47,13 @@ class GlazingMaterial(Table):
     """Clear pane: τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], mirrored share after Schlick."""
 
     type: Literal["glazing"]
+    """Kind of the material."""
     transmittance: Fraction
+    """Transmittance τ₀ at normal incidence [–]."""
     exponent: Annotated[float, Field(gt=0, le=100)] = 4.5
+    """Exponent p: the larger, the longer the transmittance stays at τ₀ [–]."""
     reflectance: Fraction = 0.0
-    """Towards the room, at normal incidence."""
+    """Reflectance towards the room, at normal incidence [–]."""
 
     @model_validator(mode="after")
     def _energy(self) -> GlazingMaterial:
@@ -49,9 +65,11 @@ class DiffuserMaterial(Table):
     """Diffusing pane, such as a sun shade: Lambertian transmittance and reflectance."""
 
     type: Literal["diffuser"]
+    """Kind of the material."""
     transmittance: Fraction
+    """Transmittance, the same at any incidence [–]."""
     reflectance: Fraction = 0.0
-    """Towards the room."""
+    """Reflectance towards the room [–]."""
 
     @model_validator(mode="after")
     def _energy(self) -> DiffuserMaterial:
@@ -63,28 +81,30 @@ class BsdfMaterial(Table):
     """Pane with a measured BSDF: film, fabric, blind. The file describes all of it, glass too."""
 
     type: Literal["bsdf"]
+    """Kind of the material."""
     file: Path
-    """LBNL XML: tensor tree or Klems; relative to the case file."""
+    """LBNL XML file, tensor tree or Klems matrix; relative to the case file."""
     straight_through: Literal["auto", "on", "off"] = "auto"
-    """Whether a straight-through peak counts as a view through; auto: where the file has one."""
+    """Whether a straight-through peak is a view through; "auto": where the file has a peak."""
     flip: bool = False
-    """The file's front faces the room; by the format its back does."""
+    """true: the file's front faces the room; by the format its back does."""
     turn: bool = False
-    """Mounted upside down."""
+    """true: the pane is mounted upside down."""
 
 
 class MirrorMaterial(Table):
     """Mirror of a component, the same on both sides."""
 
     type: Literal["mirror"]
+    """Kind of the material."""
     reflectance: Fraction
-    """At any incidence; of a coated one, that of the mirror below its coating."""
+    """Reflectance at any incidence; of a coated mirror, that below the coating [–]."""
     roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """GGX's α; 0 is a perfect mirror."""
+    """Roughness α of the GGX distribution; 0 is a perfect mirror [–]."""
     coating: Annotated[float, Field(gt=1, le=4)] | None = None
-    """Refractive index of a clear coating or of the glass before the mirror."""
+    """Refractive index of a clear coating or of the glass before the mirror [–]."""
     specular: Fraction = 1.0
-    """Part of the reflected light that is mirrored; the rest is diffuse."""
+    """Fraction of the reflected light that is mirrored; the rest is diffuse [–]."""
 
     @model_validator(mode="after")
     def _clear_coating(self) -> MirrorMaterial:
@@ -100,14 +120,29 @@ class DielectricMaterial(Table):
     """Clear solid of a component, air outside; normals of its surface point outward."""
 
     type: Literal["dielectric"]
+    """Kind of the material."""
     ior: Annotated[float, Field(gt=1, le=4)]
+    """Refractive index [–]."""
     absorption: Annotated[float, Field(ge=0, le=1e4)] = 0.0
-    """Of light on its way through [1/m]: exp(−absorption · length) is left."""
+    """Absorption coefficient [1/m]; exp(−absorption · length) of the light is left."""
     roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """GGX's α; 0 is smooth."""
+    """Roughness α of the GGX distribution; 0 is smooth [–]."""
 
 
 Material = Annotated[
     GlazingMaterial | DiffuserMaterial | BsdfMaterial | MirrorMaterial | DielectricMaterial,
     Field(discriminator="type"),
 ]
+
+
+def check_names(materials: Mapping[str, Material]) -> None:
+    """Refuse materials with the names that strips use for wall and holes.
+
+    Raises
+    ------
+    InputError
+    """
+    for name in ("wall", "open"):
+        if name in materials:
+            got = "strips use this name for no material"
+            raise InputError("case", f"materials.{name}", got, "choose another name")

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 from importlib import resources
 from pathlib import Path
+
+from drcmitsuba.case.toml import is_file
+from drcmitsuba.runtime.errors import InputError
 
 
 def shipped_folder() -> Path:
@@ -25,3 +29,20 @@ def shipped_cases() -> list[str]:
 def shipped_recipes() -> list[str]:
     """Names of the micro-structures that come with the package, such as `films/prism`."""
     return sorted(n for n in _shipped() if n.startswith("films/") or n.endswith("/recipe"))
+
+
+def locate_case(path: str | Path) -> Path:
+    """Path of a case file, or of a shipped case by its name.
+
+    Raises
+    ------
+    InputError
+        There is no such file and no such shipped case.
+    """
+    if is_file(Path(path), path, "case file"):
+        return Path(path)
+    if str(path) in shipped_cases():
+        return shipped_folder() / f"{path}.toml"
+    near = difflib.get_close_matches(str(path), shipped_cases(), n=1)
+    hint = f"did you mean the shipped case {near[0]}?" if near else "give a TOML file"
+    raise InputError(path, "case file", "no such file", hint)

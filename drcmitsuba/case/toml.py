@@ -1,4 +1,4 @@
-"""Tables of plain values, checked by pydantic; what is wrong is told in one line."""
+"""Tables of a TOML file, checked by pydantic; a mistake becomes one line with a remedy."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import difflib
 import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from drcmitsuba.runtime.errors import InputError
 
@@ -19,27 +19,71 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-Fraction = Annotated[float, Field(ge=0, le=1, strict=True)]
+
+def _refuse_percentage(value: object) -> object:
+    """Refuse a number that looks like per cent where a fraction is asked for."""
+    if type(value) in (int, float) and 2 <= value <= 100:  # type: ignore[operator]
+        raise InputError("case", "", f"got {value}", f"did you mean {value / 100:g}?")  # type: ignore[operator]
+    return value
+
+
+def default_model(model: str) -> BeforeValidator:
+    """Take this `model` in a table that names none."""
+    return BeforeValidator(
+        lambda table: {"model": model, **table} if type(table) is dict else table
+    )
+
+
+Fraction = Annotated[float, Field(ge=0, le=1, strict=True), BeforeValidator(_refuse_percentage)]
+"""Number from 0 to 1 [–]."""
+Percent = Annotated[float, Field(ge=0, le=100)]
+Illuminance = Annotated[float, Field(gt=0, le=1e9)]
+"""Threshold of illuminance [lx]; the largest is far beyond any sun."""
 Length = Annotated[float, Field(gt=0, le=100_000, strict=True)]
 Coordinate = Annotated[float, Field(ge=-100_000, le=100_000, strict=True)]
 OnMap = Annotated[float, Field(ge=-1e8, le=1e8, strict=True)]
-"""Coordinate of any map [m]; Mercator's reach 2e7."""
+"""Coordinate of any map [m]; Mercator coordinates reach 2e7 m."""
 Point = tuple[OnMap, OnMap, OnMap]
 Name = Annotated[str, Field(max_length=200)]
 Side = Literal["south", "east", "north", "west"]
 
 
 class Table(BaseModel):
-    """A table of the case file: frozen, no unknown keys, no NaN, no infinity."""
+    """A table of a TOML file: frozen, no unknown keys, no NaN, no infinity.
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    The docstring below a field, with its unit, is the field's description in the JSON schema.
+    """
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
 
 T = TypeVar("T", bound=Table)
 
 
 def checked(table: type[T], data: dict[str, Any], source: str | Path) -> T:
-    """Make a table from plain values, told to come from `source` where they are wrong."""
+    """Make a table from plain values.
+
+    Parameters
+    ----------
+    table : type
+        Class of the table.
+    data : dict
+        Values as TOML gives them.
+    source : str or Path
+        Where the values come from, for messages.
+
+    Returns
+    -------
+    Table
+        An instance of the class.
+
+    Raises
+    ------
+    InputError
+        A key is unknown or missing, or a value is out of its range.
+    """
     try:
         return table.model_validate(data)
     except ValidationError as error:
@@ -62,7 +106,9 @@ def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationE
     keys = [str(k) if str(k).isprintable() and len(str(k)) <= 60 else shortened(k) for k in path]
     cause = chosen.get("ctx", {}).get("error")
     if isinstance(cause, InputError):
-        return InputError(source, ".".join([*keys, cause.field]), cause.got, cause.remedy)
+        return InputError(
+            source, ".".join(filter(None, [*keys, cause.field])), cause.got, cause.remedy
+        )
     field = ".".join(keys) or "case"
     if chosen["type"] == "extra_forbidden":
         for key in path[:-1]:
@@ -71,6 +117,14 @@ def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationE
         known = [key for key in _known_keys(siblings) if key != path[-1]]
         hint = choose(str(path[-1]), known, otherwise="remove it")
         return InputError(source, field, "unknown key", hint)
+    context = chosen.get("ctx", {})
+    if chosen["type"].startswith("union_tag"):  # `type` or `model`, which says what a table is
+        key, tag = context["discriminator"].strip("'"), context.get("tag")
+        known = re.findall("'(.*?)'", context.get("expected_tags", ""))
+        got, remedy = "nothing", "say which it is"
+        if tag is not None:
+            got, remedy = shortened(tag), choose(tag, known)
+        return InputError(source, f"{field}.{key}", f"got {got}", remedy)
     got = "nothing" if chosen["type"] == "missing" else shortened(chosen.get("input"))
     wanted = dict.fromkeys(_in_toml(complaints[i]["msg"]) for i in same if paths[i] == path)
     first, *others = wanted
@@ -90,8 +144,9 @@ def _path(data: Any, complaint: Any) -> list[Any]:
 
 
 def _in_toml(message: str) -> str:
-    """Say what TOML calls pydantic's types."""
+    """Name types and lengths as TOML does, in place of pydantic's words."""
     message = re.sub("dictionary or .*", "table", message)
+    message = re.sub(r"^(?:Tuple|List) should have (at \w+ \d+) items?.*", r"Give \1", message)
     return message.replace("Tuple", "List").replace("tuple", "list")
 
 
@@ -99,6 +154,11 @@ def shortened(value: object) -> str:
     """Write a value as it stands in TOML, cut to 60 characters."""
     text = json.dumps(value, default=str)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def named_of_kind(tables: Mapping[str, Table], kinds: tuple[type[Table], ...]) -> list[str]:
+    """Names of the tables that are of one of these classes."""
+    return [name for name, table in tables.items() if isinstance(table, kinds)]
 
 
 def choose(name: str, known: Sequence[str], otherwise: str = "") -> str:
@@ -117,8 +177,23 @@ def _known_keys(siblings: set[str]) -> list[str]:
     return sorted({key for table in best for key in table.model_fields})
 
 
+def is_file(path: Path, source: object, field: str) -> bool:
+    """Whether a path names a file; a name that no file can have raises InputError."""
+    try:
+        return path.is_file()
+    except OSError as error:
+        remedy = "check the path and its rights"
+        raise InputError(source, field, f"{path}: {error.strerror}", remedy) from None
+
+
 def read_toml(file: Path, most: int) -> dict[str, Any]:
-    """Read a TOML file of at most `most` bytes; what is wrong is told in one line."""
+    """Read a TOML file of at most `most` bytes.
+
+    Raises
+    ------
+    InputError
+        The file is missing, too large, a device, or no TOML.
+    """
     try:
         if file.exists() and not file.is_file():  # a device would never end
             raise InputError(file, "file", "no plain file", "give a TOML file")

@@ -228,7 +228,7 @@ def metrics(
     Its intervals are wider than those of evaluate: the file tells the error of every
     illuminance, but not what these errors have in common.
     """
-    from drcmitsuba.case.case import Metrics
+    from drcmitsuba.case.metrics import Metrics
     from drcmitsuba.case.toml import checked
     from drcmitsuba.metrics import evaluate_metrics
     from drcmitsuba.metrics.intervals import Rules

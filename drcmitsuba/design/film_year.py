@@ -24,7 +24,7 @@ from drcmitsuba_plugins.lobes import square_code
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sky import Adaptive
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.design.film import Film
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.metrics import accumulate

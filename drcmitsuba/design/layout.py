@@ -11,7 +11,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial, check_energy
-from drcmitsuba.case.sky import Adaptive, TrueSun
+from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.case.toml import Side, checked
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window

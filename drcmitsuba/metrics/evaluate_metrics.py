@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sky import Adaptive, ThreePhase
+from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import intervals
 from drcmitsuba.metrics.illuminance import direct_sun, illuminance
 from drcmitsuba.metrics.intervals import Bounds, Draws, Rules, values

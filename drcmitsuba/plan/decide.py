@@ -9,7 +9,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
-from drcmitsuba.case.sky import Adaptive, ThreePhase, TrueSun
+from drcmitsuba.case.sun import Adaptive, ThreePhase, TrueSun
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.scene.components import PlacedComponent

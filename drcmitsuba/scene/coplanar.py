@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.case.case import Case, Furniture
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.case.materials import Reflectance
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import furniture, normals

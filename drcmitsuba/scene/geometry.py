@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from drcmitsuba.case.case import Case, Furniture, Room
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent
 from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.furniture import Furniture
+from drcmitsuba.case.room import Room
 from drcmitsuba.case.toml import Side
 from drcmitsuba.case.unit_check import refuse_far
 from drcmitsuba.scene.materials import SurfaceMaterial

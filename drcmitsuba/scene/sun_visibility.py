@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.case.case import Case, Furniture
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.components.placement import panes_of
 from drcmitsuba.scene.geometry import box, boxes, normals, rotation

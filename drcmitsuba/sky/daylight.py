@@ -13,16 +13,9 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import schema, sky
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sky import (
-    Adaptive,
-    CieTable,
-    Daysim,
-    FivePhase,
-    PerezSky,
-    PeriodTable,
-    SunshineTable,
-    ThreePhase,
-)
+from drcmitsuba.case.sky import CieTable, PerezSky, SunshineTable
+from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, ThreePhase
+from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun_models, weather

@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case, load_case
-from drcmitsuba.case.sky import Adaptive, Daysim, FivePhase, PeriodTable, ThreePhase, TrueSun
+from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, ThreePhase, TrueSun
+from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.report import plots
 from drcmitsuba.runtime import backend

@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 
 from drcmitsuba import metrics
-from drcmitsuba.case.case import Case, Metrics
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design.film import ParametricFilm
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.design.measure import Measure

@@ -33,7 +33,8 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import metrics
 from drcmitsuba.annual import simulation
-from drcmitsuba.case.case import Case, Metrics
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics import accumulate, evaluate_metrics, illuminance, intervals
 from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.runtime import backend

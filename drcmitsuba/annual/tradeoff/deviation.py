@@ -17,7 +17,7 @@ import xarray as xr
 from drcmitsuba import metrics
 from drcmitsuba.annual.tradeoff.evaluation import Evaluated
 from drcmitsuba.annual.tradeoff.reference import Reference
-from drcmitsuba.case.case import Metrics
+from drcmitsuba.case.metrics import Metrics
 
 
 @dataclass(frozen=True)

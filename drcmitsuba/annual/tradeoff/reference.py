@@ -19,7 +19,7 @@ import xarray as xr
 
 from drcmitsuba import metrics, schema
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sky import TrueSun
+from drcmitsuba.case.sun import TrueSun
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points

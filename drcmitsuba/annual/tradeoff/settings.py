@@ -9,7 +9,7 @@ from typing import Any
 from drcmitsuba.annual.tradeoff.coarser import trees, with_coarser_films
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.sky import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
+from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
 
 RAYS = (
     "paths", "cell_sky_rays", "sensor_sky_rays", "sensor_sun_samples", "pane_points",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scipy.special import stdtrit
 
-from drcmitsuba.case.case import Metrics
+from drcmitsuba.case.metrics import Metrics
 
 DRAWS = 600
 """Draws of every metric."""

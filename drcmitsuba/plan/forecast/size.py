@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drcmitsuba.case.sky import Adaptive
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan.forecast.survey import Survey
 from drcmitsuba.plan.forecast.work import Counted
 

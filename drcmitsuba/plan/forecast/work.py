@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drcmitsuba.case.sky import Adaptive
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.closing import closing
 from drcmitsuba.plan.forecast.photons import flown, pilots, ports_of

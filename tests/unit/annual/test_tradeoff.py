@@ -27,7 +27,8 @@ from drcmitsuba.annual.tradeoff.settings import (
 )
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, Metrics, load_case
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import film

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -107,7 +108,8 @@ def test_a_file_may_have_a_byte_order_mark_and_windows_line_ends(load):
         ('"glass" }', '"glas" }', "facade.south.strips, 0.9 to 2.7 m", 'did you mean "glass"?'),
         ('material = "shade"', 'material = "shad"', "shading.material", 'did you mean "shade"?'),
         ("facade.south", "facade.souht", "facade.souht", "'south', 'east', 'north' or 'west'"),
-        ('"glazing"', '"glasing"', "materials.glass", "'glazing', 'diffuser'"),
+        ('"glazing"', '"glasing"', "materials.glass.type", 'did you mean "glazing"?'),
+        ('"glazing"', '"wood"', "materials.glass.type", 'choose from: "glazing", "diffuser"'),
     ],
 )  # fmt: skip
 def test_a_misspelt_word_is_named_with_what_was_meant(load, old, new, field, hint):
@@ -139,6 +141,11 @@ def test_a_hint_never_comes_from_another_table(load):
          "0.65 + 0.5 is above 1; lower one of them"),
         ("transmittance = 0.1", "transmittance = 0.1\nreflectance = 0.95",
          "materials.shade.transmittance + reflectance: 0.1 + 0.95 is above 1; lower one of them"),
+        ("= 0.65", "= 70", "materials.glass.transmittance: got 70; did you mean 0.7?"),
+        ("reflectance = 0.5", "reflectance = [20, 0.2, 0.3]", "furniture.0.reflectance.0: got 20; "
+         "did you mean 0.2?"),
+        ('type = "glazing"\n', "", "materials.glass.type: got nothing; say which it is"),
+        ("[3, 6]", "[]", "period.months: got []; give at least 1"),
         ("[4.0, 5.0, 3.0]", "[-4.0, 5.0, 3.0]", "room.size.0: got -4.0; input should be greater "
          "than 0"),
         ("[4.0, 5.0, 3.0]", "[4.0, 0, 3.0]", "room.size.1: got 0; input should be greater than 0"),
@@ -271,6 +278,35 @@ def test_another_weather_file_is_looked_for_where_the_user_is(load, tmp_path, mo
     assert other.source == case.source
     assert case.weather.file == Path("town.epw")
     assert case.with_weather(None) is case
+
+
+UNIT = r"\[(m|deg|lx|h|s|–|%|1/m)\]"
+
+
+def properties(schema):
+    """Each property of a JSON schema with the name of its table."""
+    for name, table in {"Case": schema, **schema["$defs"]}.items():
+        for key, described in table.get("properties", {}).items():
+            yield f"{name}.{key}", described
+
+
+def types(described):
+    """Types of the plain values that a property holds."""
+    if isinstance(described, list):
+        return set().union(*map(types, described))
+    if not isinstance(described, dict):
+        return set()
+    own = {described["type"]} if isinstance(described.get("type"), str) else set()
+    return own.union(*(types(v) for k, v in described.items() if k not in ("default", "const")))
+
+
+def test_every_key_of_the_schema_is_described_and_every_length_has_its_unit():
+    keys = dict(properties(Case.model_json_schema()))
+    assert len(keys) > 140
+    assert [key for key, described in keys.items() if not described.get("description")] == []
+    numbers = {key: d["description"] for key, d in keys.items() if "number" in types(d)}
+    assert len(numbers) > 60
+    assert [key for key, text in numbers.items() if not re.search(UNIT, text)] == []
 
 
 def test_the_json_schema_describes_the_tables_and_is_valid():

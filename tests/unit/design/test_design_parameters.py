@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba.case.case import Metrics
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design.parameters import Factor, Heights, Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import Goal, Problem
 from drcmitsuba.metrics.intervals.rules import Rules

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drcmitsuba.case.case import Case, Metrics
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.toml import checked
 from drcmitsuba.design import pictures
 from drcmitsuba.design.layout import Layout

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from drcmitsuba.annual import simulation
-from drcmitsuba.case.case import Case, Metrics
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.toml import checked
 from drcmitsuba.design import pictures
 from drcmitsuba.design.measure import Measure

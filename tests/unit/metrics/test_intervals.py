@@ -6,7 +6,7 @@ import xarray as xr
 from scipy.stats import t as student
 
 from drcmitsuba import metrics
-from drcmitsuba.case.case import Metrics
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics import accumulate, evaluate_metrics, intervals
 from drcmitsuba.metrics.intervals import Bounds, Rules, t_factor
 from drcmitsuba.metrics.intervals.autonomy import multipliers

@@ -118,8 +118,7 @@ def strip(bottom, top, segments):
          "count from 0 to 3"),
         ([strip(0.9, 1.8, [0, 0])], "facade.south.strips.0.segments: [0, 0] names one twice; "
          "name each segment once"),
-        ([strip(0.9, 1.8, [])], "facade.south.strips.0.segments: got []; list should have at "
-         "least 1 item after validation, not 0"),
+        ([strip(0.9, 1.8, [])], "facade.south.strips.0.segments: got []; give at least 1"),
         ([strip(0.9, 1.8, [-1])], "facade.south.strips.0.segments.0: got -1; input should be "
          "greater than or equal to 0"),
         ([strip(0.9, 1.8, [1, 2]), strip(1.5, 2.0, [2])], "facade.south.strips, 1.5 to 2 m: "

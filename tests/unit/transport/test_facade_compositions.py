@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.case import case as case_module
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.case.toml import checked
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime import backend
@@ -219,7 +219,7 @@ def test_paths_are_weighed_once_at_each_meeting():
 @pytest.mark.parametrize("material", ["film", "fabric", "glass"])
 def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
     """All that reaches the sensors by diffuse surfaces, per radiosity, in rooms of one material."""
-    film = {"type": "bsdf", "file": str(case_module.shipped_folder() / "films/prism.xml")}
+    film = {"type": "bsdf", "file": str(shipped_folder() / "films/prism.xml")}
     materials = {"materials": MATERIALS | {"film": film}}
     strips = [{"bottom": 0.5, "top": 2.7, "material": material}]
     case = room(strips, **materials)

@@ -1,0 +1,39 @@
+"""The table `[room]` of a case: a box, in whose frame all lengths of the case are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field
+
+from drcmitsuba.case.furniture import Furniture
+from drcmitsuba.case.materials import Reflectance
+from drcmitsuba.case.toml import Length, Side, Table
+from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room
+
+
+class Room(Table):
+    """Box of a room; its origin is the south-west corner of the floor, x east, y north, z up."""
+
+    size: tuple[Length, Length, Length]
+    """Width from west to east, depth from south to north, height [m]."""
+    rotation: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """Turn of the whole room about its origin, clockwise seen from above [deg]."""
+    floor: Reflectance = 0.2
+    """Reflectance of the floor [–]: one number, or [red, green, blue]."""
+    ceiling: Reflectance = 0.8
+    """Reflectance of the ceiling [–]: one number, or [red, green, blue]."""
+    walls: Reflectance = 0.5
+    """Reflectance of the walls [–]: one number, or [red, green, blue]."""
+
+    def wall(self, side: Side) -> tuple[float, float]:
+        """Length and height of a wall [m]."""
+        width, depth, height = self.size
+        return (width if side in ("south", "north") else depth), height
+
+    def ask_about_lengths(self, furniture: Sequence[Furniture]) -> None:
+        """Refuse a size, or furniture beside the room, that looks like millimetres."""
+        ask_about_room(self.size)
+        for i, piece in enumerate(furniture):
+            ask_about_furniture(f"furniture.{i}", piece.corner, piece.size, self.size)
