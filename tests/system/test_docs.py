@@ -1,0 +1,156 @@
+"""README and docs: every block runs as it stands, and every link leads somewhere.
+
+The blocks of a page run in order in one folder. A `toml` block with a file name is written there;
+one without a name is a piece of a case: together with the page's case it has to be a valid one. To
+save time, cases of the pages are evaluated for few hours with few samples.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import tomllib
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.toml import checked
+from tests import ROOT
+from tests.unit.bsdf.test_bsdf_measured import measure, through
+from tests.unit.sky.test_weather import epw, wea
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+GENERATED = {"case_keys.md", "command_line.md"}
+PAGES = [path for path in PAGES if path.name not in GENERATED and "_build" not in path.parts]
+BLOCK = re.compile(r"^```(\w+)(?: ([\w.]+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[\w-]+)?\)")
+FAST = {
+    "period": {"months": [3], "hours": [11, 13]},
+    "accuracy": {"paths": 16, "cell_sky_rays": 16, "sensor_sky_rays": 16, "photons": 16},
+}
+"""Tables that make the cases of the pages quick, where a page does not set them itself."""
+SHAPE = """v 0 0 0
+v 100 0 0
+v 0 100 0
+v 0 0 100
+f 1 3 2
+f 1 2 4
+f 2 3 4
+f 1 4 3
+"""
+
+
+def name_of(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def blocks(path, *languages):
+    """Language, file name and text of the blocks of a page."""
+    return [m.groups() for m in BLOCK.finditer(path.read_text("utf-8")) if m[1] in languages]
+
+
+def named(file):
+    """Text of the block that has a file name, the one of the tutorial first."""
+    pages = sorted(PAGES, key=lambda path: path.name != "tutorial.md")
+    return next(text for page in pages for _, name, text in blocks(page, "toml") if name == file)
+
+
+def quick(text):
+    """Case text with the tables of FAST that it does not have."""
+    lines = [text]
+    for table, keys in FAST.items():
+        if f"[{table}]" not in text:
+            lines += [f"[{table}]", *(f"{key} = {value}" for key, value in keys.items())]
+    return "\n".join(lines) + "\n"
+
+
+def write(folder, name, text):
+    """Write the file of a named block."""
+    is_case = "[sensors]" in text
+    (folder / name).write_text(quick(text) if is_case else text, encoding="utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Folder with the files that the pages take for granted."""
+    for name in ("office.toml", "film_office.toml", "my_prism.toml"):
+        write(tmp_path, name, named(name))
+    sun = '\n[sun]\nmodel = "adaptive"\nfinest = 2\n'
+    write(tmp_path, "adaptive.toml", named("office.toml") + sun)
+    scenes = ROOT / "scenes"
+    shutil.copy(scenes / "films" / "prism.xml", tmp_path / "film.xml")
+    shutil.copy(scenes / "lamella" / "recipe.toml", tmp_path / "lamellae.toml")
+    (tmp_path / "shape.obj").write_text(SHAPE)
+    (tmp_path / "my_weather.epw").write_text("\n".join(epw()) + "\n")
+    stamps = [f"3 2 {11 + minute / 60:.3f} 500 100" for minute in range(0, 120, 10)]
+    (tmp_path / "ten_minutes.wea").write_text("\n".join(wea(*stamps)) + "\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_links_lead_somewhere(path):
+    targets = [t for t in LINK.findall(path.read_text("utf-8")) if "://" not in t]
+    generated = {"case_keys.md", "command_line.md", "_static/rooms.svg"}
+    missing = [t for t in targets if not (path.parent / t).exists()]
+    assert [t for t in missing if not t.endswith(tuple(generated))] == []
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_pieces_of_cases_are_valid(path, folder):
+    pieces = [text for _, name, text in blocks(path, "toml") if name is None]
+    for piece in pieces:
+        case = tomllib.loads((folder / "office.toml").read_text("utf-8"))
+        for table, values in tomllib.loads(piece).items():
+            old = case.get(table)
+            case[table] = {**old, **values} if isinstance(old, dict) else values
+        case["materials"].setdefault("film", {"type": "bsdf", "file": "film.xml"})
+        for component in ("lamellae",):
+            if case.get("design", {}).get("component") == component:
+                recipe = {"type": "structure", "recipe": "lamellae.toml"}
+                case.setdefault("components", {})[component] = recipe
+        checked(Case, case, "block")
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_blocks_run(path, folder, monkeypatch):
+    commands = [block for block in blocks(path, "sh", "python") if runs(block)]
+    if not commands:
+        pytest.skip("no block to run")
+    if "measured_00.txt" in path.read_text("utf-8"):
+        measurements(folder)
+    program = Path(sys.executable).parent
+    env = {**os.environ, "PATH": f"{program}{os.pathsep}{os.environ['PATH']}"}
+    python = []
+    for language, _, text in commands:
+        if language == "python":
+            python.append(text)
+            continue
+        for line in text.splitlines():
+            if line.startswith("drcmitsuba ") and "CASE" not in line:
+                run([*line.split("#")[0].split()], folder, env)
+    if python:
+        run([sys.executable, "-c", "\n".join(python)], folder, env)
+
+
+def runs(block):
+    """Whether a block holds anything that a test can run."""
+    language, _, text = block
+    return language == "python" or any(
+        line.startswith("drcmitsuba ") and "CASE" not in line for line in text.splitlines()
+    )
+
+
+def run(command, folder, env):
+    done = subprocess.run(
+        command, cwd=folder, env=env, capture_output=True, text=True, timeout=600, check=False
+    )
+    assert done.returncode == 0, f"{' '.join(command)[:2000]}\n{done.stdout}{done.stderr}"
+
+
+def measurements(folder):
+    """Goniophotometer files of a sample that is looked through."""
+    for incidence in (0, 20, 40):
+        (file,) = measure(folder, through, [(incidence, 90)], count=400)
+        file.rename(folder / f"measured_{incidence:02}.txt")
