@@ -13,10 +13,9 @@ import sys
 from pathlib import Path
 
 import pytest
-import tomllib
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.toml import checked
+from drcmitsuba.case.toml import checked, tomllib
 from tests import ROOT
 from tests.unit.bsdf.test_bsdf_measured import measure, through
 from tests.unit.sky.test_weather import epw, wea
@@ -106,10 +105,6 @@ def test_pieces_of_cases_are_valid(path, folder):
             old = case.get(table)
             case[table] = {**old, **values} if isinstance(old, dict) else values
         case["materials"].setdefault("film", {"type": "bsdf", "file": "film.xml"})
-        for component in ("lamellae",):
-            if case.get("design", {}).get("component") == component:
-                recipe = {"type": "structure", "recipe": "lamellae.toml"}
-                case.setdefault("components", {})[component] = recipe
         checked(Case, case, "block")
 
 
