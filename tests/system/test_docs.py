@@ -76,7 +76,7 @@ def folder(tmp_path):
     """Folder with the files that the pages take for granted."""
     for name in ("office.toml", "film_office.toml", "my_prism.toml"):
         write(tmp_path, name, named(name))
-    sun = '\n[sun]\nmodel = "adaptive"\nfinest = 2\n'
+    sun = '\n[sun]\nmodel = "adaptive"\nfinest = 4\ntolerance = 0.5\n'
     write(tmp_path, "adaptive.toml", named("office.toml") + sun)
     scenes = ROOT / "scenes"
     shutil.copy(scenes / "films" / "prism.xml", tmp_path / "film.xml")
