@@ -25,7 +25,7 @@ MAX_DEPTH = 8
 
 
 def to_square(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Map the unit disk to the unit square, area-preserving [1]_."""
+    """Map the unit disk to the unit square, area-preserving [1]."""
     q = np.pi / 4
     r = np.minimum(np.hypot(x, y), 1)
     phi = np.arctan2(y, x)

@@ -34,7 +34,7 @@ def autonomy_stamps(fraction: float, stamps: int) -> int:
 def sda(illuminance: xr.DataArray, threshold: float = 300.0, fraction: float = 0.5) -> float:
     """Spatial daylight autonomy, the share of sensors with enough daylight for enough hours.
 
-    sDA = Σ_j S(j) / N with S(j) = 1 where s_j ≥ τ·t_y [2]_, equation 1.
+    sDA = Σ_j S(j) / N with S(j) = 1 where s_j ≥ τ·t_y [2], equation 1.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def msda(
 ) -> xr.DataArray:
     """Monthly spatial daylight autonomy: `sda` with τ relative to the stamps of each month.
 
-    msDA_m = Σ_j S(j, m) / N with S(j, m) = 1 where s_{j,m} ≥ τ·t_m [2]_, equation 3.
+    msDA_m = Σ_j S(j, m) / N with S(j, m) = 1 where s_{j,m} ≥ τ·t_m [2], equation 3.
 
     Parameters
     ----------

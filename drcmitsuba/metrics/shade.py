@@ -29,7 +29,7 @@ def shade_closed(
 ) -> xr.DataArray:
     """Time stamps at which the shade is closed: when enough of the sensors lie in direct sun.
 
-    closed(t) where #{j : E_j(t) ≥ threshold} ≥ area·N [2]_, section 2.3.2.
+    closed(t) where #{j : E_j(t) ≥ threshold} ≥ area·N [2], section 2.3.2.
 
     Parameters
     ----------

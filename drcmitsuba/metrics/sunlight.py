@@ -60,7 +60,7 @@ def ase(
 ) -> float:
     """Annual sunlight exposure, the share of sensors in direct sun for too many hours.
 
-    ASE = Σ_j A(j) / N with A(j) = 1 where a_j ≥ T_y [2]_, equation 2.
+    ASE = Σ_j A(j) / N with A(j) = 1 where a_j ≥ T_y [2], equation 2.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def mse(
 ) -> xr.DataArray:
     """Monthly sunlight exposure: `ase` with its hours relative to the stamps of each month.
 
-    MSE_m = Σ_j A(j, m) / N with A(j, m) = 1 where a_{j,m} ≥ T_m [2]_, equation 4. The paper gives
+    MSE_m = Σ_j A(j, m) / N with A(j, m) = 1 where a_{j,m} ≥ T_m [2], equation 4. The paper gives
     no number for T_m but says that it is relative to the month's time stamps: T_m = hours·t_m/t_y.
 
     Parameters

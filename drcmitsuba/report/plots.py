@@ -139,7 +139,7 @@ def plan(
 
 
 def monthly(metrics: Mapping[str, Any], *, title: str = "") -> Figure:
-    """Annual metrics as bars and monthly metrics as lines, like figure 11 of [2]_.
+    """Annual metrics as bars and monthly metrics as lines, like figure 11 of [2].
 
     Parameters
     ----------

@@ -116,7 +116,7 @@ def launch_seed(base: int, stream: Stream, *indices: int) -> int:
 
 
 def even_steps(dimensions: int) -> list[int]:
-    """2³² / φʲ with φ^(d+1) = φ + 1: steps of a sequence that fills d dimensions evenly [1]_."""
+    """2³² / φʲ with φ^(d+1) = φ + 1: steps of a sequence that fills d dimensions evenly [1]."""
     phi = 2.0
     for _ in range(60):
         phi = (1 + phi) ** (1 / (dimensions + 1))

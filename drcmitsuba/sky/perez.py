@@ -91,7 +91,7 @@ DIRECT_EFFICACY = np.array(
 
 @dataclass(frozen=True)
 class Perez:
-    """All-weather sky [2]_ with the luminous efficacies of [1]_.
+    """All-weather sky [2] with the luminous efficacies of [1].
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class Parameters(NamedTuple):
 def parameters(
     dni: np.ndarray, dhi: np.ndarray, solar_zenith: np.ndarray, day: np.ndarray
 ) -> Parameters:
-    """Clearness, brightness and the distribution's a … e, [2]_ equations 6 to 8.
+    """Clearness, brightness and the distribution's a … e, [2] equations 6 to 8.
 
     ε = ((dhi + dni) / dhi + 1.041 Z³) / (1 + 1.041 Z³), Δ = dhi m / (E0 I0).
 
@@ -212,7 +212,7 @@ def parameters(
 
 
 def efficacies(model: Parameters, water: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Luminous efficacy of dhi and of dni [lm/W], [1]_ equations 7 and 8, each at least 0.
+    """Luminous efficacy of dhi and of dni [lm/W], [1] equations 7 and 8, each at least 0.
 
     `water` is the precipitable water W [cm].
     """
