@@ -22,7 +22,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import facade_basis
-from drcmitsuba.transport.facade_basis import Year
+from drcmitsuba.transport.facade_basis import BasisYear
 
 ROWS = 6
 
@@ -112,7 +112,7 @@ class Layout:
         """Edges of the rows, from the bottom up, shape (rows + 1,) [m]."""
         return np.linspace(*self.band, self.rows + 1)
 
-    def year(self, stage: Stage = silent) -> facade_basis.Year:
+    def year(self, stage: Stage = silent) -> facade_basis.BasisYear:
         """Simulate the façade's basis and put it under the sky of the case's period.
 
         An adaptive sun gives way to the true suns: its mesh would follow one composition.
@@ -135,7 +135,7 @@ class Layout:
                 wall, tiles, palette, light.suns, case.accuracy,
                 groups=1, subdivision=case.sky.subdivision, progress=done,
             )  # fmt: skip
-        return facade_basis.Year.of(found, light)
+        return facade_basis.BasisYear.of(found, light)
 
     @property
     def search(self) -> Search:
@@ -160,7 +160,7 @@ class Layout:
             materials[name] = checked(type(materials[name]), table, case.source)
         return case.with_materials(materials)
 
-    def problem(self, year: Year) -> Problem:
+    def problem(self, year: BasisYear) -> Problem:
         """Pose the problem of a year.
 
         Raises
@@ -231,7 +231,7 @@ class Layout:
             position=Parameter("position", 0.0, 1.0, 1.0),
         )
 
-    def _factors(self, year: Year) -> tuple[Factor, ...]:
+    def _factors(self, year: BasisYear) -> tuple[Factor, ...]:
         shade = self.case.shading.material if self.case.shading is not None else None
         found = []
         for key, name, limits in (

@@ -21,7 +21,7 @@ import numpy as np
 
 from drcmitsuba.case.toml import choose
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.facade_basis import Tiles, Year
+from drcmitsuba.transport.facade_basis import BasisYear, Tiles
 
 INWARD = 1e-4
 """How far inside its bounds a parameter is taken for the choice of a tile, of its range."""
@@ -119,7 +119,7 @@ class Panes:
                 raise InputError("design", key, f"no material {name!r} in the year", remedy)
 
     @classmethod
-    def of(cls, year: Year, clear: str, film: str) -> Panes:
+    def of(cls, year: BasisYear, clear: str, film: str) -> Panes:
         """Take tiles and materials of a year."""
         return cls(year.tiles, year.materials, clear, film)
 

@@ -26,7 +26,7 @@ from drcmitsuba.design.measure import Aim, Evaluation, Measure, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.facade_basis.year import Illuminances, Year
+from drcmitsuba.transport.facade_basis.year import BasisYear, Illuminances
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Problem:
 
     Parameters
     ----------
-    year : Year
+    year : BasisYear
     facade : Map
     goal : Goal
     factors : tuple of Factor
@@ -110,7 +110,7 @@ class Problem:
         materials.
     """
 
-    year: Year
+    year: BasisYear
     facade: Map
     goal: Goal
     factors: tuple[Factor, ...] = ()

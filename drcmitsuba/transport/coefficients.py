@@ -29,7 +29,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered, Met
 from drcmitsuba.transport.panes import PanePatches
-from drcmitsuba.transport.photons import Landed, Ledger, Photons
+from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
 
 BLOCK = 1024
@@ -71,10 +71,10 @@ class _Replicate:
         key: Key = (Stream.CELLS, self.number)
         rays = self.deposit.accuracy.cell_sky_rays
         straight = self.deposit.straight(p, n, key, rays, numbers=keys)
-        found = straight.plus(self.deposit.scattered(p, n, key, keys))
+        D = straight.plus(self.deposit.scattered(p, n, key, keys))
         if self.landed is not None:
-            found = found.plus(Irradiance(*self.landed.on(keys)))
-        self.cells = found
+            D = D.plus(Irradiance(*self.landed.on(keys)))
+        self.cells = D
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int
@@ -262,16 +262,16 @@ def compute(
     base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
     followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
     sun_samples = accuracy.sensor_sun_samples if suns.straight else 0
-    photons = Photons.of(
+    photons = PhotonTracer.of(
         scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
     )
-    found = estimate(
+    C = estimate(
         base, followed, points, normals, photons=photons, sun_samples=sun_samples,
         progress=progress,
     )  # fmt: skip
     if len(followed) < len(labels):
-        found = found.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
-    return found
+        C = C.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
+    return C
 
 
 def _dark(labels: list[str], points: np.ndarray, replicates: int) -> xr.Dataset:
@@ -293,7 +293,7 @@ def _dataset(
 
 def estimate(
     base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
-    sun_samples: int, photons: Photons | None = None, progress: Progress = lambda share: None,
+    sun_samples: int, photons: PhotonTracer | None = None, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of sensors for all bins of a deposit.
 
@@ -306,7 +306,7 @@ def estimate(
     points, normals : np.ndarray, shape (sensor, 3)
     sun_samples : int
         Directions from a sensor to every sun; 0 leaves out the light that comes straight.
-    photons : Photons, optional
+    photons : PhotonTracer, optional
         For light that components deviate.
     progress : callable
 
@@ -333,14 +333,14 @@ def estimate(
             replicate.meet(drawn, keys)
     for block, here in enumerate(gathered.blocks):
         p, n = _flat(points[here]), _flat(normals[here])
-        met, found = gathered.met(here), []
+        met, estimates = gathered.met(here), []
         for replicate in replicates:
             straight, direct = replicate.sensors(p, n, here, sun_samples)
             interreflected = replicate.interreflected(met, here.stop - here.start)
-            found.append((straight, direct, interreflected))
+            estimates.append((straight, direct, interreflected))
             totals[replicate.number, here] = direct + interreflected
             progress((block + (replicate.number + 1) / len(replicates)) / len(gathered.blocks))
-        for name, values in zip(_PARTS, zip(*found, strict=True), strict=True):
+        for name, values in zip(_PARTS, zip(*estimates, strict=True), strict=True):
             out[name][here], out[f"{name}_se"][here] = mean_and_error(np.stack(values))
     whole = _dataset(labels, points, out, totals)
     return whole if photons is None else whole.assign_attrs(_told(replicates))
@@ -349,11 +349,11 @@ def estimate(
 def _told(replicates: list[_Replicate]) -> dict[str, Any]:
     """What became of the photons' flux, and what squares smear, for the attributes of C.
 
-    `photons` is JSON, see `Ledger`, `photons_smear` relative to what the sensors get.
+    `photons` is JSON, see `FluxLedger`, `photons_smear` relative to what the sensors get.
     """
     landed = [r.landed for r in replicates if r.landed is not None]
     ledgers = {
-        name: asdict(reduce(Ledger.plus, (one.ledgers[name] for one in landed)))
+        name: asdict(reduce(FluxLedger.plus, (one.ledgers[name] for one in landed)))
         for name in landed[0].ledgers
     }
     smear = np.stack([one.smear for one in landed])

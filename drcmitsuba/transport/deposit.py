@@ -18,7 +18,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.films import Films, Lit
-from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
+from drcmitsuba.transport.panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 
 
@@ -141,7 +141,9 @@ class Deposit:
         received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
         received = received.plus(films.by_films(p, n, (Stream.FILMS_TO_PANES, replicate)))
         between = films.transfer(p, n, key)
-        return replace(films, faces=Irradiance(*(settle(between, part) for part in received)))
+        return replace(
+            films, faces=Irradiance(*(neumann_series(between, part) for part in received))
+        )
 
     def _with_films_lit(self, key: Key) -> Deposit:
         if self.films is None:

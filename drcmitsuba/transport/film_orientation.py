@@ -79,7 +79,7 @@ def _lit_from_the_room(scene: Scene, pane: np.ndarray, normal: np.ndarray) -> bo
 
 def mounts(scene: Scene) -> list[Mount]:
     """Sort the films of a scene by material and orientation."""
-    found = []
+    mounted = []
     for panes in scene.films:
         q, up = panes.quads, np.array(panes.bsdf.up).ravel()
         n = np.cross(q[:, 1] - q[:, 0], q[:, 3] - q[:, 0])
@@ -92,5 +92,5 @@ def mounts(scene: Scene) -> list[Mount]:
             lit = _lit_from_the_room(scene, quads[0], normal)
             sides = (1, -1) if behind else (1,)
             frame = _frame(normal / np.linalg.norm(normal), up)
-            found.append(Mount(panes.bsdf, frame, quads, not (behind or lit), sides))
-    return found
+            mounted.append(Mount(panes.bsdf, frame, quads, not (behind or lit), sides))
+    return mounted

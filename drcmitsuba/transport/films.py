@@ -116,13 +116,13 @@ class Films:
         """Cut films into patches of about `size` [m]; None without films."""
         if not scene.films:
             return None
-        found = tuple(mounts(scene))
+        mounted = tuple(mounts(scene))
         radius = np.radians(diameter) / 2
         shining = np.zeros(len(suns), bool)
-        for mount in found:
+        for mount in mounted:
             shining |= (suns @ mount.frame[2] < np.sin(radius)) | (not mount.exposed)
         lit = np.flatnonzero(shining)
-        return cls(scene, found, PanePatches.of([m.quads for m in found], size), lit)
+        return cls(scene, mounted, PanePatches.of([m.quads for m in mounted], size), lit)
 
     def answer_to_suns(self, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
         """Tabulate f [1/sr] from the suns that may shine on a film, see `Lit.to_suns`."""

@@ -98,8 +98,8 @@ class Gathered:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight)
                 room -= len(vertices)
-        found = tuple(one for one in drawn if one is not None)
-        return cls(scene, points, normals, accuracy, blocks, cells, found, bounces, kept)
+        points_of_cells = tuple(one for one in drawn if one is not None)
+        return cls(scene, points, normals, accuracy, blocks, cells, points_of_cells, bounces, kept)
 
     def met(self, here: slice) -> Met:
         """Vertices of a block of sensors."""

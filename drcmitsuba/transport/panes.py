@@ -242,7 +242,7 @@ def pane_transfer(
     return mi.TensorXf(mi.Float(out), (count, faces))
 
 
-def settle(between: mi.TensorXf, received: mi.TensorXf) -> mi.TensorXf:
+def neumann_series(between: mi.TensorXf, received: mi.TensorXf) -> mi.TensorXf:
     """Irradiance of the faces with the light between panes, E = D_a + K' E.
 
     Parameters

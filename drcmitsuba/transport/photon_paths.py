@@ -19,7 +19,7 @@ from drcmitsuba.case.materials import (
 from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, is_diffuse
 from drcmitsuba.scene.scene import Part
 from drcmitsuba.transport.bsdf_lookup import absorption, number, table
-from drcmitsuba.transport.ports import Ports, Start
+from drcmitsuba.transport.ports import ComponentPorts, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 WEAK = 0.25
@@ -40,7 +40,7 @@ _STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
 """What a photon's chain is so far."""
 
 
-class Found(NamedTuple):
+class FluxSums(NamedTuple):
     """Flux per unit radiance [m² sr] of one kind of bins; single precision drifts with photons.
 
     Parameters
@@ -80,7 +80,7 @@ class Traits:
     smooth: bool
 
     @classmethod
-    def of(cls, ports: Ports) -> Traits:
+    def of(cls, ports: ComponentPorts) -> Traits:
         """Traits of the parts of a scene, as photons from some ports see them."""
         scene, parts = ports.scene, ports.scene.parts
         bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
@@ -121,7 +121,7 @@ class Recorder:
 
     def record(
         self, p: mi.Point3f, d: mi.Vector3f, length: mi.Float, column: mi.UInt32,
-        bins: mi.UInt32, flux: mi.Float, mirrored: mi.Bool, found: Found, active: mi.Bool,
+        bins: mi.UInt32, flux: mi.Float, mirrored: mi.Bool, sums: FluxSums, active: mi.Bool,
     ) -> None:  # fmt: skip
         """Add the flux of photons that fly from `p` for `length` to the squares they cross."""
         for origin, x, y, n, edge, count, layers in self.planes:
@@ -143,9 +143,9 @@ class Recorder:
                 off = dr.maximum(dr.abs(u - centre.x), dr.abs(v - centre.y))
                 meets &= off < half
                 light, at = mi.Float64(flux), row * bins + column
-                dr.scatter_add(found.sensors, light, at, meets)
-                dr.scatter_add(found.mirrored, light, at, meets & mirrored)
-                dr.scatter_add(found.inner, light, row, meets & (2 * off < half))
+                dr.scatter_add(sums.sensors, light, at, meets)
+                dr.scatter_add(sums.mirrored, light, at, meets & mirrored)
+                dr.scatter_add(sums.inner, light, row, meets & (2 * off < half))
 
 
 def _onward(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:
@@ -157,9 +157,16 @@ def _onward(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:
 @dr.syntax
 def follow(
     scene: mi.Scene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
-    found: Found, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32,
+    sums: FluxSums, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32,
 ) -> tuple[mi.Float, ...]:  # fmt: skip
-    """Follow photons; returns the flux of every fate (see `Ledger`) and the segments, by lane."""
+    """Follow photons to their end and add their flux to `sums`.
+
+    Returns
+    -------
+    tuple of mi.Float
+        Flux of every lane by its fate [m² sr], in the order of `FluxLedger` from `landed` on, and
+        the number of its segments.
+    """
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     ray, before = mi.Ray3f(start.p, start.d), mi.Point3f(start.p)
@@ -170,12 +177,12 @@ def follow(
     chain, step = mi.UInt32(_STRAIGHT), mi.UInt32(0)
     mirrored, active = mi.Bool(True), mi.Bool(True)
     while dr.hint(
-        active, exclude=[scene, traits, areas, squares, start, found, bins, limit, ctx, weak]
+        active, exclude=[scene, traits, areas, squares, start, sums, bins, limit, ctx, weak]
     ):
         si = scene.ray_intersect(ray, flags, coherent=False, active=active)
         met = active & si.is_valid()
         counts = chain == _OWN
-        squares.record(ray.o, ray.d, si.t, start.bin, bins, flux, mirrored, found, active & counts)
+        squares.record(ray.o, ray.d, si.t, start.bin, bins, flux, mirrored, sums, active & counts)
         escaped += dr.select(active & ~met, flux, 0)
         if dr.hint(traits.absorption is not None, mode="scalar"):
             # From surface to surface: the ray began a little off the last one.
@@ -195,7 +202,7 @@ def follow(
         # Outside of a solid, a facing normal tells the side that the photon comes from.
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         row, known = areas.at(areas.grid.key(si.p, facing), receives & counts)
-        dr.scatter_add(found.cells, mi.Float64(flux), row * bins + start.bin, known)
+        dr.scatter_add(sums.cells, mi.Float64(flux), row * bins + start.bin, known)
         # A surface may take a part and mirror the rest.
         diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
         onward = met & ~(receives & diffuse)

@@ -34,8 +34,8 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.photon_paths import Found, Recorder, Traits, follow
-from drcmitsuba.transport.ports import Ports, Sources, Start, of_sky, of_suns
+from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
+from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 LANES = 1 << 21
@@ -45,7 +45,7 @@ PATCH = 4
 
 
 @dataclass(frozen=True)
-class Ledger:
+class FluxLedger:
     """Where the flux of photons went, per unit radiance of all bins [m² sr].
 
     emitted + roulette = landed + absorbed + escaped + others + lost, to rounding; `roulette` is 0
@@ -81,7 +81,7 @@ class Ledger:
     photons: int = 0
     segments: int = 0
 
-    def plus(self, other: Ledger) -> Ledger:
+    def plus(self, other: FluxLedger) -> FluxLedger:
         """Sum with another one."""
         names = (f.name for f in fields(self))
         return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
@@ -102,7 +102,7 @@ class Landed:
         What the squares' size adds to D of the sensors, in the sum over all suns: D of a square of
         edge h is off by c·h² where D is smooth, so that of the whole square is more by ¾ c·h² than
         that of its inner quarter.
-    ledgers : dict of str to Ledger
+    ledgers : dict of str to FluxLedger
         Of "NAME sky" and "NAME sun" for each component; its name is empty for the panes.
     """
 
@@ -112,7 +112,7 @@ class Landed:
     sensors: np.ndarray
     mirrored: np.ndarray
     smear: np.ndarray
-    ledgers: dict[str, Ledger]
+    ledgers: dict[str, FluxLedger]
 
     def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
         """D of the cells with some keys, by sky and by suns; 0 where nothing can land."""
@@ -132,12 +132,12 @@ class Landed:
 
 
 @dataclass(frozen=True)
-class Photons:
+class PhotonTracer:
     """Photons of a scene.
 
     Parameters
     ----------
-    ports : tuple of Ports
+    ports : tuple of ComponentPorts
         Of the components, and of the panes.
     areas : CellAreas
     squares : Squares
@@ -152,7 +152,7 @@ class Photons:
         Followed at most.
     """
 
-    ports: tuple[Ports, ...]
+    ports: tuple[ComponentPorts, ...]
     areas: CellAreas
     squares: Squares
     suns: np.ndarray
@@ -165,7 +165,7 @@ class Photons:
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
         diameter: float, subdivision: int | None, accuracy: Accuracy,
-    ) -> Photons | None:  # fmt: skip
+    ) -> PhotonTracer | None:  # fmt: skip
         """Photons for sensors at points and for all cells; None where there are no ports.
 
         Raises
@@ -173,18 +173,18 @@ class Photons:
         InputError
             No light can come to a component.
         """
-        found = Ports.of(scene) if scene.followed else ()
-        if not found:
+        every_port = ComponentPorts.of(scene) if scene.followed else ()
+        if not every_port:
             return None
         # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
-        for ports in found if all(ports.name for ports in found) else ():
+        for ports in every_port if all(ports.name for ports in every_port) else ():
             if not ports.sky_share().any():
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"
                 raise InputError("case", f"components.{ports.name}", got, remedy)
         grid = Grid.of(scene, accuracy.cell_size)
         return cls(
-            found, CellAreas.of(scene, grid, launch_seed(accuracy.seed, Stream.CELL_AREAS)),
+            every_port, CellAreas.of(scene, grid, launch_seed(accuracy.seed, Stream.CELL_AREAS)),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
             subdivision, accuracy.photons, accuracy.photon_surfaces,
         )  # fmt: skip
@@ -199,8 +199,8 @@ class Photons:
             Told the share that is done.
         """
         patches = len(Patches(self.subdivision)) if self.subdivision else 0
-        scope = self.ports[0].scene.effects
-        wanted = np.array([scope.ground, *[scope.sky] * (patches - 1)][:patches])
+        effects = self.ports[0].scene.effects
+        wanted = np.array([effects.ground, *[effects.sky] * (patches - 1)][:patches])
         by_sky, through_sky, _, a = self._landed(
             of_sky(self.subdivision or 1), wanted, PATCH * self.count, seed, part(progress, 0, 0.3)
         )
@@ -219,8 +219,13 @@ class Photons:
         return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
 
     def _landed(
-        self, sources: Sources, wanted: np.ndarray, photons: int, seed: int, progress: Progress
-    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[Ledger]]:
+        self,
+        sources: PhotonSources,
+        wanted: np.ndarray,
+        photons: int,
+        seed: int,
+        progress: Progress,
+    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[FluxLedger]]:
         """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
         bins in the inner squares (sensor,); `wanted` (bin,) tells which bins are followed.
         """
@@ -228,54 +233,54 @@ class Photons:
         rows, n, ledgers = len(self.areas), len(self.squares.edge), []
         # One entry at least: a kernel takes no empty array.
         sizes = (max(1, size) for size in (rows * bins, n * bins, n * bins, n))
-        found = Found(*(dr.zeros(mi.Float64, size) for size in sizes))
+        sums = FluxSums(*(dr.zeros(mi.Float64, size) for size in sizes))
         squares = Recorder(self.squares)
         for i, ports in enumerate(self.ports):
             could, traits = ports.could(sources)[:bins], Traits.of(ports)
             could = could * wanted[:, None]
             seen = np.flatnonzero(could.any(axis=1))
-            block, ledger = max(1, LANES // photons), Ledger()
+            block, ledger = max(1, LANES // photons), FluxLedger()
             for first in range(0, len(seen), block):
                 some, key = seen[first : first + block], seed + 0x10001 * i
                 start = ports.start(sources, some, could[some], photons, key)
                 fate = self._follow(
-                    ports.scene, traits, squares, sources, start, found, bins, photons, key
+                    ports.scene, traits, squares, sources, start, sums, bins, photons, key
                 )
                 ledger = ledger.plus(fate)
                 progress((i + (first + len(some)) / len(seen)) / len(self.ports))
             ledgers.append(ledger)
-        flux = np.stack([found.sensors.numpy(), found.mirrored.numpy()])
+        flux = np.stack([sums.sensors.numpy(), sums.mirrored.numpy()])
         flux = flux[:, : n * bins].reshape(2, n, bins)
         area = self.squares.edge.astype(np.float32) ** 2
-        through, inner = (flux / area[:, None]).astype(np.float32), found.inner.numpy() / (area / 4)
+        through, inner = (flux / area[:, None]).astype(np.float32), sums.inner.numpy() / (area / 4)
         if not bins or not rows:
             return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledgers
         row = dr.arange(mi.UInt32, rows * bins) // dr.opaque(mi.UInt32, bins)
-        D = mi.Float(found.cells) / dr.gather(mi.Float, self.areas.area, row)
+        D = mi.Float(sums.cells) / dr.gather(mi.Float, self.areas.area, row)
         dr.eval(D)
         return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
 
     def _follow(
-        self, scene: Scene, traits: Traits, squares: Recorder, sources: Sources, start: Start,
-        found: Found, bins: int, photons: int, seed: int,
-    ) -> Ledger:  # fmt: skip
-        """Follow photons, so many of each source, and add what they bring to `found`."""
+        self, scene: Scene, traits: Traits, squares: Recorder, sources: PhotonSources, start: Start,
+        sums: FluxSums, bins: int, photons: int, seed: int,
+    ) -> FluxLedger:  # fmt: skip
+        """Follow photons, so many of each source, and add what they bring to `sums`."""
         columns = start.p, start.d, start.flux, start.bin
         dr.eval(*columns)
         lanes = dr.compress(start.flux > 0)
         if dr.width(lanes) == 0:
-            return Ledger()
+            return FluxLedger()
         start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
         number = dr.gather(mi.UInt32, mi.UInt32(sources.numbers), start.bin)
         random = streams(number, seed, lanes % dr.opaque(mi.UInt32, photons))
         fates = follow(
-            scene.full, traits, self.areas, squares, start, found,
+            scene.full, traits, self.areas, squares, start, sums,
             dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
         )  # fmt: skip
-        dr.eval(fates, found)  # together: each sum alone would follow all photons again
+        dr.eval(fates, sums)  # together: each sum alone would follow all photons again
         *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
         self.ports[0].scene.ray_counter.take("photon", round(segments))
         names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
-        told = dict(zip(names, fluxes, strict=True))
-        return Ledger(photons=dr.width(lanes), segments=round(segments), **told)
+        by_fate = dict(zip(names, fluxes, strict=True))
+        return FluxLedger(photons=dr.width(lanes), segments=round(segments), **by_fate)

@@ -29,7 +29,7 @@ PILOT = 4096
 """Rays from a port that tell whether it sees anything of the sky and the ground."""
 
 
-class Sources(NamedTuple):
+class PhotonSources(NamedTuple):
     """Suns, or ground and sky patches.
 
     Parameters
@@ -52,17 +52,17 @@ class Sources(NamedTuple):
     draw: Callable[[Any, Any], Any]
 
 
-def of_suns(suns: np.ndarray, diameter: float) -> Sources:
+def of_suns(suns: np.ndarray, diameter: float) -> PhotonSources:
     """Suns in directions (sun, 3), `diameter` [deg] across."""
     centres = _flat(suns)
     radius = np.full(len(suns), np.radians(diameter) / 2)
-    return Sources(
+    return PhotonSources(
         suns, radius, np.full(len(suns), disk_solid_angle(diameter)), sun_numbers(suns),
         lambda sun, uv: sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv),
     )  # fmt: skip
 
 
-def of_sky(subdivision: int) -> Sources:
+def of_sky(subdivision: int) -> PhotonSources:
     """Ground and sky patches of Reinhart's MF."""
     patches = Patches(subdivision)
     low, high, west, east = patches.bounds.T
@@ -78,7 +78,7 @@ def of_sky(subdivision: int) -> Sources:
         return mi.Vector3f(level * sine, level * cosine, z)
 
     numbers = np.arange(len(patches), dtype=np.uint32)
-    return Sources(patches.directions, radius, patches.solid_angles, numbers, draw)
+    return PhotonSources(patches.directions, radius, patches.solid_angles, numbers, draw)
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Ports:
+class ComponentPorts:
     """Ports of one component, or of the panes, of a scene.
 
     Parameters
@@ -119,7 +119,7 @@ class Ports:
     name: str
 
     @classmethod
-    def of(cls, scene: Scene) -> tuple[Ports, ...]:
+    def of(cls, scene: Scene) -> tuple[ComponentPorts, ...]:
         """Ports of each component of a scene, and of the panes."""
         quads: dict[str, list[np.ndarray]] = {}
         for port in [*scene.ports, *_pane_ports(scene)] if scene.followed else []:
@@ -184,7 +184,7 @@ class Ports:
         tables = [_flat(column) for column in columns]
         return _crossed(tables, dr.opaque(mi.UInt32, len(self)), p, d)
 
-    def could(self, sources: Sources) -> np.ndarray:
+    def could(self, sources: PhotonSources) -> np.ndarray:
         """Bound of the area [m²] that ports turn towards sources, shape (source, port).
 
         0 where no light of the source can pass the port.
@@ -194,7 +194,7 @@ class Ports:
         return self.area * np.clip(np.cos(away), 0, None)
 
     def start(
-        self, sources: Sources, seen: np.ndarray, could: np.ndarray, photons: int, seed: int
+        self, sources: PhotonSources, seen: np.ndarray, could: np.ndarray, photons: int, seed: int
     ) -> Start:
         """Photons from the sources `seen`, `photons` of each.
 

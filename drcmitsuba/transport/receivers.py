@@ -128,7 +128,7 @@ def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
 
 
 @dataclass(frozen=True)
-class Plane:
+class SensorPlane:
     """Sensors in one plane, and a raster over it that names those near.
 
     Parameters
@@ -158,14 +158,14 @@ class Squares:
 
     Parameters
     ----------
-    planes : tuple of Plane
+    planes : tuple of SensorPlane
     centre : np.ndarray, shape (sensor, 2)
         In the raster's axes [m].
     edge : np.ndarray, shape (sensor,)
         Of the squares [m].
     """
 
-    planes: tuple[Plane, ...]
+    planes: tuple[SensorPlane, ...]
     centre: np.ndarray
     edge: np.ndarray
 
@@ -198,14 +198,14 @@ class Squares:
         return cls(tuple(planes), centre, edge)
 
     @property
-    def layers(self) -> list[tuple[Plane, np.ndarray]]:
+    def layers(self) -> list[tuple[SensorPlane, np.ndarray]]:
         """Planes and their layers of sensors."""
         return [(plane, layer) for plane in self.planes for layer in plane.sensors]
 
 
 def _plane(
     mine: np.ndarray, at: np.ndarray, edge: np.ndarray, axes: np.ndarray, height: float
-) -> Plane:
+) -> SensorPlane:
     """Raster over the sensors `mine` at positions `at` in their plane."""
     extent = np.ptp(at, axis=0).max()
     near = cKDTree(at).query(at, 2, p=np.inf)[0][:, 1].min() if len(at) > 1 else 1.0
@@ -226,7 +226,7 @@ def _plane(
     for index, members in fields.items():
         layers[: len(members), index] = members
     origin = low @ axes[:2] + height * axes[2]
-    return Plane(origin, axes, field, (int(count[0]), int(count[1])), layers)
+    return SensorPlane(origin, axes, field, (int(count[0]), int(count[1])), layers)
 
 
 def _to_walls(scene: Scene, points: np.ndarray) -> np.ndarray:

@@ -27,8 +27,8 @@ HELD_OUT = 48
 class _Nodes:
     """Coefficients of the nodes known so far, by node."""
 
-    def __init__(self, found: xr.Dataset):
-        self.found, self.labels = found, mesh_of(found)
+    def __init__(self, C: xr.Dataset):
+        self.C, self.labels = C, mesh_of(C)
 
     def missing(self, nodes: np.ndarray) -> np.ndarray:
         """Nodes of an array (…, 2) that are not known yet, each once."""
@@ -46,7 +46,7 @@ class _Nodes:
 
     def _replicates(self, labels: ArrayLike) -> np.ndarray:
         """Replicates (replicate, sensor, label) of bins by label."""
-        return self.found["replicates"].values[:, :, positions(labels, self.found["bin"].values)]
+        return self.C["replicates"].values[:, :, positions(labels, self.C["bin"].values)]
 
 
 def _scale(replicates: np.ndarray) -> float:
@@ -56,9 +56,9 @@ def _scale(replicates: np.ndarray) -> float:
     return float(np.sqrt((mean[:, lit] ** 2).mean())) if lit.any() else 0.0
 
 
-def mesh_of(found: xr.Dataset) -> tuple[str, ...]:
+def mesh_of(C: xr.Dataset) -> tuple[str, ...]:
     """Labels of the mesh's suns among the bins of coefficients."""
-    return tuple(name for name in map(str, found["bin"].values) if name.startswith(mesh.PREFIX))
+    return tuple(name for name in map(str, C["bin"].values) if name.startswith(mesh.PREFIX))
 
 
 def _suns(nodes: np.ndarray, diameter: float) -> Suns:
@@ -143,38 +143,38 @@ def meshed(
         straight=False,
     )
     whole = part(progress, 0, 1 if known else 0.5)
-    found = compute(scene, points, normals, both, accuracy, subdivision=subdivision, progress=whole)
-    is_held_out = np.isin(found["bin"].values.astype(str), held_out.labels)
-    exact = found["replicates"].values[:, :, is_held_out]
-    nodes = _Nodes(found.isel(bin=~is_held_out))
+    C = compute(scene, points, normals, both, accuracy, subdivision=subdivision, progress=whole)
+    is_held_out = np.isin(C["bin"].values.astype(str), held_out.labels)
+    exact = C["replicates"].values[:, :, is_held_out]
+    nodes = _Nodes(C.isel(bin=~is_held_out))
     scale = _scale(exact)
     live, level = (possible, mesh.COARSEST) if not known else (possible[:0], finest)
     while len(live) and level < finest:
         corners, of_sun = mesh.triangles_of(live, level)
         if len(new := nodes.missing(mesh.midpoints(corners))):
             more = compute(scene, points, normals, _suns(new, diameter), accuracy, subdivision=None)
-            nodes = _Nodes(_join(nodes.found, more))
+            nodes = _Nodes(_join(nodes.C, more))
         level += 1
         progress(0.5 + 0.5 * (level - mesh.COARSEST) / (finest - mesh.COARSEST))
         live = live[(_miss(nodes, corners) > tolerance * scale)[of_sun]]
     blend = mesh.blend(held_out.directions, np.ones(HELD_OUT, bool), nodes.labels)
     difference = nodes.blended(blend) - exact
     error = np.sqrt(_squared_error(difference, axis=1)).astype(np.float32)
-    found = nodes.found.assign(mesh_error=("sensor", error))
+    C = nodes.C.assign(mesh_error=("sensor", error))
     miss = float(np.sqrt(_squared_error(difference))) / scale if scale > 0 else 0.0
-    found.attrs |= {"mesh_suns": len(nodes.labels), "mesh_miss": miss}
-    return describe(found)
+    C.attrs |= {"mesh_suns": len(nodes.labels), "mesh_miss": miss}
+    return describe(C)
 
 
 def with_straight(
-    found: xr.Dataset, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns,
+    C: xr.Dataset, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns,
     accuracy: Accuracy,
 ) -> xr.Dataset:  # fmt: skip
     """Add `sun_straight` and `sun_straight_se` (sensor, sun) [sr]: suns that sensors see straight.
 
     Parameters
     ----------
-    found : xr.Dataset
+    C : xr.Dataset
         From `meshed`; suns that it has already are replaced.
     suns : Suns
         Those of the time stamps.
@@ -182,10 +182,8 @@ def with_straight(
         As for `coefficients.compute`.
     """
     mean, error = straight_suns(scene, points, normals, suns, accuracy)
-    found = found.drop_dims("sun", errors="ignore")
-    found = found.assign_coords(sun=np.array(suns.labels, dtype=object))
+    C = C.drop_dims("sun", errors="ignore")
+    C = C.assign_coords(sun=np.array(suns.labels, dtype=object))
     return describe(
-        found.assign(
-            sun_straight=(("sensor", "sun"), mean), sun_straight_se=(("sensor", "sun"), error)
-        )
+        C.assign(sun_straight=(("sensor", "sun"), mean), sun_straight_se=(("sensor", "sun"), error))
     )

@@ -43,7 +43,7 @@ def main():
         start = time.perf_counter()
         found = facade_basis.compute(wall, tiles, palette, light.suns, case.accuracy, groups=1)
         seconds = time.perf_counter() - start
-        year, size = facade_basis.Year.of(found, light), found.nbytes / 2**20
+        year, size = facade_basis.BasisYear.of(found, light), found.nbytes / 2**20
         del found
         share = np.zeros((len(tiles), len(palette.names)), np.float32)
         share[:, :3] = np.random.default_rng(1).dirichlet(np.ones(3), len(tiles))

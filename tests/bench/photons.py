@@ -19,7 +19,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.photons import Photons
+from drcmitsuba.transport.photons import PhotonTracer
 from drcmitsuba.transport.ports import of_suns
 from tests import radiance
 from tests.validation import lamella_room as room
@@ -89,9 +89,9 @@ class Lamellae:
         return fine.reshape(n, k, n, k, -1).mean(axis=(1, 3)).reshape(n * n, -1)
 
 
-def tracer(lamellae: Lamellae, photons: int = 1 << 14) -> Photons:
+def tracer(lamellae: Lamellae, photons: int = 1 << 14) -> PhotonTracer:
     """Photons of the suns."""
-    traced = Photons.of(
+    traced = PhotonTracer.of(
         lamellae.scene, *lamellae.sensors, lamellae.suns.directions, DIAMETER, None,
         Accuracy(photons=photons, sensor_square=0.25),
     )  # fmt: skip
@@ -99,7 +99,7 @@ def tracer(lamellae: Lamellae, photons: int = 1 << 14) -> Photons:
     return traced
 
 
-def photon_rate(traced: Photons, run: int) -> tuple[float, float]:
+def photon_rate(traced: PhotonTracer, run: int) -> tuple[float, float]:
     """Segments of photons in a second, and segments to a photon."""
     start = perf_counter()
     books = traced.traced(run).ledgers.values()
@@ -107,7 +107,7 @@ def photon_rate(traced: Photons, run: int) -> tuple[float, float]:
     return segments / (perf_counter() - start), segments / sum(book.photons for book in books)
 
 
-def ray_rate(traced: Photons, run: int) -> float:
+def ray_rate(traced: PhotonTracer, run: int) -> float:
     """Bare closest hits in a second, of the photons' own rays from surface to surface.
 
     Random rays through the room would not compare: between lamellae a ray takes thrice as long.

@@ -20,7 +20,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.bsdf_lookup import number
 from drcmitsuba.transport.photon_paths import OFFSET
-from drcmitsuba.transport.photons import Ledger, Photons
+from drcmitsuba.transport.photons import FluxLedger, PhotonTracer
 from tests.validation import unfolded_duct
 
 SUNS = Suns(("sun_a", "sun_b"), np.array([[0, -0.6, 0.8], [0.6, 0, 0.8]]))
@@ -488,7 +488,7 @@ def traced(sun, surfaces, photons=1 << 15):
     case = duct_case()
     points, normals = sensor_points(case)
     settings = Accuracy(photons=photons, photon_surfaces=surfaces)
-    found = Photons.of(scene.load(case), points, normals, sun[None], 0.5, None, settings)
+    found = PhotonTracer.of(scene.load(case), points, normals, sun[None], 0.5, None, settings)
     return [found.traced(seed).ledgers["pipe sun"] for seed in range(12)]
 
 
@@ -526,7 +526,7 @@ def test_what_a_long_duct_loses_is_told(holds):
     # The disk's rays meet 39 to 43 mirrors. Points are right to some 4 · 2⁻²⁴ of 14 m: as close to
     # an edge of the duct, a photon may slip between two walls.
     holds("lost = ρ²⁰", abs(lost / RHO**20 - 1), 20 * 4 * 2**-24 * 14 / WIDTH)
-    total = reduce(Ledger.plus, found)
+    total = reduce(FluxLedger.plus, found)
     (note,) = plan.photon_notes({"photons": json.dumps({"pipe sun": asdict(total)})})
     assert "67 % of the light from the sun was still under way" in note
     assert "raise accuracy.photon_surfaces" in note

@@ -61,9 +61,9 @@ def run(kind):
     case = case_of(kind)
     world = scenes.load(case, "open")
     points, normals = sensor_points(case)
-    found = coefficients.compute(world, points, normals, SUNS, case.accuracy)
+    C = coefficients.compute(world, points, normals, SUNS, case.accuracy)
     straight = coefficients.straight_suns(world, points, normals, SUNS, case.accuracy)[0]
-    return found.assign(suns_alone=(("sensor", "sun"), straight))
+    return C.assign(suns_alone=(("sensor", "sun"), straight))
 
 
 NAMES = ("straight", "direct", "interreflected", "replicates", "suns_alone")
@@ -94,15 +94,15 @@ def _variant():
 def test_one_thread_and_two(kind, usual, holds):
     """Threads finish in any order: what is drawn must not depend on it, only rounding may."""
     threads = dr.thread_count()
-    found = []
+    results = []
     try:
         for count in (1, 2):
             dr.set_thread_count(count)
-            found.append(run(kind))
+            results.append(run(kind))
     finally:
         dr.set_thread_count(threads)
-    holds("C on one thread and on two", max(distances(*found)), SAME)
-    holds("C on one thread and on all", max(distances(found[0], usual[kind])), SAME)
+    holds("C on one thread and on two", max(distances(*results)), SAME)
+    holds("C on one thread and on all", max(distances(results[0], usual[kind])), SAME)
 
 
 @pytest.mark.parametrize("kind", STRIPS)

@@ -29,7 +29,7 @@ backend.select()
 angles = np.linspace(0.2, 1.2, 16)
 rows = [[0, -np.cos(a), np.sin(a)] for a in angles]
 suns = Suns(tuple(f"sun_{i}" for i in range(16)), np.array(rows))
-told = []
+sizes = []
 for edge in map(int, sys.argv[1:]):
     case = Case.model_validate({
         "room": {"size": [9, 9, 3]},
@@ -38,9 +38,9 @@ for edge in map(int, sys.argv[1:]):
         "accuracy": {"replicates": 2, "paths": 16, "sensor_sky_rays": 64, "cell_sky_rays": 16},
     })
     C = simulation.transport(case, "open", suns, 45.0)
-    told.append({"peak": peak_memory(), "bytes": C.nbytes, "mean": float(C["direct"].mean()),
+    sizes.append({"peak": peak_memory(), "bytes": C.nbytes, "mean": float(C["direct"].mean()),
                  "finite": all(bool(np.isfinite(C[v]).all()) for v in C.data_vars)})
-print(json.dumps(told))
+print(json.dumps(sizes))
 """
 STAMPS = """
 import json
@@ -145,11 +145,11 @@ def ten_minutes(first, last):
 def test_many_time_stamps(holds, tmp_path, first, last):
     """A year in steps of 10 minutes has 52,560, half of them with a sun of their own."""
     stamps = ten_minutes(first, last)
-    told = alone(STAMPS, case_of(tmp_path, stamps))
-    assert told["stamps"] == len(stamps)
-    assert told["finite"]
-    assert told["sDA"]["low"] <= told["sDA"]["value"] <= told["sDA"]["high"]
-    holds("peak of memory [MiB]", told["peak"] / MIB, 1024)
+    report = alone(STAMPS, case_of(tmp_path, stamps))
+    assert report["stamps"] == len(stamps)
+    assert report["finite"]
+    assert report["sDA"]["low"] <= report["sDA"]["value"] <= report["sDA"]["high"]
+    holds("peak of memory [MiB]", report["peak"] / MIB, 1024)
 
 
 @pytest.mark.parametrize(
@@ -210,10 +210,10 @@ def test_mesh_of_many_triangles(holds, tmp_path, rings):
     )
     case = tmp_path / "case.toml"
     case.write_text(ROOM + "count = [2, 2]\n" + component, encoding="utf-8")
-    told = alone(MESH, case)
-    assert told["triangles"] == count
+    report = alone(MESH, case)
+    assert report["triangles"] == count
     # The middle of a chord lies r (1 − cos) below its arc; twice, for both axes. Float32: 2e-6 m.
-    holds("rays meet it at its radius [m]", told["off"],
+    holds("rays meet it at its radius [m]", report["off"],
           2 * 0.5 * (1 - np.cos(np.pi / rings / 2)) + 4e-6)  # fmt: skip
     holds("peak of memory less 300 MiB, over a triangle [bytes]",
-          max(told["peak"] - 300 * MIB, 0) / count, 1000)  # fmt: skip
+          max(report["peak"] - 300 * MIB, 0) / count, 1000)  # fmt: skip

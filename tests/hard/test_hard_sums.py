@@ -39,10 +39,10 @@ def flat(values, kind=np.float32):
 @pytest.mark.parametrize("rays", [1 << 20, MANY])
 def test_every_ray_of_a_point_in_one_bin(rays, holds):
     """A point that faces down: all its rays end in the ground, exactly π. Float32: 3e-4 off."""
-    found = sky_deposit(
+    D = sky_deposit(
         scenes.build([]), flat([0, 0, 0]), flat([0, 0, -1]), subdivision=1, rays=rays, seed=1
     )
-    holds("D of the ground over π − 1", abs(found.numpy()[0, 0] / np.pi - 1), ENOUGH)
+    holds("D of the ground over π − 1", abs(D.numpy()[0, 0] / np.pi - 1), ENOUGH)
 
 
 @pytest.mark.parametrize("kind", ["alike", "unequal"])
@@ -52,11 +52,11 @@ def test_three_million_vertices_in_one_cell(kind, holds):
     weight = np.full(MANY, 0.1 / MANY) if kind == "alike" else 10 ** rng.uniform(-12, -6, MANY)
     weight, D = weight.astype(np.float32), np.array([[0.3, 1e-4, 1.2]], np.float32)
     zeros = dr.zeros(mi.UInt32, MANY)
-    found = coefficients._product(
+    product = coefficients._product(
         zeros, zeros, flat(weight), dr.full(mi.Bool, True, MANY), 1, mi.TensorXf(D)
     )
     exact = weight.astype(float).sum() * D
-    holds("G·D", abs(found.numpy() / exact - 1), ENOUGH)
+    holds("G·D", abs(product.numpy() / exact - 1), ENOUGH)
 
 
 @pytest.mark.parametrize("cells", [4095, 4096, 4097, 150_000])
@@ -68,14 +68,14 @@ def test_many_cells_of_one_sensor(cells, holds):
     D = rng.random((cells, 5)).astype(np.float32)
     D[:, 3], D[:, 4] = 0, 0.1
     row, cell = np.divmod(np.arange(2 * cells), cells)
-    found = coefficients._product(
+    product = coefficients._product(
         flat(row, np.uint32), flat(cell, np.uint32), flat(weight),
         dr.full(mi.Bool, True, 2 * cells), 2, mi.TensorXf(D),
     ).numpy()  # fmt: skip
     exact = weight.astype(float) @ D.astype(float)
     lit = exact > 0
-    holds("G·D", abs(found[lit] / exact[lit] - 1), ENOUGH)
-    holds("a bin without light", found[~lit], 0)
+    holds("G·D", abs(product[lit] / exact[lit] - 1), ENOUGH)
+    holds("a bin without light", product[~lit], 0)
 
 
 def test_what_a_receiver_sees_of_films(holds):
@@ -83,9 +83,9 @@ def test_what_a_receiver_sees_of_films(holds):
     n, bins = 1 << 17, 3
     weight, table = np.full(n, 0.1 / n, np.float32), np.array([[1.0, 1e-3, 2e3]], np.float32)
     row = dr.zeros(mi.UInt32, n)
-    found = _sum(flat([0, n], np.uint32), flat(weight), row, flat(table), None, None, bins).numpy()
+    D = _sum(flat([0, n], np.uint32), flat(weight), row, flat(table), None, None, bins).numpy()
     exact = weight.astype(float).sum() * table[0].astype(float)
-    holds("D by way of films", abs(found / exact - 1), ENOUGH)
+    holds("D by way of films", abs(D / exact - 1), ENOUGH)
 
 
 def test_paths_at_other_reflectances(holds):
@@ -94,10 +94,10 @@ def test_paths_at_other_reflectances(holds):
     zeros = dr.zeros(mi.UInt32, MANY)
     factor = mi.Float(0.7)
     dr.enable_grad(factor)
-    found = Sums(zeros, zeros, flat(value), 1).weighed(factor)
-    dr.backward(found)
+    G = Sums(zeros, zeros, flat(value), 1).weighed(factor)
+    dr.backward(G)
     exact = value.astype(float).sum()
-    holds("G", abs(found.numpy() / (exact * np.float32(0.7)) - 1), ENOUGH)
+    holds("G", abs(G.numpy() / (exact * np.float32(0.7)) - 1), ENOUGH)
     holds("dG/dρ", abs(factor.grad.numpy() / exact - 1), ENOUGH)
 
 
@@ -132,10 +132,10 @@ def year(hours, bins, suns, sensors, replicates, seed=0):
     return data, light, L @ C[:, :, :bins].transpose(0, 2, 1), by_sun
 
 
-def off(found, exact):
+def off(value, exact):
     """Relative distances; 0 where both are 0."""
-    found = np.asarray(found, float)
-    return np.where(exact == 0, abs(found), abs(found / np.where(exact == 0, 1, exact) - 1))
+    value = np.asarray(value, float)
+    return np.where(exact == 0, abs(value), abs(value / np.where(exact == 0, 1, exact) - 1))
 
 
 @pytest.mark.parametrize(
@@ -155,8 +155,8 @@ def test_a_year_of_products(hours, bins, suns, holds):
         far = abs(E[f"{name}_se"].values - exact.std(axis=0, ddof=1) / np.sqrt(n))
         holds(f"standard error of {name}", far / np.where(error > 0, error, 1), 1e-4)
     some = np.array([0, 3, 6])
-    found = accumulate.replicates(C, light, some)
-    holds("E of every replicate", off(found, total[:, :, some]), ENOUGH)
+    E = accumulate.replicates(C, light, some)
+    holds("E of every replicate", off(E, total[:, :, some]), ENOUGH)
     holds("direct sun", off(accumulate.direct_sun(C, light)["direct_sun"], by_sun[0]), ENOUGH)
 
 
@@ -175,9 +175,9 @@ def test_mean_over_more_sensors_than_single_precision_counts(holds):
         {"time": time, "bin": np.array(["sky_0"], object),
          "sun_bin": ("time", np.array(["", ""], object))},
     )  # fmt: skip
-    found = _mean_illuminance(C, light, np.zeros(2, bool)).value
+    E = _mean_illuminance(C, light, np.zeros(2, bool)).value
     exact = float(np.float32(0.1)) * 1000.01 / 2
-    holds("mean E", abs(found / exact - 1), ENOUGH)
+    holds("mean E", abs(E / exact - 1), ENOUGH)
 
 
 # Smooth twins
@@ -202,9 +202,9 @@ def test_twins_of_long_years_and_large_rooms(shape, holds):
         100 * step(inner[months == m].sum(axis=0) / (np.ceil((months == m).sum() / 2) - 0.5)).mean()
         for m in np.unique(months)
     ]
-    found = smooth.msda(mi.TensorXf(E), months, sharpness=k).numpy()
-    holds("msDA", abs(found / np.array(monthly) - 1), 2 * ENOUGH)
+    months_lit = smooth.msda(mi.TensorXf(E), months, sharpness=k).numpy()
+    holds("msDA", abs(months_lit / np.array(monthly) - 1), 2 * ENOUGH)
     inner = step(D / np.float32(1000)).astype(np.float32).astype(float)
     exact = step(inner.sum(axis=1) / (np.ceil(0.02 * shape[1]) - 0.5))
-    found = smooth.shade_closed(mi.TensorXf(D), sharpness=k).numpy()
-    holds("shade closed", abs(found / exact - 1), 2 * ENOUGH)
+    closed = smooth.shade_closed(mi.TensorXf(D), sharpness=k).numpy()
+    holds("shade closed", abs(closed / exact - 1), 2 * ENOUGH)

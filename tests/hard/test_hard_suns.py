@@ -243,13 +243,13 @@ def test_disk_on_the_horizon_of_a_sensor(diameter, holds):
     height = np.repeat(HEIGHTS, len(azimuth))
     d = direction(90 - height, np.tile(azimuth, len(HEIGHTS)))
     points, normals = (mi.Float(np.tile(v, n).astype(np.float32)) for v in ([0, 0, 0], [0, 0, 1]))
-    found = sun_deposit(
+    D = sun_deposit(
         scenes.build([]), points, normals, suns=d, diameter=diameter, samples=samples, seed=5
     ).numpy().astype(float)  # fmt: skip
     exact = np.array([cap(np.radians(h), np.radians(diameter / 2)) for h in HEIGHTS])
     exact = np.repeat(exact, len(azimuth))
-    error = found.std(axis=0, ddof=1) / np.sqrt(n)
-    z = abs(found.mean(axis=0) - exact) / np.hypot(error, 3e-6 * exact)
+    error = D.std(axis=0, ddof=1) / np.sqrt(n)
+    z = abs(D.mean(axis=0) - exact) / np.hypot(error, 3e-6 * exact)
     allowed = -norm.ppf((1 - (1 - 1e-4) ** (1 / len(z))) / 2)
     holds("standard errors from the exact integral", z, allowed)
     full = height > diameter / 2
@@ -261,11 +261,11 @@ def test_disk_on_the_horizon_of_a_sensor(diameter, holds):
 def test_sun_below_the_sensor_gives_nothing(holds):
     """A disk that is wholly below the sensor's horizon, by a hair, gives exactly zero."""
     d = direction(90 - np.array([-0.2501, -1.0, -90.0]), np.zeros(3))
-    found = sun_deposit(
+    D = sun_deposit(
         scenes.build([]), mi.Float(0, 0, 0), mi.Float(0, 0, 1), suns=d, diameter=0.5,
         samples=64, seed=1,
     )  # fmt: skip
-    holds("coefficient", found.numpy(), 0)
+    holds("coefficient", D.numpy(), 0)
 
 
 # Patches
@@ -297,19 +297,19 @@ def test_borders_of_patches(subdivision, holds):
         columns = (mi.Float(np.ascontiguousarray(c)) for c in d.T)
         return patch_index(mi.Vector3f(*columns), subdivision).numpy()
 
-    found = looked_up(d)
-    holds("directions without a patch", (found < 1) | (found >= len(patches)), 0)
+    patch = looked_up(d)
+    holds("directions without a patch", (patch < 1) | (patch >= len(patches)), 0)
     order = np.random.default_rng(1).permutation(len(d))
-    holds("directions with two patches", found[order] != looked_up(d[order]), 0)
+    holds("directions with two patches", patch[order] != looked_up(d[order]), 0)
     alone = np.array([looked_up(d[i : i + 1])[0] for i in range(0, len(d), len(d) // 50)])
-    holds("other patches when asked alone", alone != found[:: len(d) // 50], 0)
-    low, high, west, east = patches.bounds[found].T
+    holds("other patches when asked alone", alone != patch[:: len(d) // 50], 0)
+    low, high, west, east = patches.bounds[patch].T
     x, y, z = d.astype(float).T
     level = np.hypot(x, y)
     altitude = np.arctan2(z, level)
     above = np.maximum(low - altitude, altitude - high)
     turn = (np.arctan2(x, y) - (west + east) / 2 + np.pi) % (2 * np.pi) - np.pi
-    beside = np.where(found == len(patches) - 1, 0, (abs(turn) - (east - west) / 2) * level)
+    beside = np.where(patch == len(patches) - 1, 0, (abs(turn) - (east - west) / 2) * level)
     # Float32 angles: half a unit in the last place of 2π in azimuth, times its rounding steps.
     holds("radians outside of the patch", np.maximum(np.maximum(above, beside), 0), 1.5e-6)
     total = patches.solid_angles[1:].sum() / (2 * np.pi)

@@ -63,7 +63,7 @@ def test_fifty_mixed_compositions(state, capsys):
     _, tiles, palette, shares = facade_basis.of_variants(cases)
     assert len(tiles) == 18
     wall = facade_basis.Wall(cases[0], "south")
-    found = facade_basis.compute(wall, tiles, palette, suns, case.accuracy)
+    basis = facade_basis.compute(wall, tiles, palette, suns, case.accuracy)
     labels = [*Patches(1).labels, *suns.labels]
     errors, whole = [], []
     for i, (each, share) in enumerate(zip(cases, shares, strict=True)):
@@ -73,7 +73,7 @@ def test_fifty_mixed_compositions(state, capsys):
         )
         if state == "shaded":
             share = share @ palette.closing
-        ours = found.coefficients(share)
+        ours = basis.coefficients(share)
         E, theirs = (
             (C["replicates"].sel(bin=labels).values * L).sum(axis=-1) for C in (ours, fresh)
         )

@@ -24,7 +24,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import Lambertian
-from drcmitsuba.transport.photons import Landed, Ledger, Photons
+from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room
 from tests.validation import unfolded_duct as duct
@@ -48,7 +48,7 @@ def landed(
     """Replicates of what photons bring."""
     settings = Accuracy(photons=photons, cell_size=1.0, photon_surfaces=10_000, **accuracy)
     directions = np.reshape(suns, (-1, 3))
-    traced = Photons.of(
+    traced = PhotonTracer.of(
         scene.build(surfaces, ports=ports), *sensors, directions, diameter, subdivision, settings
     )
     assert traced is not None
@@ -63,9 +63,9 @@ def shares(found: list[Landed], *fates: str) -> np.ndarray:
     return np.array([[getattr(book, n) / book.emitted for n in fates] for book in books])
 
 
-def whole(found: Landed) -> Ledger:
+def whole(found: Landed) -> FluxLedger:
     """The sum of a replicate's ledgers."""
-    return reduce(Ledger.plus, found.ledgers.values(), Ledger())
+    return reduce(FluxLedger.plus, found.ledgers.values(), FluxLedger())
 
 
 def conserved(found: Landed) -> None:

@@ -10,7 +10,7 @@ from drcmitsuba.plan.forecast.survey import NEAR, Survey
 from drcmitsuba.plan.forecast.walks import photon_flights, straight_through
 from drcmitsuba.transport.photon_paths import WEAK
 from drcmitsuba.transport.photons import PATCH
-from drcmitsuba.transport.ports import PILOT, Ports, of_sky, of_suns
+from drcmitsuba.transport.ports import PILOT, ComponentPorts, of_sky, of_suns
 
 PHOTONS = 512
 """Starts of photons that are tried on each kind of source and port."""
@@ -38,19 +38,19 @@ class Flown:
     flights: float
 
 
-def ports_of(survey: Survey) -> tuple[Ports, ...]:
+def ports_of(survey: Survey) -> tuple[ComponentPorts, ...]:
     """Ports that photons start on in a state; none where none are followed."""
-    return Ports.of(survey.scene) if survey.scene.followed else ()
+    return ComponentPorts.of(survey.scene) if survey.scene.followed else ()
 
 
-def pilots(ports: tuple[Ports, ...]) -> int:
-    """Rays that tell once whether ports see anything of the sky, see `Photons.of`."""
+def pilots(ports: tuple[ComponentPorts, ...]) -> int:
+    """Rays that tell once whether ports see anything of the sky, see `PhotonTracer.of`."""
     if not all(each.name for each in ports):
         return 0
     return sum(PILOT * len(each) for each in ports if not each.exposed)
 
 
-def flown(survey: Survey, ports: Ports, kind: str) -> Flown:
+def flown(survey: Survey, ports: ComponentPorts, kind: str) -> Flown:
     """Try some photons of one replicate, from the "sky" or from suns ("sun")."""
     rng, a, scope = np.random.default_rng(11), survey.accuracy, survey.scope
     if kind == "sky":
@@ -86,7 +86,7 @@ def flown(survey: Survey, ports: Ports, kind: str) -> Flown:
     return Flown(ports.name, kind, tried, tried * float(free.sum()) / PHOTONS, tests, flights)
 
 
-def _passed(ports: Ports, p: np.ndarray, d: np.ndarray) -> np.ndarray:
+def _passed(ports: ComponentPorts, p: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Whether light from directions d (ray, 3) has passed another port before it comes to p."""
     corner, u, v = ports.edges
     n, area = ports.normal, ports.area[:, None]

@@ -18,14 +18,14 @@ from drcmitsuba.transport.facade_basis.basis import Basis
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
 from drcmitsuba.transport.facade_basis.simulate import compute
 from drcmitsuba.transport.facade_basis.tiling import Wall, of_grid, of_variants, side_of
-from drcmitsuba.transport.facade_basis.year import Year
+from drcmitsuba.transport.facade_basis.year import BasisYear
 
 __all__ = [
     "Basis",
+    "BasisYear",
     "Palette",
     "Tiles",
     "Wall",
-    "Year",
     "compute",
     "of_grid",
     "of_variants",

@@ -112,27 +112,27 @@ class Palette:
         InputError
             A name is unknown, or there are too many elements.
         """
-        found: dict[str, SurfaceMaterial | None] = {}
+        materials: dict[str, SurfaceMaterial | None] = {}
         for name in names:
-            found[name] = _material(case, name, frame)
+            materials[name] = _material(case, name, frame)
         shade = case.shading.material if case.shading is not None else None
-        clear = np.array([_is_clear(m) for m in found.values()])
-        own_shade = shade in found
+        clear = np.array([_is_clear(m) for m in materials.values()])
+        own_shade = shade in materials
         if shade is not None and allowed[:, clear].any():
             behind = allowed[:, clear].any(axis=1)
-            if shade not in found:
-                found[shade] = case.materials[shade]
+            if shade not in materials:
+                materials[shade] = case.materials[shade]
                 allowed = np.column_stack([allowed, behind])
             else:
                 allowed = allowed.copy()
-                allowed[:, list(found).index(shade)] |= behind
+                allowed[:, list(materials).index(shade)] |= behind
         else:
             shade = None
         if allowed.size > MOST_ELEMENTS:
             got = f"{allowed.shape[0]} tiles × {allowed.shape[1]} materials"
             remedy = f"take fewer tiles: at most {MOST_ELEMENTS} products"
             raise InputError(case.source, "facade", got, remedy)
-        return cls(found, shade, allowed, own_shade)
+        return cls(materials, shade, allowed, own_shade)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -37,7 +37,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.facade_basis.basis import Basis, Returned
 from drcmitsuba.transport.facade_basis.facade import Meetings, Palette, Tiles
 from drcmitsuba.transport.facade_basis.tiling import Wall, wall_around
-from drcmitsuba.transport.facade_basis.views import Glow, Room, Spread, Straight, mean
+from drcmitsuba.transport.facade_basis.views import Glow, Spread, Straight, TiledRoom, mean
 from drcmitsuba.transport.gather import gather
 
 BLOCK = 3
@@ -156,7 +156,7 @@ def _check_size(case: Case, entries: int) -> None:
         raise InputError(case.source, "sensors", got, "take fewer sensors, tiles or time stamps")
 
 
-def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene]:
+def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[TiledRoom, scene.Scene]:
     """The room without its tiles, for views, and as a scene."""
     case, room = wall.case, wall.case.room
     assert room is not None
@@ -183,7 +183,7 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[Room, scene.Scene
         raise InputError(case.source, "furniture", got, remedy)
     enclosure = Enclosure(size, turn, np.zeros((0, 4, 3)))
     walls = replace(scene.build(parts, 0, enclosure), corners=corners)
-    return Room(tuple(walls.full.shapes()), corners, enclosure, tiles, palette), walls
+    return TiledRoom(tuple(walls.full.shapes()), corners, enclosure, tiles, palette), walls
 
 
 class _Receivers(NamedTuple):
@@ -259,7 +259,12 @@ def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
 
 
 def _elements(
-    room: Room, base: Deposit, paths: _Paths, group: int, points: np.ndarray, normals: np.ndarray
+    room: TiledRoom,
+    base: Deposit,
+    paths: _Paths,
+    group: int,
+    points: np.ndarray,
+    normals: np.ndarray,
 ) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:
     """Deposit of a group by way of every element: on sensors, straight first, and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
@@ -282,7 +287,7 @@ def _elements(
 
 
 def _straight(
-    room: Room,
+    room: TiledRoom,
     m: int,
     base: Deposit,
     draws: range,
@@ -309,7 +314,7 @@ def _straight(
 
 
 def _scattered(
-    room: Room,
+    room: TiledRoom,
     m: int,
     base: Deposit,
     draws: range,

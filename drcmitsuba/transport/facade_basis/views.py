@@ -33,7 +33,7 @@ class _AllWithin(Enclosure):
 
 
 @dataclass(frozen=True)
-class Room:
+class TiledRoom:
     """A room whose façade is filled with tiles.
 
     Parameters
@@ -62,7 +62,7 @@ class Room:
         return mi.load_dict({"type": "scene", **shapes}, optimize=False)
 
     def with_openings(self, tiles: np.ndarray, clear: mi.Scene | None = None) -> Scene:
-        """Room that is closed but for some tiles, (tile,) of bool, which clear panes may cover."""
+        """Room closed but for some tiles, (tile,) of bool, which clear panes may cover."""
         is_open = tiles[self.tiles.tile]
         closed = self.tiles.quads[~is_open]
         opaque = self.scene(*([quad_mesh("closed", closed)] if len(closed) else []))
@@ -110,7 +110,7 @@ class Straight:
     scenes: dict[int, Scene]
 
     @classmethod
-    def of(cls, room: Room, material: int, base: Deposit) -> Straight:
+    def of(cls, room: TiledRoom, material: int, base: Deposit) -> Straight:
         """Look through each of the tiles that the material may fill."""
         kind = tuple(room.palette.materials.values())[material]
         pane = None if kind is None else mi.load_dict(bsdf(kind, room.channel))
@@ -142,7 +142,7 @@ class Glow:
     tile_of: np.ndarray
 
     @classmethod
-    def scene(cls, room: Room, material: int) -> Scene:
+    def scene(cls, room: TiledRoom, material: int) -> Scene:
         """Room with a film in all tiles that it may fill."""
         kind = tuple(room.palette.materials.values())[material]
         assert isinstance(kind, BsdfMaterial)
@@ -158,7 +158,7 @@ class Glow:
         return replace(base, scene=scene, films=films).lit(replicate, material)
 
     @classmethod
-    def seen(cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Glow:
+    def seen(cls, room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Glow:
         """Look at a film from receivers."""
         assert lit.films is not None
         rays = lit.accuracy.pane_points
@@ -168,8 +168,8 @@ class Glow:
     def part(self, tile: int) -> Irradiance:
         """D of the receivers by way of one tile."""
         assert self.deposit.on_films is not None
-        found = self.looked.of(self.tile_of == tile)
-        return Irradiance(*self.films.sent(found, self.deposit.on_films))
+        directions = self.looked.of(self.tile_of == tile)
+        return Irradiance(*self.films.sent(directions, self.deposit.on_films))
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class Spread:
     tile_of: np.ndarray
 
     @classmethod
-    def scene(cls, room: Room, material: int) -> Scene:
+    def scene(cls, room: TiledRoom, material: int) -> Scene:
         """Room with a diffusing material in all tiles that it may fill."""
         kind = tuple(room.palette.materials.values())[material]
         assert isinstance(kind, DiffuserMaterial)
@@ -197,7 +197,7 @@ class Spread:
         return replace(base, scene=scene, patches=patches).lit(replicate, material)
 
     @classmethod
-    def seen(cls, room: Room, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Spread:
+    def seen(cls, room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Spread:
         """Look at the panes from receivers."""
         assert lit.patches is not None
         return cls(lit, lit.transfer(p, n, key), room.tile_of(lit.patches))

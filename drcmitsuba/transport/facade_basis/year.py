@@ -79,7 +79,7 @@ def _flat(a: np.ndarray) -> mi.Float:
 
 
 @dataclass(frozen=True)
-class Year:
+class BasisYear:
     """A façade's basis under the sky of a period.
 
     Parameters
@@ -115,7 +115,7 @@ class Year:
     suns: tuple[tuple[mi.UInt32, mi.Float], ...]
 
     @classmethod
-    def of(cls, basis: Basis, light: Daylight) -> Year:
+    def of(cls, basis: Basis, light: Daylight) -> BasisYear:
         """Put a basis under the light of a case.
 
         Raises
@@ -274,7 +274,7 @@ def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
         raise InputError("case", "sun.model", "adaptive", "take another one for a façade basis")
     everywhere = {*basis.labels, *basis.suns, ""}
     blend, sun = blended(light.sky), light.sky["sun"].values
-    found = []
+    terms = []
     for labels, weights in zip(blend.bins.T, blend.weights.T, strict=True):
         strange = [b for b, w in zip(labels, weights, strict=True) if w and b not in everywhere]
         if strange:
@@ -282,5 +282,5 @@ def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
             raise InputError("basis", "bin", got, "compute the basis for this sky")
         at = positions(labels, basis.labels, missing=-1)
         L = np.where(at >= 0, weights.astype(float) * sun, 0)
-        found.append((mi.UInt32(np.maximum(at, 0).astype(np.uint32)), _flat(L)))
-    return tuple(found)
+        terms.append((mi.UInt32(np.maximum(at, 0).astype(np.uint32)), _flat(L)))
+    return tuple(terms)

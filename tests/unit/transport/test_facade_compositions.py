@@ -118,8 +118,8 @@ def test_tiles_and_the_wall_around_them_are_the_wall(side, frame):
 def test_material_at_points():
     case = room(MIXED, frame=0.1)
     x, z = np.array([1.0, 3.0, 1.0, 3.0, 0.02, 1.0]), np.array([1.2, 1.2, 2.0, 2.0, 1.2, 0.4])
-    found = material_at(case.facade["south"], 4.0, x, z)
-    assert list(found) == ["glass", "wall", "open", "fabric", FRAME, "wall"]
+    names = material_at(case.facade["south"], 4.0, x, z)
+    assert list(names) == ["glass", "wall", "open", "fabric", FRAME, "wall"]
 
 
 @pytest.mark.parametrize(
@@ -205,11 +205,11 @@ def test_paths_are_weighed_once_at_each_meeting():
     case = room(strips)
     wall, tiles, palette, (share,) = facade_basis.of_variants([case])
     light = daylight(case)
-    found = facade_basis.compute(
+    basis = facade_basis.compute(
         wall, tiles, palette, few(light, 2), Accuracy(paths=64), groups=1, subdivision=1
     )
-    whole, half = found.returned.weighed(share), found.returned.weighed(0.5 * share)
-    meetings = sum(((found.returned.mark >> (10 * i)) & 1023) > 0 for i in range(3))
+    whole, half = basis.returned.weighed(share), basis.returned.weighed(0.5 * share)
+    meetings = sum(((basis.returned.mark >> (10 * i)) & 1023) > 0 for i in range(3))
     assert meetings.max() == 3
     np.testing.assert_allclose(half, whole * 0.5**meetings, rtol=1e-6)
     one = whole[meetings == 1].sum()
@@ -232,7 +232,7 @@ def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
     share = np.zeros((len(tiles), len(palette.names)), np.float32)
     share[:, palette.names.index(material)] = 1
     points, normals = sensor_points(case)
-    found = []
+    means = []
     for seed, (of, marks) in enumerate([(world, meetings), (scene.load(case), None)]):
         grid = Grid.of(of, 0.45)
         v = gather(
@@ -244,8 +244,8 @@ def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
             weight = Returned(mark, mark, mark, weight).weighed(share)
             assert 0.005 < weight[mark > 0].sum() / weight.sum() < 0.3
         each = np.bincount(v.row.numpy() // len(points), weight, 8)
-        found.append((each.mean(), each.std(ddof=1) / np.sqrt(8)))
-    (a, e), (b, f) = found
+        means.append((each.mean(), each.std(ddof=1) / np.sqrt(8)))
+    (a, e), (b, f) = means
     assert abs(a - b) < 4.5 * np.hypot(e, f)
     assert np.hypot(e, f) < 0.002 * b
 
@@ -253,9 +253,9 @@ def test_marked_paths_weigh_what_paths_of_the_facade_itself_do(material):
 # --- compositions
 
 
-def both(share, found, fresh, light):
+def both(share, basis, fresh, light):
     """Mean replicates of E [lx] under the mean sky, of a basis and of a simulation."""
-    ours = found.coefficients(share)
+    ours = basis.coefficients(share)
     labels = [*Patches(1).labels, *(b for b in fresh["bin"].values if b.startswith("sun_"))]
     L = np.where(np.char.startswith(np.array(labels, str), "sun_"), 1e8, 4e3)
     return [(C["replicates"].sel(bin=labels).values * L).sum(-1) for C in (ours, fresh)]
@@ -269,14 +269,14 @@ def test_compositions_are_what_they_are_alone(state):
     light = daylight(cases[0])
     suns = few(light, 12)
     accuracy = Accuracy(paths=512, sensor_sky_rays=2048)
-    found = facade_basis.compute(wall, tiles, palette, suns, accuracy)
+    basis = facade_basis.compute(wall, tiles, palette, suns, accuracy)
     for case, share in zip(cases, shares, strict=True):
         alone = coefficients.compute(
             scene.load(case, state), *sensor_points(case), suns,
             accuracy.model_copy(update={"seed": 9}),
         )  # fmt: skip
         of_state = share @ palette.closing if state == "shaded" else share
-        ours, theirs = both(of_state, found, alone, light)
+        ours, theirs = both(of_state, basis, alone, light)
         z = (ours.mean(0) - theirs.mean(0)) / np.sqrt((ours.var(0) + theirs.var(0)) / 7)
         assert np.abs(z).max() < 5.4  # Šidák over 12 sensors and 4 cases, t of 7 degrees: 0.1 %
         ours, theirs = ours.mean(1), theirs.mean(1)
@@ -284,7 +284,7 @@ def test_compositions_are_what_they_are_alone(state):
         assert abs(ours.mean() - theirs.mean()) < 4 * error
         assert error < 0.02 * theirs.mean()  # or the line above would say little
         for name in ("straight", "direct"):
-            a, b = (C[name].sum().item() for C in (found.coefficients(of_state), alone))
+            a, b = (C[name].sum().item() for C in (basis.coefficients(of_state), alone))
             assert a == pytest.approx(b, rel=0.02), name
 
 
@@ -316,9 +316,9 @@ def dirichlet(seed, tiles, materials):
     return share
 
 
-def plainly(found, values):
+def plainly(basis, values):
     """Coefficients (group, bin, sensor) as `accumulate` takes them; unseen suns are 0."""
-    labels = [*found.labels, *(set(found.suns) - set(found.labels))]
+    labels = [*basis.labels, *(set(basis.suns) - set(basis.labels))]
     whole = np.zeros((2, values.shape[2], len(labels)), np.float32)
     whole[..., : values.shape[1]] = values[0].T
     dims = ("replicate", "sensor", "bin")
@@ -328,15 +328,15 @@ def plainly(found, values):
 def test_a_year_is_coefficients_times_luminances(grid):
     import mitsuba as mi
 
-    found, light = grid
-    year = facade_basis.Year.of(found, light)
+    basis, light = grid
+    year = facade_basis.BasisYear.of(basis, light)
     share = dirichlet(1, 4, 3)
     E = year.illuminance(mi.TensorXf(share))
-    for values, of in ((E.open, share), (E.shaded, share @ found.palette.closing)):
-        plain = accumulate.by_source(plainly(found, found.totals(of)), light.sky)["total"].values
+    for values, of in ((E.open, share), (E.shaded, share @ basis.palette.closing)):
+        plain = accumulate.by_source(plainly(basis, basis.totals(of)), light.sky)["total"].values
         np.testing.assert_allclose(values.numpy(), plain, rtol=2e-4, atol=1e-3)
-    straight = np.einsum("e,egbs->gbs", share.ravel()[found.straight_elements], found.straight)
-    direct = accumulate.by_source(plainly(found, straight), light.sky)["sun"].values
+    straight = np.einsum("e,egbs->gbs", share.ravel()[basis.straight_elements], basis.straight)
+    direct = accumulate.by_source(plainly(basis, straight), light.sky)["sun"].values
     np.testing.assert_allclose(E.direct.numpy(), direct, rtol=2e-4, atol=1e-3)
     assert direct.max() > 1000
 
@@ -344,8 +344,8 @@ def test_a_year_is_coefficients_times_luminances(grid):
 def test_gradients_of_a_year_are_its_differences(grid):
     import mitsuba as mi
 
-    found, light = grid
-    year = facade_basis.Year.of(found, light)
+    basis, light = grid
+    year = facade_basis.BasisYear.of(basis, light)
     share, step = dirichlet(2, 4, 3), 0.02
     weights = [mi.TensorXf(np.random.default_rng(i).random((len(year.months), 12))) for i in (1, 2)]
 
@@ -384,8 +384,8 @@ def test_gradients_of_a_year_are_its_differences(grid):
 def test_all_wall_is_dark_and_finite(grid):
     import mitsuba as mi
 
-    found, light = grid
-    year = facade_basis.Year.of(found, light)
+    basis, light = grid
+    year = facade_basis.BasisYear.of(basis, light)
     share = np.zeros((4, 4), np.float32)
     share[:, 0] = 1
     x = mi.TensorXf(share)
@@ -399,9 +399,9 @@ def test_all_wall_is_dark_and_finite(grid):
 
 
 def test_a_year_refuses_another_sky(grid):
-    found, _ = grid
+    basis, _ = grid
     with pytest.raises(InputError, match="subdivision of this sky"):
-        facade_basis.Year.of(found, daylight(room(PLAIN, sky={"subdivision": 2})))
+        facade_basis.BasisYear.of(basis, daylight(room(PLAIN, sky={"subdivision": 2})))
 
 
 @pytest.mark.parametrize("changes", [{"sun": {"model": "three_phase"}}, {"side": "north"}])
@@ -412,16 +412,16 @@ def test_no_sun_at_all(changes):
     case = room(PLAIN, **changes)
     light = daylight(case)
     wall, tiles, palette, (share,) = facade_basis.of_variants([case])
-    found = facade_basis.compute(wall, tiles, palette, light.suns, Accuracy(paths=16))
-    E = facade_basis.Year.of(found, light).illuminance(mi.TensorXf(share))
+    basis = facade_basis.compute(wall, tiles, palette, light.suns, Accuracy(paths=16))
+    E = facade_basis.BasisYear.of(basis, light).illuminance(mi.TensorXf(share))
     assert (E.open.numpy() > 0).all()
     assert (E.direct.numpy().max() == 0) == ("side" in changes)  # patches are seen straight
-    plain = accumulate.by_source(found.coefficients(share), light.sky)["total"].values
+    plain = accumulate.by_source(basis.coefficients(share), light.sky)["total"].values
     np.testing.assert_allclose(E.open.numpy(), plain, rtol=0.02)  # mean of products, and product
 
 
 def test_a_year_refuses_other_suns(grid):
-    found, _ = grid
+    basis, _ = grid
     other = room(PLAIN, period={"months": [4], "hours": [9, 15]})
     with pytest.raises(InputError, match="compute the basis for this sky"):
-        facade_basis.Year.of(found, daylight(other))
+        facade_basis.BasisYear.of(basis, daylight(other))

@@ -19,7 +19,7 @@ from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.photons import Photons
+from drcmitsuba.transport.photons import PhotonTracer
 from drcmitsuba.transport.receivers import CellAreas, Squares
 from tests import ROOT
 
@@ -163,7 +163,7 @@ def traced(surfaces, ports, suns=STEEP, *, count=1 << 16, surfaces_followed=256,
     accuracy = Accuracy(
         photons=count, cell_size=1.0, sensor_square=square, photon_surfaces=surfaces_followed
     )
-    photons = Photons.of(
+    photons = PhotonTracer.of(
         scene, points, np.tile(Z, (len(points), 1)), suns, diameter, subdivision, accuracy
     )
     landed = photons.traced(1)
@@ -258,7 +258,7 @@ def test_a_sun_in_a_mirror_is_told_as_straight_and_sunlight_by_a_rough_one_is_no
     half = sun[0] + towards
     angle = np.degrees(np.arctan2(half[2], half[1]))
     component = tilted(1.0, angle - 90)
-    found = []
+    deposits = []
     for roughness in (0.0, 0.1):
         material = mirror(0.9, roughness=roughness)
         low, high = component.min(axis=0), component.max(axis=0)
@@ -266,12 +266,12 @@ def test_a_sun_in_a_mirror_is_told_as_straight_and_sunlight_by_a_rough_one_is_no
             [Surface("m", material, component[None], "m"), FLOOR],
             box_ports("m", low - 0.01, high + 0.01), sun, sensors=sensors, count=1 << 18,
         )  # fmt: skip
-        found.append((landed.sensors[0, 0], landed.mirrored[0, 0]))
+        deposits.append((landed.sensors[0, 0], landed.mirrored[0, 0]))
     omega = disk_solid_angle(0.5)
-    assert found[0][1] == found[0][0]
-    assert found[0][0] == pytest.approx(0.9 * omega * -towards[2], rel=0.02)
-    assert found[1][0] > 0
-    assert found[1][1] == 0
+    assert deposits[0][1] == deposits[0][0]
+    assert deposits[0][0] == pytest.approx(0.9 * omega * -towards[2], rel=0.02)
+    assert deposits[1][0] > 0
+    assert deposits[1][1] == 0
 
 
 def test_stored_photons_of_the_plugin_agree(same):

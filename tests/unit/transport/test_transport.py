@@ -30,7 +30,7 @@ from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute, straight_suns
 from drcmitsuba.transport.gather import gather
-from drcmitsuba.transport.panes import PanePatches, pane_transfer, settle
+from drcmitsuba.transport.panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 
 PATCHES = Patches()
@@ -313,13 +313,13 @@ def test_clear_pane_before_a_scattering_one_dims_it_by_its_angle(same):
 def faces(scene, size, replicates, rays, seed):
     """Irradiance of the faces of all panes under the bare sky, one estimate per replicate."""
     patches = PanePatches.of([s.quads for s in scene.scattering], size)
-    found = []
+    irradiances = []
     for r in range(replicates):
         p, n = patches.face_points(np.random.default_rng(seed + r))
         received = sky_deposit(scene, p, n, subdivision=1, rays=rays, seed=seed + r)
         between = pane_transfer(scene, patches, p, n, rays=rays, seed=seed + 1000 + r)
-        found.append(settle(between, received))
-    return patches, found
+        irradiances.append(neumann_series(between, received))
+    return patches, irradiances
 
 
 def test_light_between_two_panes_is_a_geometric_series(same):
@@ -331,12 +331,12 @@ def test_light_between_two_panes_is_a_geometric_series(same):
         plane(-0.1, diffuser(Tb, Rb), half=50),
     )
     scene = scenes.build([above, below])
-    patches, found = faces(scene, 34.0, 32, 1 << 12, seed=9)
+    patches, irradiances = faces(scene, 34.0, 32, 1 << 12, seed=9)
     assert len(patches) == 18
     c = [
         (pane_transfer(scene, patches, flat(ORIGIN), flat(UP), rays=1 << 12, seed=500 + r) @ e)
         .numpy()
-        for r, e in enumerate(found)
+        for r, e in enumerate(irradiances)
     ]  # fmt: skip
     exact = SKY * Ta / (1 - Ra * Rb)
     exact[0] = np.pi * Ra * Tb / (1 - Ra * Rb)
@@ -346,12 +346,12 @@ def test_light_between_two_panes_is_a_geometric_series(same):
 def test_inside_a_box_of_panes_it_is_pi_t_over_1_minus_r(same):
     # With π on every outer face, L = T + R L is the same all over the inside.
     scene = scenes.build([closed_box(2.0, diffuser(0.3, 0.6))])
-    patches, found = faces(scene, 0.5, 16, 256, seed=20)
+    patches, irradiances = faces(scene, 0.5, 16, 256, seed=20)
     points, normals = np.array([[0, 0, 0], [0.8, 0.5, -0.9]]), np.array([[0, 0, 1], [-0.6, 0, 0.8]])
     c = [
         (pane_transfer(scene, patches, flat(points), flat(normals), rays=1 << 12, seed=r) @ e)
         .numpy().sum(axis=1)
-        for r, e in enumerate(found)
+        for r, e in enumerate(irradiances)
     ]  # fmt: skip
     same(c, exact=np.pi * 0.3 / (1 - 0.6), within=0.005)
 
@@ -546,14 +546,14 @@ def test_threads_do_not_matter():
     points, normals = sensor_points(case)
     scene = scenes.load(case)
     threads = dr.thread_count()
-    found = []
+    runs = []
     try:
         for count in (1, 2):
             dr.set_thread_count(count)
-            found.append(run(scene, points, normals, SUNS, replicates=2, cell_size=0.2))
+            runs.append(run(scene, points, normals, SUNS, replicates=2, cell_size=0.2))
     finally:
         dr.set_thread_count(threads)
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-5, atol=1e-5 * found[0].mean())
+    np.testing.assert_allclose(runs[0], runs[1], rtol=1e-5, atol=1e-5 * runs[0].mean())
 
 
 def test_seed_decides_and_another_seed_differs():
