@@ -15,7 +15,8 @@ from drcmitsuba.cli.terminal import Output, stages
 if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
     from drcmitsuba.design.layout import Layout
-    from drcmitsuba.design.optimise import FacadeOptimum, Front, Optimum
+    from drcmitsuba.design.optimise import FacadeOptimum, Front
+    from drcmitsuba.design.search import Optimum
     from drcmitsuba.design.tilt_search import TiltOptimum
     from drcmitsuba.runtime.progress import Stage
 
@@ -35,7 +36,7 @@ def optimise(
 ) -> None:
     """Find the best façade: film, window, transmittances; or the best tilt of lamellae.
 
-    Ctrl-C ends the search and keeps the best so far.
+    Ctrl-C or SIGTERM ends the search and keeps the best so far.
     """
     from drcmitsuba.case.case import load_case
 
@@ -59,19 +60,20 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
     year = layout.year(stage)
     problem = layout.problem(year)
     with stage("search") as done:
-        found = search(problem, layout.search, done, layout.known(problem))
-    _save_numbers(found, output)
+        optimum = search(problem, layout.search, done, layout.known(problem))
+    _save_numbers(optimum, output)
     front = None
-    if layout.design.pareto > 0 and found.finished:
+    if layout.design.pareto > 0 and optimum.finished:
         with stage("Pareto front") as done:
-            front = pareto(found, _limits(layout), layout.search, done)
+            front = pareto(optimum, _limits(layout), layout.search, done)
         front.save(output / "pareto.csv")
-    fresh = evaluate(layout.built(found), stage) if found.finished else None
+    fresh = evaluate(layout.built(optimum), stage) if optimum.finished else None
     with stage("writing"):
-        _save(layout, found, front, fresh, output)
-    rows = [("film", found.best.hard.film_area), ("panes", found.best.hard.window_area)]
-    _print(found, "best façade", fresh, [(key, f"{area:.2f} m²") for key, area in rows])
-    print(f"{found.evaluations} evaluations with gradients in {found.seconds:.1f} s")
+        _save(layout, optimum, front, fresh, output)
+    hard = optimum.best.hard
+    rows = [("film", hard.film_area), ("panes", hard.window_area)]
+    _print(optimum, "best façade", fresh, [(key, f"{area:.2f} m²") for key, area in rows])
+    print(f"{optimum.evaluations} evaluations with gradients in {optimum.seconds:.1f} s")
     if front is not None:
         print(f"{len(front.points)} façades on the Pareto front (pareto.csv)")
 
@@ -79,31 +81,31 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
 def _tilt(case: Case, output: Path, stage: Stage) -> None:
     """Find a tilt of lamellae."""
     from drcmitsuba.annual.result import evaluate
-    from drcmitsuba.design.tilt import Turned
-    from drcmitsuba.design.tilt_search import turn
+    from drcmitsuba.design.tilt import TiltProblem
+    from drcmitsuba.design.tilt_search import optimise_tilt
     from drcmitsuba.runtime import backend
 
     backend.select()
-    problem = Turned.of(case, stage)
+    problem = TiltProblem.of(case, stage)
     assert problem.case.design is not None
     with stage("search") as done:
-        found = turn(problem, problem.case.design.sharpness[-1], done)
-    _save_numbers(found, output)
-    tilt = problem.at(found.best.x)
-    fresh = evaluate(problem.afresh(tilt), stage) if found.finished else None
+        optimum = optimise_tilt(problem, problem.case.design.sharpness[-1], done)
+    _save_numbers(optimum, output)
+    tilt = problem.at(optimum.best.x)
+    fresh = evaluate(problem.afresh(tilt), stage) if optimum.finished else None
     with stage("writing"):
-        _save_tilt(found, fresh, output)
-    _print(found, "best tilt", fresh, [])
-    if alike := problem.alike(tilt):
-        print(f"{len(alike)} other tilts are not told apart from it: their intervals overlap")
-    print(f"{len(problem.known)} tilts simulated in {found.seconds:.1f} s")
+        _save_tilt(optimum, fresh, output)
+    _print(optimum, "best tilt", fresh, [])
+    if indistinct := problem.indistinct(tilt):
+        print(f"{len(indistinct)} other tilts cannot be told from it: their intervals overlap")
+    print(f"{len(problem.simulated)} tilts simulated in {optimum.seconds:.1f} s")
 
 
-def _save_numbers(found: Optimum, output: Path) -> None:
-    """Write what was found, after clearing what another search has left."""
+def _save_numbers(optimum: Optimum, output: Path) -> None:
+    """Write numbers and history of an optimum, after deleting the files of another search."""
     for old in WRITTEN:  # beside which the new numbers would be misread
         (output / old).unlink(missing_ok=True)
-    found.save(output)
+    optimum.save(output)
 
 
 def _limits(layout: Layout) -> list[float]:
@@ -114,59 +116,61 @@ def _limits(layout: Layout) -> list[float]:
 
 
 def _save(
-    layout: Layout, found: FacadeOptimum, front: Front | None, fresh: Any, output: Path
+    layout: Layout, optimum: FacadeOptimum, front: Front | None, fresh: Any, output: Path
 ) -> None:
-    """Write the pictures, and what the fresh evaluation says."""
+    """Write the pictures, and the metrics of the fresh evaluation."""
     from drcmitsuba.design import pictures
     from drcmitsuba.report import plots
     from drcmitsuba.runtime import storage
 
-    year, best = found.problem.year, found.best
-    numbers = f"ASE {best.hard.ase:.1f} %, {_aim(found)} {best.hard.aim:.1f} %"
+    year, best = optimum.problem.year, optimum.best
+    numbers = f"ASE {best.hard.ase:.1f} %, {_aim(optimum)} {best.hard.aim:.1f} %"
     title = f"{layout.case.name}: {numbers}"
     drawn = pictures.facade(year.tiles, best.share, year.materials, layout.film, title)
     plots.save(drawn, output / "facade.png")
-    plots.save(pictures.search(found), output / "search.png")
+    plots.save(pictures.search(optimum), output / "search.png")
     if front is not None:
         plots.save(pictures.front(front, chosen=best.hard), output / "pareto.png")
     if fresh is not None:
         storage.save_json(fresh.metrics, output / "fresh_metrics.json")
 
 
-def _save_tilt(found: TiltOptimum, fresh: Any, output: Path) -> None:
-    """Write the pictures, and what the fresh evaluation says."""
+def _save_tilt(optimum: TiltOptimum, fresh: Any, output: Path) -> None:
+    """Write the pictures, and the metrics of the fresh evaluation."""
     from drcmitsuba.design import pictures
     from drcmitsuba.report import plots
     from drcmitsuba.runtime import storage
 
-    plots.save(pictures.tilts(found), output / "tilt.png")
-    plots.save(pictures.search(found), output / "search.png")
+    plots.save(pictures.tilts(optimum), output / "tilt.png")
+    plots.save(pictures.search(optimum), output / "search.png")
     if fresh is not None:
         storage.save_json(fresh.metrics, output / "fresh_metrics.json")
 
 
-def _aim(found: Optimum) -> str:
-    """Name of what is to be large."""
-    return "sDA" if found.problem.goal.aim == "sDA" else "msDA of the worst month"
+def _aim(optimum: Optimum) -> str:
+    """Name of the metric that is maximised."""
+    return "sDA" if optimum.problem.goal.aim == "sDA" else "msDA of the worst month"
 
 
-def _print(found: Optimum, title: str, fresh: Any, rows: list[tuple[str, str]]) -> None:
-    table = Table("", "found", "simulated afresh (95 %)", title=escape(title), title_justify="left")
+def _print(optimum: Optimum, title: str, fresh: Any, rows: list[tuple[str, str]]) -> None:
+    table = Table(
+        "", "by the search", "simulated afresh (95 %)", title=escape(title), title_justify="left"
+    )
     again = dict.fromkeys(("sDA", "ASE"), "–")
     if fresh is not None:
         for name in again:
             v = fresh.metrics[name]
             again[name] = f"{v['value']:.1f} ({v['low']:.1f} … {v['high']:.1f}) %"
-    hard, aim = found.best.hard, _aim(found)
+    hard, aim = optimum.best.hard, _aim(optimum)
     table.add_row(aim, f"{hard.aim:.1f} %", again["sDA"] if aim == "sDA" else "–")
     table.add_row("ASE", f"{hard.ase:.1f} %", again["ASE"])
     for row in rows:
         table.add_row(*row, "")
-    for key, values in found.problem.named(found.best.x).items():
+    for key, values in optimum.values.items():
         if len(values) == 1:
             table.add_row(key, f"{values[0]:.3f}", "")
     Console().print(table)
-    if not found.is_feasible:
-        print("nothing that holds all limits was found; this is the nearest")
-    if not found.finished:
+    if not optimum.is_feasible:
+        print("no design that was evaluated holds all limits; this one is the nearest")
+    if not optimum.finished:
         print("stopped: the best so far")

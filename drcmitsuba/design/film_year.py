@@ -13,7 +13,8 @@ errors are those of `coefficients`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -228,6 +229,14 @@ class FilmYear:
     def illuminance(self, film: Film) -> mi.TensorXf:
         """Illuminance (time, sensor) [lx]; gradients of the film's parameters flow through."""
         return self.rest + (self.transfer @ self.radiance(film)).T
+
+    def leave_one_out(self) -> Iterator[FilmYear]:
+        """Years of all replicates but one, for each replicate in turn; for a jackknife."""
+        n = len(self.transfers)
+        for r in range(n):
+            kept = np.arange(n) != r
+            transfer, rest = (_tensor(a[kept].mean(axis=0)) for a in (self.transfers, self.rests))
+            yield replace(self, transfer=transfer, rest=rest)
 
     def replicates(self, film: Film) -> np.ndarray:
         """Illuminance by every replicate, (replicate, time, sensor) [lx]."""

@@ -1,4 +1,4 @@
-"""From the table `[design]` of a case to the tiles it asks for and the problem to be solved."""
+"""Layout of a façade: from the table `[design]` of a case to tiles and the problem."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.case.toml import Side, checked
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
-from drcmitsuba.design.problem import Goal, Problem
+from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.runtime.errors import InputError
@@ -29,7 +29,7 @@ ROWS = 6
 
 @dataclass(frozen=True)
 class Layout:
-    """What `[design]` asks for, with all that it leaves open taken from the case.
+    """Contents of `[design]`, its defaults taken from the case.
 
     Parameters
     ----------
@@ -37,14 +37,15 @@ class Layout:
     design : Design
     side : {'south', 'east', 'north', 'west'}
     clear, film : str
+        Material that the shade covers, and the one that it does not.
     length : float
-        Of the façade [m].
+        Length of the façade [m].
     band : (float, float)
         Lowest and highest edge of panes [m].
     rows, segments : int
-        Tiles one above the other, and side by side.
+        Number of tiles one above the other, and side by side.
     wwr : (float, float)
-        Least and most of the openings' area over that of the façade, frames and all.
+        Least and largest area of the openings over that of the façade, frames included.
     """
 
     case: Case
@@ -60,12 +61,12 @@ class Layout:
 
     @classmethod
     def of(cls, case: Case) -> Layout:
-        """Read it from a case.
+        """Read the layout from a case.
 
         Raises
         ------
         InputError
-            The case has no `[design]`, or what it leaves open cannot be told from the case.
+            The case has no `[design]`, or its façade does not yield the defaults.
         """
         design = case.design
         if design is None:
@@ -126,47 +127,45 @@ class Layout:
         if isinstance(case.sun, Adaptive):
             case = case.model_copy(update={"sun": TrueSun()})
         with stage("sky"):
-            light = daylight(case)
+            sky = daylight(case)
         wall = facade_basis.Wall(case, self.side)
         materials = ("wall", self.clear, self.film)
         tiles, palette = facade_basis.of_grid(wall, self.heights, self.segments, materials)
         with stage("façade basis") as done:
-            found = facade_basis.compute(
-                wall, tiles, palette, light.suns, case.accuracy,
+            basis = facade_basis.compute(
+                wall, tiles, palette, sky.suns, case.accuracy,
                 groups=1, subdivision=case.sky.subdivision, progress=done,
             )  # fmt: skip
-        return facade_basis.BasisYear.of(found, light)
+        return facade_basis.BasisYear.of(basis, sky)
 
     @property
     def search(self) -> Search:
-        """How to search."""
+        """Settings of the search."""
         d = self.design
         return Search(d.starts, d.sharpness, d.iterations, d.seed)
 
-    def built(self, found: FacadeOptimum) -> Case:
-        """Make the case that an optimum is, with its transmittances where these were turned."""
-        year, values = found.problem.year, found.problem.named(found.best.x)
-        case = realise(
-            self.case, self.side, year.tiles, found.best.share, year.materials, self.film
-        )
+    def built(self, optimum: FacadeOptimum) -> Case:
+        """Make a case of an optimum, with its transmittances where these were free."""
+        year, share = optimum.problem.year, optimum.best.share
+        case = realise(self.case, self.side, year.tiles, share, year.materials, self.film)
         materials = dict(case.materials)
-        turned = {"glazing_transmittance": self.clear}
+        named = {"glazing_transmittance": self.clear}
         if case.shading is not None:
-            turned["shade_vlt"] = case.shading.material
-        for factor in found.problem.factors:
-            name = turned[factor.parameter.key]
-            value = float(values[factor.parameter.key][0])
+            named["shade_vlt"] = case.shading.material
+        for factor in optimum.problem.factors:
+            name = named[factor.parameter.key]
+            value = float(optimum.values[factor.parameter.key][0])
             table = materials[name].model_dump() | {"transmittance": value}
             materials[name] = checked(type(materials[name]), table, case.source)
         return case.with_materials(materials)
 
-    def problem(self, year: BasisYear) -> Problem:
+    def problem(self, year: BasisYear) -> FacadeProblem:
         """Pose the problem of a year.
 
         Raises
         ------
         InputError
-            A transmittance that may be turned is none of a glazing or diffuser.
+            A free transmittance is that of no glazing or diffuser.
         """
         assert self.case.room is not None
         wall = self.length * self.case.room.size[2]
@@ -183,13 +182,18 @@ class Layout:
         )
         panes = Panes.of(year, self.clear, self.film)
         facade = self._strips(panes, fills) if by_strips else self._window(panes, wall)
-        return Problem(year, facade, goal, self._factors(year))
+        return FacadeProblem(year, facade, goal, self._factors(year))
 
-    def known(self, problem: Problem) -> list[np.ndarray]:
-        """Compositions to look at first, so that no search ends below them.
+    def known(self, problem: FacadeProblem) -> list[np.ndarray]:
+        """Designs to evaluate first, so that no search ends below them.
 
         Tiles of their own: the films that a designer would try, none, all, above, below, in the
         middle. A window of few numbers: a coarse grid of them.
+
+        Returns
+        -------
+        list of np.ndarray, shape (free,)
+            0 to 1 between the bounds.
         """
         if self.design.parameters == "window":
             levels = {1: 9, 2: 5, 3: 3}.get(problem.size, 0)
@@ -198,15 +202,15 @@ class Layout:
         bottom, top = problem.year.tiles.bounds[:, 2:].T
         at = ((bottom + top) / 2 - self.band[0]) / (self.band[1] - self.band[0])
         films = (at > 2, at >= 0, at > 0.5, at < 0.5, np.abs(at - 0.5) < 1 / 6)
-        found = []
-        for film in films:
-            given = {"film": film.astype(float)}
-            parts = [
-                given.get(p.key, np.full(p.count, (p.start - p.low) / (p.high - p.low)))
-                for p in problem.free
-            ]
-            found.append(np.concatenate(parts))
-        return found
+        return [
+            np.concatenate(
+                [
+                    film.astype(float) if p.key == "film" else np.full(p.count, p.start_fraction)
+                    for p in problem.free
+                ]
+            )
+            for film in films
+        ]
 
     def _strips(self, panes: Panes, fills: bool) -> Map:
         assert self.case.room is not None
@@ -233,7 +237,7 @@ class Layout:
 
     def _factors(self, year: BasisYear) -> tuple[Factor, ...]:
         shade = self.case.shading.material if self.case.shading is not None else None
-        found = []
+        factors = []
         for key, name, limits in (
             ("glazing_transmittance", self.clear, self.design.glazing_transmittance),
             ("shade_vlt", shade, self.design.shade_vlt),
@@ -241,16 +245,16 @@ class Layout:
             if limits is None:
                 continue
             material = self.case.materials.get(name or "")
-            given = isinstance(material, GlazingMaterial | DiffuserMaterial)
-            if not given or not material.transmittance > 0:  # type: ignore[union-attr]
+            is_clear = isinstance(material, GlazingMaterial | DiffuserMaterial)
+            if not is_clear or not material.transmittance > 0:  # type: ignore[union-attr]
                 got = f"{name or 'no shade'}: its transmittance is not known"
                 remedy = "use a glazing or diffuser that lets light through"
                 raise InputError(self.case.source, f"design.{key}", got, remedy)
             now = material.transmittance  # type: ignore[union-attr]
             column = name if name in year.materials else "shade"
             start = min(max(now, limits[0]), limits[1])
-            found.append(Factor(str(column), Parameter(key, *limits, start), now))
-        return tuple(found)
+            factors.append(Factor(str(column), Parameter(key, *limits, start), now))
+        return tuple(factors)
 
 
 def _check_ranges(case: Case, design: Design, facade: Facade) -> None:

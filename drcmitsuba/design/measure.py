@@ -1,6 +1,7 @@
-"""What a year comes to: what is to be large and ASE, smooth and hard side by side.
+"""Rating of a year: the aim and ASE, smooth and hard side by side.
 
-Every problem of this folder is judged by these numbers, whatever it turns.
+Façades and lamellae are rated by the same numbers, in per cent. A search follows the smooth twins;
+only the hard numbers, those of `drcmitsuba.metrics`, are reported.
 """
 
 from __future__ import annotations
@@ -21,18 +22,22 @@ from drcmitsuba.transport.facade_basis.year import Illuminances
 Aim = Literal["sDA", "worst month"]
 SOFTEST = 50.0
 """Points of msDA over the sharpness: how near months count as the worst together."""
+TIE = 1e-9
+"""ASE above its limit by less than this holds the limit [%]."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """One design in numbers.
+    """One design in numbers, hard or smooth.
 
     Parameters
     ----------
     value : float
-        The objective [%].
-    aim, ase : float
-        What is to be large, and ASE [%].
+        Objective: the aim less the cost [%].
+    aim : float
+        sDA, or msDA of the worst month [%].
+    ase : float
+        ASE [%].
     """
 
     value: float
@@ -41,15 +46,15 @@ class Score:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
-    """A design, smooth and hard.
+class RatedCandidate:
+    """One design with its smooth and its hard score.
 
     Parameters
     ----------
     x : np.ndarray, shape (free,)
         Free values, 0 to 1 between their bounds.
     sharpness : float
-        Of the smooth numbers.
+        Sharpness of the smooth twins.
     smooth, hard : Score
     """
 
@@ -58,60 +63,116 @@ class Evaluation:
     smooth: Score
     hard: Score
 
+    @property
+    def objective(self) -> float:
+        """Objective by the hard metrics [%]."""
+        return self.hard.value
+
+    def merit(self, ase_limit: float | None, area_error: float = 0.0) -> tuple[float, ...]:
+        """Sort key: the largest hard objective among the candidates that hold the constraints.
+
+        Where none holds them, the least ASE among those with the right area. Equal candidates are
+        ordered by the smooth objective at the highest sharpness, so that the search does not stop
+        at the edge of a plateau of the hard metric.
+
+        Parameters
+        ----------
+        ase_limit : float, optional
+            Largest ASE [%].
+        area_error : float
+            Area of panes that is missing or too much, of the area that is asked for.
+        """
+        over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - TIE, 0.0)
+        return -area_error, -over, self.hard.value, self.sharpness, self.smooth.value
+
+    def numbers(self, aim: Aim) -> dict[str, float]:
+        """Columns of the history: hard and smooth numbers [%]."""
+        name = "sDA" if aim == "sDA" else "worst_msDA"
+        return {
+            "sharpness": self.sharpness,
+            "value": self.hard.value,
+            name: self.hard.aim,
+            "ASE": self.hard.ase,
+            "smooth_value": self.smooth.value,
+            f"smooth_{name}": self.smooth.aim,
+            "smooth_ASE": self.smooth.ase,
+        }
+
 
 @dataclass(frozen=True)
 class Measure:
-    """How illuminances are judged.
+    """Rules by which illuminances are rated.
 
     Parameters
     ----------
     rules : Rules
         Thresholds of the metrics and of the shade.
     aim : {'sDA', 'worst month'}
-        What is to be large.
+        Metric that is maximised.
     months : np.ndarray of int, shape (time,)
-        Of the time stamps.
+        Month of each time stamp, 1 … 12.
     """
 
     rules: Rules
     aim: Aim
     months: np.ndarray
 
-    def smooth(self, E: Illuminances, k: float) -> tuple[mi.Float, mi.Float]:
-        """What is to be large, and ASE [%], by twins of sharpness k, with gradients."""
-        rules, t = self.rules, self.rules.metrics
+    def smooth(self, E: Illuminances, sharpness: float) -> tuple[mi.Float, mi.Float]:
+        """Rate illuminances by the smooth twins; gradients flow through.
+
+        Parameters
+        ----------
+        E : Illuminances
+        sharpness : float
+
+        Returns
+        -------
+        tuple of mi.Float
+            Aim and ASE [%].
+        """
+        rules, t, k = self.rules, self.rules.metrics, sharpness
         closed = smooth.shade_closed(E.direct, rules.shade_threshold, rules.shade_area, sharpness=k)
         total = smooth.applied(E.open, E.shaded, closed)
         if self.aim == "sDA":
             aim = smooth.sda(total, t.sda_threshold, t.sda_fraction, sharpness=k)
         else:
             months = smooth.msda(total, self.months, t.sda_threshold, t.sda_fraction, sharpness=k)
-            aim = _soft_least(months.array, k / SOFTEST)
+            aim = _soft_minimum(months.array, k / SOFTEST)
         return aim, smooth.ase(
             E.direct, t.ase_threshold, t.ase_hours, rules.step_hours, sharpness=k
         )
 
     def hard(self, E: Illuminances) -> tuple[float, float]:
-        """What is to be large, and ASE [%], by `metrics`."""
+        """Rate illuminances by `metrics`.
+
+        Parameters
+        ----------
+        E : Illuminances
+
+        Returns
+        -------
+        tuple of float
+            Aim and ASE [%].
+        """
         rules, t = self.rules, self.rules.metrics
         direct, is_open, shaded = (v.numpy() for v in (E.direct, E.open, E.shaded))
-        sun = _dated(direct, self.months)
-        closed = metrics.shade_closed(sun, rules.shade_threshold, rules.shade_area).values
+        direct_sun = _dated(direct, self.months)
+        closed = metrics.shade_closed(direct_sun, rules.shade_threshold, rules.shade_area).values
         total = _dated(np.where(closed[:, None], shaded, is_open), self.months)
         if self.aim == "sDA":
             aim = metrics.sda(total, t.sda_threshold, t.sda_fraction)
         else:
             aim = float(np.nanmin(metrics.msda(total, t.sda_threshold, t.sda_fraction)))
-        return aim, metrics.ase(sun, t.ase_threshold, t.ase_hours, rules.step_hours)
+        return aim, metrics.ase(direct_sun, t.ase_threshold, t.ase_hours, rules.step_hours)
 
 
-def _soft_least(values: mi.Float, beta: float) -> mi.Float:
-    """Smooth minimum −ln(mean exp(−β·v)) / β; tends to the least as β grows."""
+def _soft_minimum(values: mi.Float, beta: float) -> mi.Float:
+    """Smooth minimum −ln(mean exp(−β·v)) / β; tends to the minimum as β grows."""
     least = dr.detach(dr.min(values))
     return least - dr.log(dr.mean(dr.exp((least - values) * beta))) / beta
 
 
 def _dated(values: np.ndarray, months: np.ndarray) -> xr.DataArray:
-    """Illuminance with a date in its month for each time stamp."""
+    """Illuminance (time, sensor) with a date in its month for each time stamp."""
     dates = np.datetime64("2001-01", "M") + (np.asarray(months) - 1)
     return xr.DataArray(values, {"time": dates.astype("M8[ns]")}, ("time", "sensor"))

@@ -1,9 +1,10 @@
-"""Search for the best façade: SLSQP from several starts, while the twins are made sharper.
+"""Search for the best façade: SLSQP from several starts, while the smooth twins become sharper.
 
-Sequential quadratic programming takes the gradients of the smooth twins [1]_. The twins' ASE is not
-yet ASE, so each stage of the continuation moves its limit by what the two differ at its start. What
-is found is the best of all evaluations by the hard numbers. These are steps of one sensor, on which
-gradients cannot walk: where few values are free, a pattern search [2]_ by hard numbers ends it.
+Sequential quadratic programming follows the gradients of the smooth twins [1]_. A twin's ASE is not
+yet ASE, so each stage of the continuation shifts its limit by the difference of the two at its
+start. The optimum is the best of all evaluations by the hard numbers. These are steps of one
+sensor, on which gradients vanish: where few values are free, a pattern search [2]_ by hard numbers
+ends the search.
 
 References
 ----------
@@ -15,41 +16,51 @@ References
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.optimize import minimize
 
-from drcmitsuba.design.history import E, History, P, row
-from drcmitsuba.design.problem import Composed, Problem
+from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
+from drcmitsuba.design.search import History, LocalSearch, Optimum, row, run
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.progress import Progress
 
 SHARPNESS = (4.0, 8.0, 16.0, 32.0)
 FEW = 6
-"""Free values up to which a pattern search ends the search."""
+"""Largest number of free values with which a pattern search ends the search."""
 PATTERN = (0.05, 0.02, 0.01)
-"""Its steps, of the range between the bounds."""
+"""Lengths of the pattern's steps, of the range between the bounds."""
+ROUNDS = 20
+"""Largest number of rounds of the pattern with one length."""
+
+FacadeHistory: TypeAlias = History[FacadeProblem, FacadeCandidate]
+FacadeOptimum: TypeAlias = Optimum[FacadeProblem, FacadeCandidate]
 
 
 @dataclass(frozen=True)
 class Search:
-    """How to search.
+    """Settings of the search for a façade.
 
     Parameters
     ----------
     starts : int
-        First the parameters' own, then random ones.
+        Number of starts: the parameters' own first, then random ones.
     sharpness : tuple of float
-        Stages of the continuation.
+        Sharpness of the twins in each stage of the continuation.
     iterations : int
-        Of SLSQP in each stage, at most.
+        Largest number of iterations of SLSQP in a stage.
     seed : int
-        Of the random starts.
+        Seed of the random starts.
+
+    Raises
+    ------
+    InputError
+        There is no start, no iteration or no stage.
     """
 
     starts: int = 4
@@ -64,79 +75,23 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Optimum(Generic[P, E]):
-    """What a search found.
-
-    Parameters
-    ----------
-    problem : Searched
-    best : Evaluation
-        Its hard numbers are those to report.
-    history : History
-        All evaluations.
-    finished : bool
-        Whether the search came to its end; false where it was stopped.
-    """
-
-    problem: P
-    best: E
-    history: History[P, E]
-    finished: bool
-
-    @property
-    def evaluations(self) -> int:
-        """How many designs were evaluated."""
-        return len(self.history.steps)
-
-    @property
-    def seconds(self) -> float:
-        """Until the last evaluation [s]."""
-        return self.history.steps[-1].seconds
-
-    @property
-    def is_feasible(self) -> bool:
-        """Whether the hard numbers hold the constraints."""
-        return self.problem.is_feasible(self.best.hard)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Numbers for `optimum.json`."""
-        return {
-            "finished": self.finished,
-            "feasible": self.is_feasible,
-            "evaluations": self.evaluations,
-            "seconds": round(self.seconds, 3),
-            **row(self.problem, self.best),
-            **self.problem.details(self.best),
-        }
-
-    def save(self, folder: str | Path) -> None:
-        """Write `optimum.json` and `history.csv`, each whole or not at all."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        storage.save_json(self.as_dict(), folder / "optimum.json")
-        self.history.save(folder / "history.csv")
-
-
-FacadeOptimum: TypeAlias = Optimum[Problem, Composed]
-
-
-@dataclass(frozen=True)
 class Front:
-    """What ASE costs in sDA.
+    """Pareto front of the objective and ASE.
 
     Parameters
     ----------
-    problem : Problem
-    points : tuple of Evaluation
-        None is beaten by another one in both, by rising ASE.
+    problem : FacadeProblem
+    points : tuple of FacadeCandidate
+        Candidates that no other one beats in both, by rising ASE.
     history : History
         All evaluations.
     finished : bool
+        Whether the sweep came to its end; False where it was stopped.
     """
 
-    problem: Problem
-    points: tuple[Composed, ...]
-    history: History[Problem, Composed]
+    problem: FacadeProblem
+    points: tuple[FacadeCandidate, ...]
+    history: FacadeHistory
     finished: bool
 
     def save(self, file: Path) -> None:
@@ -148,50 +103,50 @@ class Front:
 
 
 def optimise(
-    problem: Problem,
+    problem: FacadeProblem,
     search: Search = Search(),
     progress: Progress = lambda share: None,
     known: Sequence[np.ndarray] = (),
 ) -> FacadeOptimum:
-    """Find the best values of a problem.
+    """Maximise the objective of a façade within its constraints.
 
     Parameters
     ----------
-    problem : Problem
+    problem : FacadeProblem
     search : Search
     progress : callable
-        Told the share that is done.
+        Takes the share that is done.
     known : sequence of np.ndarray, shape (free,)
-        Such as named variants. They are evaluated first, and the best of them is a further start:
-        what is found is no worse than they are.
+        Designs that are evaluated first, such as named variants; the best of them is a further
+        start, so that the optimum is no worse than they are.
 
     Returns
     -------
     Optimum
-        Stopped by Ctrl-C, the best so far.
+        The best façade so far where Ctrl-C stopped the search.
 
     Raises
     ------
     KeyboardInterrupt
-        It was stopped before anything was evaluated.
+        The search was stopped before anything was evaluated.
     """
-    history: History[Problem, Composed] = History(problem)
     rng = np.random.default_rng(search.seed)
-    with history.until_stopped() as stopped:
-        random = [rng.random(problem.size) for _ in range(search.starts - 1)]
-        for x in known:
-            history.evaluate(np.asarray(x, float), search.sharpness[-1], "known")
-        first = history.best()
-        starts = [*([] if first is None else [first.x]), problem.start, *random]
-        for i, x in enumerate(starts):
-            told = part(progress, 0.95 * i / len(starts), 0.95 * (i + 1) / len(starts))
-            _continue(history, x, search, f"start {i + 1}", told)
-        if problem.size <= FEW:
-            _pattern(history, part(progress, 0.95, 1.0))
-        progress(1.0)
-    best = history.best()
-    assert best is not None
-    return Optimum(problem, best, history, not stopped)
+    starts: list[np.ndarray | None] = [problem.start]
+    starts += [rng.random(problem.size) for _ in range(search.starts - 1)]
+    searches: list[LocalSearch] = []
+    if len(known):
+        searches.append(Known(known, search.sharpness[-1]))
+        starts.insert(0, None)
+    limit = problem.goal.ase_limit
+    for i, start in enumerate(starts, 1):
+        searches.append(
+            Continuation(f"start {i}", start, search.sharpness, search.iterations, limit)
+        )
+    if problem.size <= FEW:
+        searches.append(PatternSearch())
+    history: FacadeHistory = History(problem)
+    finished = run(history, searches, progress)
+    return Optimum(problem, history.best(), history, finished)
 
 
 def pareto(
@@ -205,124 +160,182 @@ def pareto(
     Parameters
     ----------
     optimum : Optimum
-        Its best is where the first search starts; its evaluations count too.
+        Its best façade is where the first search starts; its evaluations count too.
     limits : sequence of float
-        Of ASE [%].
+        Limits of ASE [%].
     search : Search
-        Of its stages the last two are taken, since the starts are good.
+        Its last two stages are gone through, since the starts are good.
     progress : callable
-        Told the share that is done.
+        Takes the share that is done.
 
     Returns
     -------
     Front
-        Of all evaluations; stopped by Ctrl-C, of those until then.
+        Front of all evaluations; stopped by Ctrl-C, of those until then.
     """
-    history = History(optimum.problem, list(optimum.history.steps))
-    short = replace(search, sharpness=search.sharpness[-2:])
-    with history.until_stopped() as stopped:
-        for i, limit in enumerate(sorted(limits, reverse=True)):
-            near = history.best(limit)
-            assert near is not None
-            told = part(progress, i / len(limits), (i + 1) / len(limits))
-            _continue(history, near.x, short, f"ASE ≤ {limit:g} %", told, limit)
-    points = tuple(history.front())
-    return Front(optimum.problem, points, history, optimum.finished and not stopped)
+    problem, history = optimum.problem, History(optimum.problem, list(optimum.history.steps))
+    searches = [
+        Continuation(f"ASE ≤ {limit:g} %", None, search.sharpness[-2:], search.iterations, limit)
+        for limit in sorted(limits, reverse=True)
+    ]
+    finished = run(history, searches, progress)
+    points = tuple(nondominated(problem, history.candidates))
+    return Front(problem, points, history, optimum.finished and finished)
 
 
-def _continue(
-    history: History[Problem, Composed],
-    x: np.ndarray,
-    search: Search,
-    label: str,
-    progress: Progress,
-    ase_limit: float | None = None,
-) -> None:
-    """Go through the stages of the continuation from one start."""
-    limit = history.problem.goal.ase_limit if ase_limit is None else ase_limit
-    stages = search.sharpness
-    for i, k in enumerate(stages):
-        x = _stage(history, x, k, limit, search.iterations, label)
-        beyond = limit is not None and history.steps[-1].found.hard.ase > limit
-        if beyond and i + 1 == len(stages):
-            # The twins' limit was that of the stage's start: once more, with that of its end.
-            _stage(history, x, k, limit, search.iterations, label)
-        progress((i + 1) / len(stages))
+def nondominated(
+    problem: FacadeProblem, candidates: Sequence[FacadeCandidate]
+) -> list[FacadeCandidate]:
+    """Candidates of the right area that no other one beats in both objective and ASE, by ASE."""
+    kept = [c for c in candidates if problem.area_error(c.hard) == 0]
+    kept.sort(key=lambda c: (c.hard.ase, -c.hard.value, -c.sharpness))
+    front: list[FacadeCandidate] = []
+    for candidate in kept:
+        if not front or candidate.hard.value > front[-1].hard.value:
+            front.append(candidate)
+    return front
 
 
-def _stage(
-    history: History[Problem, Composed],
-    x: np.ndarray,
-    k: float,
-    limit: float | None,
-    iterations: int,
-    label: str,
-) -> np.ndarray:
-    """Search at one sharpness by SLSQP, in units of 100 % and of the window's area."""
-    known: dict[bytes, Composed] = {}
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Evaluates given designs.
 
-    def at(point: np.ndarray) -> Composed:
-        # Where limits contradict each other, SLSQP may ask for NaN: it is shown its start.
-        inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
-        key = inside.tobytes()  # value and gradients are asked for one by one
-        if key not in known:
-            known[key] = history.evaluate(inside, k, label)
-        return known[key]
+    Parameters
+    ----------
+    designs : sequence of np.ndarray, shape (free,)
+    sharpness : float
+        Sharpness of the twins.
+    """
 
-    constraints = []
-    area = history.problem.goal.window_area
-    if area is not None:
-        low, high = area
-        unit = max(high, 1e-9)
-        for kind, sign, edge in (("ineq", 1, low), ("ineq", -1, high)):
-            constraints.append(
-                {
-                    "type": "eq" if low == high else kind,
-                    "fun": lambda p, s=sign, e=edge: s * (at(p).smooth.window_area - e) / unit,
-                    "jac": lambda p, s=sign: s * at(p).area_gradient / unit,
-                }
+    designs: Sequence[np.ndarray]
+    sharpness: float
+
+    def __call__(self, history: FacadeHistory, progress: Progress) -> None:
+        """Evaluate the designs in their order."""
+        for i, x in enumerate(self.designs):
+            history.evaluate(np.asarray(x, float), "known", self.sharpness)
+            progress((i + 1) / len(self.designs))
+
+
+@dataclass(frozen=True, eq=False)
+class Continuation:
+    """Gradient ascent by SLSQP in stages of rising sharpness.
+
+    Parameters
+    ----------
+    label : str
+    start : np.ndarray, shape (free,), optional
+        By default the best candidate so far.
+    sharpness : tuple of float
+        Sharpness of each stage.
+    iterations : int
+        Largest number of iterations in a stage.
+    ase_limit : float, optional
+        Largest ASE [%].
+    """
+
+    label: str
+    start: np.ndarray | None
+    sharpness: tuple[float, ...]
+    iterations: int
+    ase_limit: float | None
+
+    def __call__(self, history: FacadeHistory, progress: Progress) -> None:
+        """Go through the stages."""
+        problem, limit = history.problem, self.ase_limit
+        x = self.start
+        if x is None:
+            x = history.best(lambda c: c.merit(limit, problem.area_error(c.hard))).x
+        for i, k in enumerate(self.sharpness):
+            x = self._stage(history, x, k)
+            beyond = limit is not None and history.steps[-1].candidate.hard.ase > limit
+            if beyond and i + 1 == len(self.sharpness):
+                # The limit was shifted by the stage's start: once more, by that of its end.
+                self._stage(history, x, k)
+            progress((i + 1) / len(self.sharpness))
+
+    def _stage(self, history: FacadeHistory, x: np.ndarray, k: float) -> np.ndarray:
+        """Maximise at one sharpness, and return where it ended, shape (free,)."""
+        evaluated: dict[bytes, FacadeCandidate] = {}
+
+        def at(point: np.ndarray) -> FacadeCandidate:
+            # Where limits contradict each other, SLSQP may ask for NaN: it gets its start.
+            inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
+            key = inside.tobytes()  # value and gradients are asked for one by one
+            if key not in evaluated:
+                evaluated[key] = history.evaluate(inside, self.label, k)
+            return evaluated[key]
+
+        constraints = _area_constraints(history.problem.goal.window_area, at)
+        if self.ase_limit is not None:
+            constraints.append(_ase_constraint(self.ase_limit, at, at(x)))
+        with warnings.catch_warnings():
+            # SLSQP warns of points outside the bounds by rounding; `at` clips them.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            end = minimize(
+                lambda p: -at(p).smooth.value / 100,
+                x,
+                jac=lambda p: -at(p).gradient / 100,
+                method="SLSQP",
+                bounds=[(0.0, 1.0)] * len(x),
+                constraints=constraints,
+                options={"maxiter": self.iterations, "ftol": 1e-5},
             )
-        constraints = constraints[:1] if low == high else constraints
-    if limit is not None:
-        first = at(x)
-        shift = first.hard.ase - first.smooth.ase
-        constraints.append(
-            {
-                "type": "ineq",
-                "fun": lambda p: (limit - shift - at(p).smooth.ase) / 100,
-                "jac": lambda p: -at(p).ase_gradient / 100,
-            }
-        )
-    with warnings.catch_warnings():
-        # SLSQP tells of points outside the bounds by rounding; they are clipped above.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        found = minimize(
-            lambda p: -at(p).smooth.value / 100,
-            x,
-            jac=lambda p: -at(p).gradient / 100,
-            method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(x),
-            constraints=constraints,
-            options={"maxiter": iterations, "ftol": 1e-5},
-        )
-    return at(found.x).x
+        return at(end.x).x
 
 
-def _pattern(history: History[Problem, Composed], progress: Progress) -> None:
-    """Walk along the axes by hard numbers, from the best, with ever smaller steps."""
-    for i, length in enumerate(PATTERN):
-        best = history.best()
-        assert best is not None
-        for _ in range(20):
-            for axis in range(len(best.x)):
-                for way in (length, -length):
-                    moved = best.x.copy()
-                    moved[axis] = np.clip(moved[axis] + way, 0, 1)
-                    if moved[axis] != best.x[axis]:
-                        history.evaluate(moved, best.sharpness, "pattern")
-            now = history.best()
-            assert now is not None
-            if now.hard.value <= best.hard.value and now.hard.ase >= best.hard.ase:
-                break
-            best = now
-        progress((i + 1) / len(PATTERN))
+At = Callable[[np.ndarray], FacadeCandidate]
+
+
+def _area_constraints(area: tuple[float, float] | None, at: At) -> list[dict[str, Any]]:
+    """Least and most area of all panes, in units of the most; one equality where they agree."""
+    if area is None:
+        return []
+    low, high = area
+    unit = max(high, 1e-9)
+
+    def edge(kind: str, sign: int, limit: float) -> dict[str, Any]:
+        return {
+            "type": kind,
+            "fun": lambda p: sign * (at(p).smooth.window_area - limit) / unit,
+            "jac": lambda p: sign * at(p).area_gradient / unit,
+        }
+
+    if low == high:
+        return [edge("eq", 1, low)]
+    return [edge("ineq", 1, low), edge("ineq", -1, high)]
+
+
+def _ase_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, Any]:
+    """Limit of the smooth ASE, shifted by what the hard one is above it at the start."""
+    shift = start.hard.ase - start.smooth.ase
+    return {
+        "type": "ineq",
+        "fun": lambda p: (limit - shift - at(p).smooth.ase) / 100,
+        "jac": lambda p: -at(p).ase_gradient / 100,
+    }
+
+
+class PatternSearch:
+    """Walks along the axes by hard numbers, from the best candidate, with ever shorter steps."""
+
+    def __call__(self, history: FacadeHistory, progress: Progress) -> None:
+        """Search with each length until a round brings nothing."""
+        for i, length in enumerate(PATTERN):
+            for _ in range(ROUNDS):
+                before = history.best()
+                self._round(history, before, length)
+                now = history.best()
+                if now.hard.value <= before.hard.value and now.hard.ase >= before.hard.ase:
+                    break
+            progress((i + 1) / len(PATTERN))
+
+    @staticmethod
+    def _round(history: FacadeHistory, centre: FacadeCandidate, length: float) -> None:
+        """Evaluate the neighbours of a candidate on all axes."""
+        for axis in range(len(centre.x)):
+            for step in (length, -length):
+                x = centre.x.copy()
+                x[axis] = np.clip(x[axis] + step, 0, 1)
+                if x[axis] != centre.x[axis]:
+                    history.evaluate(x, "pattern", centre.sharpness)

@@ -72,8 +72,13 @@ class Parameter:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether it keeps its value."""
+        """Whether the parameter keeps its value."""
         return self.low == self.high
+
+    @property
+    def start_fraction(self) -> float:
+        """Start between the bounds, 0 … 1."""
+        return (self.start - self.low) / (self.high - self.low)
 
 
 class Map(Protocol):

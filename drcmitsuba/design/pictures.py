@@ -1,4 +1,4 @@
-"""Pictures of a design: what ASE costs in sDA, the façade that was found, how the search went."""
+"""Pictures of a design: the Pareto front, the façade, the course of the search, the tilts."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from drcmitsuba.design.optimise import Front, Optimum
+from drcmitsuba.design.optimise import Front
 from drcmitsuba.design.problem import FacadeScore
+from drcmitsuba.design.search import Optimum
 from drcmitsuba.design.tilt_search import TiltOptimum
 from drcmitsuba.report.plots import BLUE, GREY, INK, ORANGE
 from drcmitsuba.transport.facade_basis import Tiles
 
 WALL, GLASS, FILM = "#D9D4CC", "#A9D8F2", "#E69F00"
-"""Of plaster, of clear panes, of film; told apart by colour-blind readers."""
+"""Colours of plaster, clear panes and film; colour-blind readers can tell them apart."""
 OTHER = ("#CC79A7", "#009E73")
 
 
 def front(
-    found: Front, named: Mapping[str, FacadeScore] | None = None, chosen: FacadeScore | None = None
+    pareto: Front, named: Mapping[str, FacadeScore] | None = None, chosen: FacadeScore | None = None
 ) -> Figure:
-    """Draw ASE against what is to be large, with the best of each.
+    """Draw the aim over ASE, with the Pareto front.
 
     Parameters
     ----------
-    found : Front
+    pareto : Front
     named : mapping of str to Score, optional
         Compositions with names, such as the variants of a study.
     chosen : Score, optional
@@ -41,16 +42,16 @@ def front(
     """
     figure = Figure(figsize=(7.6, 5.4), layout="constrained")
     ax = figure.add_subplot()
-    goal = found.problem.goal
+    goal = pareto.problem.goal
     name = "sDA" if goal.aim == "sDA" else "msDA of the worst month"
     cost = ", less the film's cost" if goal.film_cost > 0 else ""
     ax.set_title("More daylight or less sun?", loc="left", weight="bold", fontsize=11)
     ax.set_xlabel("ASE, sensors in the sun for too long [%]")
     ax.set_ylabel(f"{name}{cost} [%]")
-    everything = np.array([[s.found.hard.ase, s.found.hard.value] for s in found.history.steps])
+    everything = np.array([[c.hard.ase, c.hard.value] for c in pareto.history.candidates])
     if len(everything):
         ax.scatter(*everything.T, 6, color="#C8C8C8", zorder=1, linewidth=0, label="evaluated")
-    points = np.array([[p.hard.ase, p.hard.value] for p in found.points]).reshape(-1, 2)
+    points = np.array([[p.hard.ase, p.hard.value] for p in pareto.points]).reshape(-1, 2)
     ax.plot(*points.T, color=BLUE, marker="o", markersize=5, linewidth=1.4, zorder=3,
             drawstyle="steps-post", label="best façades")  # fmt: skip
     for label, score in (named or {}).items():
@@ -133,14 +134,14 @@ def facade(
     return figure
 
 
-def search(found: Optimum) -> Figure:
-    """Draw the hard value of every evaluation, and the best until then that holds the limits."""
+def search(optimum: Optimum) -> Figure:
+    """Draw the objective of every evaluation, and the best until then that holds the limits."""
     figure = Figure(figsize=(7.6, 4.2), layout="constrained")
     ax = figure.add_subplot()
     ax.set_title("How the search went", loc="left", weight="bold", fontsize=11)
-    scores = [step.found.hard for step in found.history.steps]
-    values = np.array([score.value for score in scores])
-    holds = np.array([found.problem.is_feasible(score) for score in scores])
+    candidates = optimum.history.candidates
+    values = np.array([candidate.objective for candidate in candidates])
+    holds = np.array([optimum.problem.holds(candidate) for candidate in candidates])
     number = np.arange(1, len(values) + 1)
     for kept, colour, label in ((holds, BLUE, "holds the limits"), (~holds, "#BBBBBB", "does not")):
         ax.scatter(number[kept], values[kept], 12, color=colour, linewidth=0, label=label)
@@ -152,17 +153,16 @@ def search(found: Optimum) -> Figure:
     return figure
 
 
-def tilts(found: TiltOptimum) -> Figure:
-    """Draw what is to be large, with its 95 % intervals, and ASE over the tilt."""
+def tilts(optimum: TiltOptimum) -> Figure:
+    """Draw the aim with its 95 % intervals, and ASE, over the tilt."""
     figure = Figure(figsize=(7.6, 5.8), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    problem = found.problem
-    steps = {problem.at(step.found.x): step.found for step in found.history.steps}
-    at = np.array(sorted(steps))
-    hard, smooth = (
-        np.array([getattr(steps[t], kind).aim for t in at]) for kind in ("hard", "smooth")
-    )
-    intervals = [problem.known[t].aim for t in at]
+    problem = optimum.problem
+    candidates = {problem.at(c.x): c for c in optimum.history.candidates}
+    at = np.array(sorted(candidates))
+    hard = np.array([candidates[t].hard.aim for t in at])
+    smooth = np.array([candidates[t].smooth.aim for t in at])
+    intervals = [problem.simulated[t].aim for t in at]
     ends = np.array(
         [(value - i.low, i.high - value) for value, i in zip(hard, intervals, strict=True)]
     )
@@ -172,7 +172,7 @@ def tilts(found: TiltOptimum) -> Figure:
     name = "sDA" if problem.goal.aim == "sDA" else "msDA of the worst month"
     above.set_title("Which tilt?", loc="left", weight="bold", fontsize=11)
     above.set_ylabel(f"{name} [%]")
-    ase = [steps[t].hard.ase for t in at]
+    ase = [candidates[t].hard.ase for t in at]
     below.plot(at, ase, color=ORANGE, marker="o", markersize=4, linewidth=1.2)
     limit = problem.goal.ase_limit
     below.axhline(limit, color=GREY, linewidth=1, linestyle=(0, (4, 3)))
@@ -180,7 +180,7 @@ def tilts(found: TiltOptimum) -> Figure:
                    fontsize=9, color=GREY)  # fmt: skip
     below.set(xlabel=f"tilt of {problem.component} [°]", ylabel="ASE [%]")
     for ax in (above, below):
-        ax.axvline(problem.at(found.best.x), color=INK, linewidth=1, zorder=1)
+        ax.axvline(problem.at(optimum.best.x), color=INK, linewidth=1, zorder=1)
         _tidy(ax)
     above.legend(loc="best", frameon=False, fontsize=9)
     return figure

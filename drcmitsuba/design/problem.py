@@ -1,4 +1,4 @@
-"""What is wanted of a façade, in numbers: objective and constraints, smooth and hard side by side.
+"""A façade as an optimisation problem: objective and constraints, smooth and hard side by side.
 
 Objective and constraints of one composition, all in per cent:
 
@@ -6,13 +6,13 @@ Objective and constraints of one composition, all in per cent:
     subject to ASE ≤ limit,  area of the panes given or within bounds
 
 with A the sDA or the msDA of the worst month, shade applied. The optimiser sees the smooth twins
-and their gradients by reverse mode; every evaluation has the hard numbers of `metrics` beside them,
+and their gradients by reverse mode; every candidate has the hard numbers of `metrics` beside them,
 and only these are reported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,17 +21,19 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.design.history import AREA_TOLERANCE
-from drcmitsuba.design.measure import Aim, Evaluation, Measure, Score
+from drcmitsuba.design.measure import TIE, Aim, Measure, RatedCandidate, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport.facade_basis.year import BasisYear, Illuminances
 
+AREA_TOLERANCE = 2e-3
+"""Deviation of the panes' area that counts as none, of the area that is asked for."""
+
 
 @dataclass(frozen=True)
 class Goal:
-    """What is wanted.
+    """Objective and constraints of a façade.
 
     Parameters
     ----------
@@ -40,13 +42,14 @@ class Goal:
     film : str
         Material whose area costs.
     aim : {'sDA', 'worst month'}
-        What is to be large.
+        Metric that is maximised.
     film_cost : float
         Points that a façade full of film has to bring.
     ase_limit : float, optional
         Largest ASE [%].
     window_area : (float, float), optional
-        Least and most of all panes together [m²], equal where it is given; else it is free.
+        Least and most area of all panes together [m²], equal where the area is fixed; free where
+        not given.
     """
 
     rules: Rules
@@ -64,7 +67,7 @@ class FacadeScore(Score):
     Parameters
     ----------
     film_area, window_area : float
-        [m²].
+        Area of the film and of all panes [m²].
     """
 
     film_area: float
@@ -72,15 +75,16 @@ class FacadeScore(Score):
 
 
 @dataclass(frozen=True, eq=False)
-class Composed(Evaluation):
-    """A composition, smooth and hard.
+class FacadeCandidate(RatedCandidate):
+    """One composition with its scores and gradients.
 
     Parameters
     ----------
     smooth, hard : FacadeScore
     share : np.ndarray, shape (tile, material)
+        Composition.
     gradient, ase_gradient, area_gradient : np.ndarray, shape (free,)
-        Of the smooth objective, ASE [%] and of the window's area [m²] by x.
+        Derivatives of the smooth objective [%], the smooth ASE [%] and the panes' area [m²] by x.
     """
 
     smooth: FacadeScore
@@ -92,8 +96,8 @@ class Composed(Evaluation):
 
 
 @dataclass(frozen=True)
-class Problem:
-    """A façade that may be turned, its year, and what is wanted.
+class FacadeProblem:
+    """A façade with free parameters, its year, and the goal.
 
     Parameters
     ----------
@@ -101,12 +105,12 @@ class Problem:
     facade : Map
     goal : Goal
     factors : tuple of Factor
-        Materials whose transmittance may be turned too.
+        Materials whose transmittance is a parameter too.
 
     Raises
     ------
     InputError
-        Nothing may be turned, two parameters share a key, or the film is none of the year's
+        Every parameter is fixed, two parameters share a key, or the film is none of the year's
         materials.
     """
 
@@ -133,51 +137,52 @@ class Problem:
 
     @cached_property
     def free(self) -> tuple[Parameter, ...]:
-        """Those that may be turned."""
+        """Parameters that are not fixed."""
         return tuple(p for p in self.parameters if not p.is_fixed)
 
     @property
     def size(self) -> int:
-        """How many numbers may be turned."""
+        """Number of free values."""
         return sum(p.count for p in self.free)
 
     @property
     def start(self) -> np.ndarray:
-        """Where the parameters start, shape (free,), 0 to 1 between their bounds."""
-        at = [np.full(p.count, (p.start - p.low) / (p.high - p.low)) for p in self.free]
-        return np.concatenate(at)
+        """Free values at which the parameters start, shape (free,), 0 to 1 between the bounds."""
+        return np.concatenate([np.full(p.count, p.start_fraction) for p in self.free])
 
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of all parameters, in their own units, each of shape (count,)."""
-        found, begin = {}, 0
-        for p in self.parameters:
-            found[p.key] = np.full(p.count, p.low)
-            if not p.is_fixed:
-                part = np.asarray(x, float)[begin : begin + p.count]
-                found[p.key] = p.low + part * (p.high - p.low)
-                begin += p.count
-        return found
+        """Values of all parameters in their own units, each of shape (count,)."""
+        x = np.asarray(x, float)
+        return self._by_key(np.full, lambda begin, count: x[begin : begin + count])
 
     def values(self, x: mi.Float) -> dict[str, mi.Float]:
-        """Values of all parameters with the gradients of x (free,)."""
-        found, begin = {}, 0
+        """Values of all parameters with the gradients of x (free,), each of width count."""
+        return self._by_key(
+            lambda count, value: dr.full(mi.Float, value, count),
+            lambda begin, count: dr.gather(mi.Float, x, dr.arange(mi.UInt32, count) + begin),
+        )
+
+    def _by_key(
+        self, full: Callable[[int, float], Any], taken: Callable[[int, int], Any]
+    ) -> dict[str, Any]:
+        """Values by key, fixed ones full of one number, free ones from their place in x."""
+        values, begin = {}, 0
         for p in self.parameters:
-            found[p.key] = dr.full(mi.Float, p.low, p.count)
+            values[p.key] = full(p.count, p.low)
             if not p.is_fixed:
-                part = dr.gather(mi.Float, x, dr.arange(mi.UInt32, p.count) + begin)
-                found[p.key] = p.low + part * (p.high - p.low)
+                values[p.key] = p.low + taken(begin, p.count) * (p.high - p.low)
                 begin += p.count
-        return found
+        return values
 
     def illuminance(self, values: Values) -> tuple[mi.TensorXf, Illuminances]:
-        """Composition (tile, material) and E of some values."""
+        """Composition (tile, material) and E (time, sensor) [lx] at values of the parameters."""
         share = self.facade.share(values)
         if not self.factors:
             return share, self.year.illuminance(share)
         scale = {f.material: values[f.parameter.key] / f.now for f in self.factors}
         return share, self.year.illuminance(share, scale=scale)
 
-    def evaluate(self, x: np.ndarray, sharpness: float) -> Composed:
+    def evaluate(self, x: np.ndarray, sharpness: float) -> FacadeCandidate:
         """Evaluate a composition and its gradients, smooth and hard.
 
         Parameters
@@ -185,89 +190,85 @@ class Problem:
         x : np.ndarray, shape (free,)
             0 to 1 between the bounds.
         sharpness : float
-            Of the smooth twins.
+            Sharpness of the smooth twins.
 
         Returns
         -------
-        Composed
+        FacadeCandidate
         """
-        turned = mi.Float(np.clip(x, 0, 1).astype(np.float32))
-        dr.enable_grad(turned)
-        share, E = self.illuminance(self.values(turned))
-        window, film = self._window_area(share), self._film_area(share)
+        free = mi.Float(np.clip(x, 0, 1).astype(np.float32))
+        dr.enable_grad(free)
+        share, E = self.illuminance(self.values(free))
+        window, film = self._window_area(share), self._area(share, self.goal.film)
         aim, ase = self.measure.smooth(E, sharpness)
         value = aim - self._cost(film)
         numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
-        gradients = self._gradients(turned, (value, ase, window))
-        return Composed(
+        gradient, ase_gradient, area_gradient = _gradients(free, (value, ase, window))
+        return FacadeCandidate(
             x=np.array(x, float),
-            share=share.numpy(),
             sharpness=sharpness,
             smooth=FacadeScore(*numbers),
             hard=self._hard(E, film=numbers[3], window=numbers[4]),
-            gradient=gradients[0],
-            ase_gradient=gradients[1],
-            area_gradient=gradients[2],
+            share=share.numpy(),
+            gradient=gradient,
+            ase_gradient=ase_gradient,
+            area_gradient=area_gradient,
         )
 
     def hard(self, share: np.ndarray) -> FacadeScore:
-        """Give the hard numbers of any composition (tile, material), such as a named variant."""
-        given = mi.TensorXf(np.asarray(share, np.float32))
-        film, window = float(self._film_area(given)[0]), float(self._window_area(given)[0])
-        return self._hard(self.year.illuminance(given), film, window)
+        """Rate any composition (tile, material) by hard numbers, such as a named variant."""
+        composition = mi.TensorXf(np.asarray(share, np.float32))
+        film, window = self._area(composition, self.goal.film), self._window_area(composition)
+        E = self.year.illuminance(composition)
+        return self._hard(E, float(film[0]), float(window[0]))
+
+    def merit(self, candidate: FacadeCandidate) -> tuple[float, ...]:
+        """Sort key of candidates; see `RatedCandidate.merit`."""
+        return candidate.merit(self.goal.ase_limit, self.area_error(candidate.hard))
+
+    def holds(self, candidate: FacadeCandidate) -> bool:
+        """Whether the candidate holds the constraints by its hard numbers."""
+        return self.is_feasible(candidate.hard)
 
     def is_feasible(self, score: FacadeScore) -> bool:
-        """Whether the constraints hold; areas to `AREA_TOLERANCE`."""
+        """Whether a score holds the constraints; areas to `AREA_TOLERANCE`."""
         goal = self.goal
-        if goal.ase_limit is not None and score.ase > goal.ase_limit + 1e-9:
+        if goal.ase_limit is not None and score.ase > goal.ase_limit + TIE:
             return False
-        return self.missing_area(score) <= AREA_TOLERANCE
+        return self.area_error(score) == 0
 
-    def missing_area(self, score: FacadeScore) -> float:
-        """How far the panes are from the area asked for, of that."""
+    def area_error(self, score: FacadeScore) -> float:
+        """Area of panes that is missing or too much, of the area asked for; 0 if tolerable."""
         if self.goal.window_area is None:
             return 0.0
         low, high = self.goal.window_area
-        return max(low - score.window_area, score.window_area - high, 0.0) / max(high, 1e-9)
+        error = max(low - score.window_area, score.window_area - high, 0.0) / max(high, 1e-9)
+        return error if error > AREA_TOLERANCE else 0.0
 
-    def numbers(self, score: FacadeScore) -> dict[str, float]:
-        """What the history tells of a composition beside the objective: areas [m²]."""
-        return {"film_m2": score.film_area, "window_m2": score.window_area}
+    def numbers(self, candidate: FacadeCandidate) -> dict[str, float]:
+        """Columns of the history: scores [%] and areas [m²]."""
+        hard = candidate.hard
+        areas = {"film_m2": hard.film_area, "window_m2": hard.window_area}
+        return candidate.numbers(self.goal.aim) | areas
 
-    def details(self, found: Composed) -> dict[str, Any]:
-        """What else `optimum.json` tells."""
-        columns = zip(self.year.materials, found.share.T, strict=True)
+    def details(self, candidate: FacadeCandidate) -> dict[str, Any]:
+        """Further entries of `optimum.json`: the composition of every tile by material."""
+        columns = zip(self.year.materials, candidate.share.T, strict=True)
         return {"composition": {k: [round(float(v), 5) for v in column] for k, column in columns}}
 
     @cached_property
     def measure(self) -> Measure:
-        """How the year is judged."""
+        """Rules by which the year is rated."""
         return Measure(self.goal.rules, self.goal.aim, self.year.months)
 
     def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
-        """Numbers by `metrics`, of illuminances."""
+        """Hard score of illuminances, and of the areas of film and panes [m²]."""
         aim, ase = self.measure.hard(E)
         return FacadeScore(aim - self._cost(film), aim, ase, film, window)
 
-    @staticmethod
-    def _gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
-        """Gradients of several outputs by reverse passes over the one graph."""
-        found = []
-        for i, y in enumerate(outputs):
-            last = i + 1 == len(outputs)
-            if dr.grad_enabled(y):
-                dr.backward(y, flags=dr.ADFlag.Default if last else dr.ADFlag.ClearInterior)
-            found.append(dr.grad(x).numpy().astype(float))
-            dr.set_grad(x, 0)
-        return found
-
     def _cost(self, film_area: Any) -> Any:
-        """Points that the film costs."""
+        """Points that an area of film [m²] costs."""
         return film_area * (self.goal.film_cost / float(self.year.tiles.area.sum()))
-
-    def _film_area(self, share: mi.TensorXf) -> mi.Float:
-        """Area of the film [m²]."""
-        return self._area(share, self.goal.film)
 
     def _window_area(self, share: mi.TensorXf) -> mi.Float:
         """Area of all panes [m²]."""
@@ -279,3 +280,15 @@ class Problem:
         column = dr.arange(mi.UInt32, tiles) * materials + self.year.materials.index(material)
         area = mi.Float(self.year.tiles.area.astype(np.float32))
         return dr.sum(dr.gather(mi.Float, share.array, column) * area)
+
+
+def _gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
+    """Gradients (free,) of several outputs by reverse passes over the one graph."""
+    gradients = []
+    for i, y in enumerate(outputs):
+        last = i + 1 == len(outputs)
+        if dr.grad_enabled(y):
+            dr.backward(y, flags=dr.ADFlag.Default if last else dr.ADFlag.ClearInterior)
+        gradients.append(dr.grad(x).numpy().astype(float))
+        dr.set_grad(x, 0)
+    return gradients

@@ -5,13 +5,13 @@ simulation of its own. Differences take the place of gradients,
 
     dE/dθ = [E(θ + h) − E(θ − h)] / 2h,
 
-one-sided at the bounds. The derivative of the estimate along one path of light would miss what
-moves with the edges of the mirrors, of their shadows and of the sun's disk, since a path is either
-on the mirror or beside it: a boundary term, which a difference has in it. Simulations of all tilts
-take the same seed [1]_: photons start from the same points of ports, sun and sky, and noise leaves
-the difference as far as they end in the same cells and squares. That is most of it over a tenth of
-a degree, and little over two: a mirror turns light by twice its own turn. Wider steps have less
-noise nevertheless, since it is divided by them.
+one-sided at the bounds. The derivative of the estimate along a light path misses the boundary term
+of the edges of mirrors, of their shadows and of the sun's disk, since a path either meets the
+mirror or passes it; a difference includes that term. Simulations of all tilts share one seed [1]_:
+photons start at the same points of ports, sun and sky, and their noise cancels in the difference as
+far as they end in the same cells and squares. Over a tenth of a degree most of it cancels, over two
+degrees little, since a mirror turns light by twice its own turn. Wider steps have less noise
+nevertheless, because the noise is divided by the step.
 
 References
 ----------
@@ -32,7 +32,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
 from drcmitsuba.case.toml import shortened
-from drcmitsuba.design.measure import Aim, Evaluation, Measure, Score
+from drcmitsuba.design.measure import TIE, Aim, Measure, RatedCandidate, Score
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.metrics import Interval, accumulate, illuminance
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rules
@@ -47,12 +47,12 @@ from drcmitsuba.transport.facade_basis.year import Illuminances
 
 
 class TiltGoal(NamedTuple):
-    """What is wanted.
+    """Objective and constraint of a tilt.
 
     Parameters
     ----------
     aim : {'sDA', 'worst month'}
-        What is to be large.
+        Metric that is maximised.
     ase_limit : float
         Largest ASE [%].
     """
@@ -61,7 +61,7 @@ class TiltGoal(NamedTuple):
     ase_limit: float
 
 
-class Simulated(NamedTuple):
+class SimulatedTilt(NamedTuple):
     """A year with the lamellae at one tilt.
 
     Parameters
@@ -69,7 +69,7 @@ class Simulated(NamedTuple):
     E : Illuminances
         `shaded` is `open` where there is no direct sun, since no shade closes there.
     aim : Interval
-        95 % interval of what is to be large [%].
+        95 % interval of the aim [%].
     """
 
     E: Illuminances
@@ -77,12 +77,12 @@ class Simulated(NamedTuple):
 
 
 class Slope(NamedTuple):
-    """How numbers of a year change with the tilt, by smooth twins.
+    """Derivatives of the smooth twins by the tilt.
 
     Parameters
     ----------
     value, ase : float
-        Of the objective and of ASE [% per deg].
+        Derivative of the objective and of ASE [% per deg].
     """
 
     value: float
@@ -90,39 +90,39 @@ class Slope(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Turned:
-    """Lamellae that may be tilted, their year, and what is wanted.
+class TiltProblem:
+    """Lamellae whose tilt is free, their year, and the goal.
 
     Parameters
     ----------
     case : Case
     component : str
-    light : Daylight
+    daylight : Daylight
     goal : TiltGoal
     tilt : Parameter
-        [deg].
+        Tilt of the lamellae [deg].
     step : float
-        Of the differences [deg].
-    known : dict of float to Simulated
-        By tilt [deg]; no tilt is simulated twice.
+        Step of the differences [deg].
+    simulated : dict of float to SimulatedTilt
+        Years by tilt [deg]; no tilt is simulated twice.
 
     Notes
     -----
-    A year of 2610 hours and 576 sensors is 18 MB for every tilt. Where the lamellae are wider than
-    their period, a steep tilt may cost the strip one of them: there the objective has a step.
+    A year of 2610 hours and 576 sensors takes 18 MB for every tilt. Where the lamellae are wider
+    than their period, a steep tilt may cost the strip one of them: there the objective has a step.
     """
 
     case: Case
     component: str
-    light: Daylight
+    daylight: Daylight
     goal: TiltGoal
     tilt: Parameter
     step: float
-    known: dict[float, Simulated] = field(default_factory=dict, compare=False)
+    simulated: dict[float, SimulatedTilt] = field(default_factory=dict, compare=False)
 
     @classmethod
-    def of(cls, case: Case, stage: Stage = silent) -> Turned:
-        """Read it from a case.
+    def of(cls, case: Case, stage: Stage = silent) -> TiltProblem:
+        """Read the problem from a case.
 
         Raises
         ------
@@ -146,16 +146,16 @@ class Turned:
         tilt = Parameter("tilt", low, high, min(max(now, low), high))
         for end in design.tilt:
             components.place(_tilted(case, design.component, end))
-        with stage("sky"):
-            light = daylight(case)
         goal = TiltGoal(design.objective, design.ase_limit)
-        return cls(case, design.component, light, goal, tilt, design.tilt_step)
+        with stage("sky"):
+            sky = daylight(case)
+        return cls(case, design.component, sky, goal, tilt, design.tilt_step)
 
     @property
     def measure(self) -> Measure:
-        """How a year is judged."""
-        asked = rules(self.case, self.light.step_hours)
-        return Measure(asked, self.goal.aim, self.light.sky["clock"].dt.month.values)
+        """Rules by which a year is rated."""
+        of_case = rules(self.case, self.daylight.step_hours)
+        return Measure(of_case, self.goal.aim, self.daylight.sky["clock"].dt.month.values)
 
     def built(self, tilt: float) -> Case:
         """Case with its lamellae at a tilt [deg]."""
@@ -168,20 +168,20 @@ class Turned:
         return self.built(tilt).model_copy(update={"accuracy": accuracy})
 
     def at(self, x: np.ndarray) -> float:
-        """Tilt [deg] of a free value; rounded, so that the same tilt is known as the same."""
+        """Tilt [deg] of a free value; rounded, so that no tilt is simulated twice."""
         return round(self.tilt.low + float(np.ravel(x)[0]) * (self.tilt.high - self.tilt.low), 4)
 
     def free(self, tilt: float) -> np.ndarray:
         """Free value of a tilt [deg], shape (1,), 0 to 1 between the bounds."""
         return np.array([(tilt - self.tilt.low) / (self.tilt.high - self.tilt.low)])
 
-    def simulate(self, tilt: float, progress: Progress = lambda share: None) -> Simulated:
-        """Simulate a tilt [deg], unless it is known, with the case's seed."""
-        if tilt not in self.known:
-            self.known[tilt] = self._simulated(self.built(tilt), progress)
-        return self.known[tilt]
+    def simulate(self, tilt: float, progress: Progress = lambda share: None) -> SimulatedTilt:
+        """Simulate a tilt [deg] with the case's seed, or return its year if that is done."""
+        if tilt not in self.simulated:
+            self.simulated[tilt] = self._simulation(self.built(tilt), progress)
+        return self.simulated[tilt]
 
-    def evaluate(self, x: np.ndarray, sharpness: float) -> Evaluation:
+    def evaluate(self, x: np.ndarray, sharpness: float) -> RatedCandidate:
         """Evaluate a tilt, smooth and hard.
 
         Parameters
@@ -189,102 +189,116 @@ class Turned:
         x : np.ndarray, shape (1,)
             0 to 1 between the bounds.
         sharpness : float
-            Of the smooth twins.
+            Sharpness of the smooth twins.
+
+        Returns
+        -------
+        RatedCandidate
         """
         E = self.simulate(self.at(x)).E
         aim, ase = (float(v[0]) for v in self.measure.smooth(E, sharpness))
         hard = self.measure.hard(E)
-        return Evaluation(
+        return RatedCandidate(
             np.array(x, float), sharpness, Score(aim, aim, ase), Score(hard[0], *hard)
         )
 
     def beside(self, tilt: float) -> tuple[float, float]:
-        """Tilts that the difference at a tilt is taken between [deg]."""
+        """Tilts on both sides, between which the difference at a tilt is taken [deg]."""
         low, high = max(tilt - self.step, self.tilt.low), min(tilt + self.step, self.tilt.high)
         return round(low, 4), round(high, 4)
 
     def slope(self, x: np.ndarray, sharpness: float) -> Slope:
         """Differences of the smooth numbers at a tilt, over `step` to both sides.
 
-        One-sided where a bound is nearer. Limits: they have the noise of a difference between two
-        tilts, which is not told, and the curvature within the step.
+        One-sided where a bound is nearer. Limits: the slope contains the noise of a difference
+        between two tilts, which is not estimated, and the curvature within the step.
         """
         low, high = self.beside(self.at(x))
-        a, b = (self.evaluate(self.free(tilt), sharpness).smooth for tilt in (low, high))
-        return Slope((b.value - a.value) / (high - low), (b.ase - a.ase) / (high - low))
+        at_low, at_high = (self.evaluate(self.free(t), sharpness).smooth for t in (low, high))
+        width = high - low
+        return Slope((at_high.value - at_low.value) / width, (at_high.ase - at_low.ase) / width)
 
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Values of all parameters [deg]."""
         return {self.tilt.key: np.array([self.at(x)])}
 
-    def missing_area(self, score: Score) -> float:
-        """None: the panes stay as they are."""
-        return 0.0
+    def merit(self, candidate: RatedCandidate) -> tuple[float, ...]:
+        """Sort key of candidates; see `RatedCandidate.merit`."""
+        return candidate.merit(self.goal.ase_limit)
 
-    def is_feasible(self, score: Score) -> bool:
+    def holds(self, candidate: RatedCandidate) -> bool:
         """Whether ASE holds its limit."""
-        return score.ase <= self.goal.ase_limit + 1e-9
+        return candidate.hard.ase <= self.goal.ase_limit + TIE
 
-    def numbers(self, score: Score) -> dict[str, float]:
-        """Further columns of the history: none."""
-        return {}
+    def numbers(self, candidate: RatedCandidate) -> dict[str, float]:
+        """Columns of the history: scores [%]."""
+        return candidate.numbers(self.goal.aim)
 
-    def details(self, found: Evaluation) -> dict[str, Any]:
-        """What else `optimum.json` tells; the slope only where no simulation is missing for it."""
-        tilt = self.at(found.x)
-        aim = self.known[tilt].aim
-        told: dict[str, Any] = {"simulations": len(self.known), "low": aim.low, "high": aim.high}
-        told["intervals_overlap"] = self.alike(tilt)
-        if all(t in self.known for t in self.beside(tilt)):
-            slope = self.slope(found.x, found.sharpness)
-            told |= {"slope_per_degree": slope.value, "ASE_slope_per_degree": slope.ase}
-        return told
+    def details(self, candidate: RatedCandidate) -> dict[str, Any]:
+        """Further entries of `optimum.json`; the slope only where no simulation is missing."""
+        tilt = self.at(candidate.x)
+        aim = self.simulated[tilt].aim
+        entries: dict[str, Any] = {
+            "simulations": len(self.simulated),
+            "low": aim.low,
+            "high": aim.high,
+            "intervals_overlap": self.indistinct(tilt),
+        }
+        if all(t in self.simulated for t in self.beside(tilt)):
+            slope = self.slope(candidate.x, candidate.sharpness)
+            entries |= {"slope_per_degree": slope.value, "ASE_slope_per_degree": slope.ase}
+        return entries
 
-    def alike(self, tilt: float) -> list[float]:
+    def indistinct(self, tilt: float) -> list[float]:
         """Other tilts [deg] that hold the limit and whose intervals overlap with this one's."""
-        own = self.known[tilt].aim
+        here = self.simulated[tilt].aim
         return sorted(
             other
-            for other, (E, aim) in self.known.items()
-            if other != tilt and aim.low <= own.high and own.low <= aim.high
-            and self.measure.hard(E)[1] <= self.goal.ase_limit + 1e-9
+            for other, (E, aim) in self.simulated.items()
+            if other != tilt and aim.low <= here.high and here.low <= aim.high
+            and self.measure.hard(E)[1] <= self.goal.ase_limit + TIE
         )  # fmt: skip
 
-    def _simulated(self, case: Case, progress: Progress) -> Simulated:
-        """Coefficients, illuminances and intervals of a case.
+    def _simulation(self, case: Case, progress: Progress) -> SimulatedTilt:
+        """Simulate a case: illuminances of the year, and the interval of the aim.
 
         The twins of the shade close a little in every hour with direct sun, so the shaded state is
-        simulated for all of these, not for those only in which the shade may close.
+        simulated for all of these hours, not only for those in which the shade may close.
         """
-        light, sky, latitude = self.light, self.light.sky, self.light.sky.attrs["latitude"]
-        last = 1.0 if case.shading is None else 0.6
-        told = part(progress, 0, last)
-        found = {"open": simulation.transport(case, "open", light.suns, latitude, progress=told)}
-        sunny = self._has_sun(case, found["open"])
-        if case.shading is not None:
-            suns, told = light.suns.only(sources(sky.isel(time=sunny))), part(progress, last, 1)
-            found["shaded"] = simulation.transport(case, "shaded", suns, latitude, progress=told)
-        joined = simulation.states(found, case)
-        joined.attrs |= {name: sky.attrs[name] for name in illuminance.SUN_OF}
-        judged = evaluate_metrics(case, light, joined)
+        joined, sunny = self._coefficients(case, progress)
+        judged = evaluate_metrics(case, self.daylight, joined)
         year = judged.illuminance.map(luminance)
         is_open, direct = year["total_open"].values, year["direct_sun"].values
         shaded = is_open.copy()
         if case.shading is not None and sunny.any():
-            behind = joined.sel(state="shaded"), sky.isel(time=sunny)
-            parts = illuminance.by_channel(accumulate.by_source, *behind).map(luminance)
-            shaded[sunny] = parts["total"].values
+            behind = joined.sel(state="shaded"), self.daylight.sky.isel(time=sunny)
+            by_source = illuminance.by_channel(accumulate.by_source, *behind).map(luminance)
+            shaded[sunny] = by_source["total"].values
         E = Illuminances(*map(_tensor, (is_open, shaded, direct)))
-        return Simulated(E, self._interval(judged.metrics))
+        return SimulatedTilt(E, self._interval(judged.metrics))
+
+    def _coefficients(self, case: Case, progress: Progress) -> tuple[xr.Dataset, np.ndarray]:
+        """C of both states, and the time stamps with direct sun, bool (time,)."""
+        sky, suns = self.daylight.sky, self.daylight.suns
+        latitude, last = sky.attrs["latitude"], 1.0 if case.shading is None else 0.6
+        done = part(progress, 0, last)
+        states = {"open": simulation.transport(case, "open", suns, latitude, progress=done)}
+        sunny = self._has_sun(case, states["open"])
+        if case.shading is not None:
+            suns, done = suns.only(sources(sky.isel(time=sunny))), part(progress, last, 1)
+            states["shaded"] = simulation.transport(case, "shaded", suns, latitude, progress=done)
+        joined = simulation.states(states, case)
+        joined.attrs |= {name: sky.attrs[name] for name in illuminance.SUN_OF}
+        return joined, sunny
 
     def _has_sun(self, case: Case, is_open: xr.Dataset) -> np.ndarray:
         """Time stamps with direct sun somewhere, or in which the shade may close anyway."""
-        direct = illuminance.by_channel(accumulate.direct_sun, is_open, self.light.sky)
-        lit = (direct.map(luminance)["direct_sun"].values > 0).any(axis=1)
-        return lit | (may_close(case, self.light, is_open) if case.shading else False)
+        direct = illuminance.by_channel(accumulate.direct_sun, is_open, self.daylight.sky)
+        sunny = (direct.map(luminance)["direct_sun"].values > 0).any(axis=1)
+        return sunny | (may_close(case, self.daylight, is_open) if case.shading else False)
 
     def _interval(self, metrics: dict[str, Any]) -> Interval:
-        """95 % interval of what is to be large; of the worst month, that of the month's own."""
+        """95 % interval of the aim [%]; for the worst month, the interval of that month alone."""
         if self.goal.aim == "sDA":
             return Interval(**metrics["sDA"])
         months = [month for month in metrics["msDA"] if month is not None]

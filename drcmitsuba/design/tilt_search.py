@@ -1,9 +1,9 @@
 """Search for the best tilt of lamellae in few simulations: a coarse grid, then sections.
 
-Every simulation is dear, and there is one number to find. So no gradients are followed: a golden
-section [1]_ asks only which of two tilts is the better one, by the smooth objective among those
-that hold the limit of ASE. What is found is the best of all by the hard numbers, its neighbours
-among them, which tell the slope there.
+Every simulation is expensive, and there is one number to find. So the search follows no gradients:
+a golden section [1]_ asks only which of two tilts is the better one, by the smooth objective among
+the tilts that hold the limit of ASE. The optimum is the best of all by the hard numbers; its
+neighbours are simulated too and give the slope there.
 
 References
 ----------
@@ -13,99 +13,135 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
-from drcmitsuba.design.history import History
-from drcmitsuba.design.measure import Evaluation
-from drcmitsuba.design.optimise import SHARPNESS, Optimum
-from drcmitsuba.design.tilt import Turned
+from drcmitsuba.design.measure import RatedCandidate
+from drcmitsuba.design.optimise import SHARPNESS
+from drcmitsuba.design.search import History, Optimum, run
+from drcmitsuba.design.tilt import TiltProblem
 from drcmitsuba.runtime.progress import Progress, part
 
 GRID = 5
-"""Tilts to begin with, beside the case's own."""
+"""Number of tilts to begin with, beside the case's own."""
 WALKS = 5
-"""Steps to a neighbour that is the better one by hard numbers, at most."""
+"""Largest number of steps to a neighbour that is the better one by hard numbers."""
 SECTION = (3 - math.sqrt(5)) / 2
-"""Of the wider side of an interval: the golden section."""
+"""Fraction of the wider side of an interval at which the golden section cuts it."""
 
-TiltOptimum: TypeAlias = Optimum[Turned, Evaluation]
+TiltHistory: TypeAlias = History[TiltProblem, RatedCandidate]
+TiltOptimum: TypeAlias = Optimum[TiltProblem, RatedCandidate]
+At = Callable[[float, str], RatedCandidate]
 
 
-def turn(
-    problem: Turned, sharpness: float = SHARPNESS[-1], progress: Progress = lambda share: None
+def optimise_tilt(
+    problem: TiltProblem,
+    sharpness: float = SHARPNESS[-1],
+    progress: Progress = lambda share: None,
 ) -> TiltOptimum:
     """Find the best tilt to within the problem's step.
 
     Parameters
     ----------
-    problem : Turned
+    problem : TiltProblem
     sharpness : float
-        Of the smooth twins.
+        Sharpness of the smooth twins.
     progress : callable
-        Told the share that is done.
+        Takes the share that is done.
 
     Returns
     -------
     Optimum
-        Stopped by Ctrl-C, the best so far.
+        The best tilt so far where Ctrl-C stopped the search.
 
     Raises
     ------
     KeyboardInterrupt
-        It was stopped before anything was evaluated.
+        The search was stopped before anything was evaluated.
 
     Notes
     -----
-    Limits: a maximum that is narrower than the grid, ⅙ of the bounds apart or so, may be missed.
+    Limits: a maximum that is narrower than the grid, about ⅙ of the bounds, may be missed.
     """
-    history: History[Turned, Evaluation] = History(problem)
-    low, high = problem.tilt.low, problem.tilt.high
-    start = round(problem.tilt.start, 4)
-    even = np.linspace(low, high, GRID).round(4).tolist()
-    grid = sorted([start, *(tilt for tilt in even if abs(tilt - start) >= problem.step)])
-    widest = max(b - a for a, b in zip(grid[:-2], grid[2:], strict=True))
-    sections = math.log(2 * problem.step / widest) / math.log(1 - SECTION)
-    total = len(grid) + math.ceil(max(sections, 0)) + 2
+    history: TiltHistory = History(problem)
+    finished = run(history, [Sections(sharpness)], progress)
+    return Optimum(problem, history.best(), history, finished)
 
-    def at(tilt: float, label: str) -> Evaluation:
-        done = len(problem.known)
-        problem.simulate(tilt, part(progress, *(min(1, n / total) for n in (done, done + 1))))
-        return history.evaluate(problem.free(tilt), sharpness, label)
 
-    with history.until_stopped() as stopped:
+@dataclass(frozen=True)
+class Sections:
+    """Coarse grid, golden sections about its best tilt, then steps to better neighbours.
+
+    Parameters
+    ----------
+    sharpness : float
+        Sharpness of the smooth twins.
+    """
+
+    sharpness: float
+
+    def __call__(self, history: TiltHistory, progress: Progress) -> None:
+        """Search; the progress counts simulations of about as many as there will be."""
+        problem = history.problem
+        grid = _grid(problem)
+        widest = max(b - a for a, b in zip(grid[:-2], grid[2:], strict=True))
+        sections = math.log(2 * problem.step / widest) / math.log(1 - SECTION)
+        total = len(grid) + math.ceil(max(sections, 0)) + 2
+
+        def at(tilt: float, label: str) -> RatedCandidate:
+            done = len(problem.simulated)
+            problem.simulate(tilt, part(progress, *(min(1, n / total) for n in (done, done + 1))))
+            return history.evaluate(problem.free(tilt), label, self.sharpness)
+
         merits = [_merit(problem, at(tilt, "grid")) for tilt in grid]
         i = max(range(len(grid)), key=merits.__getitem__)
-        left, middle, right = grid[max(i - 1, 0)], grid[i], grid[min(i + 1, len(grid) - 1)]
-        best = merits[i]
-        while right - left > 2 * problem.step:
-            is_right = right - middle > middle - left
-            side = right - middle if is_right else left - middle
-            tilt = round(middle + SECTION * side, 4)
-            merit = _merit(problem, at(tilt, "section"))
-            if merit > best:
-                left, right = (middle, right) if is_right else (left, middle)
-                middle, best = tilt, merit
-            elif is_right:
-                right = tilt
-            else:
-                left = tilt
-        for _ in range(WALKS):
-            found = history.best()
-            assert found is not None
-            beside = [t for t in problem.beside(problem.at(found.x)) if t not in problem.known]
-            for tilt in beside:
-                at(tilt, "beside")
-            if not beside:
-                break
-        progress(1.0)
-    found = history.best()
-    assert found is not None
-    return Optimum(problem, found, history, not stopped)
+        bracket = grid[max(i - 1, 0)], grid[i], grid[min(i + 1, len(grid) - 1)]
+        _golden_sections(problem, at, bracket, merits[i])
+        _walk(history, at)
 
 
-def _merit(problem: Turned, found: Evaluation) -> tuple[float, float]:
-    """What makes a tilt the better one: that it holds the limit of ASE, then the objective."""
-    over = max(found.hard.ase - problem.goal.ase_limit, 0.0)
-    return -over, found.smooth.value if problem.is_feasible(found.hard) else -found.smooth.ase
+def _grid(problem: TiltProblem) -> list[float]:
+    """Tilts to begin with [deg]: the case's own, and even ones that are not beside it."""
+    start = round(problem.tilt.start, 4)
+    even = np.linspace(problem.tilt.low, problem.tilt.high, GRID).round(4).tolist()
+    return sorted([start, *(tilt for tilt in even if abs(tilt - start) >= problem.step)])
+
+
+def _golden_sections(
+    problem: TiltProblem, at: At, bracket: tuple[float, float, float], best: tuple[float, float]
+) -> None:
+    """Narrow a bracket of tilts [deg] about the best one to the problem's step on either side."""
+    left, middle, right = bracket
+    while right - left > 2 * problem.step:
+        is_right = right - middle > middle - left
+        side = right - middle if is_right else left - middle
+        tilt = round(middle + SECTION * side, 4)
+        merit = _merit(problem, at(tilt, "section"))
+        if merit > best:
+            left, right = (middle, right) if is_right else (left, middle)
+            middle, best = tilt, merit
+        elif is_right:
+            right = tilt
+        else:
+            left = tilt
+
+
+def _walk(history: TiltHistory, at: At) -> None:
+    """Evaluate the neighbours of the best tilt, until it has none that is better."""
+    problem = history.problem
+    for _ in range(WALKS):
+        tilt = problem.at(history.best().x)
+        neighbours = [t for t in problem.beside(tilt) if t not in problem.simulated]
+        for neighbour in neighbours:
+            at(neighbour, "beside")
+        if not neighbours:
+            break
+
+
+def _merit(problem: TiltProblem, candidate: RatedCandidate) -> tuple[float, float]:
+    """Sort key of tilts: how far ASE holds its limit, then the smooth objective."""
+    over = max(candidate.hard.ase - problem.goal.ase_limit, 0.0)
+    return -over, candidate.smooth.value if problem.holds(candidate) else -candidate.smooth.ase

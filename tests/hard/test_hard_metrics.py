@@ -16,7 +16,7 @@ from drcmitsuba.design.film import ParametricFilm
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
-from drcmitsuba.design.problem import Goal, Problem
+from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.reflectances import Interior
 from drcmitsuba.metrics import evaluate_metrics, illuminance, intervals, smooth
 from drcmitsuba.metrics.intervals import Rules
@@ -240,7 +240,7 @@ def test_film_share_at_its_bounds(kind, holds):
         window = Parameter("window", 0.0, 1.0, 0.5, panes.count)
         facade = Strips(panes, window, Parameter("film", 0.0, 1.0, 0.5, panes.count))
     rules = dataclasses.replace(RULES, metrics=Metrics(sda_threshold=300.0, ase_hours=10.0))
-    problem = Problem(year, facade, Goal(rules, "film", film_cost=5.0))
+    problem = FacadeProblem(year, facade, Goal(rules, "film", film_cost=5.0))
     size = problem.size
     corners = list(itertools.product((0.0, 0.5, 1.0), repeat=size)) if size < 5 else [
         np.full(size, v) for v in (0.0, 0.5, 1.0)] + list(np.eye(size)) + [

@@ -56,25 +56,27 @@ FILES = {
 }  # fmt: skip
 
 
-def test_a_search_leaves_its_files_and_tells_what_it_found(run, case, tmp_path):
+def test_a_search_leaves_its_files_and_prints_its_optimum(run, case, tmp_path):
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")
     assert code == 0
     assert {f.name for f in (tmp_path / "d").iterdir()} == FILES
-    told = json.loads((tmp_path / "d" / "optimum.json").read_text())
-    assert told["feasible"]
-    assert told["ASE"] <= 10
-    assert f"{told['evaluations']} evaluations with gradients" in out
+    optimum = json.loads((tmp_path / "d" / "optimum.json").read_text())
+    assert optimum["feasible"]
+    assert optimum["ASE"] <= 10
+    assert f"{optimum['evaluations']} evaluations with gradients" in out
     fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
     assert fresh["sDA"]["low"] <= fresh["sDA"]["value"] <= fresh["sDA"]["high"]
-    assert fresh["sDA"]["value"] == pytest.approx(told["sDA"], abs=7)  # of 16 points, 2 replicates
-    assert fresh["ASE"]["value"] == pytest.approx(told["ASE"], abs=13)
+    assert fresh["sDA"]["value"] == pytest.approx(
+        optimum["sDA"], abs=7
+    )  # of 16 points, 2 replicates
+    assert fresh["ASE"]["value"] == pytest.approx(optimum["ASE"], abs=13)
     assert f"{fresh['sDA']['value']:.1f} (" in out
     front = pd.read_csv(tmp_path / "d" / "pareto.csv")
     assert front.ASE.is_monotonic_increasing
     assert front.value.is_monotonic_increasing
     strips = fresh["settings"]["facade"]["south"]["strips"]
     film = sum(s["top"] - s["bottom"] for s in strips if s["material"] == "film")
-    assert film * 8.8 == pytest.approx(told["film_m2"], abs=0.05)
+    assert film * 8.8 == pytest.approx(optimum["film_m2"], abs=0.05)
 
 
 def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
@@ -82,11 +84,11 @@ def test_turned_transmittances_are_simulated_afresh(run, case, tmp_path):
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")
     assert code == 0
     assert "shade_vlt" in out
-    told = json.loads((tmp_path / "d" / "optimum.json").read_text())
+    optimum = json.loads((tmp_path / "d" / "optimum.json").read_text())
     fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
     materials = fresh["settings"]["materials"]
-    assert materials["shade"]["transmittance"] == pytest.approx(told["shade_vlt"])
-    assert 0.05 <= told["shade_vlt"] <= 0.2
+    assert materials["shade"]["transmittance"] == pytest.approx(optimum["shade_vlt"])
+    assert 0.05 <= optimum["shade_vlt"] <= 0.2
     assert materials["glass"]["transmittance"] == 0.65
 
 

@@ -53,24 +53,24 @@ def case(tmp_path):
     return file
 
 
-def test_a_search_for_a_tilt_leaves_its_files_and_tells_what_it_found(run, case, tmp_path):
+def test_a_search_for_a_tilt_leaves_its_files_and_prints_its_optimum(run, case, tmp_path):
     (tmp_path / "d").mkdir()
     (tmp_path / "d" / "pareto.csv").write_text("of another search")
     code, out, _ = run("optimise", case, "-o", tmp_path / "d")
     assert code == 0
     names = {"optimum.json", "history.csv", "tilt.png", "search.png", "fresh_metrics.json"}
     assert {f.name for f in (tmp_path / "d").iterdir()} == names
-    told = json.loads((tmp_path / "d" / "optimum.json").read_text())
+    optimum = json.loads((tmp_path / "d" / "optimum.json").read_text())
     history = pd.read_csv(tmp_path / "d" / "history.csv")
-    assert told["feasible"]
-    assert -10 <= told["tilt"] <= 30
-    assert told["simulations"] == history.tilt.nunique() == len(history)
-    assert f"{told['simulations']} tilts simulated" in out
+    assert optimum["feasible"]
+    assert -10 <= optimum["tilt"] <= 30
+    assert optimum["simulations"] == history.tilt.nunique() == len(history)
+    assert f"{optimum['simulations']} tilts simulated" in out
     held = history[history.ASE <= 10]
-    assert told["value"] == pytest.approx(held.value.max(), rel=1e-4)
+    assert optimum["value"] == pytest.approx(held.value.max(), rel=1e-4)
     assert {"grid", "section", "beside"} >= set(history.search)
     fresh = json.loads((tmp_path / "d" / "fresh_metrics.json").read_text())
-    assert fresh["settings"]["components"]["lamellae"]["tilt"] == told["tilt"]
+    assert fresh["settings"]["components"]["lamellae"]["tilt"] == optimum["tilt"]
     assert fresh["settings"]["accuracy"]["seed"] != 0
     assert f"{fresh['sDA']['value']:.1f} (" in out
 

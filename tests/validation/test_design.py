@@ -17,16 +17,16 @@ def _backend():
     backend.select()
 
 
-def found(name):
+def searched(name):
     layout = Layout.of(load_case(f"classroom/reference/{name}"))
     problem = layout.problem(layout.year())
     return problem, optimise(problem, layout.search, known=layout.known(problem))
 
 
 @pytest.mark.slow
-def test_film_found_is_the_best_of_a_sweep(capsys):
+def test_the_film_is_the_best_of_a_sweep(capsys):
     """DWR in steps of 1 % at every tenth place, then every 1 % of place about the best."""
-    problem, best = found("sizing")
+    problem, best = searched("sizing")
     rows = []
 
     def look(dwr, position):
@@ -60,7 +60,7 @@ def test_film_found_is_the_best_of_a_sweep(capsys):
 @pytest.mark.slow
 def test_tiles_of_their_own_beat_the_named_facades(capsys):
     """36 tiles against glass all over, and the film of O2 and O3 in the same window."""
-    problem, best = found("tiles")
+    problem, best = searched("tiles")
     bounds = problem.year.tiles.bounds
     middle = (bounds[:, 2] + bounds[:, 3]) / 2
     named = {}
@@ -76,10 +76,10 @@ def test_tiles_of_their_own_beat_the_named_facades(capsys):
         share[:, problem.year.materials.index("film")] = film
         named[name] = problem.hard(share)
     with capsys.disabled():
-        told = ", ".join(f"{n} {s.value:.2f} (ASE {s.ase:.1f})" for n, s in named.items())
+        others = ", ".join(f"{n} {s.value:.2f} (ASE {s.ase:.1f})" for n, s in named.items())
         print(
             f"\n36 tiles: {best.best.hard.value:.2f} (ASE {best.best.hard.ase:.1f}) after "
-            f"{best.evaluations} evaluations in {best.seconds:.0f} s; {told}"
+            f"{best.evaluations} evaluations in {best.seconds:.0f} s; {others}"
         )
     assert best.is_feasible
     allowed = [s.value for s in named.values() if problem.is_feasible(s)]

@@ -444,25 +444,26 @@ def likeness(year, film):
 
 
 def test_search_finds_the_film_that_light_came_by(coarse):
-    told = []
+    shares = []
     objective = likeness(coarse, ParametricFilm(0.6, 1.0, 14.0, 9.0))
-    found = optimise_film(coarse, objective, starts=2, progress=told.append)
-    assert found.values["tilt"] == pytest.approx(14, abs=0.5)
-    assert found.values["spread"] == pytest.approx(9, abs=0.5)
-    assert found.objective == pytest.approx(1, abs=1e-3)
-    assert found.film == ParametricFilm(0.6, 1.0, **found.values)
-    assert found.objective == max(step.objective for step in found.history)
-    assert {step.start for step in found.history} == {0, 1}
-    assert found.history[0].values == {"tilt": 0.0, "spread": 10.0}
-    assert told == sorted(told)
-    assert told[-1] == 1
+    optimum = optimise_film(coarse, objective, starts=2, progress=shares.append)
+    assert optimum.values["tilt"] == pytest.approx(14, abs=0.5)
+    assert optimum.values["spread"] == pytest.approx(9, abs=0.5)
+    assert optimum.objective == pytest.approx(1, abs=1e-3)
+    assert optimum.film == ParametricFilm(0.6, 1.0, **optimum.values)
+    assert optimum.objective == max(step.candidate.objective for step in optimum.history)
+    assert {step.label for step in optimum.history} == {"start 1", "start 2"}
+    first = optimum.history.steps[0].candidate
+    assert optimum.problem.named(first.x) == pytest.approx({"tilt": 0.0, "spread": 10.0}, abs=1e-5)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
 
 
 def test_search_of_a_share(year):
     objective = likeness(year, Mix(PRISM_FILM, other_film(), 0.4))
     film = Mix(PRISM_FILM, other_film(), 0.9)
-    found = optimise_film(year, objective, film, ranges={"share": (0, 1)}, starts=1)
-    assert found.values["share"] == pytest.approx(0.4, abs=0.01)
+    optimum = optimise_film(year, objective, film, ranges={"share": (0, 1)}, starts=1)
+    assert optimum.values["share"] == pytest.approx(0.4, abs=0.01)
 
 
 # Refusals

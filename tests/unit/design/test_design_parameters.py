@@ -7,7 +7,7 @@ import pytest
 
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.design.parameters import Factor, Heights, Panes, Parameter, Strips, Window
-from drcmitsuba.design.problem import Goal, Problem
+from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -118,7 +118,7 @@ def test_strips_are_what_their_tiles_say():
 
 
 def problem(year, facade, aim="sDA", factors=()):
-    return Problem(year, facade, Goal(RULES, "film", aim, film_cost=3.0), factors)
+    return FacadeProblem(year, facade, Goal(RULES, "film", aim, film_cost=3.0), factors)
 
 
 def slopes(problem, x, k, axis, h):
@@ -232,7 +232,7 @@ def test_a_scale_multiplies_the_light_through_its_material(year):
             Factor("glass", Parameter("dwr", 0, 1, 1)),)), "give each its own key"),
         (lambda y: problem(y, Strips(panes(y.tiles), Parameter.fixed("window", 1.0),
                                      Parameter.fixed("film", 0.5))), "every value is fixed"),
-        (lambda y: Problem(y, window(y.tiles), Goal(RULES, "foil")), "no material 'foil'"),
+        (lambda y: FacadeProblem(y, window(y.tiles), Goal(RULES, "foil")), "no material 'foil'"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_told(year, make, told):

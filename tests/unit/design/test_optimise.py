@@ -15,7 +15,7 @@ from drcmitsuba.design import pictures
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
 from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
-from drcmitsuba.design.problem import Goal, Problem
+from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
@@ -44,26 +44,25 @@ def by_window(year, **goal):
     dwr, position = (Parameter(k, 0.0, 1.0, 0.5) for k in ("dwr", "position"))
     fixed = Parameter.fixed("sill", 0.9), Parameter.fixed("wwr", 0.5)
     facade = Window(panes, WALL, *fixed, dwr, position)
-    return Problem(year, facade, Goal(RULES, "film", film_cost=5.0, **goal))
+    return FacadeProblem(year, facade, Goal(RULES, "film", film_cost=5.0, **goal))
 
 
 def by_strips(year, window=None, **goal):
     panes = Panes.of(year, "glass", "film")
     window = window or Parameter.fixed("window", 1.0)
     facade = Strips(panes, window, Parameter("film", 0.0, 1.0, 0.5, panes.count))
-    return Problem(year, facade, Goal(RULES, "film", film_cost=5.0, **goal))
+    return FacadeProblem(year, facade, Goal(RULES, "film", film_cost=5.0, **goal))
 
 
 def named(year, **rows):
     """Compositions with glass everywhere but film in some rows of six."""
-    found = {}
+    shares = {}
     for name, film in rows.items():
-        share = np.zeros((36, 4))
-        share[:, 1] = 1
+        shares[name] = np.zeros((36, 4))
+        shares[name][:, 1] = 1
         for row in film:
-            share[6 * row : 6 * row + 6, 1:3] = 0, 1
-        found[name] = share
-    return found
+            shares[name][6 * row : 6 * row + 6, 1:3] = 0, 1
+    return shares
 
 
 VARIANTS = {"existing": [], "o1": [3, 4, 5], "o2": [0, 1, 2], "o3": [2, 3], "all": range(6)}
@@ -84,12 +83,12 @@ def sweep(year):
 def test_the_search_finds_what_a_sweep_finds(year, sweep, limit):
     problem = by_window(year, ase_limit=limit)
     best = max(score.value for score in sweep if problem.is_feasible(score))
-    found = optimise(problem, Search(starts=2))
-    assert found.finished
-    assert found.is_feasible
+    optimum = optimise(problem, Search(starts=2))
+    assert optimum.finished
+    assert optimum.is_feasible
     # A local search: over four seeds, two and three starts it ended −0.2 to 0.8 below the sweep.
-    assert best - ONE_SENSOR / 4 <= found.best.hard.value <= best + ONE_SENSOR
-    assert found.evaluations < len(sweep)
+    assert best - ONE_SENSOR / 4 <= optimum.best.hard.value <= best + ONE_SENSOR
+    assert optimum.evaluations < len(sweep)
 
 
 def test_36_tiles_of_their_own_beat_every_named_composition(year):
@@ -103,10 +102,10 @@ def test_36_tiles_of_their_own_beat_every_named_composition(year):
     for name, share in named(year, **VARIANTS).items():
         score = replace(problem, goal=replace(problem.goal, rules=bright)).hard(share)
         goal = replace(problem.goal, rules=bright, ase_limit=score.ase)
-        found = optimise(replace(problem, goal=goal), Search(starts=1, iterations=12))
-        assert found.best.hard.ase <= score.ase
-        assert found.evaluations < 120
-        gain[name] = found.best.hard.value - score.value
+        optimum = optimise(replace(problem, goal=goal), Search(starts=1, iterations=12))
+        assert optimum.best.hard.ase <= score.ase
+        assert optimum.evaluations < 120
+        gain[name] = optimum.best.hard.value - score.value
     assert gain.pop("all") >= 0  # film everywhere is all that has no sun
     assert min(gain.values()) > 5
 
@@ -114,42 +113,42 @@ def test_36_tiles_of_their_own_beat_every_named_composition(year):
 def test_what_is_known_is_never_lost(year):
     problem = by_strips(year, ase_limit=62.5)
     o3 = named(year, o3=VARIANTS["o3"])["o3"]
-    found = optimise(problem, Search(starts=1, sharpness=(8.0,), iterations=3), known=[o3[:, 2]])
-    assert found.best.hard.value >= problem.hard(o3).value - 1e-3
+    optimum = optimise(problem, Search(starts=1, sharpness=(8.0,), iterations=3), known=[o3[:, 2]])
+    assert optimum.best.hard.value >= problem.hard(o3).value - 1e-3
 
 
 def test_the_window_keeps_its_area_and_a_range_its_bounds(year):
     window = Parameter("window", 0.0, 1.0, 0.5, 36)
     for area in ((6.0, 6.0), (4.0, 7.0)):
         problem = by_strips(year, window, ase_limit=20.0, window_area=area)
-        found = optimise(problem, Search(starts=1, iterations=12, sharpness=(8.0, 16.0)))
-        assert found.is_feasible
-        got = found.problem.year.tiles.area @ (1 - found.best.share[:, 0])
+        optimum = optimise(problem, Search(starts=1, iterations=12, sharpness=(8.0, 16.0)))
+        assert optimum.is_feasible
+        got = optimum.problem.year.tiles.area @ (1 - optimum.best.share[:, 0])
         assert area[0] * 0.998 <= got <= area[1] * 1.002
 
 
 def test_the_reported_number_is_that_of_the_metrics_at_the_composition(year):
-    found = optimise(by_window(year, ase_limit=30.0), Search(starts=1, sharpness=(8.0,)))
-    again = found.problem.hard(found.best.share)
-    assert again.ase == found.best.hard.ase
-    assert again.value == pytest.approx(found.best.hard.value, abs=1e-3)
-    assert found.as_dict()["value"] == found.best.hard.value
+    optimum = optimise(by_window(year, ase_limit=30.0), Search(starts=1, sharpness=(8.0,)))
+    again = optimum.problem.hard(optimum.best.share)
+    assert again.ase == optimum.best.hard.ase
+    assert again.value == pytest.approx(optimum.best.hard.value, abs=1e-3)
+    assert optimum.to_dict()["value"] == optimum.best.hard.value
 
 
 def test_the_worst_month_is_an_aim_of_its_own(year):
     problem = by_window(year, aim="worst month", ase_limit=60.0)
-    found = optimise(problem, Search(starts=2))
+    optimum = optimise(problem, Search(starts=2))
     start = problem.evaluate(problem.start, 8.0)
-    assert found.best.hard.aim <= by_window(year).hard(found.best.share).aim  # of the year
-    assert found.best.hard.value >= start.hard.value
+    assert optimum.best.hard.aim <= by_window(year).hard(optimum.best.share).aim  # of the year
+    assert optimum.best.hard.value >= start.hard.value
 
 
-def test_a_limit_that_nothing_holds_is_told(year):
+def test_a_limit_that_nothing_holds_is_refused(year):
     narrow = by_window(year, ase_limit=0.0)
     facade = replace(narrow.facade, dwr=Parameter("dwr", 0.0, 0.4, 0.2))
-    found = optimise(replace(narrow, facade=facade), Search(starts=1, sharpness=(8.0, 16.0)))
-    assert not found.is_feasible
-    assert found.best.hard.ase == min(s.found.hard.ase for s in found.history.steps)
+    optimum = optimise(replace(narrow, facade=facade), Search(starts=1, sharpness=(8.0, 16.0)))
+    assert not optimum.is_feasible
+    assert optimum.best.hard.ase == min(c.hard.ase for c in optimum.history.candidates)
 
 
 def test_the_same_seed_gives_the_same_history(year):
@@ -162,11 +161,11 @@ def test_the_same_seed_gives_the_same_history(year):
 
 
 def test_progress_rises_to_one(year):
-    told = []
-    optimise(by_window(year), Search(starts=2, sharpness=(8.0, 16.0)), told.append)
-    assert told == sorted(told)
-    assert told[0] < 0.5
-    assert told[-1] == 1
+    shares = []
+    optimise(by_window(year), Search(starts=2, sharpness=(8.0, 16.0)), shares.append)
+    assert shares == sorted(shares)
+    assert shares[0] < 0.5
+    assert shares[-1] == 1
 
 
 class Stopping:
@@ -193,11 +192,11 @@ def as_runtime_error():
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), as_runtime_error()])
 def test_ctrl_c_keeps_the_best_so_far(year, error):
-    found = optimise(by_window(Stopping(year, 7, error), ase_limit=60.0))
-    assert not found.finished
-    assert found.evaluations == 7
-    assert any(found.best is step.found for step in found.history.steps)
-    front = pareto(replace(found, finished=True), [5.0, 50.0])
+    optimum = optimise(by_window(Stopping(year, 7, error), ase_limit=60.0))
+    assert not optimum.finished
+    assert optimum.evaluations == 7
+    assert any(optimum.best is step.candidate for step in optimum.history)
+    front = pareto(replace(optimum, finished=True), [5.0, 50.0])
     assert not front.finished
 
 
@@ -209,42 +208,42 @@ def test_other_errors_and_ctrl_c_before_the_first_evaluation_are_not_hidden(year
 
 
 def test_the_front_falls_nowhere_and_holds_the_optimum(year, tmp_path):
-    found = optimise(by_window(year, ase_limit=30.0), Search(starts=1))
-    front = pareto(found, [0.0, 15.0, 30.0, 60.0], Search())
+    optimum = optimise(by_window(year, ase_limit=30.0), Search(starts=1))
+    front = pareto(optimum, [0.0, 15.0, 30.0, 60.0], Search())
     ase = [p.hard.ase for p in front.points]
     value = [p.hard.value for p in front.points]
     assert ase == sorted(set(ase))
     assert value == sorted(set(value))
     assert len(ase) >= 3
     within = [p.hard.value for p in front.points if p.hard.ase <= 30.0]
-    assert max(within) >= found.best.hard.value
+    assert max(within) >= optimum.best.hard.value
     front.save(tmp_path / "pareto.csv")
     table = pd.read_csv(tmp_path / "pareto.csv")
     np.testing.assert_allclose(table.ASE, ase, atol=1e-3)
     assert {"sDA", "dwr", "position", "film_m2", "value"} <= set(table.columns)
-    scores = {n: found.problem.hard(s) for n, s in named(year, **VARIANTS).items()}
-    figure = pictures.front(front, scores, found.best.hard)
+    scores = {n: optimum.problem.hard(s) for n, s in named(year, **VARIANTS).items()}
+    figure = pictures.front(front, scores, optimum.best.hard)
     texts = {t.get_text() for t in figure.axes[0].texts}
     assert set(VARIANTS) <= texts
 
 
 def test_files_of_a_search(year, tmp_path):
-    found = optimise(by_strips(year, ase_limit=30.0), Search(starts=1, sharpness=(8.0,)))
-    found.save(tmp_path)
+    optimum = optimise(by_strips(year, ase_limit=30.0), Search(starts=1, sharpness=(8.0,)))
+    optimum.save(tmp_path)
     table = pd.read_csv(tmp_path / "history.csv")
-    assert len(table) == found.evaluations
+    assert len(table) == optimum.evaluations
     assert (np.diff(table.seconds) >= 0).all()
     assert {"search", "sharpness", "value", "sDA", "ASE", "smooth_sDA", "smooth_ASE"} <= set(table)
     assert [c for c in table if c.startswith("film_") and c != "film_m2"] == [
         f"film_{i}" for i in range(36)
     ]
-    told = json.loads((tmp_path / "optimum.json").read_text())
-    assert told["evaluations"] == found.evaluations
-    np.testing.assert_allclose(np.sum(list(told["composition"].values()), axis=0), 1, atol=1e-4)
-    figure = pictures.facade(year.tiles, found.best.share, MATERIALS, "film", "found")
+    saved = json.loads((tmp_path / "optimum.json").read_text())
+    assert saved["evaluations"] == optimum.evaluations
+    np.testing.assert_allclose(np.sum(list(saved["composition"].values()), axis=0), 1, atol=1e-4)
+    figure = pictures.facade(year.tiles, optimum.best.share, MATERIALS, "film", "best")
     drawn = sum(p.get_width() * p.get_height() for p in figure.axes[0].patches if p.get_fill())
     assert drawn == pytest.approx(year.tiles.area.sum(), rel=1e-5)
-    pictures.search(found).savefig(tmp_path / "search.png")
+    pictures.search(optimum).savefig(tmp_path / "search.png")
 
 
 TABLES = {
@@ -403,13 +402,13 @@ def test_strips_are_tried_first_as_a_designer_would(year):
         ({"strips": 3}, "design.strips: unknown key; remove it"),
     ],
 )  # fmt: skip
-def test_a_wrong_design_is_told_with_a_remedy(design, line):
+def test_a_wrong_design_is_refused_with_a_remedy(design, line):
     with pytest.raises(InputError) as caught:
         case(**design)
     assert str(caught.value) == f"room.toml: {line}"
 
 
-def test_a_design_that_cannot_be_is_told():
+def test_a_design_that_cannot_be_is_refused():
     with pytest.raises(InputError, match="design: no such table; add"):
         Layout.of(checked(Case, {k: v for k, v in TABLES.items() if k != "design"}, "room.toml"))
     with pytest.raises(InputError, match=r"ratio of 0\.6, the band has 0\.5; give a wider"):

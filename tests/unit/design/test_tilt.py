@@ -15,8 +15,8 @@ from drcmitsuba.case.toml import checked
 from drcmitsuba.design import pictures
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
-from drcmitsuba.design.tilt import Simulated, TiltGoal, Turned
-from drcmitsuba.design.tilt_search import turn
+from drcmitsuba.design.tilt import SimulatedTilt, TiltGoal, TiltProblem
+from drcmitsuba.design.tilt_search import optimise_tilt
 from drcmitsuba.metrics import Interval
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.metrics.intervals.rules import Rules
@@ -72,7 +72,7 @@ def case(folder, text=SLATS, design=None, strip="lamellae", **changes):
 def with_seed(problem, seed, step):
     accuracy = problem.case.accuracy.model_copy(update={"seed": seed})
     seeded = problem.case.model_copy(update={"accuracy": accuracy})
-    return replace(problem, case=seeded, step=step, known={})
+    return replace(problem, case=seeded, step=step, simulated={})
 
 
 def test_slopes_add_up_to_a_wide_difference_with_other_seeds(tmp_path):
@@ -80,7 +80,7 @@ def test_slopes_add_up_to_a_wide_difference_with_other_seeds(tmp_path):
 
     The two ends of the wide difference share no seed.
     """
-    problem, k = Turned.of(case(tmp_path)), 1.0
+    problem, k = TiltProblem.of(case(tmp_path)), 1.0
     narrow, wide = [], []
     for seed in range(4):
         one = with_seed(problem, seed, 1.0)
@@ -105,25 +105,26 @@ def test_numbers_are_those_of_an_evaluation_with_the_same_seed(tmp_path):
         {"bottom": 0.5, "top": 1.5, "material": "glass"},
         {"bottom": 1.8, "top": 2.8, "material": "lamellae"},
     ]}}  # fmt: skip
-    problem = Turned.of(case(tmp_path, shading=shade, facade=facade))
+    problem = TiltProblem.of(case(tmp_path, shading=shade, facade=facade))
     built = problem.built(23.0)
     assert built.components["lamellae"].tilt == 23.0
     assert built.source == problem.case.source
-    judged = evaluate_metrics(built, problem.light, simulation.coefficients(built, problem.light))
+    sky = problem.daylight
+    judged = evaluate_metrics(built, sky, simulation.coefficients(built, sky))
     assert judged.illuminance["shade_closed"].any()
-    found = problem.evaluate(problem.free(23.0), 1e4)
-    assert found.hard.aim == pytest.approx(judged.metrics["sDA"]["value"])
-    assert found.hard.ase == pytest.approx(judged.metrics["ASE"]["value"])
-    assert found.smooth.aim == pytest.approx(found.hard.aim, abs=1)
-    assert problem.known[23.0].aim == Interval(**judged.metrics["sDA"])
-    E = problem.known[23.0].E
+    candidate = problem.evaluate(problem.free(23.0), 1e4)
+    assert candidate.hard.aim == pytest.approx(judged.metrics["sDA"]["value"])
+    assert candidate.hard.ase == pytest.approx(judged.metrics["ASE"]["value"])
+    assert candidate.smooth.aim == pytest.approx(candidate.hard.aim, abs=1)
+    assert problem.simulated[23.0].aim == Interval(**judged.metrics["sDA"])
+    E = problem.simulated[23.0].E
     closed = judged.illuminance["shade_closed"].values[:, None]
     applied = np.where(closed, E.shaded.numpy(), E.open.numpy())
     np.testing.assert_allclose(applied, judged.illuminance["total"].values, rtol=1e-4)
     assert problem.afresh(23.0).accuracy.seed != built.accuracy.seed
 
 
-class ByFormula(Turned):
+class ByFormula(TiltProblem):
     """E by formula: brightest at a tilt of `BEST`, in the sun above another one."""
 
     BEST, SUNNY, STOP = 7.3, 90.0, 99
@@ -131,8 +132,8 @@ class ByFormula(Turned):
     measure = Measure(rules, "sDA", np.ones(10, int))
 
     def simulate(self, tilt, progress=lambda share: None):
-        if tilt not in self.known:
-            if len(self.known) == self.STOP:
+        if tilt not in self.simulated:
+            if len(self.simulated) == self.STOP:
                 raise KeyboardInterrupt
             progress(1.0)
             light = 1000 * np.exp(-(((tilt - self.BEST) / 40) ** 2))
@@ -140,8 +141,10 @@ class ByFormula(Turned):
             sun = np.full(E.shape, 2000.0 if tilt > self.SUNNY else 1.0)
             E, sun = (mi.TensorXf(a.astype(np.float32)) for a in (E, sun))
             sda = self.measure.hard(Illuminances(E, E, sun))[0]
-            self.known[tilt] = Simulated(Illuminances(E, E, sun), Interval(sda, sda - 2, sda + 2))
-        return self.known[tilt]
+            self.simulated[tilt] = SimulatedTilt(
+                Illuminances(E, E, sun), Interval(sda, sda - 2, sda + 2)
+            )
+        return self.simulated[tilt]
 
 
 def by_formula(low=-30.0, high=30.0, start=0.0, **attributes):
@@ -157,30 +160,30 @@ def by_formula(low=-30.0, high=30.0, start=0.0, **attributes):
      ({"SUNNY": 3.2}, 3.2), ({"low": 2.0, "high": 8.0, "start": 2.0}, 7.3)],
 )  # fmt: skip
 def test_the_search_finds_the_tilt_in_few_simulations(options, expected):
-    problem, told = by_formula(**options), []
-    found = turn(problem, 32.0, told.append)
-    assert found.finished
-    assert found.is_feasible
-    assert problem.at(found.best.x) == pytest.approx(expected, abs=1.0)
-    assert len(problem.known) < 20
-    assert told == sorted(told)
-    assert told[-1] == 1
+    problem, shares = by_formula(**options), []
+    optimum = optimise_tilt(problem, 32.0, shares.append)
+    assert optimum.finished
+    assert optimum.is_feasible
+    assert problem.at(optimum.best.x) == pytest.approx(expected, abs=1.0)
+    assert len(problem.simulated) < 20
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
 
 
-def test_what_is_found_is_the_best_by_hard_numbers_and_tells_its_slope(tmp_path):
+def test_the_optimum_is_the_best_by_hard_numbers_and_has_its_slope(tmp_path):
     problem = by_formula()
-    found = turn(problem)
-    assert found.best.hard.value == max(s.found.hard.value for s in found.history.steps)
-    found.save(tmp_path)
-    told = json.loads((tmp_path / "optimum.json").read_text())
-    assert told["tilt"] == problem.at(found.best.x)
-    assert told["low"] <= told["sDA"] <= told["high"]
-    assert told["simulations"] == len(problem.known)
-    assert abs(told["slope_per_degree"]) < 0.5  # it is a maximum
-    near = {t for t, s in problem.known.items() if s.aim.value >= told["sDA"] - 4}
-    assert {told["tilt"], *told["intervals_overlap"]} == near
-    pictures.tilts(found).savefig(tmp_path / "tilt.png")
-    pictures.search(found).savefig(tmp_path / "search.png")
+    optimum = optimise_tilt(problem)
+    assert optimum.best.hard.value == max(c.objective for c in optimum.history.candidates)
+    optimum.save(tmp_path)
+    saved = json.loads((tmp_path / "optimum.json").read_text())
+    assert saved["tilt"] == problem.at(optimum.best.x)
+    assert saved["low"] <= saved["sDA"] <= saved["high"]
+    assert saved["simulations"] == len(problem.simulated)
+    assert abs(saved["slope_per_degree"]) < 0.5  # it is a maximum
+    near = {t for t, s in problem.simulated.items() if s.aim.value >= saved["sDA"] - 4}
+    assert {saved["tilt"], *saved["intervals_overlap"]} == near
+    pictures.tilts(optimum).savefig(tmp_path / "tilt.png")
+    pictures.search(optimum).savefig(tmp_path / "search.png")
 
 
 def test_slopes_are_one_sided_at_the_bounds():
@@ -194,12 +197,12 @@ def test_slopes_are_one_sided_at_the_bounds():
 
 
 def test_ctrl_c_keeps_the_best_so_far():
-    found = turn(by_formula(STOP=3))
-    assert not found.finished
-    assert found.evaluations == 3
-    assert "slope_per_degree" not in found.as_dict()
+    optimum = optimise_tilt(by_formula(STOP=3))
+    assert not optimum.finished
+    assert optimum.evaluations == 3
+    assert "slope_per_degree" not in optimum.to_dict()
     with pytest.raises(KeyboardInterrupt):
-        turn(by_formula(STOP=0))
+        optimise_tilt(by_formula(STOP=0))
 
 
 @pytest.mark.parametrize(
@@ -223,19 +226,19 @@ def test_ctrl_c_keeps_the_best_so_far():
          "tilted"),
     ],
 )  # fmt: skip
-def test_a_wrong_design_is_told_with_a_remedy(tmp_path, design, line):
+def test_a_wrong_design_is_refused_with_a_remedy(tmp_path, design, line):
     with pytest.raises(InputError) as caught:
         case(tmp_path, design=design)
     assert str(caught.value) == f"room.toml: {line}"
 
 
-def test_what_cannot_be_tilted_is_told(tmp_path):
+def test_what_cannot_be_tilted_is_refused(tmp_path):
     with pytest.raises(InputError, match=r'"lamellae" stands nowhere; name it as the material'):
         case(tmp_path, strip="glass")
     with pytest.raises(InputError, match=r'recipe of "lamellae" is of kind prism; only lamellae'):
-        Turned.of(case(tmp_path, PRISM))
+        TiltProblem.of(case(tmp_path, PRISM))
     thick = SLATS.replace("width = 100", "width = 1500")
     with pytest.raises(InputError, match="a period takes"):
-        Turned.of(case(tmp_path, thick, {"component": "lamellae", "tilt": [0.0, 60.0]}))
+        TiltProblem.of(case(tmp_path, thick, {"component": "lamellae", "tilt": [0.0, 60.0]}))
     with pytest.raises(InputError, match="design: no component is named"):
-        Turned.of(case(tmp_path).model_copy(update={"design": None}))
+        TiltProblem.of(case(tmp_path).model_copy(update={"design": None}))

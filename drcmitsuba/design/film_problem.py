@@ -1,0 +1,232 @@
+"""A film as an optimisation problem: objective, derivatives, and the noise of the derivatives.
+
+An objective is any smooth function of the year's illuminances. Reverse mode differentiates the
+estimate of the objective exactly, but other paths give another estimate. The replicates tell how
+much the derivatives differ between paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.design.film import Film
+from drcmitsuba.runtime.errors import InputError
+
+NEAR_NOISE = 3.0
+"""Standard errors within which the derivatives' errors are estimated afresh."""
+
+
+class LitByFilm(Protocol):
+    """A year whose light depends on a film, such as `FilmYear`.
+
+    Where it has a method `leave_one_out`, an iterable of such years without one replicate each,
+    the standard errors of derivatives are known.
+    """
+
+    def illuminance(self, film: Film) -> Any:
+        """Argument of the objective, with the gradients of the film's parameters."""
+        ...
+
+
+Objective = Callable[[Any], Any]
+"""Turns `year.illuminance(film)`, for `FilmYear` E (time, sensor) [lx], into one mi.Float."""
+
+
+def gradient(
+    year: LitByFilm, objective: Objective, film: Any, values: Mapping[str, float]
+) -> tuple[float, np.ndarray]:
+    """Evaluate an objective and its derivatives by parameters of a film.
+
+    Parameters
+    ----------
+    year : FilmYear
+    objective : callable
+    film : Film
+    values : mapping of str to float
+        Parameters to differentiate by, and where.
+
+    Returns
+    -------
+    tuple of float and np.ndarray, shape (parameter,)
+        Objective, and its derivatives per unit of the parameters.
+
+    Raises
+    ------
+    InputError
+        The objective or a derivative is not finite.
+    """
+    attached = {name: mi.Float(value) for name, value in values.items()}
+    dr.enable_grad(attached)
+    value = objective(year.illuminance(replace(film, **attached)))
+    dr.backward(value)
+    slopes = np.array([float(dr.grad(v)[0]) for v in attached.values()])
+    number = float(dr.detach(value).numpy().item())
+    if not np.isfinite([number, *slopes]).all():
+        raise InputError(
+            "objective", "value", f"{number:g}, derivatives {slopes}",
+            "give one that is finite and smooth for all illuminances",
+        )  # fmt: skip
+    return number, slopes
+
+
+def gradient_error(
+    year: LitByFilm, objective: Objective, film: Any, values: Mapping[str, float]
+) -> np.ndarray:
+    """Estimate the standard errors of the derivatives by the delete-one jackknife [1]_.
+
+    Every replicate is left out once, se² = (n − 1)/n Σ (g₍ᵣ₎ − ḡ)², so that the error contains the
+    noise of the light as well as that of the point at which the objective is differentiated.
+
+    Parameters
+    ----------
+    year, objective, film, values
+        As for `gradient`.
+
+    Returns
+    -------
+    np.ndarray, shape (parameter,)
+        Per unit of the parameters; NaN where the year has no `leave_one_out`.
+
+    Notes
+    -----
+    Takes as long as n gradients, n the number of replicates.
+
+    References
+    ----------
+    .. [1] B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics 9, 1981.
+    """
+    leave_one_out: Callable[[], Iterable[LitByFilm]] | None
+    leave_one_out = getattr(year, "leave_one_out", None)
+    if leave_one_out is None:
+        return np.full(len(values), np.nan)
+    slopes = np.stack([gradient(each, objective, film, values)[1] for each in leave_one_out()])
+    return np.sqrt((len(slopes) - 1) * slopes.var(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class FilmCandidate:
+    """One film with its objective.
+
+    Parameters
+    ----------
+    x : np.ndarray, shape (parameter,)
+        Parameters, 0 to 1 within their ranges.
+    objective : float
+    gradient : np.ndarray, shape (parameter,)
+        Derivatives of the objective per unit of the parameters.
+    """
+
+    x: np.ndarray
+    objective: float
+    gradient: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FilmProblem:
+    """A film with free parameters, its year, and the objective.
+
+    Parameters
+    ----------
+    year : FilmYear
+    objective : callable
+    film : Film
+        Has the parameters that stay.
+    ranges : mapping of str to (low, high)
+        Parameters that are free.
+
+    Raises
+    ------
+    InputError
+        A range is no range, or the film has no such parameter.
+    """
+
+    year: LitByFilm
+    objective: Objective
+    film: Any
+    ranges: Mapping[str, tuple[float, float]]
+    _errors: dict[bytes, np.ndarray] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in self.ranges.items():
+            if not hasattr(self.film, name):
+                remedy = f"name those of {type(self.film).__name__}"
+                raise InputError("optimise_film", "ranges", f"no parameter {name!r}", remedy)
+            if not low < high:
+                got = f"{name}: {low:g}, {high:g}"
+                raise InputError("optimise_film", "ranges", got, "low < high")
+
+    @property
+    def start(self) -> np.ndarray:
+        """Parameters of the film as it is, shape (parameter,), 0 to 1 within their ranges."""
+        values = [float(dr.detach(mi.Float(getattr(self.film, name)))[0]) for name in self.ranges]
+        return np.clip((np.array(values) - self._low) / self._width, 0, 1)
+
+    @property
+    def _low(self) -> np.ndarray:
+        return np.array([low for low, _ in self.ranges.values()])
+
+    @property
+    def _width(self) -> np.ndarray:
+        return np.array([high - low for low, high in self.ranges.values()])
+
+    def named(self, x: np.ndarray) -> dict[str, float]:
+        """Values of the parameters in their own units, to the digits that kernels have."""
+        values = np.float32(self._low + self._width * x)
+        return {name: float(value) for name, value in zip(self.ranges, values, strict=True)}
+
+    def evaluate(self, x: np.ndarray) -> FilmCandidate:
+        """Evaluate a film and its derivatives, x (parameter,) 0 to 1 within the ranges."""
+        value, slopes = gradient(self.year, self.objective, self.film, self.named(x))
+        return FilmCandidate(np.array(x, float), value, slopes)
+
+    def ascent(self, candidate: FilmCandidate) -> np.ndarray:
+        """Derivatives by x, shape (parameter,)."""
+        return candidate.gradient * self._width
+
+    def gradient_error(self, candidate: FilmCandidate) -> np.ndarray:
+        """Standard errors of the candidate's derivatives per unit; estimated once."""
+        key = candidate.x.tobytes()
+        if key not in self._errors:
+            values = self.named(candidate.x)
+            self._errors[key] = gradient_error(self.year, self.objective, self.film, values)
+        return self._errors[key]
+
+    def is_within_noise(self, candidate: FilmCandidate) -> bool:
+        """Whether no derivative that leads inside the ranges exceeds its standard error.
+
+        Errors of the candidate itself are estimated only where the latest ones are near.
+        """
+        outwards = ((candidate.x <= 0) & (candidate.gradient < 0)) | (
+            (candidate.x >= 1) & (candidate.gradient > 0)
+        )
+        slopes = np.where(outwards, 0.0, abs(candidate.gradient))
+        if self._errors:
+            latest = next(reversed(self._errors.values()))
+            if (slopes > NEAR_NOISE * latest).any():
+                return False
+        return bool((slopes <= self.gradient_error(candidate)).all())
+
+    def merit(self, candidate: FilmCandidate) -> tuple[float, ...]:
+        """Sort key of candidates: the objective."""
+        return (candidate.objective,)
+
+    def holds(self, candidate: FilmCandidate) -> bool:
+        """Whether the candidate holds the constraints: there are none."""
+        return True
+
+    def numbers(self, candidate: FilmCandidate) -> dict[str, float]:
+        """Columns of the history: objective and derivatives per unit."""
+        slopes = zip(self.ranges, candidate.gradient, strict=True)
+        return {"objective": candidate.objective} | {f"by_{k}": float(v) for k, v in slopes}
+
+    def details(self, candidate: FilmCandidate) -> dict[str, Any]:
+        """Further entries of `optimum.json`: standard errors of the derivatives per unit."""
+        errors = zip(self.ranges, self.gradient_error(candidate), strict=True)
+        entries: dict[str, Any] = {f"by_{name}_se": float(v) for name, v in errors if v == v}
+        return entries | {"within_noise": self.is_within_noise(candidate)}

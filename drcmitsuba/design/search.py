@@ -1,0 +1,260 @@
+"""The search that all design problems share: step, history, loop and optimum.
+
+A problem says what a candidate is worth; a local search proposes the candidates. Every candidate
+that was evaluated stays in the history, so that a search that is stopped has lost nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+import pandas as pd
+
+from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.errors import was_stopped
+from drcmitsuba.runtime.progress import Progress, part
+
+
+class Candidate(Protocol):
+    """One evaluated design."""
+
+    @property
+    def x(self) -> np.ndarray:
+        """Free values, shape (free,), 0 to 1 between their bounds."""
+        ...
+
+    @property
+    def objective(self) -> float:
+        """Value that is maximised."""
+        ...
+
+
+C = TypeVar("C", bound=Candidate)
+
+
+class SearchProblem(Protocol):
+    """What a search asks of a problem; candidates are of the problem's own kind."""
+
+    @property
+    def evaluate(self) -> Callable[..., Any]:
+        """Turns x (free,), 0 to 1 between the bounds, and settings into a candidate."""
+        ...
+
+    def named(self, x: np.ndarray) -> Mapping[str, Any]:
+        """Values of the parameters in their own units, one number or an array each."""
+        ...
+
+    def merit(self, candidate: Any) -> tuple[float, ...]:
+        """Sort key of candidates: the largest one is the best."""
+        ...
+
+    def holds(self, candidate: Any) -> bool:
+        """Whether the candidate holds the constraints."""
+        ...
+
+    def numbers(self, candidate: Any) -> dict[str, float]:
+        """Columns of the history beside the parameters."""
+        ...
+
+    def details(self, candidate: Any) -> dict[str, Any]:
+        """Further entries of `optimum.json`."""
+        ...
+
+
+P = TypeVar("P", bound=SearchProblem)
+
+
+@dataclass(frozen=True)
+class Step(Generic[C]):
+    """One evaluation of a search.
+
+    Parameters
+    ----------
+    label : str
+        Local search that proposed the candidate, such as "start 1" or "ASE ≤ 10 %".
+    seconds : float
+        Time since the history began [s].
+    candidate : Candidate
+    """
+
+    label: str
+    seconds: float
+    candidate: C
+
+
+@dataclass
+class History(Generic[P, C]):
+    """Evaluations of a problem, in the order in which they were made.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+    steps : list of Step
+        Grows while a search runs.
+    begin : float
+        Reading of `time.perf_counter` at the start [s].
+    """
+
+    problem: P
+    steps: list[Step[C]] = field(default_factory=list)
+    begin: float = field(default_factory=time.perf_counter)
+
+    def __len__(self) -> int:
+        """Count the evaluations."""
+        return len(self.steps)
+
+    def __iter__(self) -> Iterator[Step[C]]:
+        """Go through the steps, the first one first."""
+        return iter(self.steps)
+
+    @property
+    def candidates(self) -> list[C]:
+        """Candidates of all steps."""
+        return [step.candidate for step in self.steps]
+
+    def evaluate(self, x: np.ndarray, label: str, *settings: float) -> C:
+        """Evaluate a design with the problem's settings, and keep the candidate."""
+        candidate: C = self.problem.evaluate(x, *settings)
+        self.steps.append(Step(label, time.perf_counter() - self.begin, candidate))
+        return candidate
+
+    def best(self, merit: Callable[[C], tuple[float, ...]] | None = None) -> C:
+        """Return the candidate of the largest merit, by default the problem's.
+
+        Raises
+        ------
+        ValueError
+            Nothing has been evaluated.
+        """
+        return max(self.candidates, key=merit or self.problem.merit)
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """Table of one row for each evaluation."""
+        return pd.DataFrame(
+            {"search": s.label, "seconds": round(s.seconds, 3), **row(self.problem, s.candidate)}
+            for s in self.steps
+        )
+
+    def save(self, file: Path) -> None:
+        """Write the table as CSV, whole or not at all."""
+        storage.save_text(self.frame.to_csv(index=False, float_format="%.6g"), file)
+
+
+def row(problem: SearchProblem, candidate: Candidate) -> dict[str, float]:
+    """Numbers of a candidate, then its parameters in their own units, one column a value."""
+    columns = dict(problem.numbers(candidate))
+    for key, value in problem.named(candidate.x).items():
+        values = np.atleast_1d(value)
+        one = len(values) == 1
+        columns |= {key if one else f"{key}_{i}": float(v) for i, v in enumerate(values)}
+    return columns
+
+
+class LocalSearch(Protocol):
+    """Proposes candidates, one after the other, and has the history evaluate them."""
+
+    def __call__(self, history: Any, progress: Progress) -> None:
+        """Search; `progress` takes the share of this local search that is done."""
+        ...
+
+
+def run(history: History[Any, Any], searches: Iterable[LocalSearch], progress: Progress) -> bool:
+    """Let local searches add to a history, one after the other.
+
+    Parameters
+    ----------
+    history : History
+    searches : iterable of LocalSearch
+        Such as gradient ascents from several starts.
+    progress : callable
+        Takes the share that is done; every local search counts alike.
+
+    Returns
+    -------
+    bool
+        Whether all came to their end; False where Ctrl-C or a kill ended one of them.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        The search was stopped before anything was evaluated.
+    """
+    searches = list(searches)
+    try:
+        for i, search in enumerate(searches):
+            search(history, part(progress, i / len(searches), (i + 1) / len(searches)))
+            progress((i + 1) / len(searches))
+    except (KeyboardInterrupt, RuntimeError) as error:
+        if not was_stopped(error) or not history.steps:
+            raise
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class Optimum(Generic[P, C]):
+    """Best candidate of a search, and all others.
+
+    Parameters
+    ----------
+    problem : SearchProblem
+    best : Candidate
+    history : History
+        All evaluations.
+    finished : bool
+        Whether the search came to its end; False where it was stopped.
+    """
+
+    problem: P
+    best: C
+    history: History[P, C]
+    finished: bool
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """Values of the parameters in their own units."""
+        return self.problem.named(self.best.x)
+
+    @property
+    def objective(self) -> float:
+        """Value that was maximised, of the best candidate."""
+        return self.best.objective
+
+    @property
+    def evaluations(self) -> int:
+        """Number of designs that were evaluated."""
+        return len(self.history)
+
+    @property
+    def seconds(self) -> float:
+        """Time until the last evaluation [s]."""
+        return self.history.steps[-1].seconds
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether the best candidate holds the constraints."""
+        return self.problem.holds(self.best)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the numbers of `optimum.json`."""
+        return {
+            "finished": self.finished,
+            "feasible": self.is_feasible,
+            "evaluations": self.evaluations,
+            "seconds": round(self.seconds, 3),
+            **row(self.problem, self.best),
+            **self.problem.details(self.best),
+        }
+
+    def save(self, folder: str | Path) -> None:
+        """Write `optimum.json` and `history.csv`, each whole or not at all."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        storage.save_json(self.to_dict(), folder / "optimum.json")
+        self.history.save(folder / "history.csv")
