@@ -18,8 +18,11 @@ import numpy as np
 from drcmitsuba.design.film import Film
 from drcmitsuba.runtime.errors import InputError
 
-NEAR_NOISE = 3.0
-"""Standard errors within which the derivatives' errors are estimated afresh."""
+NOISE_PART = 0.25
+"""Part of their standard errors within which derivatives count as zero: the film then lies within
+this part of its own standard error from the one at which they vanish."""
+NEAR = 4.0
+"""The errors are estimated afresh where the derivatives are within so many times that part."""
 
 
 class LitByFilm(Protocol):
@@ -198,7 +201,7 @@ class FilmProblem:
         return self._errors[key]
 
     def is_within_noise(self, candidate: FilmCandidate) -> bool:
-        """Whether no derivative that leads inside the ranges exceeds its standard error.
+        """Whether no derivative that leads inside the ranges exceeds a fourth of its error.
 
         Errors of the candidate itself are estimated only where the latest ones are near.
         """
@@ -208,9 +211,9 @@ class FilmProblem:
         slopes = np.where(outwards, 0.0, abs(candidate.gradient))
         if self._errors:
             latest = next(reversed(self._errors.values()))
-            if (slopes > NEAR_NOISE * latest).any():
+            if (slopes > NEAR * NOISE_PART * latest).any():
                 return False
-        return bool((slopes <= self.gradient_error(candidate)).all())
+        return bool((slopes <= NOISE_PART * self.gradient_error(candidate)).all())
 
     def merit(self, candidate: FilmCandidate) -> tuple[float, ...]:
         """Sort key of candidates: the objective."""

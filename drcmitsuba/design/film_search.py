@@ -91,9 +91,9 @@ def optimise_film(
 
     Notes
     -----
-    A start ends where no derivative exceeds its standard error: further steps would follow the
-    noise. `FilmOptimum.is_within_noise` says so of the best film; more `paths` or `replicates` of
-    the case's accuracy would then place it better.
+    A start ends where no derivative exceeds a fourth of its standard error: further steps would
+    follow the noise. `FilmOptimum.is_within_noise` is then true; more `paths` or `replicates` of
+    the case's accuracy would place the film better, more iterations would not.
     """
     if starts < 1:
         raise InputError("optimise_film", "starts", str(starts), "give 1 or more")
