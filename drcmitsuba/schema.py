@@ -24,6 +24,12 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "sky_open": ("lx", "illuminance by sky and ground, shade open"),
     "sun_open": ("lx", "illuminance by the sun, all bounces, shade open"),
     "direct_sun": ("lx", "illuminance by sun that comes straight, shade open"),
+    "x": ("m", "position of the sensor, to the east in the room's frame"),
+    "y": ("m", "position of the sensor, to the north in the room's frame"),
+    "z": ("m", "position of the sensor, upwards in the room's frame"),
+    "time": ("", "start of the interval, local standard time"),
+    "clock": ("", "start of the interval, clock time with daylight saving"),
+    "shade_closed": ("", "whether the shade is closed"),
 }
 """Unit and long name of the variables; `…_se` is the standard error of each."""
 
@@ -50,6 +56,7 @@ LARGEST_OTHER = 1e6
 
 NUMBERS = {"latitude", "longitude", "timezone", "sun_diameter", "step_hours", "interval_factor"}
 NUMBERS |= {"has_shade", "shade_threshold", "shade_area"}
+NUMBERS |= {"sda_threshold", "sda_fraction", "ase_threshold", "ase_hours"}
 """Attributes that are numbers."""
 
 MOST = 1e9
@@ -60,13 +67,17 @@ LUMINANCE_WEIGHTS = {"red": 0.2126, "green": 0.7152, "blue": 0.0722}
 
 
 def describe(data: xr.Dataset) -> xr.Dataset:
-    """Set unit and long name of every variable that the table knows."""
-    for name, variable in data.data_vars.items():
+    """Set unit and long name of every variable and coordinate that the table knows.
+
+    Dates have their unit from the file format, and truth values have none.
+    """
+    for name, variable in data.variables.items():
         base = str(name).removesuffix("_se")
-        if base in VARIABLES:
+        if base in VARIABLES and not (name == "sun" and "sun" in data.dims):
             unit, long_name = VARIABLES[base]
             error = "standard error of: " if base != name else ""
-            variable.attrs.update(units=unit, long_name=error + long_name)
+            units = {"units": unit} if unit else {}
+            variable.attrs.update(units, long_name=error + long_name)
     return data
 
 

@@ -1,50 +1,55 @@
-"""More samples until the intervals are as narrow as was asked for.
+"""More samples until the intervals are as narrow as the case asks for.
 
 Samples are added in rounds, each a simulation of its own with another seed. Replicate r of a round
-is averaged into replicate r of what is known: there stay as many replicates, independent as before,
-each of more samples, and so their scatter goes on to tell the error. Rounds after the first aim:
-for points of sDA and ASE at the sensors that are too close to call and the hours in doubt there.
+is averaged into replicate r of the coefficients: there stay as many replicates, independent as
+before, each of more samples, so that their scatter still gives the error. Where sDA and ASE are
+aimed at, rounds after the first simulate only the sensors that are too close to call, and the suns
+of the hours in doubt there.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual import simulation
-from drcmitsuba.annual.sample_accumulator import SampleAccumulator, by_state
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
+from drcmitsuba.metrics import illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, may_close
-from drcmitsuba.runtime.progress import Stage, timed
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
-from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.transport.sun_interpolation import mesh_of
 
-MOST_AT_ONCE = 8
-"""Rounds between two looks at the intervals."""
+ROUNDS_AT_ONCE = 8
+"""Largest number of rounds between two looks at the intervals."""
 
 
 @dataclass(frozen=True)
 class SamplingOutcome:
-    """How far the sampling came.
+    """How close the sampling came to its target.
 
     Parameters
     ----------
     target : str
+        As in the case.
     half_width : float
-        Half the width of the intervals, in the target's unit.
+        Half the width of the widest interval, in the target's unit.
     reached : bool
+        Whether it is as narrow as the target.
     rounds : int
-        Of sampling, the first among them.
+        Number of rounds, the first one included.
     reason : str
-        Why it ended.
+        Why the sampling ended.
     """
 
     target: str
@@ -54,116 +59,128 @@ class SamplingOutcome:
     reason: str
 
 
+@dataclass
+class _Sampling:
+    """Coefficients of both states while rounds are added to them."""
+
+    case: Case
+    daylight: Daylight
+    run: Run
+    first: Coefficients
+    states: dict[State, SampleAccumulator]
+
+    @property
+    def coefficients(self) -> Coefficients:
+        """Coefficients of all rounds so far."""
+        states = {state: samples.coefficients for state, samples in self.states.items()}
+        return Coefficients(**states).assign_attrs(**self.first.attrs)
+
+    def transport(
+        self, state: State, labels: Iterable[str], run: Run, **options: Any
+    ) -> xr.Dataset:
+        """Simulate some suns in a state, on the mesh that is known."""
+        mesh = mesh_of(self.states.get(state, self.states["open"]).coefficients)
+        return simulation.transport(
+            self.case, state, self.daylight.suns.only(labels), self.daylight.sky.attrs["latitude"],
+            run=run, mesh=mesh, **options,
+        )  # fmt: skip
+
+    def add_round(
+        self, number: int, evaluated: EvaluatedMetrics, sensors: np.ndarray, hours: np.ndarray
+    ) -> None:
+        """Add a round of some sensors and of the suns of some time stamps."""
+        seed = (
+            launch_seed(self.case.accuracy.seed, Stream.ROUNDS, number) >> 2
+        )  # below a case's limit
+        for state, samples in self.states.items():
+            at = hours if state == "open" else hours[evaluated.draws.may_close[hours]]
+            labels = sources(self.daylight.sky.isel(time=at))
+            more = self.transport(state, labels, run, sensors=sensors)
+            samples.add(more, sensors)
+
+    def evaluate(self) -> EvaluatedMetrics:
+        """Evaluate the metrics, the shaded state of hours that may close only now simulated."""
+        direct = illuminance.direct_sun(self.coefficients, self.daylight.sky)
+        if self.case.shading is not None:
+            self._extend_shaded(may_close(self.case, self.daylight.step_hours, direct))
+        return evaluate_metrics(self.case, self.daylight, self.coefficients, direct)
+
+    def _extend_shaded(self, closing: np.ndarray) -> None:
+        """Simulate the suns of closing hours that the shaded state lacks."""
+        labels = self.daylight.suns.only(sources(self.daylight.sky.isel(time=closing))).labels
+        shaded = self.states.get("shaded")
+        if shaded is None:
+            if closing.any():
+                more = self.transport("shaded", labels, self.run)
+                self.states["shaded"] = SampleAccumulator(more)
+            return
+        missing = shaded.missing(labels, "sun" if "sun" in shaded.coefficients.dims else "bin")
+        if missing:
+            shaded.extend(self.transport("shaded", missing, self.run))
+
+
 def toward_target(
-    case: Case, light: Daylight, found: xr.Dataset, now: EvaluatedMetrics, stage: Stage,
-    seconds: dict[str, float], scope: EnabledEffects, rays: Counter[str],
-) -> tuple[xr.Dataset, EvaluatedMetrics, SamplingOutcome]:  # fmt: skip
+    case: Case, daylight: Daylight, coefficients: Coefficients, evaluated: EvaluatedMetrics,
+    run: Run,
+) -> tuple[Coefficients, EvaluatedMetrics, SamplingOutcome]:  # fmt: skip
     """Add rounds until the case's target or its limit of time is reached.
 
     Parameters
     ----------
     case : Case
-        With an `accuracy.target`.
-    light : Daylight
-    found : xr.Dataset
-        From `simulation.coefficients`: the first round.
-    now : EvaluatedMetrics
-        Of it.
-    stage : callable
-    seconds : dict
-        Takes the seconds of the stage.
-    scope : EnabledEffects
-        What is simulated.
-    rays : Counter
-        Takes the number of rays by kind.
+        As it is simulated, with an `accuracy.target`.
+    daylight : Daylight
+    coefficients : Coefficients
+        From `simulation.simulate`: the first round.
+    evaluated : EvaluatedMetrics
+        Metrics of the first round.
+    run : Run
 
     Returns
     -------
-    coefficients : xr.Dataset
-    judgement : EvaluatedMetrics
-        E and metrics of these coefficients.
-    reached : SamplingOutcome
+    coefficients : Coefficients
+        Mean of all rounds.
+    evaluated : EvaluatedMetrics
+        Metrics of these coefficients.
+    outcome : SamplingOutcome
     """
-    goal = case.accuracy.goal
-    assert goal is not None
-    start, most = time.perf_counter(), case.accuracy.time_limit
-    first = rounds = int(found.attrs.get("rounds", 1))
+    target = case.accuracy.goal
+    assert target is not None
+    start, limit = time.perf_counter(), case.accuracy.time_limit
 
     def over() -> bool:
-        return time.perf_counter() - start > most
+        return time.perf_counter() - start > limit
 
-    pools = by_state(found)
-    with timed(stage, f"toward {goal}", seconds) as done:
-        while (width := now.half_width(goal.unit)) > goal.value and not over():
-            done((goal.value / width) ** 2)
-            sensors, hours = _worth_more(now, goal.unit)
+    first = rounds = int(coefficients.attrs.get("rounds", 1))
+    sampling = None
+    with run.timed(f"toward {target}") as done:
+        while (width := evaluated.half_width(target.unit)) > target.value and not over():
+            done((target.value / width) ** 2)
+            if sampling is None:
+                states = {s: SampleAccumulator(C) for s, C in coefficients.states.items()}
+                sampling = _Sampling(case, daylight, run, coefficients, states)
+            sensors, hours = _worth_more(evaluated, target.unit)
             # The error falls with the root of the rounds; look again when they have doubled.
-            missing = math.ceil((rounds - first + 1) * ((width / goal.value) ** 2 - 1))
-            for _ in range(min(missing, rounds - first + 1, MOST_AT_ONCE)):
+            missing = math.ceil((rounds - first + 1) * ((width / target.value) ** 2 - 1))
+            for _ in range(min(missing, rounds - first + 1, ROUNDS_AT_ONCE)):
                 if over():
                     break
-                _sample(case, light, now, pools, rounds, sensors, hours, scope, rays)
+                sampling.add_round(rounds, evaluated, sensors, hours)
                 rounds += 1
-            _close(case, light, pools, scope, rays)
-            joined = simulation.states({s: pool.found for s, pool in pools.items()}, case)
-            found = joined.assign_attrs({**found.attrs, "rounds": rounds})
-            now = evaluate_metrics(case, light, found)
-    reached = width <= goal.value
-    reason = "target reached" if reached else f"limit of {most:g} s reached"
-    return found, now, SamplingOutcome(str(goal), width, reached, rounds, reason)
+            evaluated = sampling.evaluate()
+    if sampling is not None:
+        coefficients = sampling.coefficients.assign_attrs(rounds=rounds)
+    reached = width <= target.value
+    reason = "target reached" if reached else f"limit of {limit:g} s reached"
+    return coefficients, evaluated, SamplingOutcome(str(target), width, reached, rounds, reason)
 
 
-def _worth_more(now: EvaluatedMetrics, unit: str) -> tuple[np.ndarray, np.ndarray]:
-    """Sensors and time stamps that more samples are to be spent on."""
-    E = now.illuminance
+def _worth_more(evaluated: EvaluatedMetrics, unit: str) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the sensors and of the time stamps that more samples are spent on."""
+    E, draws = evaluated.illuminance, evaluated.draws
     everywhere = np.arange(E.sizes["sensor"]), np.arange(E.sizes["time"])
     if unit == "%":
         return everywhere
-    sensors = np.union1d(*(now.draws.undecided(metric) for metric in ("sDA", "ASE")))
-    hours = np.flatnonzero(now.draws.hours["sDA"] + now.draws.hours["ASE"])
+    sensors = np.union1d(*(draws.undecided(metric) for metric in ("sDA", "ASE")))
+    hours = np.flatnonzero(draws.hours["sDA"] + draws.hours["ASE"])
     return (sensors, hours) if len(sensors) and len(hours) else everywhere
-
-
-def _sample(
-    case: Case, light: Daylight, now: EvaluatedMetrics, pools: dict[State, SampleAccumulator],
-    number: int,
-    sensors: np.ndarray, hours: np.ndarray, scope: EnabledEffects, rays: Counter[str],
-) -> None:  # fmt: skip
-    """Add one more round, of some sensors and time stamps."""
-    seed = launch_seed(case.accuracy.seed, Stream.ROUNDS, number) >> 2  # below a case's limit
-    again = case.model_copy(update={"accuracy": case.accuracy.model_copy(update={"seed": seed})})
-    for state, pool in pools.items():
-        at = hours if state == "open" else hours[now.draws.may_close[hours]]
-        suns = light.suns.only(sources(light.sky.isel(time=at)))
-        more = simulation.transport(
-            again, state, suns, light.sky.attrs["latitude"],
-            scope=scope, mesh=mesh_of(pool.found), sensors=sensors, rays=rays,
-        )  # fmt: skip
-        pool.add(more, sensors)
-
-
-def _close(
-    case: Case,
-    light: Daylight,
-    pools: dict[State, SampleAccumulator],
-    scope: EnabledEffects,
-    rays: Counter[str],
-) -> None:
-    """Find the shaded state of the hours that may close only by what was sampled since."""
-    if case.shading is None:
-        return
-    closing = may_close(case, light, pools["open"].found)
-    needed = light.suns.only(sources(light.sky.isel(time=closing)))
-    if "shaded" in pools:
-        kind = "sun" if "sun" in pools["shaded"].found.dims else "bin"
-        needed = needed.only(pools["shaded"].missing(needed.labels, kind))
-    if closing.any() and ("shaded" not in pools or needed.labels):
-        mesh = mesh_of(pools["open"].found)
-        latitude = light.sky.attrs["latitude"]
-        more = simulation.transport(
-            case, "shaded", needed, latitude, scope=scope, mesh=mesh, rays=rays
-        )
-        if "shaded" in pools:
-            pools["shaded"].extend(more)
-        else:
-            pools["shaded"] = SampleAccumulator(more)

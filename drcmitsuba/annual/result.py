@@ -1,4 +1,16 @@
-"""One evaluation from case to numbers, files and pictures."""
+"""One evaluation, from a case to numbers, files and pictures.
+
+case     ─ daylight ──────────► Daylight: L[time, bin], suns
+         ─ plan ──────────────► Plan: enabled effects; forecast: what they will cost
+         ─ simulate(open) ────► C[sensor, bin] of the open state
+C · L    ─ direct_sun ────────► direct sun[time, sensor], once: ASE, and hours that may close
+         ─ simulate(shaded) ──► C of the suns of these hours; both states: Coefficients
+C · L    ─ illuminance ───────► E[time, sensor], the shade applied     illuminance.nc
+E, C     ─ evaluate_metrics ──► draws, metrics with their intervals    metrics.json
+         ─ toward_target ─────► more rounds of C, E and metrics, where a target asks for them
+all      ─ Result.save ───────► coefficients.zarr, sky.zarr, plan.json, pictures
+A `Run` goes through all of it: seed, enabled effects, stages with their seconds, rays.
+"""
 
 from __future__ import annotations
 
@@ -6,86 +18,108 @@ import re
 import resource
 import sys
 import time
-from collections import Counter
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from drcmitsuba.annual import simulation
 from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
-from drcmitsuba.annual.simulation import coefficients
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast, told_plan
 from drcmitsuba.runtime import backend, storage
-from drcmitsuba.runtime.progress import Stage, silent, timed
+from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.daylight import Daylight, daylight, luminances, save_luminances
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
-    """What an evaluation found; shows itself in Jupyter.
+    """Numbers of an evaluation; shows itself in Jupyter.
 
     Parameters
     ----------
     case : Case
     metrics : dict
         As in `metrics.json`.
-    illuminance, coefficients : xr.Dataset
-        E and C as on disk.
-    light : Daylight
-        What L is made of.
+    illuminance : xr.Dataset
+        E as on disk.
+    by_state : Coefficients
+        C of the open and the shaded state.
+    daylight : Daylight
+        Sky and suns, from which L follows.
     plan : dict
         As in `plan.json`.
-    scope : EnabledEffects
+    enabled_effects : EnabledEffects
         What was simulated.
     """
 
     case: Case
     metrics: dict[str, Any]
     illuminance: xr.Dataset
-    coefficients: xr.Dataset
-    light: Daylight
+    by_state: Coefficients
+    daylight: Daylight
     plan: dict[str, Any]
-    scope: EnabledEffects = ALL_EFFECTS
+    enabled_effects: EnabledEffects = ALL_EFFECTS
+
+    @cached_property
+    def coefficients(self) -> xr.Dataset:
+        """C[state, sensor, bin] as on disk [sr]."""
+        return self.by_state.joined()
 
     @property
     def sky(self) -> xr.Dataset:
-        """L[time, bin] as on disk; large where many time stamps have suns of their own."""
-        L = luminances(self.light)
-        channels = self.coefficients.get("channel")
+        """L[time, bin] as on disk [cd/m²]; large where many time stamps have their own suns."""
+        L = luminances(self.daylight)
+        channels = self.illuminance.get("channel")
         return L if channels is None else L.assign(L=L["L"].expand_dims(channel=channels))
 
-    def save(self, folder: str | Path, stage: Stage = silent) -> None:
-        """Write all results and plots to a folder, each file whole or not at all."""
+    def save(self, folder: str | Path, stage: Stage = silent) -> Result:
+        """Write all results and plots to a folder, each file whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+        stage : callable, optional
+
+        Returns
+        -------
+        Result
+            The same with what writing took in `metrics` and `plan`, as in their files.
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         start = time.perf_counter()
         with stage("writing") as done:
             storage.save_netcdf(self.illuminance, folder / "illuminance.nc")
             done(0.2)
-            storage.save_zarr(self.coefficients, folder / "coefficients.zarr")
+            storage.save_zarr(self.by_state.parts(), folder / "coefficients.zarr", along="state")
             done(0.5)
-            save_luminances(self.light, folder / "sky.zarr", self.coefficients.get("channel"))
-            storage.save_json(self.plan, folder / "plan.json")
+            save_luminances(self.daylight, folder / "sky.zarr", self.illuminance.get("channel"))
             done(0.6)
-            drawn = self._save_pictures(folder)
-            self.metrics["seconds"]["writing"] = round(time.perf_counter() - start, 3)
-            self.metrics["peak_memory_bytes"] = peak_memory()
-            storage.save_json(self.metrics, folder / "metrics.json")
-            written = ["illuminance.nc", "coefficients.zarr", "sky.zarr", "metrics.json", *drawn]
-            disk = sum(_bytes(folder / name) for name in written)
-            _settle(self.plan["cost"], self.metrics, disk)
-            storage.save_json(self.plan, folder / "plan.json")  # again: now its cost is known
+            pictures = self._save_pictures(folder)
+            seconds = self.metrics["seconds"] | {"writing": _elapsed(start)}
+            metrics = self.metrics | {"seconds": seconds, "peak_memory_bytes": peak_memory()}
+            storage.save_json(metrics, folder / "metrics.json")
+            data = ("illuminance.nc", "coefficients.zarr", "sky.zarr", "metrics.json")
+            disk = sum(_bytes(folder / name) for name in (*data, *pictures))
+            cost = _with_actual(self.plan["cost"], metrics, {"disk_bytes": disk})
+            saved = replace(self, metrics=metrics, plan=self.plan | {"cost": cost})
+            storage.save_json(saved.plan, folder / "plan.json")
+        return saved
 
     def _save_pictures(self, folder: Path) -> list[str]:
-        """Draw the plots, and remove those of an earlier evaluation; names of the files."""
+        """Draw the plots and remove those of an earlier evaluation; names of the files."""
         drawn = {}
-        if self.scope.pictures:
+        if self.enabled_effects.pictures:
             from drcmitsuba.report import (  # matplotlib is only loaded where plots are drawn
                 figures,
                 plots,
@@ -99,14 +133,41 @@ class Result:
                 old.unlink(missing_ok=True)
         return list(drawn)
 
-    def _repr_png_(self) -> bytes:
+    def __repr__(self) -> str:
+        E = self.illuminance
+        numbers = ", ".join(f"{name} {_text(self.metrics[name])}" for name in ("sDA", "ASE"))
+        size = f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors"
+        return f"<Result of {self.case.name!r}: {numbers}; {size}>"
+
+    def _repr_html_(self) -> str:
+        """Table of the metrics with their 95 % intervals, and the months as a picture."""
+        import base64
+        from html import escape
         from io import BytesIO
 
         from drcmitsuba.report import plots
 
         buffer = BytesIO()
         plots.write(plots.monthly(self.metrics, title=self.case.name), buffer, dpi=100)
-        return buffer.getvalue()
+        picture = base64.b64encode(buffer.getvalue()).decode()
+        names = {"sDA": "sDA", "ASE": "ASE", "shade_closed": "shade closed"}
+        rows = "".join(
+            f"<tr><th>{label}</th><td>{_text(self.metrics[name])}</td></tr>"
+            for name, label in names.items()
+        )
+        remarks = "".join(f"<p>{escape(n)}</p>" for n in self.metrics["settings"]["notes"])
+        image = f'<img alt="metrics by month" src="data:image/png;base64,{picture}">'
+        head = f"<caption>{escape(self.case.name)}, 95 % intervals</caption>"
+        return f"<table>{head}{rows}</table>{image}{remarks}"
+
+
+def _text(number: Mapping[str, float]) -> str:
+    """A metric and its interval in words."""
+    return f"{number['value']:.1f} % ({number['low']:.1f} … {number['high']:.1f})"
+
+
+def _elapsed(start: float) -> float:
+    return round(time.perf_counter() - start, 3)
 
 
 def _bytes(path: Path) -> int:
@@ -115,31 +176,45 @@ def _bytes(path: Path) -> int:
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
-def _settle(cost: dict[str, Any], numbers: dict[str, Any], disk: int | None = None) -> None:
-    """Put what an evaluation took beside its forecast; bytes of its files where it was saved."""
-    actual = cost["actual"]
-    actual["seconds"] = round(sum(numbers["seconds"].values()), 3)
-    actual["memory_bytes"] = numbers["peak_memory_bytes"]
-    told = f"took {actual['seconds']:.3g} s"
-    if disk is not None:
-        actual["disk_bytes"] = disk
+def _with_actual(
+    cost: Mapping[str, Any], metrics: Mapping[str, Any], more: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Entry `cost` of a plan with what the evaluation took beside its forecast.
+
+    Parameters
+    ----------
+    cost : mapping
+        The entry so far.
+    metrics : mapping
+        `seconds` by stage and `peak_memory_bytes`.
+    more : mapping
+        Further actual numbers: `rays` by kind, `disk_bytes`.
+    """
+    actual = {
+        **cost.get("actual", {}),
+        "seconds": round(sum(metrics["seconds"].values()), 3),
+        "memory_bytes": metrics["peak_memory_bytes"],
+        **more,
+    }
+    reason = f"took {actual['seconds']:.3g} s"
     if "forecast" in cost:
-        told = f"forecast {cost['forecast']['seconds']:.2g} s; {told}"
+        reason = f"forecast {cost['forecast']['seconds']:.2g} s; {reason}"
     if "rays" in actual:
-        told += f" and {sum(actual['rays'].values())} rays"
-    cost["reason"] = told
+        reason += f" and {sum(actual['rays'].values())} rays"
+    return {**cost, "actual": actual, "reason": reason}
 
 
 def peak_memory() -> int:
     """Largest memory that the process has held [bytes].
 
-    On Linux, what getrusage tells counts also what the parent held when it started the process.
+    On Linux `getrusage` also counts what the parent held when it started the process, so the
+    process' own status is read there.
     """
     status = Path("/proc/self/status")
     if status.is_file():
-        found = re.search(r"^VmHWM:\s*(\d+) kB$", status.read_text(), re.MULTILINE)
-        if found is not None:
-            return 1024 * int(found[1])
+        line = re.search(r"^VmHWM:\s*(\d+) kB$", status.read_text(), re.MULTILINE)
+        if line is not None:
+            return 1024 * int(line[1])
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak
 
@@ -154,7 +229,7 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     stage : callable, optional
         Shows the stages of the work, as the command line does.
     known : xr.Dataset, optional
-        Coefficients of this case that were computed for another weather.
+        Coefficients of this case that were computed for another weather, as on disk.
 
     Returns
     -------
@@ -168,66 +243,69 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
         No fit LLVM or GPU.
     """
     backend.select()
-    seconds: dict[str, float] = {}
-    with timed(stage, "sky", seconds):
-        sensor_points(case)  # what is wrong with the sensors is told before the work begins
-        told = notes(case)  # reads the films' files, which may be unfit
+    run = replace(Run.of(case), stage=stage)
+    with run.timed("sky"):
+        sensor_points(case)  # refuses unfit sensors before the work begins
+        remarks = notes(case)  # reads the films' files, which may be unfit
         light = daylight(case)
         planned = plan(case, light)
+    run = replace(run, enabled_effects=planned.scope)
     expected = None
-    if known is None:  # what is known already costs nothing
-        with timed(stage, "forecast", seconds):
+    if known is None:  # known coefficients cost nothing
+        with run.timed("forecast"):
             expected = forecast(planned)
-    rays: Counter[str] = Counter()
-    found = coefficients(case, light, stage, seconds, known, planned.scope, rays)
-    with timed(stage, "accumulation and metrics", seconds):
-        now = evaluate_metrics(case, light, found)
-    reached = None
+    by_state = None if known is None else Coefficients.of(known)
+    coefficients, direct = simulation.simulate(case, light, run, by_state)
+    with run.timed("accumulation and metrics"):
+        evaluated = evaluate_metrics(case, light, coefficients, direct)
+    outcome = None
     if case.accuracy.target is not None:
-        found, now, reached = toward_target(
-            planned.simulated, light, found, now, stage, seconds, planned.scope, rays
+        coefficients, evaluated, outcome = toward_target(
+            planned.simulated, light, coefficients, evaluated, run
         )
-    return summed_up(planned, found, now, seconds, told, reached, rays, expected)
+    return summed_up(planned, coefficients, evaluated, run, remarks, outcome, expected)
 
 
 def summed_up(
-    planned: Plan, found: xr.Dataset, now: EvaluatedMetrics, seconds: dict[str, float],
-    told: list[str], reached: SamplingOutcome | None = None, rays: Counter[str] | None = None,
-    expected: Forecast | None = None,
+    planned: Plan, coefficients: Coefficients, evaluated: EvaluatedMetrics, run: Run,
+    remarks: list[str], outcome: SamplingOutcome | None = None, expected: Forecast | None = None,
 ) -> Result:  # fmt: skip
-    """Put the parts of an evaluation together, settings and plan with them.
+    """Put the parts of an evaluation together, with settings, notes and cost.
 
     Parameters
     ----------
     planned : Plan
-    found : xr.Dataset
-        C of both states.
-    now : EvaluatedMetrics
-    seconds : dict
-    told : list of str
+    coefficients : Coefficients
+    evaluated : EvaluatedMetrics
+    run : Run
+    remarks : list of str
         Notes on the films.
-    reached : SamplingOutcome, optional
-        How far a target was reached.
-    rays : Counter, optional
-        Number of rays by kind.
+    outcome : SamplingOutcome, optional
+        How close the sampling came to a target.
     expected : Forecast, optional
-        What it was to cost.
+        Forecast of the cost.
+
+    Returns
+    -------
+    Result
     """
     case, light = planned.facts.case, planned.facts.light
-    E, numbers = now.illuminance, now.metrics
-    effects = told_plan(planned, expected, found.attrs)
-    effects["cost"]["actual"] = {} if rays is None else {"rays": dict(rays)}
-    told = [*told, *planned.notes()]
-    numbers["settings"] = {
-        "case": case.source,
-        "variant": backend.select(),
-        "weather_source": light.source,
-        "notes": [*light.notes, *told, *photon_notes(found.attrs)],
-        **case.model_dump(mode="json", exclude_none=True),
-    }
-    if reached is not None:
-        numbers["accuracy"] = asdict(reached)
-    numbers["seconds"] = seconds
-    numbers["peak_memory_bytes"] = peak_memory()
-    _settle(effects["cost"], numbers)
-    return Result(case, numbers, E, found, light, effects, planned.scope)
+    settings = simulation.settings(case, light)
+    metrics = {
+        **evaluated.metrics,
+        "settings": {
+            **settings,
+            "variant": backend.select(),
+            "notes": [
+                *light.notes, *remarks, *planned.notes(), *photon_notes(coefficients.attrs)
+            ],
+        },
+        **({} if outcome is None else {"accuracy": asdict(outcome)}),
+        "seconds": dict(run.seconds),
+        "peak_memory_bytes": peak_memory(),
+    }  # fmt: skip
+    effects = told_plan(planned, expected, coefficients.attrs)
+    rays = {"rays": dict(run.ray_counter)} if run.ray_counter else {}
+    effects = effects | {"cost": _with_actual(effects["cost"], metrics, rays)}
+    E = evaluated.illuminance
+    return Result(case, metrics, E, coefficients, light, effects, run.enabled_effects)

@@ -52,16 +52,16 @@ class Season:
     def relative(self) -> list[float | None]:
         """The design's msDA over the opening's [%]; None where that is 0 or not known."""
         return [
-            100 * a["value"] / b["value"] if a and b and b["value"] > 0 else None
-            for a, b in zip(self.design, self.opening, strict=True)
+            100 * month["value"] / most["value"] if month and most and most["value"] > 0 else None
+            for month, most in zip(self.design, self.opening, strict=True)
         ]
 
     @property
     def gain(self) -> list[float | None]:
         """The design's msDA less that of clear glazing [points]."""
         return [
-            a["value"] - b["value"] if a and b else None
-            for a, b in zip(self.design, self.clear, strict=True)
+            month["value"] - clear["value"] if month and clear else None
+            for month, clear in zip(self.design, self.clear, strict=True)
         ]
 
     def save(self, folder: Path) -> None:
@@ -112,8 +112,8 @@ def season(case: Case, stage: Stage = silent) -> Season:
     side = facade_basis.side_of([case])
     cases = [case, filled(case, side, clear), filled(case, side, "open")]
     judged = [case, cases[1], cases[2].model_copy(update={"shading": None})]
-    found = [r.metrics["msDA"] for r in evaluate_variants(cases, stage, judged)]
-    return Season(case.name, *found)
+    monthly = [result.metrics["msDA"] for result in evaluate_variants(cases, stage, judged)]
+    return Season(case.name, *monthly)
 
 
 def filled(case: Case, side: Side, material: str) -> Case:

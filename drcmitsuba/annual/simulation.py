@@ -1,28 +1,31 @@
-"""From a case and its light to coefficients and illuminance: where weather and transport meet."""
+"""Coefficients C of both states of a case, from its scene and its suns."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections import Counter
+from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from drcmitsuba import schema
-from drcmitsuba.annual.sample_accumulator import SampleAccumulator, by_state
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
 from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import may_close
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Progress, Stage, part, silent, timed
+from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
@@ -34,205 +37,245 @@ from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
 
 
+def _count(case: Case, enabled_effects: EnabledEffects) -> int:
+    """Number of colour channels to simulate; 1 of a grey case."""
+    coloured = enabled_effects.channels
+    coloured = scene.is_coloured(case) if coloured is None else coloured
+    return len(LUMINANCE_WEIGHTS) if coloured else 1
+
+
+def _scenes(case: Case, state: State, run: Run) -> Iterator[scene.Scene]:
+    """Scene of every colour channel; counts its rays when the next one is asked for."""
+    count = _count(case, run.enabled_effects)
+    for i in range(count):
+        world = scene.load(case, state, i if count > 1 else -1, run.enabled_effects)
+        yield world
+        run.ray_counter.update(world.ray_counter.counted())
+
+
+def _joined(channels: list[xr.Dataset]) -> xr.Dataset:
+    """Channels along `channel`; a grey case as it is."""
+    if len(channels) == 1:
+        return channels[0]
+    names = np.array(list(LUMINANCE_WEIGHTS), dtype=object)
+    return xr.concat(channels, xr.DataArray(names, dims="channel"))
+
+
 def transport(
-    case: Case, state: State, suns: Suns, latitude: float, *,
-    scope: EnabledEffects = ALL_EFFECTS, mesh: tuple[str, ...] = (),
-    sensors: np.ndarray | None = None, progress: Progress = lambda share: None,
-    rays: Counter[str] | None = None,
+    case: Case, state: State, suns: Suns, latitude: float, *, run: Run | None = None,
+    mesh: tuple[str, ...] = (), sensors: np.ndarray | None = None,
+    progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
-    """Coefficients of a case in one state of its shade, `channel` added where it is coloured.
+    """Coefficients C of a case in one state of its shade.
 
     Parameters
     ----------
     case : Case
     state : {"open", "shaded"}
     suns : Suns
+        Suns of the time stamps, or those that stand for them.
     latitude : float
         [deg north]; matters to an adaptive sun only.
-    scope : EnabledEffects
-        What is simulated.
+    run : Run, optional
+        By default all effects with the case's seed.
     mesh : tuple of str
-        Suns of its mesh, where they are known.
-    sensors : np.ndarray of int, optional
-        Those of the case that are wanted.
+        Labels of the mesh of an adaptive sun, where it is known.
+    sensors : np.ndarray of int, shape (n,), optional
+        Indices of the sensors to simulate; by default all.
     progress : callable
-    rays : Counter, optional
-        Takes the number of rays by kind.
+
+    Returns
+    -------
+    xr.Dataset
+        As from `transport.coefficients.compute`, with the dim `channel` where the case is coloured.
+
+    Raises
+    ------
+    InputError
+        A sensor, a material or a component is unfit.
     """
+    run = Run.of(case) if run is None else run
     points, normals = sensor_points(case)
-    start = origin(case)
     if sensors is not None:
         points, normals = points[sensors], normals[sensors]
-    coloured = scene.is_coloured(case) if scope.channels is None else scope.channels
-    channels = list(LUMINANCE_WEIGHTS) if coloured else [""]
+    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     subdivision = case.sky.subdivision
-    found: list[xr.Dataset] = []
-    for i in range(len(channels)):
-        done = part(progress, i / len(channels), (i + 1) / len(channels))
-        world = scene.load(case, state, i if coloured else -1, scope)
+    positions = points + origin(case)
+    at = {axis: ("sensor", positions[:, i]) for i, axis in enumerate("xyz")}
+    count = _count(case, run.enabled_effects)
+    channels: list[xr.Dataset] = []
+    for i, world in enumerate(_scenes(case, state, run)):
+        done = part(progress, i / count, (i + 1) / count)
         if isinstance(case.sun, Adaptive):
-            known = mesh or (mesh_of(found[0]) if found else ())
-            of_channel = meshed(
-                world, points, normals, suns.diameter, case.accuracy, latitude=latitude,
+            C = meshed(
+                world, points, normals, suns.diameter, accuracy, latitude=latitude,
                 tolerance=case.sun.tolerance, finest=case.sun.finest, subdivision=subdivision,
-                known=known, progress=done,
+                known=mesh or (mesh_of(channels[0]) if channels else ()), progress=done,
             )  # fmt: skip
-            of_channel = with_straight(of_channel, world, points, normals, suns, case.accuracy)
+            C = with_straight(C, world, points, normals, suns, accuracy)
         else:
-            of_channel = compute(
-                world, points, normals, suns, case.accuracy, subdivision=subdivision, progress=done
+            C = compute(
+                world, points, normals, suns, accuracy, subdivision=subdivision, progress=done
             )
-        at = {axis: ("sensor", points[:, i] + start[i]) for i, axis in enumerate("xyz")}
-        found.append(of_channel.assign_coords(at))
-        if rays is not None:
-            rays.update(world.ray_counter.counted())
-    if len(channels) == 1:
-        return found[0]
-    return xr.concat(found, xr.DataArray(np.array(channels, dtype=object), dims="channel"))
+        channels.append(C.assign_coords(at))
+    return _joined(channels)
 
 
-def states(found: dict[str, xr.Dataset], case: Case) -> xr.Dataset:
-    """Join the states along `state`; suns that were not computed in the shaded state are NaN."""
-    is_open = found["open"]
-    names = xr.DataArray(np.array(list(found), dtype=object), dims="state", name="state")
-    labels = {name: is_open[name] for name in ("bin", "sun") if name in is_open.coords}
-    whole = [data.reindex(labels) for data in found.values()]
-    joined = xr.concat(whole, names, coords="minimal", compat="override", join="exact")
-    joined.attrs = {**is_open.attrs, "case": case.name, "has_shade": int(case.shading is not None)}
-    if case.shading is not None:
-        joined.attrs |= {
-            "shade_threshold": case.shading.threshold,
-            "shade_area": case.shading.area,
-        }
-    return schema.describe(joined)
-
-
-def fingerprint(case: Case, scope: EnabledEffects) -> str:
-    """Digest of all that coefficients follow from, the contents of files among it."""
+def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
+    """Digest of everything that coefficients follow from, the contents of files included."""
     names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
-    told = case.model_dump(mode="json", include=names | {"accuracy"})
+    settings = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
-        del told["accuracy"][name]
+        del settings["accuracy"][name]
     chosen = {k: v for k, v in case.effects.overruled.items() if k != "dark_hours"}
-    told |= {
+    settings |= {
         "effects": chosen,
-        "scope": scope.to_dict(),
+        "scope": enabled_effects.to_dict(),
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
     }
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
-            told["materials"][name]["file"] = _digest(material.file)
+            settings["materials"][name]["file"] = _digest(material.file)
     for name, component in case.components.items():
         if isinstance(component, StructureComponent):
             recipe = load_recipe(component.recipe)
-            told["components"][name]["recipe"] = recipe.model_dump(mode="json")
+            settings["components"][name]["recipe"] = recipe.model_dump(mode="json")
             if isinstance(recipe.structure, Mesh):
-                told["components"][name]["mesh"] = _digest(recipe.path(recipe.structure.file))
+                settings["components"][name]["mesh"] = _digest(recipe.path(recipe.structure.file))
         elif isinstance(component, MeshComponent):
-            told["components"][name]["file"] = _digest(component.file)
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+            settings["components"][name]["file"] = _digest(component.file)
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def coefficients(
-    case: Case, light: Daylight, stage: Stage = silent, seconds: dict[str, float] | None = None,
-    known: xr.Dataset | None = None, scope: EnabledEffects | None = None,
-    rays: Counter[str] | None = None,
-) -> xr.Dataset:  # fmt: skip
+def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
+    """The case as plain values, with its file and its weather: what a result was made from."""
+    return {
+        "case": case.source,
+        "weather_source": daylight.source,
+        **case.model_dump(mode="json", exclude_none=True),
+    }
+
+
+def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:
+    """Attributes of C: the shade's rule, the place of the suns, thresholds, and the case whole."""
+    shade = case.shading if enabled_effects.shade else None
+    rule = {} if shade is None else {"shade_threshold": shade.threshold, "shade_area": shade.area}
+    return {
+        "case": case.name,
+        "has_shade": int(shade is not None),
+        **rule,
+        **{name: daylight.sky.attrs[name] for name in illuminance.SUN_OF},
+        **case.metrics.model_dump(),
+        "weather": daylight.source,
+        "version": version("drcmitsuba"),
+        "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
+        "fingerprint": fingerprint(case, enabled_effects),
+    }
+
+
+def simulate(
+    case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None
+) -> tuple[Coefficients, xr.Dataset]:
     """C of both states; the shaded one only for the suns of hours in which the shade may close.
 
     Parameters
     ----------
     case : Case
-    light : Daylight
-    stage : callable, optional
-    seconds : dict, optional
-        Takes the seconds of the stages.
-    known : xr.Dataset, optional
+    daylight : Daylight
+    run : Run
+    known : Coefficients, optional
         Coefficients of this case for another weather: what they hold is not computed again.
-    scope : EnabledEffects, optional
-        What is simulated; by default what the case calls for.
-    rays : Counter, optional
-        Takes the number of rays by kind.
 
     Returns
     -------
-    xr.Dataset
-        Dims state, sensor, bin, replicate.
+    coefficients : Coefficients
+    direct : xr.Dataset
+        From `illuminance.direct_sun`: what decided when the shade may close.
 
     Raises
     ------
     InputError
         The known coefficients are those of another case.
     """
-    seconds = {} if seconds is None else seconds
-    scope = plan(case, light).scope if scope is None else scope
-    simulated = case if scope.shade else case.without_shading()
-    latitude = light.sky.attrs["latitude"]
-    found: dict[str, xr.Dataset] = {} if known is None else _known(known, case, light, scope)
+    effects = run.enabled_effects
+    simulated = case if effects.shade else case.without_shading()
+    if known is not None:
+        _refuse_others(known, case, daylight, effects)
+    states = {} if known is None else known.states
+    suns, latitude = daylight.suns, daylight.sky.attrs["latitude"]
+    with run.timed("open façade") as done:
+        C = _state(simulated, "open", suns, latitude, states.get("open"), (), run, done)
+    marked = attributes(case, daylight, effects)
+    coefficients = Coefficients(C.assign_attrs(marked), states.get("shaded"))
+    direct = illuminance.direct_sun(coefficients, daylight.sky)
+    if simulated.shading is None:
+        return Coefficients(coefficients.open), direct
+    closing = may_close(simulated, daylight.step_hours, direct) | effects.every_shade
+    if not closing.any():
+        return coefficients, direct
+    suns, mesh = suns.only(sources(daylight.sky.isel(time=closing))), mesh_of(C)
+    with run.timed("shaded façade") as done:
+        C = _state(simulated, "shaded", suns, latitude, states.get("shaded"), mesh, run, done)
+    return Coefficients(coefficients.open, C), direct
 
-    def state(name: State, suns: Suns, done: Progress) -> xr.Dataset:
-        return _state(simulated, name, suns, latitude, found, scope, done, rays)
 
-    with timed(stage, "open façade", seconds) as done:
-        found["open"] = state("open", light.suns, done)
-    if simulated.shading is not None:
-        closing = may_close(case, light, found["open"]) | scope.every_shade
-        if closing.any():
-            needed = light.suns.only(sources(light.sky.isel(time=closing)))
-            with timed(stage, "shaded façade", seconds) as done:
-                found["shaded"] = state("shaded", needed, done)
-    joined = states(found, simulated)
-    joined.attrs |= {name: light.sky.attrs[name] for name in illuminance.SUN_OF}
-    joined.attrs["fingerprint"] = fingerprint(case, scope)
-    return joined
+def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coefficients:
+    """C of both states, as `simulate`.
+
+    Parameters
+    ----------
+    case : Case
+    daylight : Daylight
+    run : Run, optional
+        By default the effects that the case calls for, with its seed.
+
+    Returns
+    -------
+    Coefficients
+    """
+    if run is None:
+        run = Run.of(case, plan(case, daylight).scope)
+    return simulate(case, daylight, run)[0]
 
 
-def _known(
-    known: xr.Dataset, case: Case, light: Daylight, scope: EnabledEffects
-) -> dict[str, xr.Dataset]:
-    """States of coefficients that were computed before, checked."""
-    if known.attrs.get("fingerprint") != fingerprint(case, scope):
+def _refuse_others(
+    known: Coefficients, case: Case, daylight: Daylight, enabled_effects: EnabledEffects
+) -> None:
+    """Refuse coefficients that were computed for another case or another place."""
+    if known.attrs.get("fingerprint") != fingerprint(case, enabled_effects):
         raise InputError(
             "coefficients", "case", "they were computed for another case or accuracy",
             "compute them anew",
         )  # fmt: skip
-    illuminance.check_suns(
-        known, light.sky, illuminance.SUN_OF if case.sun.model != "adaptive" else ("latitude",)
-    )
-    return {state: pool.found for state, pool in by_state(known).items()}
+    names = illuminance.SUN_OF if case.sun.model != "adaptive" else ("latitude",)
+    illuminance.check_suns(known.attrs, daylight.sky, names)
 
 
 def _state(
-    case: Case, state: State, suns: Suns, latitude: float, known: dict[str, xr.Dataset],
-    scope: EnabledEffects, progress: Progress, rays: Counter[str] | None,
+    case: Case, state: State, suns: Suns, latitude: float, known: xr.Dataset | None,
+    mesh: tuple[str, ...], run: Run, progress: Progress,
 ) -> xr.Dataset:  # fmt: skip
-    """Coefficients of one state, taken from what is known as far as that goes."""
-    if state not in known:
-        mesh = mesh_of(known["open"]) if "open" in known else ()
-        return transport(
-            case, state, suns, latitude, scope=scope, mesh=mesh, progress=progress, rays=rays
-        )
+    """Coefficients of one state; suns that are known already are not simulated again."""
+    if known is None:
+        return transport(case, state, suns, latitude, run=run, mesh=mesh, progress=progress)
     if not isinstance(case.sun, Adaptive):
-        pool = SampleAccumulator(known[state])
-        missing = suns.only(pool.missing(suns.labels, "bin"))
+        accumulator = SampleAccumulator(known)
+        missing = suns.only(accumulator.missing(suns.labels, "bin"))
         if missing.labels:
-            more = transport(
-                case, state, missing, latitude, scope=scope, progress=progress, rays=rays
-            )
-            pool.extend(more)
-        return pool.found
+            more = transport(case, state, missing, latitude, run=run, progress=progress)
+            accumulator.extend(more)
+        return accumulator.coefficients
     points, normals = sensor_points(case)
-    channels = known[state].sizes.get("channel", 0)
-    found = []
-    for i in range(max(1, channels)):
-        world = scene.load(case, state, i if channels else -1, scope)
-        of_channel = known[state].isel(channel=i) if channels else known[state]
-        found.append(with_straight(of_channel, world, points, normals, suns, case.accuracy))
-        if rays is not None:
-            rays.update(world.ray_counter.counted())
-    return xr.concat(found, known[state]["channel"]) if channels else found[0]
+    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    channels = [known.isel(channel=i, drop=True) for i in range(known.sizes.get("channel", 0))]
+    return _joined(
+        [
+            with_straight(C, world, points, normals, suns, accuracy)
+            for C, world in zip(channels or [known], _scenes(case, state, run), strict=True)
+        ]
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,16 @@ import xarray as xr
 
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.result import Result, summed_up
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Stage, silent, timed
+from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import facade_basis
 
@@ -93,32 +96,36 @@ def evaluate_variants(
         raise InputError(first.source, "accuracy.target", got, "leave it out, or evaluate each")
     if isinstance(first.sun, Adaptive):
         raise InputError(first.source, "sun.model", "adaptive", "take another one for variants")
-    seconds: dict[str, float] = {}
-    with timed(stage, "sky", seconds):
-        told = [notes(case) for case in cases]
+    run = replace(Run.of(first), stage=stage)
+    with run.timed("sky"):
+        remarks = [notes(case) for case in cases]
         light = daylight(first)
         wall, tiles, palette, shares = facade_basis.of_variants(cases)
-    with timed(stage, "façade basis", seconds) as done:
-        found = facade_basis.compute(
+    with run.timed("façade basis") as done:
+        basis = facade_basis.compute(
             wall, tiles, palette, light.suns, first.accuracy,
             subdivision=first.sky.subdivision, progress=done,
         )  # fmt: skip
-    for case, share, said in zip(judged or cases, shares, told, strict=True):
-        own = dict(seconds)
-        with timed(stage, case.name, own):
+    for case, share, remark in zip(judged or cases, shares, remarks, strict=True):
+        own = run.branch()
+        with own.timed(case.name):
             planned = plan(case, light)
-            joined = _coefficients(found, share, planned)
-            now = evaluate_metrics(case, light, joined)
-        yield summed_up(planned, joined, now, own, said)
+            own = replace(own, enabled_effects=planned.scope)
+            coefficients, direct = _coefficients(basis, share, planned)
+            evaluated = evaluate_metrics(case, light, coefficients, direct)
+        yield summed_up(planned, coefficients, evaluated, own, remark)
 
 
-def _coefficients(found: facade_basis.Basis, share: np.ndarray, planned: Plan) -> xr.Dataset:
-    """C of a composition in both states, or the open one where the shade never closes."""
+def _coefficients(
+    basis: facade_basis.Basis, share: np.ndarray, planned: Plan
+) -> tuple[Coefficients, xr.Dataset]:
+    """C of a composition, the shaded state only where the shade may close, and direct sun."""
     case, light = planned.facts.case, planned.facts.light
-    C = {"open": found.coefficients(share)}
-    if case.shading is not None and may_close(case, light, C["open"]).any():
-        C["shaded"] = found.coefficients(share @ found.palette.closing)
-    joined = simulation.states(C, case)
-    joined.attrs |= {name: light.sky.attrs[name] for name in illuminance.SUN_OF}
-    joined.attrs["fingerprint"] = simulation.fingerprint(case, planned.scope)
-    return joined
+    is_open = basis.coefficients(share)
+    marked = simulation.attributes(case, light, planned.scope)
+    coefficients = Coefficients(is_open.assign_attrs(marked))
+    direct = illuminance.direct_sun(coefficients, light.sky)
+    if planned.simulated.shading is None or not may_close(case, light.step_hours, direct).any():
+        return coefficients, direct
+    shaded = basis.coefficients(share @ basis.palette.closing)
+    return Coefficients(coefficients.open, shaded), direct

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -175,6 +176,8 @@ def coefficients(case: CasePath, output: Output = Path("results"), weather: Weat
     """
     from drcmitsuba import load_case
     from drcmitsuba.annual import simulation
+    from drcmitsuba.annual.run import Run
+    from drcmitsuba.plan import plan
     from drcmitsuba.runtime import backend, storage
     from drcmitsuba.sky import daylight
 
@@ -183,11 +186,12 @@ def coefficients(case: CasePath, output: Output = Path("results"), weather: Weat
     with stages() as stage:
         with stage("sky"):
             found = daylight.daylight(loaded)
-        C = simulation.coefficients(loaded, found, stage)
+        run = Run.of(loaded, plan(loaded, found).scope)
+        C = simulation.coefficients(loaded, found, replace(run, stage=stage))
         with stage("writing"):
-            storage.save_zarr(C, output / "coefficients.zarr")
-    path = output / "coefficients.zarr"
-    print(f"{C.sizes['sensor']} sensors × {C.sizes['bin']} bins are in {path}")
+            storage.save_zarr(C.parts(), output / "coefficients.zarr", along="state")
+    path, sizes = output / "coefficients.zarr", C.open.sizes
+    print(f"{sizes['sensor']} sensors × {sizes['bin']} bins are in {path}")
 
 
 @app.command()
@@ -197,6 +201,7 @@ def illuminance(
     output: Output = Path("results"),
 ) -> None:
     """Multiply C and L to the illuminance E: illuminance.nc."""
+    from drcmitsuba.metrics.coefficients_by_state import Coefficients
     from drcmitsuba.metrics.illuminance import illuminance as accumulated
     from drcmitsuba.runtime import storage
     from drcmitsuba.sky import daylight
@@ -205,7 +210,8 @@ def illuminance(
     L = storage.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
         L = storage.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
-        E = accumulated(storage.loaded(c, C), daylight.from_luminances(L))
+        states = Coefficients.of(storage.loaded(c, C))
+        E = accumulated(states, daylight.from_luminances(L))
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         storage.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")

@@ -35,11 +35,13 @@ from drcmitsuba.case.toml import shortened
 from drcmitsuba.design.measure import TIE, Aim, Measure, RatedCandidate, Score
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.metrics import Interval, accumulate, illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import components
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight, daylight, sources
@@ -265,37 +267,41 @@ class TiltProblem:
         The twins of the shade close a little in every hour with direct sun, so the shaded state is
         simulated for all of these hours, not only for those in which the shade may close.
         """
-        joined, sunny = self._coefficients(case, progress)
-        judged = evaluate_metrics(case, self.daylight, joined)
+        coefficients, direct, sunny = self._coefficients(case, progress)
+        judged = evaluate_metrics(case, self.daylight, coefficients, direct)
         year = judged.illuminance.map(luminance)
-        is_open, direct = year["total_open"].values, year["direct_sun"].values
+        is_open, direct_sun = year["total_open"].values, year["direct_sun"].values
         shaded = is_open.copy()
-        if case.shading is not None and sunny.any():
-            behind = joined.sel(state="shaded"), self.daylight.sky.isel(time=sunny)
+        if coefficients.shaded is not None and sunny.any():
+            behind = coefficients.shaded, self.daylight.sky.isel(time=sunny)
             by_source = illuminance.by_channel(accumulate.by_source, *behind).map(luminance)
             shaded[sunny] = by_source["total"].values
-        E = Illuminances(*map(_tensor, (is_open, shaded, direct)))
+        E = Illuminances(*map(_tensor, (is_open, shaded, direct_sun)))
         return SimulatedTilt(E, self._interval(judged.metrics))
 
-    def _coefficients(self, case: Case, progress: Progress) -> tuple[xr.Dataset, np.ndarray]:
-        """C of both states, and the time stamps with direct sun, bool (time,)."""
+    def _coefficients(
+        self, case: Case, progress: Progress
+    ) -> tuple[Coefficients, xr.Dataset, np.ndarray]:
+        """C of both states, direct sun, and the time stamps with any, bool (time,)."""
         sky, suns = self.daylight.sky, self.daylight.suns
         latitude, last = sky.attrs["latitude"], 1.0 if case.shading is None else 0.6
         done = part(progress, 0, last)
-        states = {"open": simulation.transport(case, "open", suns, latitude, progress=done)}
-        sunny = self._has_sun(case, states["open"])
+        C = simulation.transport(case, "open", suns, latitude, progress=done)
+        attributes = simulation.attributes(case, self.daylight, ALL_EFFECTS)
+        coefficients = Coefficients(C.assign_attrs(attributes))
+        direct = illuminance.direct_sun(coefficients, sky)
+        sunny = self._has_sun(case, direct)
         if case.shading is not None:
             suns, done = suns.only(sources(sky.isel(time=sunny))), part(progress, last, 1)
-            states["shaded"] = simulation.transport(case, "shaded", suns, latitude, progress=done)
-        joined = simulation.states(states, case)
-        joined.attrs |= {name: sky.attrs[name] for name in illuminance.SUN_OF}
-        return joined, sunny
+            C = simulation.transport(case, "shaded", suns, latitude, progress=done)
+            coefficients = Coefficients(coefficients.open, C)
+        return coefficients, direct, sunny
 
-    def _has_sun(self, case: Case, is_open: xr.Dataset) -> np.ndarray:
+    def _has_sun(self, case: Case, direct: xr.Dataset) -> np.ndarray:
         """Time stamps with direct sun somewhere, or in which the shade may close anyway."""
-        direct = illuminance.by_channel(accumulate.direct_sun, is_open, self.daylight.sky)
-        sunny = (direct.map(luminance)["direct_sun"].values > 0).any(axis=1)
-        return sunny | (may_close(case, self.daylight, is_open) if case.shading else False)
+        sunny = (luminance(direct["direct_sun"]).values > 0).any(axis=1)
+        step_hours = self.daylight.step_hours
+        return sunny | (may_close(case, step_hours, direct) if case.shading else False)
 
     def _interval(self, metrics: dict[str, Any]) -> Interval:
         """95 % interval of the aim [%]; for the worst month, the interval of that month alone."""

@@ -122,7 +122,9 @@ def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.nd
     return first + total, np.sqrt(np.maximum(squares, 0) / (n * (n - 1)))
 
 
-def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
+def by_source(
+    coefficients: xr.Dataset, sky: xr.Dataset, direct: xr.Dataset | None = None
+) -> xr.Dataset:
     """Illuminance by the sky with the ground, by the sun, and in all.
 
     Parameters
@@ -131,6 +133,8 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
         `replicates` (replicate, sensor, bin) [sr] of one state.
     sky : xr.Dataset
         From `sky.radiance`: `sky` (time, bin), `sun`, `sun_bin` (time) [cd/m²].
+    direct : xr.Dataset, optional
+        From `direct_sun` of the same coefficients and sky; else it is accumulated where needed.
 
     Returns
     -------
@@ -162,16 +166,19 @@ def by_source(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
                 out[name][here], out[f"{name}_se"][here] = _mean_and_error(values)
     _refuse_gaps(out["total"], sky)
     if "sun_straight" in coefficients:
-        _add_straight(out, coefficients, sky)
+        straight = direct_sun(coefficients, sky) if direct is None else direct
+        _add_straight(out, coefficients, sky, straight)
     return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
 
 
-def _add_straight(out: dict[str, np.ndarray], coefficients: xr.Dataset, sky: xr.Dataset) -> None:
-    """Add the suns that sensors see themselves where the mesh of suns has only all other light.
+def _add_straight(
+    out: dict[str, np.ndarray], coefficients: xr.Dataset, sky: xr.Dataset, straight: xr.Dataset
+) -> None:
+    """Add the direct sun of every time stamp to the light that the mesh of suns is blended to.
 
-    Their errors, and what is lost between the suns of the mesh, are independent of the replicates.
+    Its errors, and those of interpolation between the suns of the mesh, are independent of the
+    replicates.
     """
-    straight = direct_sun(coefficients, sky)
     between = np.outer(sky["sun"].values, coefficients["mesh_error"].values).astype(np.float32)
     variance = straight["direct_sun_se"].values ** 2 + between**2
     for name in ("sun", "total"):
@@ -208,8 +215,9 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
 
 
 def illuminance(
-    is_open: xr.Dataset, shaded: xr.Dataset | None, sky: xr.Dataset, closed: xr.DataArray
-) -> xr.Dataset:
+    is_open: xr.Dataset, shaded: xr.Dataset | None, sky: xr.Dataset, closed: xr.DataArray,
+    direct: xr.Dataset | None = None,
+) -> xr.Dataset:  # fmt: skip
     """Illuminance of the year with the shade that opens and closes.
 
     Parameters
@@ -219,7 +227,9 @@ def illuminance(
     sky : xr.Dataset
         From `sky.radiance`.
     closed : xr.DataArray of bool, dim time
-        When the shade is closed.
+        Whether the shade is closed.
+    direct : xr.Dataset, optional
+        From `direct_sun` of the open state, where it is known.
 
     Returns
     -------
@@ -232,8 +242,8 @@ def illuminance(
     InputError
         Coefficients are missing for a bin, or for the shaded state of an hour that closes.
     """
-    parts = by_source(is_open, sky)
-    out = direct_sun(is_open, sky)
+    direct = direct_sun(is_open, sky) if direct is None else direct
+    parts, out = by_source(is_open, sky, direct), direct.copy()
     for name in ("total", "sky", "sun"):
         for suffix in ("", "_se"):
             out[f"{name}_open{suffix}"] = parts[name + suffix]

@@ -1,4 +1,4 @@
-"""What coefficients come to: illuminance, metrics, and how sure they are."""
+"""From coefficients to illuminance, metrics and their intervals."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ import xarray as xr
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import intervals
-from drcmitsuba.metrics.illuminance import direct_sun, illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.metrics.intervals import Bounds, Draws, Rules, values
+from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight
 
 
@@ -62,18 +64,51 @@ def drawing(case: Case) -> dict[str, Any]:
     return {"rays": rays, "seed": a.seed}
 
 
-def may_close(case: Case, light: Daylight, is_open: xr.Dataset) -> np.ndarray:
-    """Time stamps at which the shade closes, as far as the open state's coefficients can tell."""
-    direct = direct_sun(is_open, light.sky)
-    return intervals.closures(direct, rules(case, light.step_hours), **drawing(case)).possible
+def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:
+    """Time stamps at which the shade may close, as far as direct sun is known.
+
+    Parameters
+    ----------
+    case : Case
+    step_hours : float
+        Length of the intervals [h].
+    direct : xr.Dataset
+        From `illuminance.direct_sun`.
+
+    Returns
+    -------
+    np.ndarray of bool, shape (time,)
+    """
+    by_luminance = direct.map(luminance)
+    return intervals.closures(by_luminance, rules(case, step_hours), **drawing(case)).possible
 
 
-def evaluate_metrics(case: Case, light: Daylight, found: xr.Dataset) -> EvaluatedMetrics:
-    """Accumulate E from coefficients and draw its metrics."""
-    E = illuminance(found, light.sky)
-    E.attrs["step_hours"] = light.step_hours
-    asked = rules(case, light.step_hours)
-    draws = intervals.draw(found, light.sky, E, asked, **drawing(case))
+def evaluate_metrics(
+    case: Case, daylight: Daylight, coefficients: Coefficients, direct: xr.Dataset | None = None
+) -> EvaluatedMetrics:
+    """Accumulate E from coefficients and draw its metrics.
+
+    Parameters
+    ----------
+    case : Case
+    daylight : Daylight
+    coefficients : Coefficients
+    direct : xr.Dataset, optional
+        From `illuminance.direct_sun`, where it is known.
+
+    Returns
+    -------
+    EvaluatedMetrics
+
+    Raises
+    ------
+    InputError
+        As `illuminance.illuminance`.
+    """
+    E = illuminance(coefficients, daylight.sky, direct)
+    E.attrs["step_hours"] = daylight.step_hours
+    asked = rules(case, daylight.step_hours)
+    draws = intervals.draw(coefficients, daylight.sky, E, asked, **drawing(case))
     return EvaluatedMetrics(E, draws, summarise(E, asked, draws))
 
 

@@ -47,10 +47,10 @@ def save_netcdf(data: xr.Dataset, path: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path) -> None:
+def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path, along: str = "time") -> None:
     """Write a dataset as a zarr folder; never leaves half a folder at `path`.
 
-    A dataset that would not fit in memory is given in parts, one after another along `time`.
+    A dataset that would not fit in memory is given in parts, one after another along a dim.
 
     Format 2, whose consolidated metadata and strings are standard: `xarray.open_zarr` warns of
     format 3 without them, `to_zarr` of format 3 with them.
@@ -60,7 +60,7 @@ def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path) -> None:
         parts = iter([data] if isinstance(data, xr.Dataset) else data)
         next(parts).to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
         for part in parts:
-            part.to_zarr(temporary, append_dim="time", zarr_format=2, consolidated=True)
+            part.to_zarr(temporary, append_dim=along, zarr_format=2, consolidated=True)
         _replace(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

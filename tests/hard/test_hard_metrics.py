@@ -19,6 +19,7 @@ from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.reflectances import Interior
 from drcmitsuba.metrics import evaluate_metrics, illuminance, intervals, smooth
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -129,6 +130,7 @@ def test_intervals_are_finite_and_hold_the_value(corner, error, holds):
         {"time": time, "clock": ("time", time), "bin": np.array(["ground"], object),
          "sun_bin": ("time", labels)},
     )  # fmt: skip
+    C = Coefficients.of(C)
     found = illuminance.illuminance(C, sky)
     holds("E that is not finite", ~np.isfinite(found.to_array().values), 0)
     draws = intervals.draw(C, sky, found, RULES, rays=16, seed=2)

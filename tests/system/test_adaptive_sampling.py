@@ -49,7 +49,7 @@ def test_a_target_that_is_none_is_told(text):
         checked(Accuracy, {"target": text}, "case")
 
 
-# ---- pool -------------------------------------------------------------------------------------
+# ---- samples -------------------------------------------------------------------------------------
 
 
 def coefficients(sensors, bins):
@@ -67,41 +67,45 @@ def coefficients(sensors, bins):
 def test_rounds_are_averaged_where_they_were_sampled():
     first, second, third = coefficients(3, "abc"), coefficients(2, "cb"), coefficients(1, "b")
     before = first.copy(deep=True)
-    pool = SampleAccumulator(first)
-    pool.add(second, np.array([2, 0]))
-    pool.add(third, np.array([2]))
+    samples = SampleAccumulator(first)
+    samples.add(second, np.array([2, 0]))
+    samples.add(third, np.array([2]))
     xr.testing.assert_identical(first, before)
-    a, b, c, found = (d["replicates"].values for d in (first, second, third, pool.found))
+    a, b, c, found = (d["replicates"].values for d in (first, second, third, samples.coefficients))
     np.testing.assert_array_equal(found[:, 1], a[:, 1])
     np.testing.assert_array_equal(found[..., 0], a[..., 0])
     np.testing.assert_allclose(
         found[:, 2, 1], (a[:, 2, 1] + b[:, 0, 1] + c[:, 0, 0]) / 3, rtol=1e-6
     )
     np.testing.assert_allclose(found[:, 0, 2], (a[:, 0, 2] + b[:, 1, 0]) / 2, rtol=1e-6)
-    np.testing.assert_allclose(pool.found["direct"], found.mean(axis=0), rtol=1e-5)
+    np.testing.assert_allclose(samples.coefficients["direct"], found.mean(axis=0), rtol=1e-5)
 
 
 def test_errors_of_rounds_add_up_as_those_of_means():
     rounds = [coefficients(1, "a") for _ in range(3)]
-    pool = SampleAccumulator(rounds[0])
+    samples = SampleAccumulator(rounds[0])
     for more in rounds[1:]:
-        pool.add(more, np.array([0]))
+        samples.add(more, np.array([0]))
     each = np.stack([r["direct_se"].values for r in rounds])
     expected = np.sqrt((each**2).sum(axis=0)) / 3
-    np.testing.assert_allclose(pool.found["direct_se"], expected, rtol=1e-6)
+    np.testing.assert_allclose(samples.coefficients["direct_se"], expected, rtol=1e-6)
 
 
 def test_bins_that_are_met_later_are_taken_as_they_come():
     first, more = coefficients(2, "ab"), coefficients(2, "bc")
-    pool = SampleAccumulator(first)
-    pool.extend(more)
-    assert list(pool.found["bin"].values) == list("abc")
-    np.testing.assert_array_equal(pool.found["replicates"][..., 1], first["replicates"][..., 1])
-    np.testing.assert_array_equal(pool.found["replicates"][..., 2], more["replicates"][..., 1])
+    samples = SampleAccumulator(first)
+    samples.extend(more)
+    assert list(samples.coefficients["bin"].values) == list("abc")
+    np.testing.assert_array_equal(
+        samples.coefficients["replicates"][..., 1], first["replicates"][..., 1]
+    )
+    np.testing.assert_array_equal(
+        samples.coefficients["replicates"][..., 2], more["replicates"][..., 1]
+    )
     again = coefficients(1, "c")
-    pool.add(again, np.array([1]))
+    samples.add(again, np.array([1]))
     mean = (more["replicates"][:, 1, 1] + again["replicates"][:, 0, 0]) / 2
-    np.testing.assert_allclose(pool.found["replicates"][:, 1, 2], mean, rtol=1e-6)
+    np.testing.assert_allclose(samples.coefficients["replicates"][:, 1, 2], mean, rtol=1e-6)
 
 
 # ---- evaluations ------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import xarray as xr
 import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.metrics import evaluate_metrics, illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
@@ -33,10 +34,10 @@ def results(tmp_path_factory):
 def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
     found = results[model]
     storage.save_zarr(found.coefficients, tmp_path / "C.zarr")
-    light_module.save_luminances(found.light, tmp_path / "L.zarr")
+    light_module.save_luminances(found.daylight, tmp_path / "L.zarr")
     C = storage.open_dataset(tmp_path / "C.zarr", "replicates").load()
     L = light_module.from_luminances(storage.open_dataset(tmp_path / "L.zarr", "L", "sun"))
-    E = illuminance.illuminance(C, L)
+    E = illuminance.illuminance(Coefficients.of(C), L)
     for name, expected in found.illuminance.data_vars.items():
         np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)
 
@@ -138,8 +139,8 @@ def test_true_suns_of_other_hours_are_added_to_those_that_are_known(results, tmp
 @pytest.mark.parametrize("model", MODELS)
 def test_the_mean_illuminance_is_that_of_the_year(results, model):
     found = results[model]
-    case, light = found.case, found.light
-    draws = evaluate_metrics.evaluate_metrics(case, light, found.coefficients).draws
+    case, light = found.case, found.daylight
+    draws = evaluate_metrics.evaluate_metrics(case, light, found.by_state).draws
     E = found.illuminance["total"]
     assert draws.mean_illuminance.value == pytest.approx(float(E.mean()), rel=1e-4)
 

@@ -36,6 +36,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics import accumulate, evaluate_metrics, illuminance, intervals
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
@@ -94,7 +95,7 @@ def light() -> Daylight:
     return replace(whole, sky=whole.sky.isel(every), sun=whole.sun.isel(every))
 
 
-def with_thresholds(coefficients: xr.Dataset, asked: Rules) -> xr.Dataset:
+def with_thresholds(coefficients: Coefficients, asked: Rules) -> Coefficients:
     shade = {"shade_threshold": asked.shade_threshold, "shade_area": asked.shade_area}
     return coefficients.assign_attrs(has_shade=1, **shade)
 
@@ -115,7 +116,7 @@ def ends(numbers: dict) -> np.ndarray:
 class Truth:
     """Truth as coefficients of both states, with the truth's own replicates."""
 
-    coefficients: xr.Dataset
+    coefficients: Coefficients
 
     @classmethod
     def of(cls, suns: Suns) -> Truth:
@@ -150,7 +151,7 @@ class Truth:
         # Both with as many replicates: those of the open state are repeated.
         again = np.arange(CHUNKS["shaded"]) % CHUNKS["open"]
         found["open"] = found["open"].isel(replicate=again)
-        return cls(simulation.states(found, ROOM))
+        return cls(Coefficients(**found))
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +164,7 @@ def study():
     truth = Truth.of(suns).coefficients
     true_E = [illuminance.illuminance(with_thresholds(truth, asked), day.sky) for asked in SETS]
     own = {
-        state: accumulate.by_source(truth.sel(state=state, drop=True).isel(replicate=part), day.sky)
+        state: accumulate.by_source(truth.states[state].isel(replicate=part), day.sky)
         for state, part in (("open", slice(CHUNKS["open"])), ("shaded", slice(None)))
     }
     error = {state: E["total_se"].values for state, E in own.items()}
@@ -172,7 +173,7 @@ def study():
         accuracy = ROOM.accuracy.model_copy(update={"seed": seed})
         case = ROOM.model_copy(update={"accuracy": accuracy})
         parts = {s: simulation.transport(case, s, suns, 0.0) for s in ("open", "shaded")}
-        found = simulation.states(parts, case)
+        found = Coefficients(**parts)
         rows = []
         for i, asked in enumerate(SETS):
             with_rules = with_thresholds(found, asked)

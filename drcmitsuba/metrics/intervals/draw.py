@@ -9,6 +9,7 @@ import xarray as xr
 
 from drcmitsuba import metrics
 from drcmitsuba.metrics import Interval, accumulate
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
@@ -53,15 +54,15 @@ def closures(direct: xr.Dataset, rules: Rules, rays: int | None, seed: int) -> C
 
 
 def draw(
-    coefficients: xr.Dataset, sky: xr.Dataset, illuminance: xr.Dataset, rules: Rules, *,
+    coefficients: Coefficients, sky: xr.Dataset, illuminance: xr.Dataset, rules: Rules, *,
     rays: int | None, seed: int,
 ) -> Draws:  # fmt: skip
     """Draw all metrics.
 
     Parameters
     ----------
-    coefficients : xr.Dataset
-        Of all states: `replicates` (state, replicate, sensor, bin) [sr], luminance or by channel.
+    coefficients : Coefficients
+        Both states: `replicates` (replicate, sensor, bin) [sr], luminance or by channel.
     sky : xr.Dataset
         From `sky.radiance`.
     illuminance : xr.Dataset
@@ -92,7 +93,7 @@ def draw(
         Needed(month, np.array(of_ase), metrics.exposure_stamps(t.ase_hours, rules.step_hours)),
     )  # fmt: skip
     by_luminance = coefficients.map(luminance)
-    drawn = multipliers(coefficients.sizes["replicate"], seed)
+    drawn = multipliers(coefficients.open.sizes["replicate"], seed)
     of_sda = [metrics.autonomy_stamps(t.sda_fraction, n) for n in stamps]
     needed = Needed(month, np.array(of_sda), metrics.autonomy_stamps(t.sda_fraction, len(mean)))
     states = _states(by_luminance, sky, E, shut)
@@ -109,16 +110,15 @@ def draw(
     )
 
 
-def _mean_illuminance(coefficients: xr.Dataset, sky: xr.Dataset, closed: np.ndarray) -> Interval:
+def _mean_illuminance(coefficients: Coefficients, sky: xr.Dataset, closed: np.ndarray) -> Interval:
     """Mean over hours and sensors [lx], from its replicates."""
-    total = np.zeros(coefficients.sizes["replicate"])
-    for state, hours in (("open", ~closed), ("shaded", closed)):
+    total = np.zeros(coefficients.open.sizes["replicate"])
+    for state, C in coefficients.states.items():
+        hours = closed if state == "shaded" else ~closed
         if hours.any():
             names = ("replicates", "sun_straight", "sun_straight_se")
-            C = coefficients[[name for name in names if name in coefficients]]
-            C = C.sel(state=state, drop=True).mean(
-                "sensor", keepdims=True, skipna=False, dtype=float
-            )
+            C = C[[name for name in names if name in C]]
+            C = C.mean("sensor", keepdims=True, skipna=False, dtype=float)
             at = sky.isel(time=np.flatnonzero(hours))
             E = accumulate.replicates(C, at, np.zeros(1, np.int64))
             total += E.sum(axis=(1, 2), dtype=float)
@@ -128,7 +128,7 @@ def _mean_illuminance(coefficients: xr.Dataset, sky: xr.Dataset, closed: np.ndar
 
 
 def _states(
-    coefficients: xr.Dataset, sky: xr.Dataset, E: Mapping[Hashable, xr.DataArray], shut: Closures
+    coefficients: Coefficients, sky: xr.Dataset, E: Mapping[Hashable, xr.DataArray], shut: Closures
 ) -> tuple[State, State | None]:
     """Illuminance of both states at the hours that they are wanted for."""
     varies = np.zeros(len(shut.closed), bool)
@@ -136,9 +136,8 @@ def _states(
     wanted = ~shut.closed | varies
     everywhere = np.ones_like(wanted)
     known = E["total_open"].values, E["total_open_se"].values
-    is_open = State.of(coefficients.sel(state="open", drop=True), sky, wanted, known, everywhere)
-    if not shut.possible.any():
+    is_open = State.of(coefficients.open, sky, wanted, known, everywhere)
+    if coefficients.shaded is None or not shut.possible.any():
         return is_open, None
     known = E["total"].values, E["total_se"].values
-    behind = coefficients.sel(state="shaded", drop=True)
-    return is_open, State.of(behind, sky, shut.possible, known, shut.closed)
+    return is_open, State.of(coefficients.shaded, sky, shut.possible, known, shut.closed)

@@ -8,6 +8,7 @@ from scipy.stats import t as student
 from drcmitsuba import metrics
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics import accumulate, evaluate_metrics, intervals
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals import Bounds, Rules, t_factor
 from drcmitsuba.metrics.intervals.autonomy import multipliers
 from drcmitsuba.metrics.intervals.rules import DRAWS
@@ -73,7 +74,7 @@ def illuminance(C, rules=RULES):
 
 def drawn(C, rules=RULES, seed=0):
     E = illuminance(C, rules)
-    return E, intervals.draw(C, SKY, E, rules, rays=RAYS, seed=seed)
+    return E, intervals.draw(Coefficients.of(C), SKY, E, rules, rays=RAYS, seed=seed)
 
 
 def replicates(mean, error, n=8, seed=1):
@@ -182,7 +183,7 @@ def test_months_and_year_count_the_same_draws():
     is_open = C.sel(state="open", drop=True)
     found = accumulate.illuminance(is_open, None, march, xr.zeros_like(march["sun"], dtype=bool))
     draws = intervals.draw(
-        C, march, found.assign_attrs(has_shade=0),
+        Coefficients.of(C), march, found.assign_attrs(has_shade=0),
         Rules(Metrics(sda_threshold=500, ase_hours=15), 1000, 0.25, 1.0), rays=RAYS, seed=0,
     )  # fmt: skip
     assert np.ptp(draws.annual["sDA"]) > 0
@@ -238,7 +239,7 @@ def test_channels_are_weighed_to_luminance():
     factors = xr.DataArray([0.5, 1.2, 0.4], dims="channel")  # weighed: 1
     factors /= float((factors * list(LUMINANCE_WEIGHTS.values())).sum())
     coloured = (grey * factors).assign_coords(channel=channel).assign_attrs(grey.attrs)
-    draws = intervals.draw(coloured, SKY, found, RULES, rays=RAYS, seed=0)
+    draws = intervals.draw(Coefficients.of(coloured), SKY, found, RULES, rays=RAYS, seed=0)
     np.testing.assert_allclose(draws.passing["sDA"], expected.passing["sDA"], atol=0.01)
 
 

@@ -3,13 +3,13 @@
 import os
 import subprocess
 import sys
-from collections import Counter
 
 import drjit as dr
 import numpy as np
 import pytest
 
 from drcmitsuba import evaluate
+from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulation import coefficients
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.shipped import shipped_folder
@@ -103,8 +103,9 @@ def planned(**changes):
 @pytest.mark.parametrize("kind", KINDS_OF_CASES)
 def test_rays_are_those_that_are_traced(kind):
     found = planned(**KINDS_OF_CASES[kind])
-    facts, rays = found.facts, Counter()
-    coefficients(facts.case, facts.light, scope=found.scope, rays=rays)
+    facts, run = found.facts, Run.of(found.facts.case, found.scope)
+    coefficients(facts.case, facts.light, run)
+    rays = run.ray_counter
     told = count(found).work.rays
     assert set(told) == set(KINDS)
     for name in KINDS:
@@ -231,7 +232,7 @@ def test_the_forecast_launches_nothing_but_bare_closest_hits():
     bare_hit = kernels(lambda: [scout.closest(scout.bare(walls), p, p) for p in rays])
     assert kernels(lambda: forecast(found, REFERENCE)) <= bare_hit
     facts = found.facts
-    assert kernels(lambda: coefficients(facts.case, facts.light, scope=found.scope)) - bare_hit
+    assert kernels(lambda: coefficients(facts.case, facts.light)) - bare_hit
 
 
 NOT_LOADED = """

@@ -1,0 +1,106 @@
+"""Coefficients C of both states of the shade, each with the suns that it was simulated for.
+
+In memory every state is a dataset of its own. On disk they lie along one dimension `state`; a sun
+that only the open state was simulated for is NaN in the shaded one, and is taken out by its label
+where the file is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import schema
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.surfaces import State
+
+SAMPLED = {"bin": "replicates", "sun": "sun_straight"}
+"""Dimensions of what is sampled, and a variable that tells whether a label was."""
+NOT_SIMULATED = {
+    "not_simulated": "a sun is NaN in state shaded where the shade stays open whenever it shines; "
+    'shaded_state = "all" in [effects] simulates all suns'
+}
+"""Attribute of the file."""
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Coefficients C of a case, ∂E/∂L [sr].
+
+    Parameters
+    ----------
+    open : xr.Dataset
+        As from `transport.coefficients.compute`, with all suns. Its attributes are those of both
+        states: the rule of the shade, the place of the suns, where C comes from.
+    shaded : xr.Dataset or None
+        The same with the suns of all hours in which the shade may close; None where there are none.
+    """
+
+    open: xr.Dataset
+    shaded: xr.Dataset | None = None
+
+    @classmethod
+    def of(cls, joined: xr.Dataset) -> Coefficients:
+        """Take the states apart again.
+
+        Parameters
+        ----------
+        joined : xr.Dataset
+            From `joined`, or from `coefficients.zarr`.
+
+        Raises
+        ------
+        InputError
+            There is no state `open`, or a single replicate.
+        """
+        states = [str(state) for state in joined["state"].values]
+        if "open" not in states or joined.sizes["replicate"] < 2:
+            got = "no state open, or a single replicate"
+            raise InputError("coefficients", "state, replicate", got, "compute them anew")
+        shaded = _simulated(joined, "shaded") if "shaded" in states else None
+        return cls(_simulated(joined, "open"), shaded)
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """Attributes of both states."""
+        return self.open.attrs
+
+    @property
+    def states(self) -> dict[State, xr.Dataset]:
+        """Coefficients by state, the open one first."""
+        if self.shaded is None:
+            return {"open": self.open}
+        return {"open": self.open, "shaded": self.shaded}
+
+    def assign_attrs(self, **attributes: Any) -> Coefficients:
+        """Coefficients with further attributes."""
+        return replace(self, open=self.open.assign_attrs(attributes))
+
+    def map(self, function: Callable[[xr.DataArray], xr.DataArray]) -> Coefficients:
+        """Apply a function to all variables of both states."""
+        return Coefficients(*(data.map(function) for data in self.states.values()))
+
+    def joined(self) -> xr.Dataset:
+        """Both states as on disk, dims (state, replicate, sensor, bin)."""
+        return xr.concat(self.parts(), "state", coords="minimal", compat="override", join="exact")
+
+    def parts(self) -> Iterator[xr.Dataset]:
+        """`joined`, one state after another: what is written needs no copy of both."""
+        labels = {name: self.open[name] for name in SAMPLED if name in self.open.coords}
+        for state, data in self.states.items():
+            part = data.reindex(labels).expand_dims(state=np.array([state], dtype=object))
+            yield schema.describe(part.assign_attrs(self.attrs | NOT_SIMULATED))
+
+
+def _simulated(joined: xr.Dataset, state: str) -> xr.Dataset:
+    """One state with the labels that it was simulated for."""
+    data = joined.sel(state=state, drop=True)
+    for dim, name in SAMPLED.items():
+        if dim in data.dims:
+            others = [d for d in data[name].dims if d != dim]
+            data = data.isel({dim: np.flatnonzero(data[name].notnull().any(others))})
+    return data
