@@ -89,9 +89,8 @@ class _Sampling:
         self, number: int, evaluated: EvaluatedMetrics, sensors: np.ndarray, hours: np.ndarray
     ) -> None:
         """Add a round of some sensors and of the suns of some time stamps."""
-        seed = (
-            launch_seed(self.case.accuracy.seed, Stream.ROUNDS, number) >> 2
-        )  # below a case's limit
+        seed = launch_seed(self.case.accuracy.seed, Stream.ROUNDS, number)
+        run = self.run.with_seed(seed >> 2)  # below a case's limit
         for state, samples in self.states.items():
             at = hours if state == "open" else hours[evaluated.draws.may_close[hours]]
             labels = sources(self.daylight.sky.isel(time=at))
