@@ -40,9 +40,21 @@ def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
     return told
 
 
+def shade_notes(case: Case) -> list[str]:
+    """Note that all clear panes share one state of the shade, where they lie in several planes."""
+    if case.shading is None:
+        return []
+    clear = (where for name, where in panes.used(case).items() if case.is_clear(name))
+    sides = list(dict.fromkeys(side for where in clear for side in where))
+    if len(sides) < 2:
+        return []
+    facades = f"{', '.join(sides[:-1])} and {sides[-1]}"
+    return [f"shading: one shade for all clear panes; {facades} close and open together"]
+
+
 def notes(case: Case) -> list[str]:
-    """What was done to the films' files, for the notes of a result."""
-    told = []
+    """What was done to the films' files and with the shade, for the notes of a result."""
+    told = shade_notes(case)
     for name, material in panes.of(case, BsdfMaterial).items():
         found = film(material.file)
         if found.largest_albedo > 1:

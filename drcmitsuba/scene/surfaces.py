@@ -74,8 +74,8 @@ def surfaces_of(
     ----------
     case : Case
     state : {'open', 'shaded'}
-        Shaded: the shade's material stands in place of every clear pane and open hole; components
-        stay uncovered.
+        Shaded: the shade's material stands in place of every clear pane and open hole, so its
+        transmittance has to be that of glass and shade together. Components stay uncovered.
     effects : EnabledEffects
         Black sheets stand for the panes that are out of it; obstructions are left out.
 

@@ -1,0 +1,34 @@
+"""Notes that a result carries beside its numbers."""
+
+import pytest
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.plan.notes import notes
+
+OPEN = {"strips": [{"bottom": 1.0, "top": 2.0, "material": "open"}]}
+OPAL = {"strips": [{"bottom": 1.0, "top": 2.0, "material": "opal"}]}
+CASE = {
+    "room": {"size": [3.0, 4.0, 2.8]},
+    "sensors": {"corner": [0.3, 0.3, 0.7], "count": [2, 2], "spacing": 1.0},
+    "materials": {"opal": {"type": "diffuser", "transmittance": 0.2, "reflectance": 0.4}},
+    "shading": {"material": "opal"},
+}
+
+
+@pytest.mark.parametrize(
+    ("facade", "facades"),
+    [
+        ({"south": OPEN, "west": OPEN}, "south and west"),
+        ({"south": OPEN, "east": OPEN, "west": OPEN}, "south, east and west"),
+        ({"south": OPEN, "west": OPAL}, None),  # the shade covers no diffusing pane
+        ({"south": OPEN}, None),
+    ],
+)
+def test_clear_panes_in_several_planes_share_one_shade(facade, facades):
+    note = f"shading: one shade for all clear panes; {facades} close and open together"
+    assert notes(Case.model_validate({**CASE, "facade": facade})) == [note] * (facades is not None)
+
+
+def test_without_a_shade_there_is_no_note_of_it():
+    facade = {"south": OPEN, "west": OPEN}
+    assert notes(Case.model_validate({**CASE, "facade": facade, "shading": None})) == []
