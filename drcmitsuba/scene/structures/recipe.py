@@ -18,10 +18,14 @@ from drcmitsuba.runtime.errors import InputError
 MAX_BYTES = 1 << 20
 
 Length = Annotated[float, Field(ge=1e-4, le=10_000)]
+"""Length [mm]."""
 Coordinate = Annotated[float, Field(ge=-10_000, le=10_000)]
+"""Coordinate [mm]."""
 Share = Annotated[float, Field(ge=0, le=1)]
 Index = Annotated[float, Field(gt=1, le=4)]
+"""Refractive index against air."""
 Turn = Annotated[float, Field(ge=-170, le=170)]
+"""Angle between the tangents at both ends of an arc [deg]."""
 Corner = tuple[Coordinate, Coordinate] | tuple[Coordinate, Coordinate, Turn]
 Polygon = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=512)]
 
@@ -34,25 +38,32 @@ class Prism(Table):
     """
 
     kind: Literal["prism"]
+    """Kind of structure: "prism"."""
     n: Index
-    """Refractive index; air outside."""
+    """Refractive index of the material; air is outside."""
     period: Length
+    """Distance from one repetition to the next along y [mm]."""
     polygons: Annotated[tuple[Polygon, ...], Field(min_length=1, max_length=64)]
-    """Corners [z, y], or [z, y, turn]: the edge to the next corner is then an arc along which the
-    surface turns by so many degrees, outward where positive."""
+    """Polygons of the cross-section, each a list of corners [z, y] in mm, or [z, y, turn]: the
+    edge to the next corner is then an arc along which the surface turns by `turn` degrees,
+    outward where positive."""
 
 
 class Slots(Table):
     """Clear panel with air slots cut from the side of the room (laser-cut panel)."""
 
     kind: Literal["slots"]
+    """Kind of structure: "slots"."""
     n: Index
+    """Refractive index of the panel; air is outside."""
     period: Length
+    """Distance from one slot to the next along y [mm]."""
     thickness: Length
+    """Thickness of the panel [mm]."""
     slot: Length
-    """Width of the slots."""
+    """Width of the slots along y [mm]."""
     depth: Length
-    """Depth of the slots; as much as the thickness for pieces that are cut apart."""
+    """Depth of the slots [mm]; the panel's thickness for pieces that are cut apart."""
 
     @model_validator(mode="after")
     def _fits(self) -> Slots:
@@ -69,42 +80,54 @@ class Lamellae(Table):
     """Thin opaque slats along x, the same on both sides, flat or bent to an arc."""
 
     kind: Literal["lamellae"]
+    """Kind of structure: "lamellae"."""
     period: Length
+    """Distance from one slat to the next along y [mm]."""
     width: Length
-    """Length of the slat's chord in cross-section."""
+    """Length of the slat's chord in cross-section [mm]."""
     tilt: Annotated[float, Field(gt=-90, lt=90)] = 0.0
-    """Of the chord; positive lifts the edge at the room."""
+    """Angle of the chord from the horizontal [deg]; positive lifts the edge at the room."""
     turn: Turn = 0.0
-    """Degrees by which a bent slat turns from edge to edge; positive bulges upward."""
+    """Angle by which a bent slat turns from edge to edge [deg]; positive bulges upward."""
     reflectance: Share
+    """Reflectance of the slats, mirrored and diffuse together, 0 to 1."""
     specular: Share = 0.0
-    """Part of the reflected light that is mirrored; the rest is diffuse."""
+    """Part of the reflected light that is mirrored, 0 to 1; the rest is diffuse."""
 
 
 class Dielectric(Table):
     """Clear material of a closed mesh whose normals point outward."""
 
     type: Literal["dielectric"]
+    """Type of material: "dielectric"."""
     n: Index
+    """Refractive index of the solid; air is outside."""
 
 
 class Opaque(Table):
     """Opaque material, the same on both sides."""
 
     type: Literal["opaque"]
+    """Type of material: "opaque"."""
     reflectance: Share
+    """Reflectance, mirrored and diffuse together, 0 to 1."""
     specular: Share = 0.0
+    """Part of the reflected light that is mirrored, 0 to 1; the rest is diffuse."""
 
 
 class Mesh(Table):
     """One period of any shape from a file (PLY or OBJ), repeated along x and y."""
 
     kind: Literal["mesh"]
+    """Kind of structure: "mesh"."""
     file: Path
+    """PLY or OBJ file of triangles; a relative path begins at the recipe's folder."""
     period: tuple[Length, Length]
+    """Distances from one repetition to the next along x and y [mm]."""
     scale: Annotated[float, Field(gt=0, le=1e6)] = 1.0
-    """Millimetres of one unit of the file."""
+    """Length of one unit of the file [mm]."""
     material: Annotated[Dielectric | Opaque, Field(discriminator="type")]
+    """Material of all triangles."""
 
     @model_validator(mode="after")
     def _compact(self) -> Mesh:
@@ -118,11 +141,13 @@ class Glass(Table):
     """Clear pane outside the structure: τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], mirrored share by Schlick."""
 
     transmittance: Share
+    """Transmittance τ₀ at normal incidence, 0 to 1."""
     exponent: Annotated[float, Field(gt=0, le=100)] = 4.5
+    """Exponent p: how late the transmittance falls with the angle of incidence."""
     reflectance: Share = 0.0
-    """At normal incidence, on both sides."""
+    """Reflectance at normal incidence, on both sides, 0 to 1."""
     distance: Length = 1.0
-    """Air between pane and structure."""
+    """Width of the air gap between pane and structure [mm]."""
 
     @model_validator(mode="after")
     def _energy(self) -> Glass:
@@ -134,12 +159,16 @@ Structure = Annotated[Prism | Slots | Lamellae | Mesh, Field(discriminator="kind
 
 
 class Recipe(Table):
-    """What the goniophotometer measures: a micro-structure, with or without glass before it."""
+    """Micro-structure that the goniophotometer measures, with or without glass before it."""
 
     name: Name = "component"
+    """Name of the component, written to its BSDF file."""
     manufacturer: Name = ""
+    """Manufacturer of the component, written to its BSDF file."""
     structure: Structure
+    """One period of the structure, of kind "prism", "slots", "lamellae" or "mesh"."""
     glass: Glass | None = None
+    """Pane on the outside of the structure; none if it is left out."""
 
     _source: str = PrivateAttr("recipe")
     _folder: Path = PrivateAttr(Path())
@@ -150,7 +179,7 @@ class Recipe(Table):
         return self._source
 
     def path(self, file: Path) -> Path:
-        """Resolve a file that the recipe names: relative ones lie beside the recipe."""
+        """Path of a file that the recipe names: relative ones begin at the recipe's folder."""
         return file if file.is_absolute() else self._folder / file
 
 
