@@ -1,4 +1,4 @@
-"""Measure a recipe: light from every incident cell, from both sides, counted where it leaves."""
+"""Virtual goniophotometer: a recipe traced from every incident cell, from both sides."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import unit_cell
 
 DEEPEST = {3: 7, 4: 6}
+"""Most levels of a tree, by its rank."""
 MOST_SAMPLES = 1 << 21
+"""Most rays per incident cell."""
 MOST_LOST = 0.01
 """Largest part of the light that may be given up, still inside after thousands of surfaces."""
 
 _SIDES = ((-1, "tb", "rb"), (1, "tf", "rf"))
+"""Side that the light comes from, and the components of what passes and what returns."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +34,13 @@ class Exposure:
     Parameters
     ----------
     rank, depth : int
-        Of the trees.
+        Rank and levels of the trees.
     samples : int
-        Rays of each incident cell, both halves together.
+        Number of rays per incident cell, both halves together.
     halves : dict of str to np.ndarray, shape (2, incident, n²)
         Parts of the light of an incident cell that leave through an outgoing cell, for `tb`, `rb`,
-        `tf`, `rf`, by two independent halves of the rays. n = 2ᵈᵉᵖᵗʰ; incident is n² cells of
-        the square (rank 4) or n/2 rings from grazing to normal (rank 3).
+        `tf`, `rf`, by two independent halves of the rays. n = 2ᵈᵉᵖᵗʰ; incident cells are n² cells
+        of the square (rank 4) or n/2 rings from grazing to normal (rank 3).
     lost : float
         Part of the light that was given up.
     """
@@ -49,11 +52,11 @@ class Exposure:
     lost: float
 
     def shares(self, name: str) -> np.ndarray:
-        """Parts of the light, shape (incident, n²)."""
+        """Parts of the light by incident and outgoing cell, shape (incident, n²)."""
         return np.mean(self.halves[name], axis=0, dtype=float)
 
     def errors(self, name: str) -> np.ndarray:
-        """Standard errors of `shares` as of counts; stratified rays are no worse."""
+        """Standard errors of `shares`, binomial, (incident, n²); stratified rays have no more."""
         p = self.shares(name)
         return np.sqrt(np.clip(p * (1 - p), 0, None) / self.samples)
 
@@ -63,7 +66,7 @@ class Exposure:
 
     @property
     def unit(self) -> float:
-        """What one ray adds to f of a cell [1/sr]."""
+        """Value that one ray adds to f of a cell [1/sr]."""
         return float(4**self.depth / np.pi / self.samples)
 
     def tree(self, name: str) -> TensorTree:
@@ -77,12 +80,14 @@ class Exposure:
 
 
 def _check(name: str, value: int, low: int, high: int) -> None:
+    """Refuse an argument that is no whole number from low to high."""
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
         got = f"got {value!r}"
         raise InputError("goniophotometer", name, got, f"give a whole number, {low} to {high}")
 
 
 def _quarter(progress: Progress, turn: int) -> Progress:
+    """Progress of one of four equal turns as that of all."""
     return lambda share: progress((turn + share) / 4)
 
 
@@ -90,7 +95,11 @@ def expose(
     recipe: Recipe, *, depth: int = 5, rank: int = 4, samples: int = 4096, seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Exposure:  # fmt: skip
-    """Trace a recipe; see `measure`.
+    """Trace all cells of a recipe; the parameters are those of `measure`.
+
+    Returns
+    -------
+    Exposure
 
     Raises
     ------
@@ -104,7 +113,7 @@ def expose(
     _check("seed", seed, 0, 1 << 16)
     cell = prepare(unit_cell(recipe))
     halves: dict[str, np.ndarray] = {}
-    gone = []
+    lost_shares = []
     for side, (sign, through, back) in enumerate(_SIDES):
         pair = []
         for turn in (2 * side, 2 * side + 1):
@@ -113,12 +122,12 @@ def expose(
                 progress=_quarter(progress, turn),
             )  # fmt: skip
             pair.append(traced)
-            gone.append(lost)
+            lost_shares.append(lost)
         halves[through], halves[back] = (np.stack([p[i] for p in pair]) for i in range(2))
-    if max(gone) > MOST_LOST:
-        got = f"{max(gone):.1%} of the light does not leave it again"
+    if max(lost_shares) > MOST_LOST:
+        got = f"{max(lost_shares):.1%} of the light does not leave it again"
         raise InputError(recipe.source, "structure", got, "check that its surfaces are closed")
-    return Exposure(rank, depth, samples // 2 * 2, halves, float(np.mean(gone)))
+    return Exposure(rank, depth, samples // 2 * 2, halves, float(np.mean(lost_shares)))
 
 
 def _rounded(tree: TensorTree) -> TensorTree:
@@ -142,18 +151,19 @@ def measure(
     rank : int
         4, or 3 for structures that look the same from all azimuths: others are averaged.
     samples : int
-        Rays of each incident cell.
+        Number of rays per incident cell.
     seed : int
+        Seed of the random numbers, 0 to 65536.
     progress : callable, optional
         Called with the share of the work that is done, 0 to 1.
     percent : float
-        Part of the possible merges of cells that is made at least [%].
+        Least part of the possible merges of cells that is made [%].
 
     Returns
     -------
     BsdfFile
         Values f [1/sr]: the mean over a cell of the incident and of the outgoing square. Its
-        notes tell how it was made.
+        notes say how it was made.
 
     Raises
     ------

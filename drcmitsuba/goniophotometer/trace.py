@@ -21,15 +21,23 @@ from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import mesh, quad_mesh
+from drcmitsuba.scene.structures.recipe import Glass
 from drcmitsuba.scene.structures.structure import UnitCell, copies
 
 OFFSET = 1e-5
-"""Rays leave a surface by this share of the period, so that they do not meet it again."""
+"""Distance by which rays start off a surface so as not to meet it again [period]."""
 MARGIN = 0.01
-"""Rays begin and end this share of the period away from the structure."""
+"""Distance from the structure at which rays begin and end [period]."""
 MOST_STEPS = 5000
+"""Surfaces and borders of the period after which a ray is given up."""
 MOST_LANES = 1 << 20
+"""Rays of one kernel."""
 MOST_COUNTERS = 1 << 24
+"""Counters, one for each pair of cells, of one kernel."""
+ROULETTE_WEIGHT = 0.25
+"""Weight below which rays go on with a chance of their weight over this one."""
+BESIDE = 1e-6
+"""Distance by which light in the plane of incidence is moved off the border of two cells."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +47,11 @@ class TracedPeriod:
     Parameters
     ----------
     scene : mi.Scene
+        The structure with all repetitions that reach into one period, and its glass.
     corner, period : tuple of float
-        Where the period begins and how long it is, along x and y.
+        Coordinates at which the period begins and its lengths, along x and y.
     bounds : tuple of float
-        Planes z where rays begin and end.
+        Coordinates z of the planes where rays begin and end, outside and room.
     extruded : bool
         Rays of an extruded structure are cast in its cross-section only.
     """
@@ -55,9 +64,9 @@ class TracedPeriod:
 
 
 def _border(positions: np.ndarray, period: float) -> float:
-    """Where a period may begin: far from faces that lie flat against its border.
+    """Coordinate at which a period may begin: far from faces that lie flat against its border.
 
-    On such a face the border and the surface would be met at once, and light would leak.
+    Such a face and the border would be met at once, and light would leak.
     """
     at = np.sort(np.unique(np.mod(positions, period)))
     if not len(at):
@@ -67,40 +76,71 @@ def _border(positions: np.ndarray, period: float) -> float:
     return float(np.mod(at[widest] + gaps[widest] / 2, period))
 
 
-def prepare(unit: UnitCell) -> TracedPeriod:
-    """Build the scene: the structure with all repetitions that reach into one period, and glass."""
-    scale = 1 / (unit.period[1] if unit.extruded else unit.period.max())
-    # Coordinates are small, whatever the recipe's origin: float32 is finest about zero.
-    v = unit.vertices - [0, 0, unit.vertices[:, 2].min()]
-    v = v * ([1, scale, scale] if unit.extruded else scale)
-    period = unit.period * scale
-    corners = v[unit.faces]
+def _repeated(
+    unit: UnitCell, vertices: np.ndarray, period: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Surfaces with all repetitions that reach into one period, which is chosen here.
+
+    Returns
+    -------
+    vertices : np.ndarray, shape (vertex, 3)
+    faces : np.ndarray, shape (face, 3)
+    corner : np.ndarray, shape (2,)
+        Coordinates x and y at which the period begins.
+    """
+    corners = vertices[unit.faces]
     spread = np.ptp(corners, axis=1)
     corner = np.zeros(2)
     shifts = [range(1), range(1)]
     for axis in (1,) if unit.extruded else (0, 1):
         flat = corners[spread[:, axis] < 1e-4, 0, axis]
         corner[axis] = _border(flat, period[axis])
-        low, high = v[:, axis].min(), v[:, axis].max()
+        low, high = vertices[:, axis].min(), vertices[:, axis].max()
         shifts[axis] = copies(low - 0.01, high + 0.01, corner[axis], period[axis])
     moves = np.array([[i * period[0], j * period[1], 0] for i in shifts[0] for j in shifts[1]])
-    vertices = (v[None] + moves[:, None]).reshape(-1, 3)
-    faces = (unit.faces[None] + len(v) * np.arange(len(moves))[:, None, None]).reshape(-1, 3)
+    faces = unit.faces[None] + len(vertices) * np.arange(len(moves))[:, None, None]
+    return (vertices[None] + moves[:, None]).reshape(-1, 3), faces.reshape(-1, 3), corner
+
+
+def _pane(
+    glass: Glass, z: float, corner: np.ndarray, period: np.ndarray, extruded: bool
+) -> mi.Mesh:
+    """Glass across the period and half of its neighbours, in the plane z."""
+    x = [-1.0, 1.0] if extruded else corner[0] + period[0] * np.array([-0.5, 1.5])
+    y = corner[1] + period[1] * np.array([-0.5, 1.5])
+    quad = np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
+    material = {
+        "type": "glazing",
+        "transmittance": glass.transmittance,
+        "exponent": glass.exponent,
+        "reflectance_front": glass.reflectance,
+    }
+    return quad_mesh("glass", quad[None], mi.load_dict(material))
+
+
+def prepare(unit: UnitCell) -> TracedPeriod:
+    """Scale a unit cell to a period of 1 and load it with its repetitions and its glass.
+
+    Parameters
+    ----------
+    unit : UnitCell
+
+    Returns
+    -------
+    TracedPeriod
+    """
+    scale = 1 / (unit.period[1] if unit.extruded else unit.period.max())
+    # Coordinates are small, whatever the recipe's origin: float32 is finest about zero.
+    v = unit.vertices - [0, 0, unit.vertices[:, 2].min()]
+    v = v * ([1, scale, scale] if unit.extruded else scale)
+    period = unit.period * scale
+    vertices, faces, corner = _repeated(unit, v, period)
     shapes = {"structure": mesh("structure", vertices, faces, mi.load_dict(bsdf(unit.material)))}
     bounds = [v[:, 2].min() - MARGIN, v[:, 2].max() + MARGIN]
     if unit.glass is not None:
         z = v[:, 2].min() - unit.glass.distance * scale
         bounds[0] = z - MARGIN
-        x = [-1.0, 1.0] if unit.extruded else corner[0] + period[0] * np.array([-0.5, 1.5])
-        y = corner[1] + period[1] * np.array([-0.5, 1.5])
-        pane = np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
-        glass = {
-            "type": "glazing",
-            "transmittance": unit.glass.transmittance,
-            "exponent": unit.glass.exponent,
-            "reflectance_front": unit.glass.reflectance,
-        }
-        shapes["glass"] = quad_mesh("glass", pane[None], mi.load_dict(glass))
+        shapes["glass"] = _pane(unit.glass, z, corner, period, unit.extruded)
     scene = mi.load_dict({"type": "scene", **shapes}, optimize=False)
     start, length = corner.tolist(), period.tolist()
     return TracedPeriod(
@@ -113,15 +153,18 @@ def prepare(unit: UnitCell) -> TracedPeriod:
 def follow(
     cell: TracedPeriod, sampler: mi.Sampler, p: mi.Point3f, d: mi.Vector3f
 ) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
-    """Follow light to where it leaves the structure.
+    """Follow rays from surface to surface until they leave the structure.
+
+    A step ends at a surface, where the BSDF is sampled; at a border of the period, beyond which
+    the ray goes on from the opposite one; or at one of the planes `bounds`, where it leaves.
 
     Parameters
     ----------
     cell : TracedPeriod
     sampler : mi.Sampler
-        Seeded for as many lanes.
+        Seeded for as many lanes as there are rays.
     p : mi.Point3f
-        Start.
+        Origin of each ray [period].
     d : mi.Vector3f
         Direction of travel, a unit vector.
 
@@ -130,9 +173,9 @@ def follow(
     d : mi.Vector3f
         Direction in which the light leaves.
     weight : mi.Float
-        Part of it that was not absorbed.
+        Part of the light that was not absorbed.
     lost : mi.Bool
-        Light that is still inside after `MOST_STEPS` surfaces and borders.
+        Whether the light is still inside after `MOST_STEPS` surfaces and borders.
     """
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
@@ -143,7 +186,7 @@ def follow(
         dr.opaque(mi.Float, cell.corner[1] + cell.period[1]),
         dr.opaque(mi.Float, cell.bounds[1]),
     )
-    # An extruded structure is met where its cross-section is: x of a ray says nothing.
+    # An extruded structure is the same at any x: rays are cast in its cross-section.
     seen = mi.Vector3f(0, 1, 1) if cell.extruded else mi.Vector3f(1, 1, 1)
     p, d = mi.Point3f(p), mi.Vector3f(d)
     weight = mi.Float(1)
@@ -175,10 +218,9 @@ def follow(
         p = dr.select(met, off, wrapped)
         step += 1
         active &= ~left & (weight > 0) & (step < MOST_STEPS)
-        # Weak light goes on with a chance of its weight, with a weight of 1 fourth.
-        survives = sampler.next_1d(active) * 0.25 < weight
-        weak = met & active & (weight < 0.25)
-        weight = dr.select(weak, dr.select(survives, 0.25, 0), weight)
+        survives = sampler.next_1d(active) * ROULETTE_WEIGHT < weight
+        weak = met & active & (weight < ROULETTE_WEIGHT)
+        weight = dr.select(weak, dr.select(survives, ROULETTE_WEIGHT, 0), weight)
         active &= weight > 0
     lost = (step >= MOST_STEPS) & (weight > 0)
     return d, weight, lost
@@ -187,7 +229,7 @@ def follow(
 def _start(
     cell: TracedPeriod, from_side: int, at: mi.Point2f, u: mi.Float, v: mi.Float
 ) -> tuple[mi.Point3f, mi.Vector3f]:
-    """Position in the plane before the structure, and direction of travel from the unit disk."""
+    """Origin at (u, v) of the period, before the structure, and direction from the unit disk."""
     z = dr.sqrt(dr.maximum(1 - dr.squared_norm(at), 0))
     d = mi.Vector3f(at.x, at.y, -from_side * dr.maximum(z, 1e-5))
     x = 0 if cell.extruded else cell.corner[0] + u * cell.period[0]
@@ -195,18 +237,34 @@ def _start(
     return mi.Point3f(x, y, cell.bounds[0 if from_side < 0 else 1]), dr.normalize(d)
 
 
-def _launch(
-    cell: TracedPeriod,
-    from_side: int,
-    rank: int,
-    n: int,
-    cells: np.ndarray,
-    samples: int,
-    seed: int,
-) -> tuple[np.ndarray, float]:
-    """Shares (cell, 2, n²) of the light of some incident cells that is transmitted, reflected.
+def _incidence(
+    rank: int, n: int, incident: mi.UInt32, a: mi.Float, b: mi.Float
+) -> tuple[mi.Point2f, mi.Float, mi.Float]:
+    """Point of the unit disk within an incident cell, and sine and cosine of its azimuth.
 
-    Also returns the light that was lost, in rays.
+    A cell of rank 4 is a square of side 1/n (azimuth 0: nothing is turned), one of rank 3 a ring.
+    """
+    if rank == 4:
+        s, t = (mi.Float(incident // n) + a) / n, (mi.Float(incident % n) + b) / n
+        at = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(s, t))
+        return at, mi.Float(0), mi.Float(1)
+    radius = 1 - 2 * (mi.Float(incident) + a) / n
+    sin, cos = dr.sincos(dr.two_pi * b)
+    return mi.Point2f(radius * cos, radius * sin), sin, cos
+
+
+def _launch(
+    cell: TracedPeriod, from_side: int, rank: int, n: int, cells: np.ndarray, samples: int,
+    seed: int,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """Trace rays from some incident cells and count their weights where they leave.
+
+    Returns
+    -------
+    shares : np.ndarray, shape (cell, 2, n²)
+        Parts of the incident light that are transmitted and reflected into each outgoing cell.
+    lost : float
+        Light that was given up [rays].
     """
     lanes = len(cells) * samples
     lane = dr.arange(mi.UInt32, lanes)
@@ -215,41 +273,33 @@ def _launch(
     incident = dr.gather(mi.UInt32, mi.UInt32(cells.astype(np.uint32)), slot)
     index = lane - slot * per_cell
     number = [x for pair in (0, 1) for x in even_numbers(index, incident, seed, pair)]
-    if rank == 4:
-        s = (mi.Float(incident // n) + number[0]) / n
-        t = (mi.Float(incident % n) + number[1]) / n
-        at = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(s, t))
-        turn_s, turn_c = mi.Float(0), mi.Float(1)
-    else:
-        radius = 1 - 2 * (mi.Float(incident) + number[0]) / n
-        turn_s, turn_c = dr.sincos(dr.two_pi * number[1])
-        at = mi.Point2f(radius * turn_c, radius * turn_s)
+    at, sin, cos = _incidence(rank, n, incident, number[0], number[1])
     p, d = _start(cell, from_side, at, number[3], number[2])
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, lanes)
     d, weight, lost = follow(cell, sampler, p, d)
-    out = mi.Point2f(turn_c * d.x + turn_s * d.y, turn_c * d.y - turn_s * d.x)
+    out = mi.Point2f(cos * d.x + sin * d.y, cos * d.y - sin * d.x)
     if rank == 3:
         # Isotropic structures are their own mirror images. Light that goes straight on would fall
         # on the border of two cells: so each gets its half, not what rounding gives it.
         mirror = dr.select((lane & 1) == 0, mi.Float(1), -1)
-        out.y = mirror * (out.y + 1e-6)
+        out.y = mirror * (out.y + BESIDE)
     square = mi.warp.uniform_disk_to_square_concentric(out)
     column = [dr.minimum(mi.UInt32(dr.maximum(c, 0) * n), n - 1) for c in square]
     reflected = dr.select(d.z * from_side > 0, mi.UInt32(1), mi.UInt32(0))
     target = ((slot * 2 + reflected) * n + column[0]) * n + column[1]
     counts = dr.zeros(mi.Float64, len(cells) * 2 * n * n)
     dr.scatter_add(counts, mi.Float64(weight), target, ~lost)
-    gone = dr.sum(dr.select(lost, mi.Float64(weight), 0))
-    dr.eval(counts, gone)
-    return counts.numpy().reshape(len(cells), 2, n * n) / samples, float(gone[0])
+    given_up = dr.sum(dr.select(lost, mi.Float64(weight), 0))
+    dr.eval(counts, given_up)
+    return counts.numpy().reshape(len(cells), 2, n * n) / samples, float(given_up[0])
 
 
 def shares(
     cell: TracedPeriod, from_side: int, *, rank: int, depth: int, samples: int, seed: int,
     progress: Progress,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Where the light of every incident cell goes.
+    """Trace the light of every incident cell to the outgoing cells.
 
     Parameters
     ----------
@@ -257,30 +307,31 @@ def shares(
     from_side : int
         −1 for light from outside, 1 for light from the room.
     rank, depth : int
-        Of the tree: n = 2ᵈᵉᵖᵗʰ cells along each side of the square of directions.
+        Rank and levels of the tree: n = 2ᵈᵉᵖᵗʰ cells along each side of the square of directions.
     samples : int
-        Rays of each incident cell.
+        Number of rays per incident cell.
     seed : int
     progress : callable
-        Called with the share that is done.
+        Called with the share of the incident cells that are done, 0 to 1.
 
     Returns
     -------
     shares : np.ndarray, shape (2, incident, n²)
         Parts of the incident light that are transmitted and reflected into each outgoing cell.
-        incident is n² cells of the square (rank 4) or n/2 rings from grazing to normal (rank 3).
+        Incident cells are n² cells of the square (rank 4) or n/2 rings from grazing to normal
+        (rank 3).
     lost : float
-        Part of the light that was given up.
+        Part of the light that was given up after `MOST_STEPS` steps.
     """
     n = 1 << depth
     incident = n * n if rank == 4 else n // 2
     block = max(1, min(MOST_LANES // samples, MOST_COUNTERS // (2 * n * n)))
     result = np.zeros((2, incident, n * n), np.float32)
-    gone = 0.0
+    given_up = 0.0
     for start in range(0, incident, block):
         cells = np.arange(start, min(start + block, incident))
         counts, lost = _launch(cell, from_side, rank, n, cells, samples, seed * 4096 + start)
         result[:, cells] = counts.transpose(1, 0, 2)
-        gone += lost
+        given_up += lost
         progress(min(1.0, (start + block) / incident))
-    return result, gone / (incident * samples)
+    return result, given_up / (incident * samples)
