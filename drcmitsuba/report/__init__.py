@@ -1,7 +1,15 @@
 """Report: pictures of results, drawn from arrays and numbers alone.
 
-plots
-    Plans in false colours, metrics of the months.
 figures
-    All pictures of an evaluation.
+    All pictures of an evaluation, by file name.
+plots
+    Every kind of picture by its name.
+plan_view, tiles
+    Plans in false colours; tiles of a grid of sensors.
+months
+    Metrics of a period and of its months.
+style
+    Colours, lines and PNG files.
+captions
+    What a picture says of weather, period and accuracy.
 """

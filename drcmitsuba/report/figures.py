@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
@@ -15,8 +16,9 @@ from drcmitsuba import metrics
 from drcmitsuba.case.case import Case
 from drcmitsuba.metrics import Interval
 from drcmitsuba.report import plots
+from drcmitsuba.report.captions import caption, is_rated, period_name
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.geometry import boxes
+from drcmitsuba.scene.geometry import boxes, rotation
 from drcmitsuba.schema import luminance
 
 MAX_BYTES = 1 << 26
@@ -84,62 +86,106 @@ def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
 
 
 def _outlines(case: Case) -> dict[str, Any]:
-    """Room, furniture and glazing in plan; empty without a room, or where the room is turned."""
-    if case.room is None or case.room.rotation:
+    """Room, glazing, furniture and surroundings in plan, in the world's frame [m].
+
+    A piece that lies wholly outside of the room's walls is one of the surroundings. Without a room
+    nothing is drawn.
+    """
+    if case.room is None:
         return {}
     width, depth, _ = case.room.size
     corners = np.array([[0, 0], [width, 0], [width, depth], [0, depth]], float)
+    turn = rotation(case)[:2, :2].T
     sides = dict(zip(("south", "east", "north", "west"), range(4), strict=True))
-    glazed = [corners[[sides[side], (sides[side] + 1) % 4]] for side in case.glazed]
+    glazed = [corners[[sides[side], (sides[side] + 1) % 4]] @ turn for side in case.glazed]
     unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    desks = [c[:2] + unit * s[:2] for piece in case.furniture for c, s in boxes(piece)]
-    return {"room": [corners], "desks": desks, "facade": glazed}
+    pieces: dict[bool, list[np.ndarray]] = {True: [], False: []}
+    for corner, size in (box for piece in case.furniture for box in boxes(piece)):
+        low, high = corner[:2], corner[:2] + size[:2]
+        is_inside = bool(((low < corners[2]) & (high > 0)).all())
+        pieces[is_inside].append((low + unit * size[:2]) @ turn)
+    return {
+        "room": [corners @ turn], "glazing": glazed,
+        "furniture": pieces[True], "surroundings": pieces[False],
+    }  # fmt: skip
 
 
 def _too_close(
-    case: Case, illuminance: xr.Dataset, numbers: dict[str, Any], outlines: dict[str, Any]
+    case: Case, illuminance: xr.Dataset, numbers: dict[str, Any], drawn: dict[str, Any]
 ) -> dict[str, Figure]:
     """Plans of the probability to pass, for metrics with sensors that are too close to call."""
-    t, hours = case.metrics, illuminance.sizes["time"]
+    t, stamps = case.metrics, illuminance.sizes["time"]
     step_hours = float(illuminance.attrs.get("step_hours", 1.0))
     asked = {
-        "sDA": ("total", t.sda_threshold, metrics.autonomy_stamps(t.sda_fraction, hours)),
+        "sDA": ("total", t.sda_threshold, metrics.autonomy_stamps(t.sda_fraction, stamps)),
         "ASE": ("direct_sun", t.ase_threshold, metrics.exposure_stamps(t.ase_hours, step_hours)),
     }
     figures = {}
-    for metric, (name, threshold, least) in asked.items():
+    for metric, (name, threshold, required) in asked.items():
         undecided = [u for u in numbers.get("undecided", []) if u["metric"] == metric]
         if undecided:
             count = (luminance(illuminance[name]) >= threshold).sum("time")
-            passing = (count >= least) * 100.0
+            passing = (count >= required) * 100.0
             passing[[u["sensor"] for u in undecided]] = [100 * u["probability"] for u in undecided]
             figures[f"undecided_{metric.lower()}_plan.png"] = plots.plan(
                 passing, title=f"{case.name}: probability that a point counts for {metric}",
-                label="probability [%]", **outlines,
+                label="probability [%]", norm=Normalize(0, 100), **drawn,
             )  # fmt: skip
     return figures
 
 
 def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> dict[str, Figure]:
-    """Draw the plots of an evaluation, by file name."""
-    outlines = _outlines(case)
+    """Draw all pictures of an evaluation.
+
+    Parameters
+    ----------
+    case : Case
+    illuminance : xr.Dataset
+        E as on disk: `total`, `direct_sun` (time, sensor) [lx].
+    numbers : dict
+        As in `metrics.json`.
+
+    Returns
+    -------
+    dict of Figure
+        By file name.
+    """
+    drawn: dict[str, Any] = {**_outlines(case), "caption": caption(case, illuminance, numbers)}
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
     mean = total.mean("time", dtype=float).assign_attrs(units="lx", long_name="mean illuminance")
-    limit, sun_limit = case.metrics.sda_threshold, case.metrics.ase_threshold
-    reached = (total >= limit).mean("time") * 100
-    exposed = (direct >= sun_limit).mean("time") * 100
+    t, stamps = case.metrics, total.sizes["time"]
+    step_hours = float(illuminance.attrs.get("step_hours", 1.0))
+    autonomy = 100 * (total >= t.sda_threshold).sum("time") / stamps
+    in_sun = (direct >= t.ase_threshold).sum("time") * step_hours
+    shade = ", shade applied" if has_shade(case, illuminance) else ""
     return {
         "illuminance_plan.png": plots.plan(
-            mean, title=f"{case.name}: mean illuminance, shade applied", **outlines
+            mean, title=f"{case.name}: mean illuminance{shade}", **drawn
         ),
         "autonomy_plan.png": plots.plan(
-            reached, title=f"{case.name}: hours with {limit:g} lx", label="share of hours [%]",
-            **outlines,
+            autonomy, title=f"{case.name}: hours with {t.sda_threshold:g} lx{shade}",
+            label="share of hours [%]", norm=Normalize(0, 100),
+            limit=100 * metrics.autonomy_stamps(t.sda_fraction, stamps) / stamps,
+            limit_label=f"{100 * t.sda_fraction:g} % (sDA)", **drawn,
         ),
         "sun_plan.png": plots.plan(
-            exposed, title=f"{case.name}: hours with {sun_limit:g} lx of direct sun",
-            label="share of hours [%]", **outlines,
+            in_sun, title=f"{case.name}: hours with {t.ase_threshold:g} lx of direct sun",
+            label="hours [h]", limit_label=f"{t.ase_hours:g} h (ASE)",
+            limit=metrics.exposure_stamps(t.ase_hours, step_hours) * step_hours, **drawn,
         ),
-        "monthly.png": plots.monthly(numbers, title=case.name),
-        **_too_close(case, illuminance, numbers, outlines),
+        "monthly.png": monthly(case, illuminance, numbers),
+        **_too_close(case, illuminance, numbers, drawn),
     }  # fmt: skip
+
+
+def monthly(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> Figure:
+    """Draw the metrics of an evaluation and of its months; arguments as for `pictures`."""
+    return plots.monthly(
+        numbers, title=case.name, caption=caption(case, illuminance, numbers),
+        period=period_name(case), rated=is_rated(case), shade=has_shade(case, illuminance),
+    )  # fmt: skip
+
+
+def has_shade(case: Case, illuminance: xr.Dataset) -> bool:
+    """Whether a shade was simulated: by the attribute of E, else by the case."""
+    return bool(illuminance.attrs.get("has_shade", case.shading is not None))

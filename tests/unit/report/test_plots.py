@@ -164,7 +164,7 @@ def test_plan_refuses_what_is_no_plan():
 def test_plan_is_readable(columns, rows):
     room = rectangle(columns / 2, rows / 2)
     title = "Classroom, existing façade: mean illuminance from 8 to 18 h, five-day weeks, Geneva"
-    lines = {"room": [room], "desks": [room / 3], "facade": [room[:2]]}
+    lines = {"room": [room], "furniture": [room / 3], "glazing": [room[:2]]}
     figure = plots.plan(grid(columns, rows), title=title, **lines)
     assert_texts_are_clear(figure)
     assert {"N", "room", "furniture", "glazing"} <= set(drawn_texts(figure))

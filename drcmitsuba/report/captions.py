@@ -1,0 +1,80 @@
+"""What a picture says of weather, period and accuracy, so that it stands alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.report.months import MONTHS
+from drcmitsuba.sky.daylight import period
+
+METRICS = ("sDA", "ASE")
+NO_BREAK = "\N{NO-BREAK SPACE}"
+DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+
+
+def caption(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> str:
+    """Weather, period and 95 % intervals of an evaluation.
+
+    Parameters
+    ----------
+    case : Case
+    illuminance : xr.Dataset
+        E of its period; attribute `step_hours`.
+    numbers : mapping
+        As in `metrics.json`, with `settings`.
+
+    Returns
+    -------
+    str
+        Such as "723170TYA.CSV; Jan–Dec, Mon–Fri, 8–18 h: 2610 h; 95 % intervals: sDA 83.3–84.7 %,
+        ASE 39.8–39.8 %".
+    """
+    weather = numbers.get("settings", {}).get("weather_source", "")
+    source = f"{Path(weather).name}; " if weather else ""
+    ends = (f"{name} {numbers[name]['low']:.1f}–{numbers[name]['high']:.1f} %" for name in METRICS)
+    bounds = ", ".join(ends).replace(" ", NO_BREAK).replace("," + NO_BREAK, ", ")
+    return f"{source}{period_text(case, illuminance)}; 95 % intervals: {bounds}"
+
+
+def period_text(case: Case, illuminance: xr.Dataset) -> str:
+    """Months, days and hours of a case's period, and the number of its hours."""
+    if case.period.timestamps is not None:
+        return f"{illuminance.sizes['time']} time stamps of {case.period.timestamps.name}"
+    p = period(case.period)
+    days = "daily" if p.days_per_week == 7 else f"{DAYS[0]}–{DAYS[p.days_per_week - 1]}"
+    if p.days_per_week == 1:
+        days = DAYS[0]
+    total = illuminance.sizes["time"] * float(illuminance.attrs.get("step_hours", 1.0))
+    hours = f"{p.hours[0]:g}–{p.hours[1]:g} h"
+    return f"{month_names(p.months)}, {days}, {hours}: {total:g} h"
+
+
+def month_names(months: tuple[int, ...]) -> str:
+    """Names of months, neighbours joined: (1, 2, 3, 6) is "Jan–Mar, Jun"."""
+    runs: list[list[int]] = []
+    for month in sorted(months):
+        if runs and month == runs[-1][-1] + 1:
+            runs[-1].append(month)
+        else:
+            runs.append([month])
+    ends = ((MONTHS[run[0] - 1], MONTHS[run[-1] - 1]) for run in runs)
+    return ", ".join(first if first == last else f"{first}–{last}" for first, last in ends)
+
+
+def period_name(case: Case) -> str:
+    """Short name of a case's period: "year", its months, or "time stamps"."""
+    if case.period.timestamps is not None:
+        return "time stamps"
+    return "year" if len(case.period.months) == 12 else month_names(case.period.months)
+
+
+def is_rated(case: Case) -> bool:
+    """Whether sDA is the one that LM-83 rates: its threshold, its hours, every day of a year."""
+    asked, p = case.metrics, period(case.period)
+    whole = case.period.timestamps is None and len(p.months) == 12 and p.days_per_week == 7
+    return whole and p.hours == (8, 18) and (asked.sda_threshold, asked.sda_fraction) == (300, 0.5)

@@ -1,0 +1,259 @@
+"""Plans of the room with one value for each sensor, in false colours."""
+
+from __future__ import annotations
+
+import copy
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
+
+from drcmitsuba.report import tiles
+from drcmitsuba.report.style import GREY, INK, LINES, NAME
+from drcmitsuba.report.tiles import Tiles
+from drcmitsuba.runtime.errors import InputError
+
+LEGIBLE = 0.5
+"""Sensors so far apart on paper [inch] have their values written on them."""
+COLUMNS = 3
+"""Entries of the legend beside each other."""
+
+
+def plan(
+    values: xr.DataArray,
+    *,
+    title: str = "",
+    caption: str = "",
+    label: str | None = None,
+    room: Sequence[np.ndarray] = (),
+    furniture: Sequence[np.ndarray] = (),
+    surroundings: Sequence[np.ndarray] = (),
+    glazing: Sequence[np.ndarray] = (),
+    norm: Normalize | None = None,
+    limit: float | None = None,
+    limit_label: str = "limit",
+) -> Figure:
+    """Plan of the room with one value for each sensor in false colours, north up.
+
+    Parameters
+    ----------
+    values : DataArray (sensor,)
+        Illuminance [lx], or another quantity such as a share of hours [%], with the coordinates
+        `x` and `y` [m]. NaN is left blank.
+    title : str
+        Quantity shown, above the plan.
+    caption : str
+        Weather, period and accuracy, in small letters below the title.
+    label : str, optional
+        Text at the colour bar; the long name and units of `values` by default.
+    room, furniture, surroundings : sequence of arrays (n, 2)
+        Outlines x, y [m], closed or not. Room and sensors frame the picture; surroundings are drawn
+        where they reach into it.
+    glazing : sequence of arrays (n, 2)
+        Lines x, y [m] along the glazing.
+    norm : matplotlib.colors.Normalize, optional
+        Scale of the colours, `LogNorm(10, 10_000)` for example; from 0 to the largest value by
+        default. Values beyond its limits take the colour of the limit.
+    limit : float, optional
+        Value at which a sensor counts, in the unit of `values`: a line parts the tiles of sensors
+        at or above it from the others, another one marks it on the colour bar.
+    limit_label : str
+        Name of that line in the legend.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    InputError
+        Other dims than `sensor`, or no `x` and `y`.
+
+    Notes
+    -----
+    Sensors on a rectangular grid, turned or with gaps, become tiles that reach half way to the
+    next sensor; all others become discs.
+    """
+    x, y = _positions(values)
+    numbers = np.ma.masked_invalid(np.asarray(values.values, dtype=float))
+    norm = _scale(numbers, norm, limit)
+    grid = Tiles.of(x, y)
+    extent = tiles.around(x, y) if grid is None else grid.corners.reshape(-1, 2)
+    lines = {
+        "furniture": [_closed(outline) for outline in furniture],
+        "surroundings": [_closed(outline) for outline in surroundings],
+        "room": [_closed(outline) for outline in room],
+        "glazing": [np.asarray(line, dtype=float) for line in glazing],
+    }
+    view = _view(np.concatenate([extent, *lines["room"], *lines["glazing"]]))
+    lines = {name: [line for line in kind if _reaches(line, view)] for name, kind in lines.items()}
+    if limit is not None:
+        passed = numbers >= limit
+        lines["limit"] = [] if grid is None else list(grid.boundary(passed))
+    keys = {name: LINES[name] for name, kind in lines.items() if kind}
+    if limit is not None:  # the colour bar marks it, too
+        keys["limit"] = LINES["limit"]
+
+    figure, ax, bar = _sheet(view, title, caption, rows=-(-len(keys) // COLUMNS))
+    inch = ax.get_position().width * figure.get_figwidth() / np.ptp(ax.get_xlim())
+    picture = _draw_values(ax, x, y, np.ma.clip(numbers, norm.vmin, norm.vmax), norm, grid, inch)
+    _draw_lines(ax, lines)
+    _add_legend(figure, ax, keys, limit_label)
+    if tiles.closest(x, y) * inch >= LEGIBLE:
+        _write_numbers(ax, x, y, numbers, norm)
+    _add_colour_bar(figure, bar, picture, numbers, norm)
+    if limit is not None:
+        bar.axhline(limit, **LINES["limit"])
+    bar.set_ylabel(_label(values) if label is None else label)
+    return figure
+
+
+def _positions(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates x and y of the sensors [m], shape (sensor,) each."""
+    if values.dims != ("sensor",) or values.size == 0:
+        dims = ", ".join(f"{dim}: {size}" for dim, size in values.sizes.items())
+        raise InputError("plan", "dims", dims or "none", "give one value for each sensor")
+    for key in ("x", "y"):
+        if key not in values.coords or values[key].dims != ("sensor",):
+            raise InputError("plan", key, "no such coordinate of sensor", "give x and y in metres")
+    return values["x"].values.astype(float), values["y"].values.astype(float)
+
+
+def _scale(numbers: np.ma.MaskedArray, norm: Normalize | None, limit: float | None) -> Normalize:
+    """Scale of the colours; without one, from 0 to the largest value or a little above a limit."""
+    if norm is None:
+        highest = numbers.max() if limit is None else max(float(numbers.max()), 1.1 * limit)
+        return Normalize(min(0.0, numbers.min()), highest or 1.0)
+    norm = copy.copy(norm)
+    norm.autoscale_None(numbers)
+    return norm
+
+
+def _closed(polygon: np.ndarray) -> np.ndarray:
+    points = np.asarray(polygon, dtype=float)
+    return np.concatenate([points, points[:1]])
+
+
+def _view(points: np.ndarray) -> np.ndarray:
+    """Lower left and upper right corner x, y [m] of a view of all points, with a margin."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = (high - low) * 1.06
+    size = np.maximum(size, size.max() / 2.5)  # a corridor still leaves room for the colour bar
+    return (low + high) / 2 + np.array([[-0.5], [0.5]]) * size
+
+
+def _reaches(line: np.ndarray, view: np.ndarray) -> bool:
+    """Whether the box about a line overlaps the view."""
+    return bool(((line.min(axis=0) < view[1]) & (line.max(axis=0) > view[0])).all())
+
+
+def _sheet(
+    view: np.ndarray, title: str, caption: str, rows: int
+) -> tuple[Figure, Axes, Axes]:  # fmt: skip
+    """Figure with an axes that shows a view to scale, one for the colour bar, a north arrow.
+
+    The layout is in inches, since only so do the scale of the plan and the size of the text both
+    hold for a room of any shape. `rows` are those of the legend.
+    """
+    size = view[1] - view[0]
+    width, height = 5.4 * size / size.max()
+    left, right, bottom = 0.75, 1.15, 0.6 + 0.1 * bool(rows) + 0.25 * rows
+    across = max(left + width + right, 5.2)
+    heading = textwrap.wrap(title, int((across - left) / 0.1))  # bold letters are 0.09 inch wide
+    small = textwrap.wrap(caption, int((across - left) / 0.073))
+    top = 0.3 + 0.22 * len(heading) + 0.17 * len(small)
+    sheet = across, bottom + height + top
+
+    figure = Figure(figsize=sheet)
+    ax = figure.add_axes((left / sheet[0], bottom / sheet[1], width / sheet[0], height / sheet[1]))
+    ax.set(xlim=view[:, 0], xlabel="x, east [m]", ylim=view[:, 1], ylabel="y, north [m]")
+    ax.set_aspect("equal")
+    start = left / sheet[0], 1 - 0.12 / sheet[1]
+    figure.text(*start, "\n".join(heading), va="top", fontsize=11, weight="bold", **NAME)
+    below = start[0], start[1] - (0.02 + 0.21 * len(heading)) / sheet[1]
+    figure.text(*below, "\n".join(small), va="top", fontsize=8, color=GREY, **NAME)
+
+    beside = left + width + 0.2
+    bar = figure.add_axes(
+        (beside / sheet[0], bottom / sheet[1], 0.18 / sheet[0], (height - 0.75) / sheet[1])
+    )
+    arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.6, "mutation_scale": 16}
+    at = ((beside + 0.09) / sheet[0], (bottom + height) / sheet[1])
+    tail = (at[0], at[1] - 0.5 / sheet[1])
+    ax.annotate("", at, tail, "figure fraction", "figure fraction", arrowprops=arrow)
+    figure.text(at[0] + 0.12 / sheet[0], at[1], "N", va="top", weight="bold", fontsize=11)
+    return figure, ax, bar
+
+
+def _draw_values(
+    ax: Axes, x: np.ndarray, y: np.ndarray, shown: np.ma.MaskedArray, norm: Normalize,
+    grid: Tiles | None, inch: float,
+) -> Any:  # fmt: skip
+    """Tiles of a grid, else discs; `inch` is the length of a metre on paper."""
+    colours: dict[str, Any] = {"cmap": "viridis", "norm": norm}
+    if grid is not None:
+        return ax.pcolormesh(*grid.corners.T, grid.grid(shown).T, **colours, rasterized=True)
+    points = 0.6 * tiles.spacing(x, y) * inch * 72
+    return ax.scatter(x, y, points**2, shown, edgecolor="white", linewidth=0.5, **colours)
+
+
+def _draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]]) -> None:
+    """Draw each kind as one line with gaps: a hundred thousand desks would take minutes."""
+    gap = np.full((1, 2), np.nan)
+    for name, kind in lines.items():
+        if kind:
+            broken = np.concatenate([piece for line in kind for piece in (line, gap)])
+            ax.plot(*broken.T, scalex=False, scaley=False, **LINES[name])
+
+
+def _add_legend(
+    figure: Figure, ax: Axes, keys: Mapping[str, Mapping[str, Any]], limit_label: str
+) -> None:
+    """Name the lines below the plan."""
+    if not keys:
+        return
+    names = {"limit": limit_label}
+    handles = [Line2D([], [], label=names.get(k, k), **style) for k, style in keys.items()]
+    at = (ax.get_position().x0, 0)
+    legend = figure.legend(
+        handles=handles, loc=3, bbox_to_anchor=at, ncols=COLUMNS, frameon=False, fontsize=9
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
+def _write_numbers(
+    ax: Axes, x: np.ndarray, y: np.ndarray, numbers: np.ma.MaskedArray, norm: Any
+) -> None:
+    """Write each sensor's value on it, dark on the bright end of the colours."""
+    digits = 0 if abs(numbers).max() >= 100 else 1
+    for i in np.flatnonzero(~np.ma.getmaskarray(numbers)):
+        colour = INK if norm(numbers[i]) > 0.6 else "white"
+        text = f"{numbers[i]:.{digits}f}"
+        ax.text(x[i], y[i], text, color=colour, ha="center", va="center", fontsize=8)
+
+
+def _add_colour_bar(
+    figure: Figure, bar: Axes, picture: Any, numbers: np.ma.MaskedArray, norm: Normalize
+) -> None:
+    """Draw the scale of the colours, with arrows where values lie beyond it."""
+    below, above = bool((numbers < norm.vmin).any()), bool((numbers > norm.vmax).any())
+    extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
+    figure.colorbar(picture, cax=bar, extend=extend)
+    if isinstance(norm, LogNorm):  # 200, 500, 1000 rather than powers of ten
+        bar.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        bar.yaxis.set_major_formatter("{x:g}")
+        bar.minorticks_off()
+
+
+def _label(values: xr.DataArray) -> str:
+    name = str(values.attrs.get("long_name", values.name or ""))
+    units = values.attrs.get("units")
+    return f"{name} [{units}]".strip() if units else name
