@@ -85,6 +85,8 @@ class Draw(IntEnum):
     """Points on panes that scatter evenly, and directions to them."""
     POINTS = 3
     """Points on the faces of panes."""
+    PEAKS = 4
+    """Directions along the peaks of films."""
     FILMS = 5
     """Points on films, and directions to them."""
     SUN_ANSWER = 6

@@ -8,8 +8,8 @@ gather, gather_blocks
     G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory.
 shadow_rays
     D: light that comes straight, through openings and clear panes.
-panes, films
-    D: light that one scattering pane sends on, evenly or by a measured BSDF.
+panes, films, film_peaks
+    D: light that one scattering pane sends on, evenly, by a measured BSDF, by its narrow peaks.
 ports, photon_paths, receivers, photons
     D: light by every other chain, on photons.
 deposit

@@ -17,9 +17,13 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import Films, Lit
 from drcmitsuba.transport.panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
+
+PEAK_RAYS = 8
+"""Directions along the peaks of a film, at most, for each of the points that are looked at."""
 
 
 class Irradiance(NamedTuple):
@@ -160,7 +164,8 @@ class Deposit:
         to_sky = self.films.answer_to_sky(
             self.subdivision, self.accuracy.film_sky_samples, self.seed(key, Draw.SKY)
         )
-        return replace(self, on_films=Lit(sun, to_suns, to_sky))
+        to_suns, peaks = self.films.without_peaks(to_suns)
+        return replace(self, on_films=Lit(sun, to_suns, to_sky, peaks))
 
     def by_films(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
@@ -171,7 +176,14 @@ class Deposit:
         looked = self.films.looked(
             p, n, rays=self.accuracy.pane_points, seed=self.seed(key, Draw.FILMS), numbers=numbers
         )
-        return Irradiance(*self.films.sent(looked, self.on_films))
+        sky, sun = self.films.sent(looked, self.on_films)
+        for peaks in self.on_films.peaks:
+            sun += peak_deposit(
+                self.scene, self.films.patches, self.films.mounts[peaks.owner], peaks, p, n,
+                suns=self.suns, diameter=self.diameter, most=PEAK_RAYS * self.accuracy.pane_points,
+                seed=self.seed(key, Draw.PEAKS), numbers=numbers,
+            )  # fmt: skip
+        return Irradiance(sky, sun)
 
     def scattered(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None

@@ -41,6 +41,14 @@ class Mount:
         return len(self.sides) * self.bsdf.out_cells
 
     @property
+    def cell_size(self) -> np.ndarray:
+        """Projected solid angle of every outgoing cell of one side [sr]."""
+        basis = getattr(self.bsdf, "basis", None)
+        if basis is not None:
+            return np.asarray(basis.projected_solid_angle, float)
+        return np.full(self.bsdf.out_cells, np.pi / self.bsdf.out_cells)
+
+    @property
     def turn(self) -> mi.Frame3f:
         """The pane's frame."""
         return mi.Frame3f(*(mi.Vector3f(*map(float, axis)) for axis in self.frame))

@@ -29,6 +29,7 @@ from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.film_orientation import Mount, mounts
+from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.panes import OFFSET, PanePatches, looks
 from drcmitsuba.transport.shadow_rays import LANES, straight, sun_numbers
 
@@ -45,15 +46,19 @@ class Lit(NamedTuple):
     faces : mi.TensorXf, shape (face, sun)
         D of the patches' faces [sr], straight from the suns.
     to_suns : mi.Float, shape (row · lit sun,)
-        f [1/sr] from the suns that may shine on a film into every outgoing cell of every mount.
+        f [1/sr] from the suns that may shine on a film into every outgoing cell of every mount,
+        without the peaks below.
     to_sky : mi.TensorXf, shape (row, bin)
         Radiance of every outgoing cell per unit radiance of ground and sky patches; the rows of
         the first patch, and of every other one that has its own.
+    peaks : tuple of Peaks
+        Narrow peaks of films that other things shade, see `film_peaks`.
     """
 
     faces: mi.TensorXf
     to_suns: mi.Float
     to_sky: mi.TensorXf
+    peaks: tuple[Peaks, ...] = ()
 
 
 class Directions(NamedTuple):
@@ -131,6 +136,22 @@ class Films:
             for i, mount in enumerate(self.mounts)
         ]
         return dr.concat(tables)
+
+    def without_peaks(self, to_suns: mi.Float) -> tuple[mi.Float, tuple[Peaks, ...]]:
+        """Table of `answer_to_suns` without the peaks of films that other things shade, and these.
+
+        Peaks of films that all see the same are left in the table.
+        """
+        if not len(self.suns) or all(mount.exposed for mount in self.mounts):
+            return to_suns, ()
+        table = to_suns.numpy().reshape(-1, len(self.suns))
+        ends = np.cumsum([mount.rows for mount in self.mounts])
+        peaks = [
+            take_out(mount, i, table[end - mount.rows : end], self.suns)
+            for i, (mount, end) in enumerate(zip(self.mounts, ends, strict=True))
+            if not mount.exposed
+        ]
+        return mi.Float(table.ravel()), tuple(one for one in peaks if one is not None)
 
     def first_sky_rows(self) -> np.ndarray:
         """First row of every patch in the table of the sky, and the number of rows.

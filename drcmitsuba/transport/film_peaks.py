@@ -1,0 +1,213 @@
+r"""Sunlight by the narrow peaks of films that other things shade.
+
+A film may send the light of a sun into one or two outgoing cells. A receiver then sees it shine in
+a small part of the film only, and where some of that part lies in shadow, all the points of
+`panes.looks` may miss the rest together: the mean is right, but no replicate knows of the light,
+and their scatter says nothing of it. Here directions are drawn where a peak points: from the
+receiver back along its outgoing cell, and at the very point of the film that such a direction
+meets, shadow rays go to all suns of the peak:
+
+.. math:: D[r, b] = \sum_j w_{rj} \, f(\omega_b \to c_j) \, D_a[p_j, b], \quad
+    w_{rj} = \frac{\cos\theta_r \, P}{n \cos\theta_p}
+
+with n directions drawn evenly by projected solid angle from the cells of all peaks, P [sr] in
+sum. The peaks are taken out of the table that `Films.sent` uses.
+
+Limits: films with nothing before them, all of which see the same, are left to `panes.looks`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.sampling import (
+    TO_UNIT,
+    disk_solid_angle,
+    random_bits,
+    sample_disk,
+    transmittance,
+)
+
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.film_orientation import Mount
+from drcmitsuba.transport.panes import OFFSET, PanePatches
+from drcmitsuba.transport.shadow_rays import LANES
+
+STANDS_OUT = 8.0
+"""A cell is a peak where f is above this times the mean f of its side."""
+DIRECTIONS = 4
+"""Directions into a peak's cell, for each receiver and replicate."""
+
+
+class Peaks(NamedTuple):
+    """Peaks of the films of one orientation.
+
+    Parameters
+    ----------
+    owner : int
+        Number of the orientation among those of the films.
+    rows : mi.UInt32
+        Outgoing cells in which some sun has a peak.
+    size : np.ndarray
+        Projected solid angle of each [sr].
+    first : mi.UInt32
+        First entry of every cell in the two lists below, and their length.
+    sun : mi.UInt32
+        Number of each sun that has a peak there.
+    f : mi.Float
+        BSDF from this sun into the cell [1/sr].
+    """
+
+    owner: int
+    rows: mi.UInt32
+    size: np.ndarray
+    first: mi.UInt32
+    sun: mi.UInt32
+    f: mi.Float
+
+
+def take_out(mount: Mount, owner: int, f: np.ndarray, suns: np.ndarray) -> Peaks | None:
+    """Take the peaks out of a table of f.
+
+    Parameters
+    ----------
+    mount : Mount
+    owner : int
+        Number of the mount.
+    f : np.ndarray, shape (row, sun)
+        BSDF from every sun into every outgoing cell [1/sr]; set to 0 in the peaks.
+    suns : np.ndarray of int, shape (sun,)
+        Numbers of the suns.
+
+    Returns
+    -------
+    Peaks or None
+        None where no cell stands out.
+    """
+    size = mount.cell_size
+    sides = f.reshape(len(mount.sides), len(size), -1)
+    mean = np.einsum("scb,c->sb", sides, size) / np.pi
+    peaked = (sides > STANDS_OUT * mean[:, None]).reshape(f.shape)
+    rows = np.flatnonzero(peaked.any(axis=1))
+    if len(rows) == 0:
+        return None
+    cell, sun = np.nonzero(peaked[rows])
+    first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=len(rows)))])
+    numbers = (mi.UInt32(a.astype(np.uint32)) for a in (rows, first, suns[sun]))
+    row, start, number = numbers
+    values = mi.Float(f[rows[cell], sun].astype(np.float32))
+    f[peaked] = 0
+    return Peaks(owner, row, np.tile(size, len(mount.sides))[rows], start, number, values)
+
+
+def peak_deposit(
+    scene: Scene, patches: PanePatches, mount: Mount, peaks: Peaks,
+    points: mi.Float, normals: mi.Float, *,
+    suns: np.ndarray, diameter: float, most: int, seed: int, numbers: mi.UInt32 | None = None,
+) -> mi.TensorXf:  # fmt: skip
+    """Irradiance of receivers by the peaks of films, per unit radiance of every sun.
+
+    Parameters
+    ----------
+    scene : Scene
+    patches : PanePatches
+        Of all films.
+    mount : Mount
+    peaks : Peaks
+        Of this mount.
+    points, normals : mi.Float
+        Receivers, three numbers each.
+    suns : np.ndarray, shape (sun, 3)
+        Unit vectors to all suns.
+    diameter : float
+        Angle across a sun [deg].
+    most : int
+        Directions from a receiver, at most.
+    seed : int
+    numbers : mi.UInt32, optional
+        As for `shadow_rays.sky_deposit`.
+
+    Returns
+    -------
+    mi.TensorXf, shape (receiver, sun)
+        D [sr].
+    """
+    count, n_suns = dr.width(points) // 3, len(suns)
+    n = min(DIRECTIONS * dr.width(peaks.rows), most)
+    out = dr.zeros(mi.Float64, count * n_suns)
+    share = mi.DiscreteDistribution(mi.Float(peaks.size.astype(np.float32)))
+    whole = float(peaks.size.sum())
+    centres = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
+    owners = mi.UInt32(patches.owner.astype(np.uint32))
+    numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
+    block = max(1, LANES // n)
+    for start in range(0, count, block):
+        lane = dr.arange(mi.UInt32, min(block, count - start) * n)
+        receiver, index = lane // n + dr.opaque(mi.UInt32, start), lane % n
+        number = dr.gather(mi.UInt32, numbers, receiver)
+        a, b = (mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed, index))
+        cell, u = share.sample_reuse((mi.Float(index) + a) / n)
+        row = dr.gather(mi.UInt32, peaks.rows, cell)
+        outgoing = mount.outgoing(row, mi.Point2f(u, b))
+        p = dr.gather(mi.Point3f, points, receiver)
+        d = -mount.turn.to_world(outgoing)
+        cosine = dr.dot(dr.gather(mi.Normal3f, normals, receiver), d)
+        hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
+        seen = hit.is_valid() & (cosine > 0)
+        seen &= dr.gather(mi.UInt32, owners, hit.prim_index // 2, seen) == peaks.owner
+        between = mi.Ray3f(p, d, hit.t * (1 - 1e-4) - OFFSET, 0, [])
+        scene.ray_counter.add("pane", seen, dr.width(lane))
+        seen &= ~scene.opaque.ray_test(between, coherent=False, active=seen)
+        weight = cosine * whole / (dr.abs(outgoing.z) * n)
+        if scene.clear is not None:
+            weight *= transmittance(scene.clear, between, seen)
+        at = dr.compress(seen & (weight > 0))
+        if dr.width(at) == 0:
+            continue
+        kept = [dr.gather(type(x), x, at) for x in (receiver, number, index, cell)]
+        w = dr.gather(mi.Float, weight, at)
+        q = mi.Point3f(*(dr.gather(mi.Float, x, at) for x in p + hit.t * d))
+        dr.eval(kept, w, q)
+        _add_suns(scene, mount, peaks, centres, diameter, kept, w, q, seed, n_suns, out)
+        dr.eval(out)
+    return mi.TensorXf(mi.Float(out), (count, n_suns))
+
+
+@dr.syntax
+def _add_suns(
+    scene: Scene, mount: Mount, peaks: Peaks, centres: mi.Float, diameter: float,
+    lanes: list[mi.UInt32], weight: mi.Float, q: mi.Point3f, seed: int, n_suns: int,
+    out: mi.Float64,
+) -> None:  # fmt: skip
+    """Add w · f · D_a of all suns of the peaks that directions meet, at points q of the film."""
+    receiver, number, index, cell = lanes
+    normal, stride = mount.turn.n, dr.opaque(mi.UInt32, n_suns)
+    omega = disk_solid_angle(diameter)
+    uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed + 1, index)))
+    entry = dr.gather(mi.UInt32, peaks.first, cell)
+    end = dr.gather(mi.UInt32, peaks.first, cell + 1)
+    while dr.hint(
+        entry < end,
+        exclude=[scene, mount, peaks, centres, receiver, weight, q, uv, normal, stride, omega, out],
+    ):
+        sun = dr.gather(mi.UInt32, peaks.sun, entry)
+        d = sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv)
+        cosine = dr.dot(normal, d)
+        origin = mi.Point3f(q + dr.mulsign(mi.Float(OFFSET), cosine) * normal)
+        scene.ray_counter.add("shadow", mi.Bool(True))
+        tau = _reaches_sky(scene, origin, d)
+        value = weight * dr.gather(mi.Float, peaks.f, entry) * tau * dr.abs(cosine) * omega
+        dr.scatter_add(out, mi.Float64(value), receiver * stride + sun, value > 0)
+        entry += 1
+
+
+def _reaches_sky(scene: Scene, p: mi.Point3f, d: mi.Vector3f) -> mi.Float:
+    """Transmittance from points to the sky, within a symbolic loop."""
+    ray = mi.Ray3f(p, d)
+    lit = ~scene.opaque.ray_test(ray, coherent=False)
+    if scene.clear is None:
+        return dr.select(lit, mi.Float(1), 0)
+    return transmittance(scene.clear, ray, lit)
