@@ -1,4 +1,4 @@
-"""D·L: the illuminance of receivers through a year, from what bins of unit radiance put on them."""
+"""E = D·L: illuminance of receivers through a year, from their deposits D and the luminances L."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from drcmitsuba.transport.deposit import Irradiance
 
 
 @dataclass(frozen=True)
-class Year:
-    """Luminances of the time stamps, and the bins that stand for their suns.
+class AnnualIlluminance:
+    """Luminances L of the time stamps, and the bins of their suns.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ class Year:
     column: np.ndarray
 
     @classmethod
-    def of(cls, light: Daylight) -> Year:
-        """Take what a case's light has."""
-        sky = light.sky
+    def of(cls, daylight: Daylight) -> AnnualIlluminance:
+        """Take L and the suns of a case's daylight."""
+        sky = daylight.sky
         # An adaptive sun has no blend; the time stamps' own suns are at hand in its place.
         known = "blend_bin" in sky
         blend = lights.blended(sky) if known else Blend.own(sky["sun_bin"].values)
-        labels = [*map(str, sky["bin"].values), *light.suns.labels]
+        labels = [*map(str, sky["bin"].values), *daylight.suns.labels]
         column = positions(blend.bins, labels, missing=0).astype(np.uint32)
         sun = blend.weights * sky["sun"].values[:, None]
         return cls(sky["sky"].values.astype(np.float32), sun.astype(np.float32), column)
@@ -63,14 +63,14 @@ class Year:
 
     def by_all(self, d: Irradiance) -> mi.TensorXf:
         """Illuminance by sky and suns, (time, receiver) [lx]."""
-        found = mi.TensorXf(self.sky) @ _turned(d.sky) + self.by_sun(d)
-        dr.eval(found)
-        return found
+        E = mi.TensorXf(self.sky) @ _transposed(d.sky) + self.by_sun(d)
+        dr.eval(E)
+        return E
 
 
-def _turned(a: mi.TensorXf) -> mi.TensorXf:
-    """Transpose of a matrix."""
-    rows, columns = a.shape
+def _transposed(matrix: mi.TensorXf) -> mi.TensorXf:
+    """Transpose a matrix."""
+    rows, columns = matrix.shape
     entry, width = dr.arange(mi.UInt32, rows * columns), dr.opaque(mi.UInt32, rows)
     index = entry % width * dr.opaque(mi.UInt32, columns) + entry // width
-    return mi.TensorXf(dr.gather(mi.Float, a.array, index), (columns, rows))
+    return mi.TensorXf(dr.gather(mi.Float, matrix.array, index), (columns, rows))

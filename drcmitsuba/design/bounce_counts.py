@@ -1,4 +1,4 @@
-"""How often gather paths met each kind of surface, and their weights at other reflectances."""
+"""Hits of gather paths on each kind of surface, and path weights at other reflectances."""
 
 from __future__ import annotations
 
@@ -20,11 +20,16 @@ FRAMES = tuple(name.replace("wall", "frame") for name in WALLS)
 
 
 class Hits:
-    """Marks of paths that count how often they met each kind of surface: `gather.Marks`.
+    """Marks of paths that count how often a path met each kind of surface: `gather.Marks`.
 
-    Every kind has the same number of bits of the mark. A count that fills them stays there, and
-    later hits keep the weight that they were traced with: with six kinds that is after 31 hits on
-    one of them, with eight after 15.
+    Every kind has the same number of bits of the mark. A full count stays full, and later hits keep
+    the weight with which they were traced: with six kinds after 31 hits on one of them, with eight
+    after 15.
+
+    Parameters
+    ----------
+    shapes : sequence of mi.Shape or None
+        Mesh of each kind; None where a kind has no surface.
     """
 
     def __init__(self, shapes: Sequence[mi.Shape | None]) -> None:
@@ -47,18 +52,18 @@ class Hits:
         return si.bsdf(), counted, mi.Float(1), mi.Bool(True)
 
     def digits(self, marks: mi.UInt32) -> list[list[mi.Bool]]:
-        """Binary digits of the counts of some marks, for each kind, the lowest first."""
-        found = []
+        """Binary digits of the counts in `marks`, for each kind, the lowest digit first."""
+        digits = []
         for k in range(len(self.shapes)):
             n = (marks >> (k * self.bits)) & ((1 << self.bits) - 1)
             most = int(dr.max(n)[0]) if dr.width(n) else 0
-            found.append([((n >> j) & 1) == 1 for j in range(most.bit_length())])
-        dr.eval(found)
-        return found
+            digits.append([((n >> j) & 1) == 1 for j in range(most.bit_length())])
+        dr.eval(digits)
+        return digits
 
 
 def numbered(marks: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
-    """Different ones among some marks, and the number of each of the marks among these."""
+    """Number the marks: the distinct ones, sorted, and the position of each mark among them."""
     if dr.width(marks) == 0:
         return marks, marks
     order = dr.argsort(marks)
@@ -85,7 +90,7 @@ def powers(ratios: list[mi.Float], digits: list[list[mi.Bool]]) -> mi.Float:
 
 
 def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene, Hits]:
-    """Scene with a mesh for every kind of surface, and what counts their hits.
+    """Build the scene with one mesh for every kind of surface, and the counter of their hits.
 
     Parameters
     ----------
@@ -93,6 +98,10 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
     state : {"open", "shaded"}
     values : dict of str to float
         Reflectances of the kinds: `floor`, `ceiling`, `walls`, or the names of furniture.
+
+    Returns
+    -------
+    tuple of Scene and Hits
     """
     quads: dict[str, list[np.ndarray]] = {key: [] for key in values}
     others = []
@@ -103,10 +112,10 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
         else:
             others.append(surface)
     meshes = [
-        scene.quad_mesh(key, np.concatenate(found), mi.load_dict(bsdf(Lambertian(values[key]))))
-        if found
+        scene.quad_mesh(key, np.concatenate(of_kind), mi.load_dict(bsdf(Lambertian(values[key]))))
+        if of_kind
         else None  # walls that are all glass
-        for key, found in quads.items()
+        for key, of_kind in quads.items()
     ]
     shapes = [*scene.build(others).full.shapes(), *(mesh for mesh in meshes if mesh is not None)]
     named = {f"shape{i}": shape for i, shape in enumerate(shapes)}
@@ -116,16 +125,18 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
 
 @dataclass(frozen=True)
 class Sums:
-    """Path weights at the reflectances that were traced, that are added up by place.
+    """Path weights at the traced reflectances, to be added up by place.
 
     Parameters
     ----------
-    place : mi.UInt32
-        Where an entry counts, 0 … size − 1.
-    mark : mi.UInt32
+    place : mi.UInt32, shape (entry,)
+        Place to which an entry is added, 0 … size − 1.
+    mark : mi.UInt32, shape (entry,)
         Number of its mark.
-    value : mi.Float
+    value : mi.Float, shape (entry,)
+        Weight.
     size : int
+        Number of places.
     """
 
     place: mi.UInt32
@@ -135,7 +146,7 @@ class Sums:
 
     @classmethod
     def of(cls, place: mi.UInt32, mark: mi.UInt32, value: mi.Float, size: int) -> Sums:
-        """Put entries into the order of their places, which are then added up faster."""
+        """Sort entries by their places: adding them up is then faster."""
         order = dr.argsort(place)
         place, mark = (dr.gather(mi.UInt32, x, order) for x in (place, mark))
         value = dr.gather(mi.Float, value, order)
@@ -143,7 +154,7 @@ class Sums:
         return cls(place, mark, value, size)
 
     def weighed(self, factor: mi.Float) -> mi.Float:
-        """Sums by place, marks weighed by a factor each."""
+        """Add up the entries by place, each times the factor of its mark; shape (size,)."""
         out = dr.zeros(mi.Float64, self.size)
         # The gradient of the factor is such a sum, too.
         value = self.value * dr.gather(mi.Float64, mi.Float64(factor), self.mark)

@@ -13,8 +13,9 @@ from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial, check_energy
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.case.toml import Side, checked
+from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.optimise import FacadeOptimum, Search
-from drcmitsuba.design.parameters import Factor, Map, Panes, Parameter, Strips, Window
+from drcmitsuba.design.parameters import Factor, Map, Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.evaluate_metrics import rules

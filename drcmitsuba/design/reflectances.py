@@ -1,14 +1,14 @@
 r"""Reflectances of a room's surfaces as design parameters, with gradients.
 
-The façade is fixed, and so is D, what reaches sensors and cells before any diffuse reflection. Only
-the gather depends on the reflectances ρ:
+The façade is fixed, and so is the deposit D, the irradiance of sensors and cells before any diffuse
+reflection. Only the gather G depends on the reflectances ρ:
 
 .. math:: E(\rho) = D_s L + G(\rho) \, (D_c L), \qquad
           G(\rho) = \sum_v w_v \prod_k (\rho_k / \rho'_k)^{n_{vk}},
 
 with the vertices v of paths that were traced once, at ρ′, and n the number of times that a path
-met surface k up to and with the vertex. D·L is multiplied out beforehand; what is left is a
-polynomial in ρ, made of one product of matrices, and Dr.Jit differentiates it exactly.
+met surface k up to and with the vertex. D·L is multiplied out beforehand; E is then a polynomial in
+ρ, one product of matrices, and Dr.Jit differentiates it exactly.
 """
 
 from __future__ import annotations
@@ -22,31 +22,25 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.toml import choose, shortened
-from drcmitsuba.design.annual_illuminance import Year
-from drcmitsuba.design.bounce_counts import FRAMES, WALLS, Sums, marked, numbered, powers
+from drcmitsuba.design.bounce_counts import FRAMES, WALLS
 from drcmitsuba.design.parameters import Parameter
+from drcmitsuba.design.traced_room import TracedRoom
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Progress, Stage, silent
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import channel_of
-from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.transport.cells import Cells, Grid, draw_points
-from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.facade_basis.year import Illuminances
-from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather import gather
-from drcmitsuba.transport.panes import PanePatches
 
 BOUNDS = (0.0, 0.95)
-"""Reflectances that a design may take."""
+"""Least and largest reflectance of a design."""
 DARKEST = 0.85
-"""Paths are traced at this reflectance ρ′ or a higher one: darker surfaces only need lower weights.
-Weights grow by ρ/ρ′ with every hit, so their second moment by ρ²/ρ′ times what does not leave by
-the windows: at ρ = 0.95 it has a limit from here on, and had none with 0.7."""
+"""Least reflectance ρ′ at which paths are traced: darker surfaces only need lower weights. Weights
+grow by ρ/ρ′ with every hit, so their second moment grows by ρ²/ρ′ times the share of paths that
+stays in the room: at ρ = 0.95 it is bounded from here on; with 0.7 it was not."""
 MOST_KEYS = 8
+"""Largest number of kinds of surfaces."""
 _ROOM = ("floor", "ceiling", "walls")
 _TAKEN = {*_ROOM, *WALLS, *FRAMES}
 
@@ -57,27 +51,28 @@ def reflectances(case: Case) -> dict[str, float]:
     Raises
     ------
     InputError
-        The case is coloured, has more than `MOST_KEYS` of them, or gives a name to two.
+        The case is coloured, has more than `MOST_KEYS` kinds of surfaces, or gives one name to
+        surfaces of two reflectances.
     """
     if scene.is_coloured(case):
         got = "a reflectance differs between channels"
         raise InputError(case.source, "room", got, "make it grey")
     room = case.room
-    found = {} if room is None else {k: channel_of(getattr(room, k), 0) for k in _ROOM}
+    rho = {} if room is None else {k: channel_of(getattr(room, k), 0) for k in _ROOM}
     for piece in case.furniture:
         value = channel_of(piece.reflectance, 0)
-        if piece.name in _TAKEN or found.setdefault(piece.name, value) != value:
+        if piece.name in _TAKEN or rho.setdefault(piece.name, value) != value:
             got = f"{shortened(piece.name)} names surfaces of two reflectances"
             raise InputError(case.source, "furniture.name", got, "give each its own name")
-    if len(found) > MOST_KEYS:
-        got = f"{len(found)} kinds of surfaces"
+    if len(rho) > MOST_KEYS:
+        got = f"{len(rho)} kinds of surfaces"
         remedy = f"at most {MOST_KEYS}: give pieces of one reflectance one name"
         raise InputError(case.source, "furniture.name", got, remedy)
-    return found
+    return rho
 
 
 def with_reflectances(case: Case, rho: Mapping[str, float]) -> Case:
-    """Case with other reflectances of some of its surfaces.
+    """Return a case with other reflectances of some of its surfaces.
 
     Raises
     ------
@@ -111,101 +106,6 @@ def _check(source: str, known: Mapping[str, float], rho: Mapping[str, float | mi
 
 
 @dataclass(frozen=True)
-class _State:
-    """A room in one state of its shade.
-
-    Parameters
-    ----------
-    before : mi.TensorXf, shape (time, sensor)
-        Illuminance before any diffuse reflection [lx].
-    direct : mi.TensorXf, shape (time, sensor)
-        By the sun, straight [lx].
-    cells : mi.TensorXf, shape (time, cell)
-        D·L [lx].
-    gathered : Sums
-        Place: cell · sensors + sensor.
-    means_before : np.ndarray, shape (replicate, sensor)
-        Mean of `before` over time, in each replicate [lx].
-    means : Sums
-        Likewise of the interreflected light; place: replicate · sensors + sensor.
-    digits : list of list of mi.Bool
-        Binary digits of how often paths of each mark met each of the surfaces.
-    """
-
-    before: mi.TensorXf
-    direct: mi.TensorXf
-    cells: mi.TensorXf
-    gathered: Sums
-    means_before: np.ndarray
-    means: Sums
-    digits: list[list[mi.Bool]]
-
-    @classmethod
-    def of(cls, case: Case, state: State, light: Daylight, progress: Progress) -> _State:
-        """Trace paths, find the deposit, and multiply it by the light."""
-        a, suns, year = case.accuracy, light.suns, Year.of(light)
-        world, marks = marked(case, state, reflectances(case))
-        points, normals = sensor_points(case)
-        grid = Grid.of(world, a.cell_size)
-        vertices = gather(
-            world, points, normals, replicates=a.replicates, paths=a.paths,
-            grid=grid, seed=launch_seed(a.seed, Stream.PATHS), marks=marks,
-        )  # fmt: skip
-        known = Cells.none(grid).extended(vertices)
-        if not known.count:
-            raise InputError(case.source, "sensors", "no surface in their sight", "add a [room]")
-        cell = known.of(vertices)
-        panes, size = [panes.quads for panes in world.scattering], 2 * a.cell_size
-        patches = PanePatches.of(panes, size) if panes else None
-        films = Films.of(world, size, suns.directions, suns.diameter)
-        bins = (suns.directions, suns.diameter, case.sky.subdivision)
-        base = Deposit(world, *bins, a, patches, films)
-        p, n = (mi.Float(x.astype(np.float32).ravel()) for x in (points, normals))
-        parts, means_before, means_of_cells = [], [], []
-        samples = a.sensor_sun_samples if suns.straight else 0
-        for r in range(a.replicates):
-            deposit = base.lit(r)
-            straight = deposit.straight(p, n, (Stream.SENSORS, r), a.sensor_sky_rays, samples)
-            before = year.by_all(straight.plus(deposit.scattered(p, n, (Stream.SENSORS, r))))
-            _, q, facing = draw_points(vertices, cell, known.count, r)
-            on_cells = deposit.straight(q, facing, (Stream.CELLS, r), a.cell_sky_rays)
-            cells = year.by_all(on_cells.plus(deposit.scattered(q, facing, (Stream.CELLS, r))))
-            parts.append((before, year.by_sun(straight), cells))
-            parts = [tuple(sum(x[1:], x[0]) for x in zip(*parts, strict=True))]
-            dr.eval(parts)
-            means_before.append(dr.mean(before, axis=0).numpy())
-            means_of_cells.append(dr.mean(cells, axis=0).numpy())
-            progress((r + 1) / a.replicates)
-        before, direct, cells = (x / a.replicates for x in parts[0])
-        dr.eval(before, direct, cells)
-        assert vertices.mark is not None
-        kinds, mark = numbered(vertices.mark)
-        row, weight, count = vertices.row, vertices.weight, dr.opaque(mi.UInt32, len(points))
-        at = row // count * dr.opaque(mi.UInt32, known.count) + cell
-        mean_there = dr.gather(mi.Float, mi.Float(np.concatenate(means_of_cells)), at)
-        size, rows = known.count * len(points), a.replicates * len(points)
-        return cls(
-            before, direct, cells,
-            Sums.of(cell * count + row % count, mark, weight / a.replicates, size),
-            np.stack(means_before),
-            Sums.of(row, mark, weight * mean_there, rows),
-            marks.digits(kinds),
-        )  # fmt: skip
-
-    def interreflected(self, ratios: list[mi.Float]) -> mi.TensorXf:
-        """G·D·L (time, sensor) [lx], for ratios of the reflectances to those that were traced."""
-        cells, sensors = self.cells.shape[1], self.before.shape[1]
-        g = self.gathered.weighed(powers(ratios, self.digits))
-        return self.cells @ mi.TensorXf(g, (cells, sensors))
-
-    def spread(self, ratios: list[mi.Float]) -> np.ndarray:
-        """Standard error of the mean over time, (sensor,) [lx]."""
-        inner = self.means.weighed(powers(ratios, self.digits)).numpy()
-        total = self.means_before + inner.reshape(self.means_before.shape)
-        return total.std(axis=0, ddof=1) / np.sqrt(len(total))
-
-
-@dataclass(frozen=True)
 class Interior:
     """Illuminance of a year as a function of the reflectances in a room.
 
@@ -214,18 +114,23 @@ class Interior:
     start : dict of str to float
         Reflectances of the case by key: `floor`, `ceiling`, `walls`, furniture by its name.
     traced : dict of str to float
-        Those that paths were traced at.
+        Reflectances at which paths were traced.
     months : np.ndarray of int, shape (time,)
+        Month of each time stamp, 1 … 12.
     step_hours : float
-        What one time stamp stands for [h].
+        Length of a time step [h].
+    source : str
+        Name of the case in messages.
+    states : tuple of TracedRoom
+        The room with its shade open and, where the case has one, with its shade closed.
 
     Notes
     -----
     Frames of façades, panes and shades keep the reflectances that they have. Paths are traced at
     `DARKEST` or more, so that weights stay even towards black. Above the traced reflectances they
-    grow with every hit, and so does the noise: `standard_error` tells; where it is too large, take
-    ``Interior.of(with_reflectances(case, rho), light)``. In the paper's classroom it is 1.0 % of E
-    at the start, at most 1.6 % with any one surface at 0.95, and 7 % with all of them. Sensors
+    grow with every hit, and so does `standard_error`; where it is too large, take
+    ``Interior.of(with_reflectances(case, rho), daylight)``. In the paper's classroom it is 1.0 % of
+    E at the start, at most 1.6 % with any one surface at 0.95, and 7 % with all of them. Sensors
     are traced all at once, 1 MB each with 8 replicates of 128 paths.
     """
 
@@ -234,10 +139,10 @@ class Interior:
     months: np.ndarray
     step_hours: float
     source: str
-    states: tuple[_State, ...]
+    states: tuple[TracedRoom, ...]
 
     @classmethod
-    def of(cls, case: Case, light: Daylight, stage: Stage = silent) -> Interior:
+    def of(cls, case: Case, daylight: Daylight, stage: Stage = silent) -> Interior:
         """Trace a case and its year, once.
 
         An adaptive sun is simulated as the exact sun of each time stamp.
@@ -245,7 +150,8 @@ class Interior:
         Raises
         ------
         InputError
-            The case is coloured, has no surfaces or too many, or its names tell them not apart.
+            The case is coloured, has no surfaces or too many kinds of them, or one name stands for
+            two reflectances.
         """
         case.refuse_components("the search for reflectances")
         start = reflectances(case)
@@ -253,17 +159,17 @@ class Interior:
             raise InputError(case.source, "room", "there is no surface", "add a [room]")
         traced = {key: max(value, DARKEST) for key, value in start.items()}
         at = with_reflectances(case, traced)
-        states: list[_State] = []
+        states: list[TracedRoom] = []
         names: list[State] = ["open"] if case.shading is None else ["open", "shaded"]
         for name in names:
             with stage(f"{name} façade") as done:
-                states.append(_State.of(at, name, light, done))
-        months = light.sky["clock"].dt.month.values
-        return cls(start, traced, months, light.step_hours, case.source, tuple(states))
+                states.append(TracedRoom.of(at, name, daylight, traced, done))
+        months = daylight.sky["clock"].dt.month.values
+        return cls(start, traced, months, daylight.step_hours, case.source, tuple(states))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What a design may turn."""
+        """Reflectances as design parameters."""
         low, high = BOUNDS
         return tuple(Parameter(k, low, max(high, v), v) for k, v in self.start.items())
 
@@ -275,17 +181,17 @@ class Interior:
         ]
 
     def illuminance(self, rho: Mapping[str, mi.Float | float]) -> Illuminances:
-        """E at some reflectances; gradients flow through.
+        """Illuminance at other reflectances; gradients flow through.
 
         Parameters
         ----------
         rho : dict of str to mi.Float
-            Reflectances by key; those that are missing stay at the case's.
+            Reflectances by key; the missing ones stay those of the case.
 
         Returns
         -------
         Illuminances
-            Without a shade, `shaded` is `open`.
+            E (time, sensor) [lx]; without a shade, `shaded` is `open`.
 
         Raises
         ------
@@ -293,13 +199,15 @@ class Interior:
             A key is unknown, or a value is not in 0 … 1.
         """
         ratios = self._ratios(rho)
-        found = [state.before + state.interreflected(ratios) for state in self.states]
-        return Illuminances(found[0], found[-1], self.states[0].direct)
+        E = [state.before + state.interreflected(ratios) for state in self.states]
+        return Illuminances(E[0], E[-1], self.states[0].direct)
 
     def standard_error(self, rho: Mapping[str, mi.Float | float]) -> np.ndarray:
         """Standard error of the mean over time, shade open, (sensor,) [lx].
 
-        From the scatter of the replicates, each with its own paths and deposit. Where a few paths
-        carry most of the light, some ten times the traced weights, it is itself unsure.
+        Estimated from the replicates, each with its own paths and deposit. The estimate itself is
+        uncertain where a few paths, some ten times the traced weights, carry most of the light.
         """
-        return self.states[0].spread(self._ratios({k: dr.detach(v) for k, v in rho.items()}))
+        return self.states[0].standard_error(
+            self._ratios({k: dr.detach(v) for k, v in rho.items()})
+        )

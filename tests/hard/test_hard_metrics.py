@@ -12,10 +12,11 @@ import xarray as xr
 from drcmitsuba import metrics
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.film import ParametricFilm
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.design.measure import Measure
-from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
+from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.reflectances import Interior
 from drcmitsuba.metrics import evaluate_metrics, illuminance, intervals, smooth

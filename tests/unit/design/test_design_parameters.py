@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.design.parameters import Factor, Heights, Panes, Parameter, Strips, Window
+from drcmitsuba.design.facade_maps import Heights, Panes, Strips, Window
+from drcmitsuba.design.parameters import Factor, Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend

@@ -12,9 +12,10 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.toml import checked
 from drcmitsuba.design import pictures
+from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.layout import Layout
 from drcmitsuba.design.optimise import Search, optimise, pareto
-from drcmitsuba.design.parameters import Panes, Parameter, Strips, Window
+from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.intervals.rules import Rules

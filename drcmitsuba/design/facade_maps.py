@@ -1,0 +1,221 @@
+"""Maps from parameters to façades: a window by heights, by ratios, or every tile of its own.
+
+A map turns a dictionary of `mi.Float` by parameter into the composition of the façade, `share`
+(tile, material), and keeps gradients. The overlap of a strip with a tile is piecewise linear in the
+strip's edges, so the composition has a kink where an edge crosses from one tile into the next.
+There the gradient is that of the upper tile; at a bound of a parameter it is the one towards the
+inside, the only one that an optimiser can follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case.toml import choose
+from drcmitsuba.design.parameters import Parameter, Values, inward
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport.facade_basis import BasisYear, Tiles
+
+
+@dataclass(frozen=True)
+class Panes:
+    """Tiles, and the materials that a design puts there.
+
+    Parameters
+    ----------
+    tiles : Tiles
+    materials : tuple of str
+        Columns of a composition.
+    clear, film : str
+        Material that the shade covers, and the one that it does not.
+
+    Raises
+    ------
+    InputError
+        A material is none of the columns.
+    """
+
+    tiles: Tiles
+    materials: tuple[str, ...]
+    clear: str
+    film: str
+
+    def __post_init__(self) -> None:
+        for key, name in (("clear", self.clear), ("film", self.film), ("wall", "wall")):
+            if name not in self.materials:
+                remedy = choose(name, list(self.materials))
+                raise InputError("design", key, f"no material {name!r} in the year", remedy)
+
+    @classmethod
+    def of(cls, year: BasisYear, clear: str, film: str) -> Panes:
+        """Take tiles and materials of a year."""
+        return cls(year.tiles, year.materials, clear, film)
+
+    @property
+    def count(self) -> int:
+        """Number of tiles."""
+        return len(self.tiles.area)
+
+    def composition(self, window: mi.Float, film: mi.Float) -> mi.TensorXf:
+        """Compose the tiles from their shares (tile,) of window, and of film within it."""
+        columns = len(self.materials)
+        flat = dr.zeros(mi.Float, self.count * columns)
+        row = dr.arange(mi.UInt32, self.count) * columns
+        shares = (("wall", 1 - window), (self.clear, window - film), (self.film, film))
+        for name, share in shares:
+            dr.scatter(flat, share, row + self.materials.index(name))
+        return mi.TensorXf(flat, (self.count, columns))
+
+    def between(self, edges: Edges, at: Edges) -> mi.TensorXf:
+        """Composition of a window and a film between heights.
+
+        Parameters
+        ----------
+        edges : Edges
+            Heights with gradients [m].
+        at : Edges
+            The same, moved inward and without gradients: they choose the tiles.
+        """
+        bottom, top = (mi.Float(self.tiles.bounds[:, i].astype(np.float32)) for i in (2, 3))
+
+        def below(z: mi.Float, chosen: mi.Float) -> mi.Float:
+            """Share of each tile that lies below a height."""
+            inside = (chosen >= bottom) & (chosen < top)
+            return dr.select(inside, (z - bottom) / (top - bottom), mi.Float(chosen >= top))
+
+        def overlap(lower: Any, upper: Any, low: Any, high: Any) -> mi.Float:
+            return dr.select(low < high, below(upper, high) - below(lower, low), 0)
+
+        window = overlap(edges.sill, edges.head, at.sill, at.head)
+        upper = dr.select(at.film_top < at.head, edges.film_top, edges.head)
+        lower = dr.select(at.film_bottom > at.sill, edges.film_bottom, edges.sill)
+        low, high = dr.maximum(at.film_bottom, at.sill), dr.minimum(at.film_top, at.head)
+        return self.composition(window, overlap(lower, upper, low, high))
+
+
+class Edges(NamedTuple):
+    """Heights of a window and of the film in it, `mi.Float` [m]."""
+
+    sill: Any
+    head: Any
+    film_bottom: Any
+    film_top: Any
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Window by the heights of its edges, over the whole width of the tiles.
+
+    Film outside the window counts as wall; where an upper edge is not above its lower one, there is
+    no window or no film.
+
+    Parameters
+    ----------
+    panes : Panes
+    sill, head, film_bottom, film_top : Parameter
+        Heights [m].
+    """
+
+    panes: Panes
+    sill: Parameter
+    head: Parameter
+    film_bottom: Parameter
+    film_top: Parameter
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the map."""
+        return self.sill, self.head, self.film_bottom, self.film_top
+
+    def share(self, values: Values) -> mi.TensorXf:
+        """Give the composition, mi.TensorXf (tile, material)."""
+        within = inward(values, self.parameters)
+        edges, at = (Edges(*(v[p.key] for p in self.parameters)) for v in (values, within))
+        return self.panes.between(edges, at)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Window by its ratios, over the whole width of the tiles.
+
+    height = WWR · wall / width, film = DWR · height,
+    film's bottom = sill + position · (height − film)
+
+    Parameters
+    ----------
+    panes : Panes
+        Tiles of one width of panes at every height, without gaps from the lowest to the highest.
+    wall : float
+        Area of the façade [m²].
+    sill : Parameter
+        Height of the window's foot [m].
+    wwr : Parameter
+        Area of all panes over that of the façade; a window that would end above the highest tile
+        ends there.
+    dwr : Parameter
+        Area of the film over that of all panes.
+    position : Parameter
+        Position of the film in the window: 0 at its foot, 1 at its top.
+    """
+
+    panes: Panes
+    wall: float
+    sill: Parameter
+    wwr: Parameter
+    dwr: Parameter
+    position: Parameter
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the map."""
+        return self.sill, self.wwr, self.dwr, self.position
+
+    @cached_property
+    def width(self) -> float:
+        """Width: area of all tiles over their height [m]."""
+        bounds = self.panes.tiles.bounds
+        return float(self.panes.tiles.area.sum() / (bounds[:, 3].max() - bounds[:, 2].min()))
+
+    def share(self, values: Values) -> mi.TensorXf:
+        """Give the composition, mi.TensorXf (tile, material)."""
+        within = inward(values, self.parameters)
+        return self.panes.between(self._edges(values), self._edges(within))
+
+    def _edges(self, values: Values) -> Edges:
+        sill, wwr, dwr, position = (values[p.key] for p in self.parameters)
+        height = wwr * (self.wall / self.width)
+        film = dwr * height
+        foot = sill + position * (height - film)
+        return Edges(sill, sill + height, foot, foot + film)
+
+
+@dataclass(frozen=True)
+class Strips:
+    """Every tile has its own share of window, and its own share of film within it.
+
+    Parameters
+    ----------
+    panes : Panes
+    window, film : Parameter
+        One value for each tile, 0 to 1, or one for all.
+    """
+
+    panes: Panes
+    window: Parameter
+    film: Parameter
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the map."""
+        return self.window, self.film
+
+    def share(self, values: Values) -> mi.TensorXf:
+        """Give the composition, mi.TensorXf (tile, material)."""
+        window = values[self.window.key] + dr.zeros(mi.Float, self.panes.count)
+        return self.panes.composition(window, window * values[self.film.key])
