@@ -1,1 +1,11 @@
-"""Design: what a designer can turn, and how the light of a year answers to it."""
+"""Design: free parameters of façades, films, lamellae and surfaces, and searches for the best.
+
+- `parameters`: values with bounds and a start; `facade_maps`: from parameters to façades
+- `measure`: rating of a year, smooth and hard; `search`: step, history, loop and optimum
+- `layout`, `problem`, `optimise`, `realise`: the façade, from `[design]` to a case to be built
+- `tilt`, `tilt_search`: the tilt of lamellae
+- `film`, `film_bins`, `film_year`: a year as a function of its film; `film_problem`, `film_search`
+- `reflectances`, `traced_room`, `bounce_counts`, `annual_illuminance`: a year as a function of the
+  reflectances in the room
+- `pictures`: plots of fronts, façades, searches and tilts
+"""

@@ -1,7 +1,7 @@
-r"""Films as design variables: what a film answers to light, as a function of a few numbers or many.
+r"""Films as design variables: their answer to daylight as a function of a few numbers, or of many.
 
-A film's answer is the radiance that leaves it in each outgoing cell per unit radiance of each bin
-of ground, sky and suns,
+The answer of a film is the radiance that leaves it in each outgoing cell per unit radiance of each
+bin of ground, sky and suns,
 
 .. math:: A_{o,b} = \int_b \bar f(\omega \to o) \cos\theta \, d\omega
 
@@ -27,19 +27,18 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import materials
 
 LANES = 1 << 23
-"""Pairs of directions that a file is looked up for at once."""
+"""Number of pairs of directions that are looked up in a file at once."""
 WITHIN = 4
-"""Points along each side of an outgoing cell and of a sky patch that a lobe is integrated with."""
+"""Integration points of a lobe along each side of an outgoing cell and of a sky patch."""
 LEAST_SPREAD = 2.0
-"""Narrower lobes would fall between the points [deg]; cells of depth 5 are 3° wide or more."""
+"""Least spread [deg]: narrower lobes fall between the points; cells of depth 5 are 3° wide."""
 
 
 class Film(Protocol):
-    """What optimisers and a `FilmYear` ask of a film."""
+    """A film of which a `FilmYear` can tell the illuminances."""
 
     def answer(self, bins: Bins) -> mi.TensorXf:
-        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
-        ...
+        """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
 
 
 def _floats(a: np.ndarray) -> mi.Float:
@@ -51,13 +50,13 @@ def _indices(a: np.ndarray) -> mi.UInt32:
 
 
 def _parameter(name: str, value: Any, low: float, high: float) -> mi.Float:
-    """Value of a parameter, one number, as it was given: attached or not."""
-    found = mi.Float(value)
-    if dr.width(found) != 1 or not low <= float(dr.detach(found)[0]) <= high:
-        got = str(dr.detach(found))
+    """Check the value of a parameter, and return it attached to its gradient where it was."""
+    number = mi.Float(value)
+    if dr.width(number) != 1 or not low <= float(dr.detach(number)[0]) <= high:
+        got = str(dr.detach(number))
         raise InputError("film", name, got, f"give one number from {low:g} to {high:g}")
-    dr.make_opaque(found)  # a literal would have kernels compiled anew for each value
-    return found
+    dr.make_opaque(number)  # kernels would be compiled anew for each value of a literal
+    return number
 
 
 @dataclass(frozen=True)
@@ -67,13 +66,13 @@ class ParametricFilm:
     Parameters
     ----------
     transmittance : mi.Float or float
-        0 … 1.
+        Transmitted share of the light, 0 … 1.
     redirected : mi.Float or float
-        Share of it that is in the lobe, 0 … 1; the rest leaves evenly.
+        Share of the transmitted light that is in the lobe, 0 … 1; the rest leaves evenly.
     tilt : mi.Float or float
-        Of the lobe above the mirrored direction, −90 … 90 [deg].
+        Angle of the lobe above the mirrored direction, −90 … 90 [deg].
     spread : mi.Float or float
-        σ of the lobe, 2 … 90 [deg].
+        Standard deviation σ of the lobe, 2 … 90 [deg].
 
     Raises
     ------
@@ -83,8 +82,8 @@ class ParametricFilm:
     Notes
     -----
     Limits: a lobe is integrated over an outgoing cell with 16 points and over a patch of the sky
-    with 16 directions, then scaled so that what leaves in all cells is exactly the lobe's share.
-    What the film reflects is not part of its answer.
+    with 16 directions, then scaled so that all cells together emit exactly the lobe's share. The
+    answer does not contain reflected light.
     """
 
     transmittance: Any
@@ -93,7 +92,7 @@ class ParametricFilm:
     spread: Any = 10.0
 
     def answer(self, bins: Bins) -> mi.TensorXf:
-        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         through = _parameter("transmittance", self.transmittance, 0, 1)
         share = _parameter("redirected", self.redirected, 0, 1)
         tilt = _parameter("tilt", self.tilt, -90, 90)
@@ -105,7 +104,7 @@ class ParametricFilm:
         # A centre behind the pane has the same lobe as its fold, which is the nearer one.
         centre.z = dr.abs(centre.z)
         kappa = concentration(spread)
-        # By direction first, then by cell: sums over the cells are those of neighbours.
+        # By direction first, then by cell, so that sums over the cells run over neighbours.
         lane = dr.arange(mi.UInt32, len(arriving.d) * cells)
         direction, cell = lane // cells, lane % cells
         mu = dr.gather(mi.Vector3f, centre, direction)
@@ -120,11 +119,11 @@ class ParametricFilm:
             near += near * dr.exp(-2 * kappa * o.z * mu.z)
             lobe += dr.gather(mi.Float, solid_angle, at) * near
         whole = dr.gather(mi.Float, dr.block_sum(lobe, cells), direction)
-        part = lobe / whole * (cells / np.pi)
-        part *= dr.gather(mi.Float, _floats(arriving.weight), direction)
+        radiance = lobe / whole * (cells / np.pi)
+        radiance *= dr.gather(mi.Float, _floats(arriving.weight), direction)
         into = cell * count + dr.gather(mi.UInt32, _indices(arriving.bin), direction)
         in_lobe = dr.zeros(mi.Float, cells * count)
-        dr.scatter_add(in_lobe, part, into)
+        dr.scatter_add(in_lobe, radiance, into)
         even = mi.Float(np.bincount(arriving.bin, arriving.weight, count).astype(np.float32))
         even = dr.gather(mi.Float, even, dr.arange(mi.UInt32, cells * count) % count) / dr.pi
         return mi.TensorXf(through * dr.lerp(even, in_lobe, share), (cells, count))
@@ -132,14 +131,14 @@ class ParametricFilm:
 
 @dataclass(frozen=True)
 class MeasuredFilm:
-    """A film as its BSDF file has it, as in a case.
+    """A film by its BSDF file.
 
     Parameters
     ----------
     file : Path
         LBNL XML: tensor tree or Klems.
     flip, turn : bool
-        As in a case's material.
+        Mounting, as for a material of type "bsdf".
 
     Notes
     -----
@@ -158,17 +157,17 @@ class MeasuredFilm:
 
     @property
     def values(self) -> mi.Float:
-        """Values of all leaves, f [1/sr]; a copy, since NumPy's view of an array can change it."""
+        """Values f of all leaves [1/sr]; a copy, since NumPy's view of an array can change it."""
         return mi.Float(self.bsdf.leaves.numpy().copy())
 
     def answer(self, bins: Bins) -> mi.TensorXf:
-        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         return _answer_once(self, bins)
 
 
 @lru_cache(maxsize=8)
 def _bsdf(film: MeasuredFilm, variant: str) -> Any:
-    """Plugin of a film; those of another variant are of no use."""
+    """Plugin of a film, one for each variant."""
     file = Path(film.file)
     if not file.is_file():
         raise InputError("film", "file", f"no file {file}", "give a BSDF file")
@@ -193,7 +192,7 @@ class Mix:
     ----------
     first, second : Film
     share : mi.Float or float
-        Of the second, 0 … 1.
+        Share of the second film, 0 … 1.
     """
 
     first: Film
@@ -201,10 +200,10 @@ class Mix:
     share: Any
 
     def answer(self, bins: Bins) -> mi.TensorXf:
-        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         share = _parameter("share", self.share, 0, 1)
-        a, b = self.first.answer(bins), self.second.answer(bins)
-        return mi.TensorXf(dr.lerp(a.array, b.array, share), a.shape)
+        first, second = self.first.answer(bins), self.second.answer(bins)
+        return mi.TensorXf(dr.lerp(first.array, second.array, share), first.shape)
 
 
 @dataclass(frozen=True)
@@ -215,19 +214,19 @@ class Leaves:
     ----------
     film : MeasuredFilm
     values : mi.Float, shape (leaf,)
-        f [1/sr], in the order of `film.values`.
+        BSDF f [1/sr], in the order of `film.values`.
 
     Notes
     -----
-    Limits: that no more light leaves than arrives is the caller's to keep. Leaves that no light
-    from outside into the room meets (reflection, light from the room) have no influence.
+    Limits: the conservation of energy is not checked. Leaves of reflection and of light from the
+    room have no influence.
     """
 
     film: MeasuredFilm
     values: mi.Float
 
     def answer(self, bins: Bins) -> mi.TensorXf:
-        """Radiance that leaves per unit radiance of the bins, shape (cell, bin)."""
+        """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
         count = dr.width(self.film.bsdf.leaves)
         if dr.width(self.values) != count:
             got = f"{dr.width(self.values)} values"
@@ -237,19 +236,20 @@ class Leaves:
 
 @dataclass(frozen=True)
 class LeavesOfAnswer:
-    """Which leaves an answer is made of.
+    """Leaves of which an answer is composed.
 
     Parameters
     ----------
     leaf : mi.UInt32, shape (direction · cell · point,)
-        From 1; 0 where f is none.
+        Number of the leaf from 1 on; 0 where the file has none.
     weight : mi.Float, shape (direction,)
-        Of an arriving direction, divided by the number of points [sr].
+        Weight of an arriving direction, divided by the number of points [sr].
     bin : mi.UInt32, shape (direction,)
+        Bin of an arriving direction.
     points : int
-        Points of an outgoing cell.
+        Number of points of an outgoing cell.
     shape : tuple of int
-        (cell, bin).
+        Number of cells and of bins.
     """
 
     leaf: mi.UInt32
@@ -259,25 +259,25 @@ class LeavesOfAnswer:
     shape: tuple[int, int]
 
     def answer(self, values: mi.Float) -> mi.TensorXf:
-        """Answer with some values of the leaves [1/sr]."""
+        """Return the answer (cell, bin) by the values (leaf,) of the leaves [1/sr]."""
         cells, count = self.shape
         lane = dr.arange(mi.UInt32, dr.width(self.leaf))
         direction = lane // (cells * self.points)
         cell = lane // self.points % cells
-        found = self.leaf > 0
-        f = dr.gather(mi.Float, values, self.leaf - 1, found)
+        has_leaf = self.leaf > 0
+        f = dr.gather(mi.Float, values, self.leaf - 1, has_leaf)
         f *= dr.gather(mi.Float, self.weight, direction)
         out = dr.zeros(mi.Float, cells * count)
-        dr.scatter_add(out, f, cell * count + dr.gather(mi.UInt32, self.bin, direction), found)
+        dr.scatter_add(out, f, cell * count + dr.gather(mi.UInt32, self.bin, direction), has_leaf)
         return mi.TensorXf(out, self.shape)
 
 
 @lru_cache(maxsize=2)  # some 50 to 200 MB for a year of hours
 def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
-    """Look up the leaves that a film's answer is made of, once for all their values.
+    """Look up the leaves of which a film's answer is composed, once for all their values.
 
-    Where the file's cells hold the outgoing ones whole, these have 1 point, and a patch of the sky
-    has 64 directions, a sun 4 on its disk; for other files 16, 16 and 1.
+    An outgoing cell that lies whole within a cell of the file has 1 point, a sky patch then has 64
+    directions, a sun 4 on its disk; for other files the numbers are 16, 16 and 1.
     """
     bsdf = film.bsdf
     fits = bsdf.out_even and bsdf.out_cells in [1 << 2 * k for k in range(bins.depth + 1)]
@@ -286,17 +286,17 @@ def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
     to = bins.points(points)
     per_direction = len(to)
     from_, to = _floats(arriving.d), _floats(to)
-    parts, total = [], len(arriving.d) * per_direction
+    leaves, total = [], len(arriving.d) * per_direction
     si = dr.zeros(mi.SurfaceInteraction3f)
-    # A horizontal pane: its y axis is the world's, so that local directions are the pane's.
+    # A horizontal pane has the world's y axis, so that local directions are those of the pane.
     si.n = mi.Normal3f(0, 0, 1)
     si.sh_frame = mi.Frame3f(si.n)
     stride = dr.opaque(mi.UInt32, per_direction)
     for start in range(0, total, LANES):
         lane = dr.arange(mi.UInt32, min(LANES, total - start)) + dr.opaque(mi.UInt32, start)
         si.wi = dr.gather(mi.Vector3f, to, lane % stride)
-        parts.append(bsdf.leaf(si, dr.gather(mi.Vector3f, from_, lane // stride)))
-        dr.eval(parts[-1])
+        leaves.append(bsdf.leaf(si, dr.gather(mi.Vector3f, from_, lane // stride)))
+        dr.eval(leaves[-1])
     weight = _floats(arriving.weight / points)
     shape = (bins.cells, len(bins))
-    return LeavesOfAnswer(dr.concat(parts), weight, _indices(arriving.bin), points, shape)
+    return LeavesOfAnswer(dr.concat(leaves), weight, _indices(arriving.bin), points, shape)

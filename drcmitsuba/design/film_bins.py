@@ -1,8 +1,8 @@
-"""Where light reaches a film from, and the cells of directions in which it leaves.
+"""Bins from which light reaches a film, and cells of directions in which it leaves.
 
-Light leaves evenly within each of the outgoing cells: the squares of Shirley and Chiu's map of the
-hemisphere, 32 × 32 of them at depth 5, all of the same projected solid angle. They are those of
-tensor trees, so that measured films of this depth or a lower one fit them exactly.
+Radiance is constant within an outgoing cell. The cells are the squares of Shirley and Chiu's map of
+the hemisphere, 32 × 32 at depth 5, all of one projected solid angle. Tensor trees have the same
+cells, so that measured films of this depth or a lower one are represented exactly.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ from drcmitsuba.sky.sun_models import Suns
 
 
 class Arriving(NamedTuple):
-    """Directions that stand for the bins, in the pane's frame (+z into the room, +y up).
+    """Directions that represent the bins, in the pane's frame (+z into the room, +y up).
 
     Parameters
     ----------
     d : np.ndarray, shape (direction, 3)
         Unit vectors to the source, z < 0.
     weight : np.ndarray, shape (direction,)
-        ∫ cos θ dΩ over the part of the bin that the direction stands for [sr].
+        ∫ cos θ dΩ over the part of the bin that the direction represents [sr].
     bin : np.ndarray, shape (direction,)
+        Number of the bin.
     """
 
     d: np.ndarray
@@ -37,14 +38,14 @@ class Arriving(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Parts of the outgoing cells, as many for each, those of a cell after each other.
+    """Parts of the outgoing cells, equally many for each, cell by cell.
 
     Parameters
     ----------
     d : np.ndarray, shape (cell · part, 3)
         Unit vectors to their middles, into the room, in the pane's frame.
     solid_angle : np.ndarray, shape (cell · part,)
-        [sr].
+        Solid angle [sr].
     """
 
     d: np.ndarray
@@ -87,35 +88,39 @@ class Bins:
         return np.bincount(arriving.bin, arriving.weight, len(self))
 
     def arriving(self, per_side: int, per_sun: int) -> Arriving:
-        """Directions of all bins before the pane.
+        """Represent all bins before the pane by directions.
 
         Parameters
         ----------
         per_side : int
-            One of Tregenza's patches has per_side² directions, the ground 32 times as many, and
-            patches of a finer sky as many fewer as they are smaller.
+            Number of directions along the side of one of Tregenza's patches: per_side² a patch, 32
+            times as many for the ground, fewer for the smaller patches of a finer sky.
         per_sun : int
-            Directions on a sun's disk: its centre, or so many on a ring of half its area.
+            Number of directions on a sun's disk: 1 at its centre, more on a ring of half its area.
+
+        Returns
+        -------
+        Arriving
         """
         d, vector, number = _sky(self.subdivision, per_side)
         on_disks = _on_disks(self.suns, per_sun)
-        each = disk_solid_angle(self.suns.diameter) / per_sun
+        solid_angle = disk_solid_angle(self.suns.diameter) / per_sun
         of_suns = np.repeat(np.arange(len(self.suns.labels)), per_sun)
         d = np.concatenate([d, on_disks])
-        weight = -np.concatenate([vector, each * on_disks]) @ self.frame[2]
+        weight = -np.concatenate([vector, solid_angle * on_disks]) @ self.frame[2]
         bins = np.concatenate([number, len(Patches(self.subdivision)) + of_suns])
         kept = (weight > 0) & (d @ self.frame[2] < 0)
         return Arriving(d[kept] @ self.frame.T, weight[kept], bins[kept])
 
     def points(self, count: int) -> np.ndarray:
-        """Points of the outgoing cells (cell · point, 3); their middles, or so many in each.
+        """Return `count` points of each outgoing cell, (cell · point, 3); for 1 its middle.
 
         Even by projected solid angle; unit vectors into the room, in the pane's frame.
         """
         return _points(self.depth, count)
 
     def parts(self, per_side: int) -> Parts:
-        """Parts of the outgoing cells, per_side² in each, even by angle from the normal."""
+        """Cut the outgoing cells into per_side² parts each, even by angle from the normal."""
         return _parts(self.depth, per_side)
 
 
@@ -162,8 +167,8 @@ def _sky(subdivision: int, per_side: int) -> tuple[np.ndarray, np.ndarray, np.nd
     """
     d, vector, number = [], [], []
     for b, (low, high, west, east) in enumerate(Patches(subdivision).bounds):
-        own = -(-per_side // subdivision)
-        rows, columns = (4 * per_side, 8 * per_side) if b == 0 else (own, own)
+        side = -(-per_side // subdivision)
+        rows, columns = (4 * per_side, 8 * per_side) if b == 0 else (side, side)
         sines = np.linspace(np.sin(low), np.sin(high), 2 * rows + 1)[:, None]
         turn = np.linspace(west, east, 2 * columns + 1)
         c = np.sqrt(np.maximum(0, 1 - sines**2))
@@ -179,7 +184,7 @@ def _sky(subdivision: int, per_side: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _stacked(*components: np.ndarray) -> np.ndarray:
-    """Vectors (vector, 3) of components that are broadcast."""
+    """Broadcast components to vectors (vector, 3)."""
     return np.stack([a.ravel() for a in np.broadcast_arrays(*components)], axis=-1)
 
 

@@ -34,7 +34,6 @@ class LitByFilm(Protocol):
 
     def illuminance(self, film: Film) -> Any:
         """Argument of the objective, with the gradients of the film's parameters."""
-        ...
 
 
 Objective = Callable[[Any], Any]
@@ -168,29 +167,27 @@ class FilmProblem:
     def start(self) -> np.ndarray:
         """Parameters of the film as it is, shape (parameter,), 0 to 1 within their ranges."""
         values = [float(dr.detach(mi.Float(getattr(self.film, name)))[0]) for name in self.ranges]
-        return np.clip((np.array(values) - self._low) / self._width, 0, 1)
+        return np.clip((np.array(values) - self.low) / self.width, 0, 1)
 
     @property
-    def _low(self) -> np.ndarray:
+    def low(self) -> np.ndarray:
+        """Lower ends of the ranges, shape (parameter,)."""
         return np.array([low for low, _ in self.ranges.values()])
 
     @property
-    def _width(self) -> np.ndarray:
+    def width(self) -> np.ndarray:
+        """Widths of the ranges, shape (parameter,)."""
         return np.array([high - low for low, high in self.ranges.values()])
 
     def named(self, x: np.ndarray) -> dict[str, float]:
         """Values of the parameters in their own units, to the digits that kernels have."""
-        values = np.float32(self._low + self._width * x)
+        values = np.float32(self.low + self.width * x)
         return {name: float(value) for name, value in zip(self.ranges, values, strict=True)}
 
     def evaluate(self, x: np.ndarray) -> FilmCandidate:
         """Evaluate a film and its derivatives, x (parameter,) 0 to 1 within the ranges."""
         value, slopes = gradient(self.year, self.objective, self.film, self.named(x))
         return FilmCandidate(np.array(x, float), value, slopes)
-
-    def ascent(self, candidate: FilmCandidate) -> np.ndarray:
-        """Derivatives by x, shape (parameter,)."""
-        return candidate.gradient * self._width
 
     def gradient_error(self, candidate: FilmCandidate) -> np.ndarray:
         """Standard errors of the candidate's derivatives per unit; estimated once."""

@@ -135,7 +135,7 @@ class GradientAscent:
 
         def descent(x: np.ndarray) -> tuple[float, np.ndarray]:
             candidate = history.evaluate(x, self.label)
-            return -candidate.objective, -problem.ascent(candidate)
+            return -candidate.objective, -candidate.gradient * problem.width
 
         def look(x: np.ndarray) -> None:
             nonlocal done

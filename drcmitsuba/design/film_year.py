@@ -1,14 +1,14 @@
-r"""A year of illuminance as a function of the film on its façade.
+r"""Illuminance of a year as a function of the film on the façade.
 
-Where all of a film sees the same sky, what it does to the room is one matrix for light that leaves
-it in each of its outgoing cells, W[sensor, cell], interreflections included. It does not depend on
-the film, so for any film with the answer A[cell, bin] (`design.film`)
+Where all of a film sees the same sky, one matrix W[sensor, cell] maps the radiance that leaves it
+in each outgoing cell to the sensors, interreflections included. W does not depend on the film, so
+for any film with the answer A[cell, bin] (`design.film`)
 
 .. math:: E_{t,s} = E^\text{rest}_{t,s} + \sum_o W_{s,o} \sum_b A_{o,b} L_{b,t}
 
-E^rest, all light that does not come by way of the film, is fixed. W and E^rest come from one
-simulation in which the film's cells are bins beside those of sky and suns: all its estimators and
-errors are those of `coefficients`.
+with E^rest, all light that does not pass the film, fixed. W and E^rest come from one simulation in
+which the film's cells are bins beside those of sky and suns, with the estimators and errors of
+`transport.coefficients`.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ class CellDeposit(Deposit):
     film : PanePatches
         Patches of the film, in place of `films`.
     mount : Mount
+        Orientation of the film.
     depth : int
-        Of the outgoing cells.
+        Depth of the outgoing cells.
     """
 
     film: PanePatches = field(kw_only=True)
@@ -74,7 +75,7 @@ class CellDeposit(Deposit):
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
         numbers: mi.UInt32 | None = None,
     ) -> Irradiance:  # fmt: skip
-        """Light that comes straight; none from the film's cells."""
+        """Deposit by straight light; none from the film's cells."""
         plain = Deposit(*(getattr(self, name) for name in Deposit.__dataclass_fields__))
         sky, sun = plain.straight(p, n, key, sky_rays, sun_samples, numbers)
         none = dr.zeros(mi.TensorXf, (sky.shape[0], 1 << 2 * self.depth))
@@ -83,7 +84,7 @@ class CellDeposit(Deposit):
     def by_films(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance:
-        """Irradiance per radiance of the film's cells [sr]: the cells that receivers look into."""
+        """Irradiance per radiance of the film's cells into which the receivers look [sr]."""
         count, (first, suns) = dr.width(p) // 3, super().bins
         columns = dr.opaque(mi.UInt32, sum(self.bins) - suns)
         out = dr.zeros(mi.Float64, count * (sum(self.bins) - suns))
@@ -94,38 +95,39 @@ class CellDeposit(Deposit):
         ):  # fmt: skip
             cell = square_code(self.mount.turn.to_local(-look.d).xy, self.depth)
             at = look.row * columns + first + cell
-            light = mi.Float64(dr.pi * look.weight)
-            dr.scatter_add(out, light, at, (look.weight > 0) & look.front)
+            D = mi.Float64(dr.pi * look.weight)
+            dr.scatter_add(out, D, at, (look.weight > 0) & look.front)
             dr.eval(out)
         sky = mi.TensorXf(mi.Float(out), (count, sum(self.bins) - suns))
         return Irradiance(sky, dr.zeros(mi.TensorXf, (count, suns)))
 
 
 def _mount(case: Case, films: Films | None) -> Mount:
-    """The mount of a case's only film.
+    """Orientation of a case's only film.
 
     Raises
     ------
     InputError
-        There is none, or another one that sees something else, or it is not plainly exposed.
+        There is no film, or there are several films or orientations, something shades the film, or
+        it has a view straight through.
     """
-    found = films.mounts if films else ()
-    if len(found) != 1:
+    mounts = films.mounts if films else ()
+    if len(mounts) != 1:
         raise InputError(
-            case.source, "facade", f"{len(found)} films or orientations of films",
+            case.source, "facade", f"{len(mounts)} films or orientations of films",
             'give strips of one material of type "bsdf" on one side',
         )  # fmt: skip
-    if not found[0].exposed:
+    if not mounts[0].exposed:
         raise InputError(
             case.source, "facade", "a film that other things shade or light from the room reaches",
             "leave other façades without openings, and nothing before this one",
         )  # fmt: skip
-    if found[0].bsdf.has_view:
+    if mounts[0].bsdf.has_view:
         raise InputError(
             case.source, "materials", "a film with a view straight through",
             'set straight_through = "off"',
         )  # fmt: skip
-    return found[0]
+    return mounts[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,20 +138,21 @@ class FilmYear:
     ----------
     bins : Bins
     transfer : mi.TensorXf, shape (sensor, cell)
-        W [sr].
+        W, mean of the replicates [sr].
     transfers : np.ndarray, shape (replicate, sensor, cell)
-        Of the independent replicates.
+        W by each of the independent replicates [sr].
     L : mi.TensorXf, shape (bin, time)
-        [cd/m²].
+        Luminance of the bins [cd/m²].
     rest : mi.TensorXf, shape (time, sensor)
-        E^rest [lx].
+        E^rest, mean of the replicates [lx].
     rests : np.ndarray, shape (replicate, time, sensor)
+        E^rest by each replicate [lx].
     coefficients : xr.Dataset
-        Of all other light, as of `coefficients.compute`: dims sensor, bin, replicate.
+        C of all other light, as by `coefficients.compute`: dims sensor, bin, replicate.
 
     Notes
     -----
-    What the film reflects towards the room stays that of the case's film. Other panes, the frame
+    Light that the film reflects into the room stays that of the case's film. Other panes, the frame
     and all reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year
     with the shade closed. Limits: one film in one orientation that nothing shades; grey rooms; any
     sun model but the adaptive one.
@@ -173,9 +176,10 @@ class FilmYear:
         Parameters
         ----------
         case : Case
-            With the film's strips on its façade, of any film file: its inner reflection counts.
+            Has strips of a film on its façade, of any file; only its reflection into the room
+            counts.
         light : Daylight, optional
-            Default: that of the case.
+            By default that of the case.
         state : {"open", "shaded"}
         depth : int
             2ᵈᵉᵖᵗʰ outgoing cells along each side of the square; a measured film of this depth or
@@ -185,8 +189,8 @@ class FilmYear:
         Raises
         ------
         InputError
-            The case has no film, several, one that sees different things, colours, or the adaptive
-            sun model.
+            The case has no film or several, a film of which parts see different things, colours,
+            or the adaptive sun model.
         """
         case.refuse_components("the year of a film")
         if isinstance(case.sun, Adaptive):
@@ -207,13 +211,13 @@ class FilmYear:
         )  # fmt: skip
         cells = [CELL.format(i) for i in range(1 << 2 * depth)]
         samples = case.accuracy.sensor_sun_samples if suns.straight else 0
-        found = estimate(
+        C = estimate(
             base, [*Patches(subdivision).labels, *cells, *suns.labels],
             *sensor_points(case), sun_samples=samples, progress=progress,
         )  # fmt: skip
-        is_cell = np.isin(found["bin"].values.astype(str), cells)
-        transfers = found["replicates"].values[..., is_cell]
-        rest = found.isel(bin=~is_cell)
+        is_cell = np.isin(C["bin"].values.astype(str), cells)
+        transfers = C["replicates"].values[..., is_cell]
+        rest = C.isel(bin=~is_cell)
         everyone = np.arange(rest.sizes["sensor"])
         rests = accumulate.replicates(rest, light.sky, everyone).astype(np.float32)
         L = luminances(light)["L"].values
@@ -223,7 +227,7 @@ class FilmYear:
         )  # fmt: skip
 
     def radiance(self, film: Film) -> mi.TensorXf:
-        """Radiance that leaves a film in each cell at each time, (cell, time) [cd/m²]."""
+        """Luminance of a film in the direction of each cell at each time, (cell, time) [cd/m²]."""
         return film.answer(self.bins) @ self.L
 
     def illuminance(self, film: Film) -> mi.TensorXf:
@@ -231,7 +235,7 @@ class FilmYear:
         return self.rest + (self.transfer @ self.radiance(film)).T
 
     def leave_one_out(self) -> Iterator[FilmYear]:
-        """Years of all replicates but one, for each replicate in turn; for a jackknife."""
+        """Give the year by all replicates but one, for each in turn: for a jackknife."""
         n = len(self.transfers)
         for r in range(n):
             kept = np.arange(n) != r

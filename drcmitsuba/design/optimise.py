@@ -135,7 +135,13 @@ def optimise(
     starts += [rng.random(problem.size) for _ in range(search.starts - 1)]
     searches: list[LocalSearch] = []
     if len(known):
-        searches.append(Known(known, search.sharpness[-1]))
+
+        def look(history: FacadeHistory, progress: Progress) -> None:
+            for i, x in enumerate(known):
+                history.evaluate(np.asarray(x, float), "known", search.sharpness[-1])
+                progress((i + 1) / len(known))
+
+        searches.append(look)
         starts.insert(0, None)
     limit = problem.goal.ase_limit
     for i, start in enumerate(starts, 1):
@@ -143,7 +149,7 @@ def optimise(
             Continuation(f"start {i}", start, search.sharpness, search.iterations, limit)
         )
     if problem.size <= FEW:
-        searches.append(PatternSearch())
+        searches.append(pattern_search)
     history: FacadeHistory = History(problem)
     finished = run(history, searches, progress)
     return Optimum(problem, history.best(), history, finished)
@@ -194,27 +200,6 @@ def nondominated(
         if not front or candidate.hard.value > front[-1].hard.value:
             front.append(candidate)
     return front
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """Evaluates given designs.
-
-    Parameters
-    ----------
-    designs : sequence of np.ndarray, shape (free,)
-    sharpness : float
-        Sharpness of the twins.
-    """
-
-    designs: Sequence[np.ndarray]
-    sharpness: float
-
-    def __call__(self, history: FacadeHistory, progress: Progress) -> None:
-        """Evaluate the designs in their order."""
-        for i, x in enumerate(self.designs):
-            history.evaluate(np.asarray(x, float), "known", self.sharpness)
-            progress((i + 1) / len(self.designs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,26 +301,18 @@ def _ase_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, A
     }
 
 
-class PatternSearch:
-    """Walks along the axes by hard numbers, from the best candidate, with ever shorter steps."""
-
-    def __call__(self, history: FacadeHistory, progress: Progress) -> None:
-        """Search with each length until a round brings nothing."""
-        for i, length in enumerate(PATTERN):
-            for _ in range(ROUNDS):
-                before = history.best()
-                self._round(history, before, length)
-                now = history.best()
-                if now.hard.value <= before.hard.value and now.hard.ase >= before.hard.ase:
-                    break
-            progress((i + 1) / len(PATTERN))
-
-    @staticmethod
-    def _round(history: FacadeHistory, centre: FacadeCandidate, length: float) -> None:
-        """Evaluate the neighbours of a candidate on all axes."""
-        for axis in range(len(centre.x)):
-            for step in (length, -length):
-                x = centre.x.copy()
-                x[axis] = np.clip(x[axis] + step, 0, 1)
-                if x[axis] != centre.x[axis]:
-                    history.evaluate(x, "pattern", centre.sharpness)
+def pattern_search(history: FacadeHistory, progress: Progress) -> None:
+    """Walk along the axes by hard numbers, from the best candidate, with ever shorter steps."""
+    for i, length in enumerate(PATTERN):
+        for _ in range(ROUNDS):
+            before = history.best()
+            for axis in range(len(before.x)):
+                for step in (length, -length):
+                    x = before.x.copy()
+                    x[axis] = np.clip(x[axis] + step, 0, 1)
+                    if x[axis] != before.x[axis]:
+                        history.evaluate(x, "pattern", before.sharpness)
+            now = history.best()
+            if now.hard.value <= before.hard.value and now.hard.ase >= before.hard.ase:
+                break
+        progress((i + 1) / len(PATTERN))

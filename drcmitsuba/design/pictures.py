@@ -37,8 +37,8 @@ def front(
     Returns
     -------
     Figure
-        Every dot of the line is a façade that no other evaluated one beats in both; towards the
-        upper left is better. The small grey dots are all evaluations.
+        Dots on the line are façades that no other evaluated one beats in both numbers; the upper
+        left is better. Small grey dots are all evaluations.
     """
     figure = Figure(figsize=(7.6, 5.4), layout="constrained")
     ax = figure.add_subplot()
@@ -91,7 +91,7 @@ def facade(
     Returns
     -------
     Figure
-        To scale; where a tile is mixed, the heights show how much there is of each.
+        To scale; in a mixed tile the heights are the shares of the materials.
     """
     left, right, bottom, top = np.array(tiles.bounds).T
     size = np.array([right.max() - left.min(), top.max() - bottom.min()])

@@ -1,4 +1,4 @@
-"""From a composition of tiles to a case that can be built, and simulated afresh."""
+"""Realisation of a composition of tiles as a case that can be built, and simulated afresh."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drcmitsuba.transport.facade_basis import Tiles
 
 MOST_SEGMENTS = 200
 ALIGNED = 0.01
-"""Tiles end this near to the segments' edges [m]."""
+"""Largest distance of a tile's edge from a segment's edge [m]."""
 
 Piece = tuple[float, float, str]
 """Bottom, top [m] and material."""
@@ -26,7 +26,7 @@ def realise(
 ) -> Case:
     """Cut the tiles of a façade into strips of one material each.
 
-    In a tile of several materials, each takes the part of its height that is its share of the area.
+    In a tile of several materials, each takes its share of the height.
     Clear panes lie below the film, unless the tile below has more film than the one above; wall
     lies at the edge of the window: below, where the tile below is more wall than the one above.
     Pieces too low for a pane with its frame go to the others of their tile. Panes of one material
@@ -40,11 +40,11 @@ def realise(
     tiles : Tiles
         They need not fill the façade: around them is wall.
     share : np.ndarray, shape (tile, material)
-        Composition; what is less than 0.1 % of a tile counts as none.
+        Composition; less than 0.1 % of a tile counts as none.
     materials : sequence of str
-        Its columns.
+        Materials of its columns.
     film : str
-        Which of them lies above the others.
+        Material that lies above the others.
 
     Returns
     -------
@@ -63,17 +63,17 @@ def realise(
     assert case.room is not None
     old = case.facade.get(side, Facade())
     segments, columns = _columns(tiles, case.room.wall(side)[0], old)
-    found: dict[Piece, list[int]] = {}
+    segments_of: dict[Piece, list[int]] = {}
     least = old.frame + 2 * THINNEST
     for i, column in enumerate(columns):
         for piece in _pieces(tiles, np.asarray(share), column, list(materials), film, least):
-            found.setdefault(piece, []).append(i)
+            segments_of.setdefault(piece, []).append(i)
     strips = tuple(
         Strip(
             bottom=bottom, top=top, material=material,
             segments=None if len(inside) == segments else tuple(inside),
         )
-        for (bottom, top, material), inside in sorted(found.items())
+        for (bottom, top, material), inside in sorted(segments_of.items())
     )  # fmt: skip
     facade = old.model_copy(update={"segments": segments, "strips": strips})
     return case.with_facade(side, facade)
@@ -118,7 +118,7 @@ def _pieces(
 
 
 def _order(below: np.ndarray, above: np.ndarray, materials: list[str], film: str) -> list[str]:
-    """Materials of a tile from the bottom up, by those of its neighbours."""
+    """Order the materials of a tile from the bottom up, after those of its neighbours."""
     others = [name for name in materials if name not in ("wall", film)]
     f, w = materials.index(film), materials.index("wall")
     panes = [film, *others] if below[f] > above[f] else [*others, film]

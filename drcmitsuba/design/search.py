@@ -20,53 +20,32 @@ from drcmitsuba.runtime.errors import was_stopped
 from drcmitsuba.runtime.progress import Progress, part
 
 
-class Candidate(Protocol):
-    """One evaluated design."""
-
-    @property
-    def x(self) -> np.ndarray:
-        """Free values, shape (free,), 0 to 1 between their bounds."""
-        ...
-
-    @property
-    def objective(self) -> float:
-        """Value that is maximised."""
-        ...
-
-
-C = TypeVar("C", bound=Candidate)
-
-
 class SearchProblem(Protocol):
     """What a search asks of a problem; candidates are of the problem's own kind."""
 
     @property
     def evaluate(self) -> Callable[..., Any]:
         """Turns x (free,), 0 to 1 between the bounds, and settings into a candidate."""
-        ...
 
     def named(self, x: np.ndarray) -> Mapping[str, Any]:
         """Values of the parameters in their own units, one number or an array each."""
-        ...
 
     def merit(self, candidate: Any) -> tuple[float, ...]:
         """Sort key of candidates: the largest one is the best."""
-        ...
 
     def holds(self, candidate: Any) -> bool:
         """Whether the candidate holds the constraints."""
-        ...
 
     def numbers(self, candidate: Any) -> dict[str, float]:
         """Columns of the history beside the parameters."""
-        ...
 
     def details(self, candidate: Any) -> dict[str, Any]:
         """Further entries of `optimum.json`."""
-        ...
 
 
 P = TypeVar("P", bound=SearchProblem)
+C = TypeVar("C", bound=Any)
+"""An evaluated design: free values `x` (free,), 0 to 1, and its `objective`, which is maximised."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +58,7 @@ class Step(Generic[C]):
         Local search that proposed the candidate, such as "start 1" or "ASE ≤ 10 %".
     seconds : float
         Time since the history began [s].
-    candidate : Candidate
+    candidate : C
     """
 
     label: str
@@ -146,7 +125,7 @@ class History(Generic[P, C]):
         storage.save_text(self.frame.to_csv(index=False, float_format="%.6g"), file)
 
 
-def row(problem: SearchProblem, candidate: Candidate) -> dict[str, float]:
+def row(problem: SearchProblem, candidate: Any) -> dict[str, float]:
     """Numbers of a candidate, then its parameters in their own units, one column a value."""
     columns = dict(problem.numbers(candidate))
     for key, value in problem.named(candidate.x).items():
@@ -156,12 +135,8 @@ def row(problem: SearchProblem, candidate: Candidate) -> dict[str, float]:
     return columns
 
 
-class LocalSearch(Protocol):
-    """Proposes candidates, one after the other, and has the history evaluate them."""
-
-    def __call__(self, history: Any, progress: Progress) -> None:
-        """Search; `progress` takes the share of this local search that is done."""
-        ...
+LocalSearch = Callable[[Any, Progress], None]
+"""Has a history evaluate one design after the other; `progress` takes the share that is done."""
 
 
 def run(history: History[Any, Any], searches: Iterable[LocalSearch], progress: Progress) -> bool:
@@ -204,7 +179,7 @@ class Optimum(Generic[P, C]):
     Parameters
     ----------
     problem : SearchProblem
-    best : Candidate
+    best : C
     history : History
         All evaluations.
     finished : bool

@@ -41,10 +41,10 @@ def main():
         heights = np.linspace(0.9, 3.6, rows + 1)
         tiles, palette = facade_basis.of_grid(wall, heights, segments, ("wall", "glass", "film"))
         start = time.perf_counter()
-        found = facade_basis.compute(wall, tiles, palette, light.suns, case.accuracy, groups=1)
+        basis = facade_basis.compute(wall, tiles, palette, light.suns, case.accuracy, groups=1)
         seconds = time.perf_counter() - start
-        year, size = facade_basis.BasisYear.of(found, light), found.nbytes / 2**20
-        del found
+        year, size = facade_basis.BasisYear.of(basis, light), basis.nbytes / 2**20
+        del basis
         share = np.zeros((len(tiles), len(palette.names)), np.float32)
         share[:, :3] = np.random.default_rng(1).dirichlet(np.ones(3), len(tiles))
 

@@ -1,25 +1,19 @@
 """A year as a function of its film: against the ordinary simulation, and every derivative of it."""
 
-import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import pandas as pd
 import pytest
 from drcmitsuba_plugins import bsdf_file, energy
 from drcmitsuba_plugins.lobes import square_code
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba import load_case
 from drcmitsuba.annual import simulation
 from drcmitsuba.design.film import Leaves, MeasuredFilm, Mix, ParametricFilm
 from drcmitsuba.design.film_bins import Bins
-from drcmitsuba.design.film_problem import gradient, gradient_error
-from drcmitsuba.design.film_search import optimise_film
 from drcmitsuba.design.film_year import FilmYear
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -27,70 +21,20 @@ from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.shadow_rays import sky_deposit
-from tests import ROOT
+from tests.unit.design.film_room import (
+    PRISM,
+    PRISM_FILM,
+    SOUTH,
+    SUN,
+    case_of,
+    other_film,
+)
 from tests.unit.plugins.test_measured import write
-
-PRISM = ROOT / "scenes" / "films" / "prism.xml"
-CASE = f"""
-name = "small room"
-[period]
-months = [3]
-hours = [8, 13]
-days_per_week = 1
-[room]
-size = [4.0, 5.0, 3.0]
-rotation = 0.0
-[facade.south]
-segments = 2
-frame = 0.1
-strips = [
-    {{ bottom = 0.9, top = 1.8, material = "glass" }},
-    {{ bottom = 1.8, top = 2.7, material = "film" }},
-]
-[materials.glass]
-type = "glazing"
-transmittance = 0.65
-[materials.film]
-type = "bsdf"
-file = "{PRISM}"
-straight_through = "off"
-[materials.shade]
-type = "diffuser"
-transmittance = 0.1
-reflectance = 0.4
-[shading]
-material = "shade"
-[[furniture]]
-name = "desk"
-corner = [1.0, 1.5, 0.7]
-size = [1.6, 0.8, 0.0]
-[sensors]
-corner = [0.6, 0.6, 0.8]
-count = [4, 4]
-spacing = 0.7
-[accuracy]
-replicates = 8
-seed = 3
-"""
-SUN = np.array([[0.07, -0.8, 0.6], [0.48, -0.64, 0.6], [-0.2, -0.3, 0.93], [0.0, 0.8, 0.6]])
-"""The last one is behind a façade that faces south."""
-SOUTH = np.array([[-1.0, 0, 0], [0, 0, 1], [0, 1, 0]])
-"""Frame of such a façade's panes: x is y × z."""
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _variant():
     backend.select("llvm_ad_mono" if backend.llvm_version() else None)
-
-
-def case_of(folder, *changes):
-    text = CASE
-    for old, new in changes:
-        assert text.count(old) == 1, f"{old!r} does not name one place"
-        text = text.replace(old, new)
-    file = folder / "case.toml"
-    file.write_text(text)
-    return load_case(file)
 
 
 @pytest.fixture(scope="module")
@@ -117,9 +61,6 @@ def bins():
     return Bins(SOUTH, 1, suns)
 
 
-PRISM_FILM = MeasuredFilm(PRISM)
-
-
 # Bins and cells
 
 
@@ -135,11 +76,11 @@ def test_a_finer_sky_gives_the_same_irradiance(bins):
 
 
 def test_irradiance_of_the_bins(bins, same):
-    found = bins.irradiance
-    assert found[:146].sum() == pytest.approx(np.pi, rel=1e-6)
-    assert found[0] == pytest.approx(np.pi / 2, rel=1e-6)
+    irradiance = bins.irradiance
+    assert irradiance[:146].sum() == pytest.approx(np.pi, rel=1e-6)
+    assert irradiance[0] == pytest.approx(np.pi / 2, rel=1e-6)
     cosines = np.maximum(0, -bins.suns.directions[:, 1])
-    np.testing.assert_allclose(found[146:], disk_solid_angle(0.5) * cosines, rtol=1e-5)
+    np.testing.assert_allclose(irradiance[146:], disk_solid_angle(0.5) * cosines, rtol=1e-5)
     # The other way: shadow rays from a point that faces south.
     n = 32
     d = sky_deposit(
@@ -147,23 +88,23 @@ def test_irradiance_of_the_bins(bins, same):
         mi.Float(np.tile([0, -1, 0], n).astype(np.float32)), subdivision=1, rays=1 << 14, seed=1,
     )  # fmt: skip
     rows = d.numpy().reshape(n, 1, 146)
-    # Patches that the pane's plane cuts are told apart in 8 × 8 parts: their errors cancel.
+    # Patches that the pane's plane cuts are cut into 8 × 8 parts: their errors cancel.
     _, _, west, east = np.degrees(Patches().bounds).T
     cut = ((west < 90) & (east > 90)) | ((west < 270) & (east > 270))
     cut[0] = False
     assert 0 < cut.sum() < 20
-    same(rows[..., ~cut], exact=found[:146][~cut], within=0.002)
-    assert found[:146][cut].sum() == pytest.approx(rows[..., cut].sum() / n, rel=0.05)
+    same(rows[..., ~cut], exact=irradiance[:146][~cut], within=0.002)
+    assert irradiance[:146][cut].sum() == pytest.approx(rows[..., cut].sum() / n, rel=0.05)
 
 
 @pytest.mark.parametrize("per_side", [1, 2, 4])
 def test_parts_of_cells_cover_the_hemisphere(bins, per_side):
-    found = bins.parts(per_side)
-    assert len(found.d) == len(bins.points(per_side**2)) == 1024 * per_side**2
-    np.testing.assert_allclose(np.linalg.norm(found.d, axis=1), 1, atol=1e-6)
-    assert found.solid_angle.sum() == pytest.approx(2 * np.pi, rel=0.006 / per_side**1.5)
+    parts = bins.parts(per_side)
+    assert len(parts.d) == len(bins.points(per_side**2)) == 1024 * per_side**2
+    np.testing.assert_allclose(np.linalg.norm(parts.d, axis=1), 1, atol=1e-6)
+    assert parts.solid_angle.sum() == pytest.approx(2 * np.pi, rel=0.006 / per_side**1.5)
     # All cells have the same projected solid angle; parts at the rim are wide.
-    projected = (found.solid_angle * found.d[:, 2]).reshape(1024, -1).sum(axis=1)
+    projected = (parts.solid_angle * parts.d[:, 2]).reshape(1024, -1).sum(axis=1)
     inner = bins.points(1)[:, 2] > 0.5
     np.testing.assert_allclose(projected[inner], np.pi / 1024, rtol=0.01)
     assert projected.sum() == pytest.approx(np.pi, rel=0.01)
@@ -193,11 +134,11 @@ def leaves_in_all(film, bins):
 @pytest.mark.parametrize("tilt", [-90.0, -30.0, 0.0, 30.0, 90.0])
 @pytest.mark.parametrize("spread", [2.0, 20.0, 90.0])
 def test_a_parametric_film_lets_out_exactly_its_share(bins, tilt, spread):
-    found = leaves_in_all(ParametricFilm(0.6, 0.8, tilt, spread), bins)
+    transmittance = leaves_in_all(ParametricFilm(0.6, 0.8, tilt, spread), bins)
     # Patches at the pane's plane: cut in 4 × 4 parts for the film, in 8 × 8 for the irradiance.
     whole = bins.irradiance[bins.irradiance > 0] > 0.15 * bins.irradiance[1:146].max()
     whole[146 - np.sum(bins.irradiance[:146] == 0) :] = True
-    np.testing.assert_allclose(found[whole], 0.6, rtol=1e-4)
+    np.testing.assert_allclose(transmittance[whole], 0.6, rtol=1e-4)
 
 
 @pytest.mark.parametrize(("tilt", "spread"), [(-20.0, 8.0), (0.0, 20.0), (15.0, 8.0), (60.0, 30.0)])
@@ -225,14 +166,14 @@ def test_a_parametric_film_is_the_plugin(bins, tilt, spread):
 @pytest.mark.parametrize(("flip", "turn"), [(False, False), (True, False), (False, True)])
 def test_a_measured_film_lets_out_what_its_file_says(bins, flip, turn):
     film = MeasuredFilm(PRISM, flip=flip, turn=turn)
-    found = leaves_in_all(film, bins)[-3:]
+    transmittance = leaves_in_all(film, bins)[-3:]
     tree = energy.scaled_to_conserve(bsdf_file.read(PRISM))[0].components["tf" if flip else "tb"]
     # The directions to the light, as the mounted file sees them.
     toward = bins.suns.directions[:3] @ bins.frame.T
     toward = toward * np.array([-1, 1, -1]) if flip else toward
     toward = toward * np.array([-1, -1, 1]) if turn else toward
     expected = tree.hemispherical(toward)
-    np.testing.assert_allclose(found, expected, rtol=0.03)
+    np.testing.assert_allclose(transmittance, expected, rtol=0.03)
 
 
 @pytest.mark.parametrize("kind", ["TensorTree4", "TensorTree3", "LBNL/Klems Quarter"])
@@ -276,22 +217,22 @@ def test_the_case_s_own_film_gives_what_the_simulation_gives(tmp_path, same, nam
     changes, state = CASES[name]
     case = case_of(tmp_path, *changes)
     light = daylight(case)
-    found = FilmYear.of(case, light, state=state)
+    year = FilmYear.of(case, light, state=state)
     material = case.materials["film"]
     film = MeasuredFilm(material.file, material.flip, material.turn)
     other = case.model_copy(update={"accuracy": case.accuracy.model_copy(update={"seed": 8})})
     C = simulation.transport(other, state, light.suns, light.sky.attrs["latitude"])
-    rest, answer = found.coefficients, film.answer(found.bins).numpy()
+    rest, answer = year.coefficients, film.answer(year.bins).numpy()
     assert list(rest["bin"].values) == list(C["bin"].values)
-    ours = rest["replicates"].values + found.transfers @ answer
-    part = found.transfers @ answer
+    ours = rest["replicates"].values + year.transfers @ answer
+    part = year.transfers @ answer
     assert part.sum() > 0.1 * ours.sum()
     same(ours, other=C["replicates"].values, within=0.01)
     # E of the year is these coefficients times L.
-    E = found.illuminance(film).numpy()
-    np.testing.assert_allclose(E, (ours.mean(axis=0) @ found.L.numpy()).T, rtol=1e-4, atol=0.05)
-    np.testing.assert_allclose(found.replicates(film).mean(axis=0), E, rtol=1e-4, atol=0.05)
-    error = found.error(film)
+    E = year.illuminance(film).numpy()
+    np.testing.assert_allclose(E, (ours.mean(axis=0) @ year.L.numpy()).T, rtol=1e-4, atol=0.05)
+    np.testing.assert_allclose(year.replicates(film).mean(axis=0), E, rtol=1e-4, atol=0.05)
+    error = year.error(film)
     assert error.shape == E.shape
     assert 0 < (error[E > 100] / E[E > 100]).mean() < 0.1
 
@@ -313,10 +254,6 @@ def weight(year):
     """Of every illuminance, so that no symmetry hides an error."""
     shape = year.rest.shape
     return (np.random.default_rng(5).random(shape) / np.prod(shape)).astype(np.float32)
-
-
-def other_film():
-    return ParametricFilm(0.5, 0.9, -10.0, 12.0)
 
 
 PARAMETERS = {
@@ -433,107 +370,16 @@ def test_leaves_and_mixes_at_their_ends(bins):
     assert np.all(dark.answer(bins).numpy() == 0)
     second = other_film().answer(bins).numpy()
     for share in (0.0, 0.25, 1.0):
-        found = Mix(PRISM_FILM, other_film(), share).answer(bins).numpy()
+        answer = Mix(PRISM_FILM, other_film(), share).answer(bins).numpy()
         mixed = (1 - share) * expected + share * second
-        np.testing.assert_allclose(found, mixed, rtol=1e-4, atol=1e-9)
-
-
-# Search
-
-
-def likeness(year, film):
-    """Objective that is largest where illuminances are those of a film."""
-    target = mi.Float(np.log(year.illuminance(film).numpy().ravel() + 1))
-    return lambda E: 1 - 100 * dr.mean(dr.square(dr.log(E.array + 1) - target))
-
-
-def without_replicates(year):
-    """A year that does not know its noise: a search of it ends where the gradient vanishes."""
-    return SimpleNamespace(illuminance=year.illuminance)
-
-
-def test_search_finds_the_film_that_light_came_by(coarse):
-    shares, exact = [], without_replicates(coarse)
-    objective = likeness(coarse, ParametricFilm(0.6, 1.0, 14.0, 9.0))
-    optimum = optimise_film(exact, objective, starts=2, progress=shares.append)
-    assert np.isnan(list(optimum.gradient_error.values())).all()
-    assert not optimum.is_within_noise
-    assert optimum.values["tilt"] == pytest.approx(14, abs=0.5)
-    assert optimum.values["spread"] == pytest.approx(9, abs=0.5)
-    assert optimum.objective == pytest.approx(1, abs=1e-3)
-    assert optimum.film == ParametricFilm(0.6, 1.0, **optimum.values)
-    assert optimum.objective == max(step.candidate.objective for step in optimum.history)
-    assert {step.label for step in optimum.history} == {"start 1", "start 2"}
-    first = optimum.history.steps[0].candidate
-    assert optimum.problem.named(first.x) == pytest.approx({"tilt": 0.0, "spread": 10.0}, abs=1e-5)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1
-
-
-def test_search_of_a_share(year):
-    objective = likeness(year, Mix(PRISM_FILM, other_film(), 0.4))
-    film = Mix(PRISM_FILM, other_film(), 0.9)
-    optimum = optimise_film(year, objective, film, ranges={"share": (0, 1)}, starts=1)
-    assert optimum.values["share"] == pytest.approx(0.4, abs=0.01)
-
-
-def test_search_ends_within_the_noise_of_its_derivatives(coarse, tmp_path):
-    objective = likeness(coarse, ParametricFilm(0.6, 1.0, 14.0, 9.0))
-    exact = optimise_film(without_replicates(coarse), objective, starts=1)
-    optimum = optimise_film(coarse, objective, starts=1)
-    assert optimum.evaluations < exact.evaluations
-    assert optimum.is_within_noise
-    for name, error in optimum.gradient_error.items():
-        assert abs(optimum.gradient[name]) <= error / 4
-    optimum.save(tmp_path)
-    saved = json.loads((tmp_path / "optimum.json").read_text())
-    assert saved["by_tilt_se"] == pytest.approx(optimum.gradient_error["tilt"])
-    assert saved["within_noise"]
-    assert len(pd.read_csv(tmp_path / "history.csv")) == optimum.evaluations
-
-
-def test_errors_of_derivatives_are_their_scatter_between_seeds(case):
-    film, at = ParametricFilm(0.6), {"tilt": 10.0, "spread": 12.0}
-
-    def objective(E):
-        return dr.mean(1 / (1 + dr.exp((300 - E.array) / 30)))
-
-    slopes, errors = [], []
-    for seed in range(12):
-        accuracy = case.accuracy.model_copy(update={"seed": seed})
-        year = FilmYear.of(case.model_copy(update={"accuracy": accuracy}), depth=3)
-        slopes.append(gradient(year, objective, film, at)[1])
-        errors.append(gradient_error(year, objective, film, at))
-    ratio = np.mean(np.square(errors), axis=0) / np.var(slopes, axis=0, ddof=1)
-    print(f"derivatives {np.mean(slopes, axis=0)} ± {np.std(slopes, axis=0, ddof=1)}, {ratio}")
-    # χ² of 11 degrees of freedom over those of 12 × 7: 99.9 % within these bounds.
-    assert ((ratio > 0.3) & (ratio < 4.5)).all()
-
-
-def test_ctrl_c_keeps_the_best_film_so_far(coarse):
-    objective = likeness(coarse, ParametricFilm(0.6, 1.0, 14.0, 9.0))
-    calls = []
-
-    def stopping(E):
-        calls.append(1)
-        if len(calls) == 4:
-            raise KeyboardInterrupt
-        return objective(E)
-
-    optimum = optimise_film(without_replicates(coarse), stopping)
-    assert not optimum.finished
-    assert optimum.evaluations == 3
-    assert optimum.objective == max(c.objective for c in optimum.history.candidates)
-    calls[:] = [1, 1, 1]
-    with pytest.raises(KeyboardInterrupt):
-        optimise_film(without_replicates(coarse), stopping)
+        np.testing.assert_allclose(answer, mixed, rtol=1e-4, atol=1e-9)
 
 
 # Refusals
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         ((('top = 2.7, material = "film"', 'top = 2.7, material = "glass"'),), "0 films"),
         (
@@ -562,8 +408,8 @@ def test_ctrl_c_keeps_the_best_film_so_far(coarse):
         ((("rotation = 0.0", "rotation = 0.0\nfloor = [0.1, 0.2, 0.3]"),), "grey"),
     ],
 )
-def test_cases_that_do_not_fit_are_refused(tmp_path, changes, told):
-    with pytest.raises(InputError, match=told):
+def test_cases_that_do_not_fit_are_refused(tmp_path, changes, message):
+    with pytest.raises(InputError, match=message):
         FilmYear.of(case_of(tmp_path, *changes))
 
 
@@ -583,18 +429,3 @@ def test_cases_that_do_not_fit_are_refused(tmp_path, changes, told):
 def test_films_that_cannot_be_are_refused(bins, film):
     with pytest.raises(InputError, match="film: "):
         film.answer(bins)
-
-
-def test_searches_that_cannot_be_are_refused(year):
-    def objective(E):
-        return dr.mean(E.array)
-
-    for told, options in {
-        "no parameter 'share'": {"ranges": {"share": (0, 1)}},
-        "tilt: 3, 3": {"ranges": {"tilt": (3, 3)}},
-        "starts: 0": {"starts": 0},
-    }.items():
-        with pytest.raises(InputError, match=told):
-            optimise_film(year, objective, **options)
-    with pytest.raises(InputError, match="objective: value: nan"):
-        optimise_film(year, lambda E: dr.mean(dr.log(-E.array)))

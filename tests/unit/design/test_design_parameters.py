@@ -137,8 +137,8 @@ def slopes(problem, x, k, axis, h):
 
 def check(problem, x, k=4.0, h=1e-3, axes=None):
     """Every gradient is the difference within 2 %, or within 0.2 % of the largest of its kind."""
-    found = problem.evaluate(x, k)
-    reverse = np.array([found.gradient, found.ase_gradient, found.area_gradient])
+    candidate = problem.evaluate(x, k)
+    reverse = np.array([candidate.gradient, candidate.ase_gradient, candidate.area_gradient])
     assert np.isfinite(reverse).all()
     axes = range(len(x)) if axes is None else axes
     scale = np.abs(reverse).max(axis=1)
@@ -224,7 +224,7 @@ def test_a_scale_multiplies_the_light_through_its_material(year):
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "message"),
     [
         (lambda y: Parameter("dwr", 1.0, 0.0, 0.5), "parameter: dwr: 1 to 0; give the lower"),
         (lambda y: Parameter("dwr", 0.0, 1.0, 2.0), "parameter: dwr: start at 2; start between"),
@@ -236,7 +236,7 @@ def test_a_scale_multiplies_the_light_through_its_material(year):
         (lambda y: FacadeProblem(y, window(y.tiles), Goal(RULES, "foil")), "no material 'foil'"),
     ],
 )  # fmt: skip
-def test_what_does_not_fit_is_told(year, make, told):
+def test_what_does_not_fit_is_refused(year, make, message):
     with pytest.raises(InputError) as caught:
         make(year)
-    assert told in str(caught.value)
+    assert message in str(caught.value)

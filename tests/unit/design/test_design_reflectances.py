@@ -67,15 +67,15 @@ def interiors(year):
 def fresh(case, year, state="open"):
     """Mean over time by an ordinary simulation, (replicate, sensor) [lx]."""
     points, normals = sensor_points(case)
-    found = compute(scenes.load(case, state), points, normals, year.suns, case.accuracy)
+    C = compute(scenes.load(case, state), points, normals, year.suns, case.accuracy)
     every = np.arange(len(points))
-    return accumulate.replicates(found, year.sky, every).mean(axis=1)
+    return accumulate.replicates(C, year.sky, every).mean(axis=1)
 
 
 def at(interior, rho):
     """Mean over time, shade open and closed, (2, sensor) [lx]."""
-    found = interior.illuminance({key: mi.Float(value) for key, value in rho.items()})
-    return np.stack([found.open.numpy().mean(axis=0), found.shaded.numpy().mean(axis=0)])
+    E = interior.illuminance({key: mi.Float(value) for key, value in rho.items()})
+    return np.stack([E.open.numpy().mean(axis=0), E.shaded.numpy().mean(axis=0)])
 
 
 @pytest.mark.parametrize(
@@ -84,16 +84,16 @@ def at(interior, rho):
 )  # fmt: skip
 def test_equals_a_fresh_simulation(interiors, year, same, rho):
     case = with_reflectances(case_of(100, replicates=16), rho)
-    found = np.stack([at(interior, rho) for interior in interiors])
-    same(found[:, 0], other=fresh(case, year), within=0.01)
-    same(found[:, 1], other=fresh(case, year, "shaded"), within=0.01)
+    C = np.stack([at(interior, rho) for interior in interiors])
+    same(C[:, 0], other=fresh(case, year), within=0.01)
+    same(C[:, 1], other=fresh(case, year, "shaded"), within=0.01)
 
 
 def test_everything_as_white_as_it_may_be(interiors, year, same):
     rho = dict.fromkeys(KEYS, BOUNDS[1])
     case = with_reflectances(case_of(100, replicates=16), rho)
-    found = np.stack([at(interior, rho) for interior in interiors])
-    same(found[:, 0], other=fresh(case, year), within=0.05)
+    E = np.stack([at(interior, rho) for interior in interiors])
+    same(E[:, 0], other=fresh(case, year), within=0.05)
 
 
 def film_case(seed=0, replicates=2, **accuracy):
@@ -122,13 +122,11 @@ def test_shade_that_sees_no_film_in_its_own_plane():
 @pytest.mark.slow
 def test_film_equals_a_fresh_simulation(same):
     year, rho = daylight.daylight(film_case()), {"ceiling": 0.6}
-    found = [
-        Interior.of(film_case(seed, paths=1024, pane_points=512), year) for seed in range(SEEDS)
-    ]
-    found = np.stack([at(interior, rho) for interior in found])
+    C = [Interior.of(film_case(seed, paths=1024, pane_points=512), year) for seed in range(SEEDS)]
+    C = np.stack([at(interior, rho) for interior in C])
     case = with_reflectances(film_case(100, replicates=16, paths=1024, pane_points=512), rho)
     for i, state in enumerate(("open", "shaded")):
-        same(found[:, i], other=fresh(case, year, state), within=0.01)
+        same(C[:, i], other=fresh(case, year, state), within=0.01)
 
 
 def test_direct_sun_is_that_of_the_coefficients(interiors, year, same):
@@ -136,16 +134,16 @@ def test_direct_sun_is_that_of_the_coefficients(interiors, year, same):
     points, normals = sensor_points(case)
     ordinary = compute(scenes.load(case), points, normals, year.suns, case.accuracy)
     exact = accumulate.direct_sun(ordinary, year.sky)["direct_sun"].values
-    found = np.stack([interior.illuminance({}).direct.numpy() for interior in interiors])
+    E = np.stack([interior.illuminance({}).direct.numpy() for interior in interiors])
     assert exact.max() > 1000
-    same(found, exact=exact, within=0.01)
+    same(E, exact=exact, within=0.01)
 
 
 def mean_of(interior, rho):
     """One number that depends on all: E of both states, each entry with a weight of its own."""
-    found = interior.illuminance(rho)
-    weight = 1 + dr.arange(mi.Float, dr.width(found.open)) / dr.width(found.open)
-    return dr.mean(found.open.array * weight) + 3 * dr.mean(found.shaded.array * weight)
+    E = interior.illuminance(rho)
+    weight = 1 + dr.arange(mi.Float, dr.width(E.open)) / dr.width(E.open)
+    return dr.mean(E.open.array * weight) + 3 * dr.mean(E.shaded.array * weight)
 
 
 def gradient(interior, rho, function=mean_of):
@@ -158,8 +156,8 @@ def gradient(interior, rho, function=mean_of):
 
 def precise_mean_of(interior, rho):
     """The same, its sums in float64."""
-    found = interior.illuminance(rho)
-    sums = [part.numpy().astype(float).ravel() for part in found]
+    E = interior.illuminance(rho)
+    sums = [part.numpy().astype(float).ravel() for part in E]
     weight = 1 + np.arange(len(sums[0])) / len(sums[0])
     return (sums[0] * weight).mean() + 3 * (sums[1] * weight).mean()
 
@@ -174,8 +172,8 @@ def differences(interior, rho, key, steps, weights):
 
 @pytest.mark.parametrize("rho", [reflectances(case_of()), ELSEWHERE], ids=["start", "elsewhere"])
 def test_gradient_equals_central_differences(interiors, rho):
-    found, h = gradient(interiors[0], rho), 0.02
-    for key, each in zip(KEYS, found, strict=True):
+    slopes, h = gradient(interiors[0], rho), 0.02
+    for key, each in zip(KEYS, slopes, strict=True):
         expected = differences(interiors[0], rho, key, (-h, h), (-0.5 / h, 0.5 / h))
         assert each == pytest.approx(expected, rel=0.005)
 
@@ -184,9 +182,9 @@ def test_gradient_equals_central_differences(interiors, rho):
 def test_gradient_at_the_bounds_equals_one_sided_differences(interiors, bound):
     h = 0.1 if bound == BOUNDS[0] else -0.02  # float32 noise there, high powers here
     for rho in ({**ELSEWHERE, "floor": bound}, dict.fromkeys(KEYS, bound)):
-        found = gradient(interiors[0], rho)
-        assert np.isfinite(found).all()
-        for key, each in zip(KEYS, found, strict=True):
+        E = gradient(interiors[0], rho)
+        assert np.isfinite(E).all()
+        for key, each in zip(KEYS, E, strict=True):
             inward = h if rho[key] == bound else 0.02
             steps = inward * np.arange(5)
             weights = np.array([-25, 48, -36, 16, -3]) / (12 * inward)
@@ -195,8 +193,8 @@ def test_gradient_at_the_bounds_equals_one_sided_differences(interiors, bound):
 
 
 def test_parameters_are_the_surfaces(interiors):
-    found = {p.key: (p.low, p.start, p.high) for p in interiors[0].parameters}
-    assert found == {k: (0.0, v, 0.95) for k, v in reflectances(case_of()).items()}
+    bounds = {p.key: (p.low, p.start, p.high) for p in interiors[0].parameters}
+    assert bounds == {k: (0.0, v, 0.95) for k, v in reflectances(case_of()).items()}
     assert (interiors[0].months == 3).all()
 
 
@@ -217,28 +215,28 @@ def test_gradient_equals_differences_of_fresh_simulations(interiors, year):
 
     rho, h = reflectances(case_of()), 0.1
     case = case_of(200, replicates=32)
-    found = np.array([gradient(interior, rho, open_mean) for interior in interiors])
+    C = np.array([gradient(interior, rho, open_mean) for interior in interiors])
     for i, key in enumerate(KEYS):
         up, down = (
             fresh(with_reflectances(case, {key: rho[key] + step}), year).mean(axis=1)
             for step in (h, -h)
         )  # the same random numbers
         each = (up - down) / (2 * h)
-        errors = [x.std(ddof=1) / np.sqrt(len(x)) for x in (found[:, i], each)]
+        errors = [x.std(ddof=1) / np.sqrt(len(x)) for x in (C[:, i], each)]
         error = float(np.hypot(*errors))
-        off = found[:, i].mean() - each.mean()
-        print(f"{key}: {found[:, i].mean():.1f} lx, off by {off:+.2f} ± {error:.2f}")
+        off = C[:, i].mean() - each.mean()
+        print(f"{key}: {C[:, i].mean():.1f} lx, off by {off:+.2f} ± {error:.2f}")
         assert error < 0.03 * each.mean()
         assert abs(off) < max(0.02 * each.mean(), 3 * error)
 
 
-def test_standard_error_tells_the_scatter_of_independent_runs(interiors):
+def test_standard_error_is_the_scatter_of_independent_runs(interiors):
     for rho in ({}, dict.fromkeys(KEYS, 0.9)):
         scatter = np.stack([at(interior, rho)[0] for interior in interiors]).var(axis=0, ddof=1)
-        told = np.stack([interior.standard_error(rho) for interior in interiors]) ** 2
+        variance = np.stack([interior.standard_error(rho) for interior in interiors]) ** 2
         # F distributions of 7 and about 8 degrees of freedom, the mean of 12 sensors that share
         # cells.
-        assert 0.4 < told.mean() / scatter.mean() < 2.5
+        assert 0.4 < variance.mean() / scatter.mean() < 2.5
 
 
 def escapes(walks, start, size, seed):
@@ -287,10 +285,10 @@ def test_box_in_a_uniform_world_gives_the_series_of_its_bounces(year, same):
         boxes.append(Interior.of(case_of(**box), uniform))
     met = escapes(1 << 20, (1.5, 2.0, 1.0), size, 5).reshape(32, -1)
     for rho in (0.0, 0.2, 0.5, 0.8, BOUNDS[1], 1.0):
-        found = [box.illuminance(dict.fromkeys(KEYS[:3], rho)).open.numpy()[0] for box in boxes]
+        E = [box.illuminance(dict.fromkeys(KEYS[:3], rho)).open.numpy()[0] for box in boxes]
         expected = np.pi * (float(rho) ** met).mean(axis=1)
         assert abs(expected.mean() - np.pi) < 1e-9 or rho < 1
-        same(np.stack(found), other=expected, within=0.02)
+        same(np.stack(E), other=expected, within=0.02)
 
 
 def test_counts_stay_where_they_are_full():
@@ -349,7 +347,7 @@ def test_gradients_cost_little_more_than_illuminances(interiors):
                         for i in range(6)]}, {}, "furniture.name", "at most 8"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_told_apart_is_refused(change, rho, field, got):
+def test_indistinct_surfaces_are_refused(change, rho, field, got):
     with pytest.raises(InputError) as error:
         with_reflectances(case_of(**change), rho)
     assert error.value.field == field
