@@ -5,6 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.sampling import valid_directions
 
 
 class CoatedMirror(mi.BSDF):
@@ -49,7 +50,8 @@ class CoatedMirror(mi.BSDF):
         pass
 
     def sample(self, ctx, si, sample1, sample2, active=True):
-        active = active & (si.wi.z > 0) & ctx.is_enabled(mi.BSDFFlags.DeltaReflection, 0)
+        active = active & valid_directions(si.wi) & (si.wi.z > 0)
+        active &= ctx.is_enabled(mi.BSDFFlags.DeltaReflection, 0)
         bs = dr.zeros(mi.BSDFSample3f)
         bs.wo = mi.reflect(si.wi)
         bs.pdf = 1.0

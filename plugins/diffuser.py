@@ -5,6 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.sampling import valid_directions
 
 
 class Diffuser(mi.BSDF):
@@ -76,20 +77,20 @@ class Diffuser(mi.BSDF):
             mi.UInt32(+mi.BSDFFlags.DiffuseReflection),
             mi.UInt32(+mi.BSDFFlags.DiffuseTransmission),
         )
-        active &= (si.wi.z != 0) & (bs.pdf > 0)
+        active = active & valid_directions(si.wi) & (bs.pdf > 0)
         weight = self.eval(ctx, si, wo, active) / dr.select(active, bs.pdf, 1)
         return bs, dr.select(active, weight, 0)
 
     def eval(self, ctx, si, wo, active=True):
         reflectance, transmittance = self._albedos(ctx, si)
         albedo = dr.select(si.wi.z * wo.z > 0, reflectance, transmittance)
-        active &= (si.wi.z != 0) & (wo.z != 0)
+        active = active & valid_directions(si.wi, wo)
         return mi.Spectrum(dr.select(active, albedo * dr.abs(wo.z) * dr.inv_pi, 0))
 
     def pdf(self, ctx, si, wo, active=True):
         probability = self._reflect_probability(ctx, si)
         share = dr.select(si.wi.z * wo.z > 0, probability, 1 - probability)
-        return dr.select(active & (si.wi.z != 0), share * dr.abs(wo.z) * dr.inv_pi, 0)
+        return dr.select(active & valid_directions(si.wi, wo), share * dr.abs(wo.z) * dr.inv_pi, 0)
 
     def eval_pdf(self, ctx, si, wo, active=True):
         return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)

@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.sampling import clamped_index, valid_directions
 
 
 class Glazing(mi.BSDF):
@@ -63,7 +64,7 @@ class Glazing(mi.BSDF):
     def _look_up(table, c, active):
         n = table.shape[0]
         x = dr.clip(c, 0, 1) * (n - 1)
-        i = dr.minimum(mi.UInt32(x), n - 2)
+        i = clamped_index(x, n - 1)
         low = dr.gather(mi.Float, table.array, i, active)
         high = dr.gather(mi.Float, table.array, i + 1, active)
         return dr.lerp(low, high, x - mi.Float(i))
@@ -81,9 +82,12 @@ class Glazing(mi.BSDF):
         pass
 
     def eval_null_transmission(self, si, active=True):
-        return mi.Spectrum(self._look_up(self.transmittance, dr.abs(si.wi.z), active))
+        active = active & valid_directions(si.wi)
+        tau = self._look_up(self.transmittance, dr.abs(si.wi.z), active)
+        return mi.Spectrum(dr.select(active, tau, 0))
 
     def sample(self, ctx, si, sample1, sample2, active=True):
+        active = active & valid_directions(si.wi)
         tau = self._look_up(self.transmittance, dr.abs(si.wi.z), active)
         rho = self._reflectance(si.wi.z, active)
         tau = tau * ctx.is_enabled(mi.BSDFFlags.Null, 1)
@@ -99,9 +103,8 @@ class Glazing(mi.BSDF):
         bs.sampled_type = dr.select(
             straight, mi.UInt32(+mi.BSDFFlags.Null), mi.UInt32(+mi.BSDFFlags.DeltaReflection)
         )
-        active &= (total > 0) & (si.wi.z != 0)
         weight = dr.select(straight, tau, rho) / dr.select(bs.pdf > 0, bs.pdf, 1)
-        return bs, mi.Spectrum(dr.select(active, weight, 0))
+        return bs, mi.Spectrum(dr.select(active & (total > 0), weight, 0))
 
     def eval(self, ctx, si, wo, active=True):
         return mi.Spectrum(0)

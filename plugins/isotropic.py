@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.lobes import OutSquares, SquareLobes, spread, square_code, upper
 from drcmitsuba_plugins.rows import Rows, of_trees
+from drcmitsuba_plugins.sampling import clamped_index
 from drcmitsuba_plugins.tensor import TensorTree, morton
 
 OUT_DEPTH = 6
@@ -38,8 +39,7 @@ class IsotropicLobes(SquareLobes):
 
     def row(self, component, given):
         s0 = 0.5 - 0.5 * dr.norm(given.xy)
-        half = max(self.cells // 2 - 1, 0)
-        return component * self.cells + mi.UInt32(dr.clip(s0 * self.cells, 0, half))
+        return component * self.cells + clamped_index(s0 * self.cells, max(self.cells // 2, 1))
 
     def value(self, leaves, component, given, other, active):
         c, s = azimuth(-given.xy)
@@ -134,7 +134,7 @@ class TurnedLobes(OutSquares):
         x = dr.select(side == 0, a, dr.select(side == 1, -t, dr.select(side == 2, -a, t)))
         y = dr.select(side == 0, t, dr.select(side == 1, a, dr.select(side == 2, -t, -a)))
         n = 1 << self.exact.depth
-        i, j = (mi.UInt32(dr.clip((c + 1) / 2 * n, 0, n - 1)) for c in (x, y))
+        i, j = (clamped_index((c + 1) / 2 * n, n) for c in (x, y))
         code = spread(i) | (spread(j) << 1)
         back = self.exact.value_at(leaves, component, other, code, active & turned)
         return dr.select(turned, back, straight)
@@ -142,7 +142,7 @@ class TurnedLobes(OutSquares):
     def _cell(self, given):
         """Cell of the outgoing radius."""
         half = self.n // 2
-        return mi.UInt32(dr.clip(dr.norm(given.xy) * half, 0, half - 1))
+        return clamped_index(dr.norm(given.xy) * half, half)
 
     def _perimeter(self, given, other):
         """Middle of the row's cell, side, and way along it."""

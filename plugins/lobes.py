@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.klems_basis import KlemsBasis, KlemsMatrix
 from drcmitsuba_plugins.rows import of_matrices, of_trees
+from drcmitsuba_plugins.sampling import clamped_index
 from drcmitsuba_plugins.tensor import TensorTree
 
 
@@ -34,7 +35,7 @@ def square_code(xy, depth: int):
     """Morton code of points of the disk at 2ᵈᵉᵖᵗʰ cells along a side of the square."""
     n = 1 << depth
     s = mi.warp.uniform_disk_to_square_concentric(xy)
-    i, j = (mi.UInt32(dr.clip(c * n, 0, n - 1)) for c in (s.x, s.y))
+    i, j = (clamped_index(c * n, n) for c in (s.x, s.y))
     return spread(i) | (spread(j) << 1)
 
 

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins import bsdf_file, energy, peak
 from drcmitsuba_plugins.checks import checked
-from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane
+from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane, valid_directions
 
 COMPONENTS = ("tf", "tb", "rf", "rb")
 
@@ -125,7 +125,10 @@ class Measured(mi.BSDF):
 
     def _to_file(self, si):
         """Axes x and y of the pane in the local frame; z is the same."""
-        return pane_axes(si, self.up)
+        try:
+            return pane_axes(si, self.up)
+        except ValueError as error:
+            raise ValueError(f"{self.plugin}: {error}") from None
 
     def mounted(self, w):
         """Direction of the pane's frame (+z into the room, +y up) in the file's; or back again."""
@@ -169,7 +172,7 @@ class Measured(mi.BSDF):
         numbers = dr.arange(mi.Float, dr.width(self.leaves)) + 1
         component = self._component(mi.BSDFContext(), wi, wo)
         lobes = self._make(mi.TransportMode.Radiance)
-        active = (wi.z != 0) & (wo.z != 0)
+        active = valid_directions(wi, wo)
         return mi.UInt32(lobes.value(numbers, component, wi, wo, active))
 
     @staticmethod
@@ -203,7 +206,7 @@ class Measured(mi.BSDF):
         if not self.has_view:
             return mi.Spectrum(0)
         light = -self._seen(si.wi, self._to_file(si))
-        return mi.Spectrum(self._view(light, active & (si.wi.z != 0)))
+        return mi.Spectrum(self._view(light, active & valid_directions(light)))
 
     def _value(self, lobes, component, wi, wo, active):
         return lobes.value(self.leaves, component, wi, wo, active)
@@ -220,7 +223,7 @@ class Measured(mi.BSDF):
     def sample(self, ctx, si, sample1, sample2, active=True):
         axes = self._to_file(si)
         wi = self._seen(si.wi, axes)
-        active = active & (wi.z != 0)
+        active = active & valid_directions(wi)
         lobes, rows, (reflect, transmit), tau = self._shares(ctx, si, wi, active)
         total = reflect + transmit + tau
         u = sample1 * total
@@ -257,7 +260,7 @@ class Measured(mi.BSDF):
     def eval_pdf(self, ctx, si, wo, active=True):
         axes = self._to_file(si)
         wi, wo = self._seen(si.wi, axes), self._seen(wo, axes)
-        active = active & (wi.z != 0) & (wo.z != 0)
+        active = active & valid_directions(wi, wo)
         lobes, rows, albedos, tau = self._shares(ctx, si, wi, active)
         value = self._value(lobes, self._component(ctx, wi, wo), wi, wo, active)
         names = ((mi.BSDFFlags.GlossyReflection, 0), (mi.BSDFFlags.GlossyTransmission, 1))

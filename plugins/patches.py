@@ -124,7 +124,8 @@ def patch_index(d, subdivision: int = 1):
     UInt32, Float = dr.uint32_array_t(type(d.x)), type(d.x)
     # The float32 zenith cap needs asin away from 1: atan2 stays exact at both ends.
     altitude = dr.atan2(d.z, dr.sqrt(dr.fma(d.x, d.x, d.y * d.y)))
-    row = UInt32(dr.clip(altitude * (1 / patches.row_height), 0, len(patches.rows) - 1))
+    # NaN, which a clip would let through, falls into the first row.
+    row = UInt32(dr.fmin(dr.fmax(altitude * (1 / patches.row_height), 0), len(patches.rows) - 1))
     count = dr.gather(Float, Float(patches.rows.astype(np.float32)), row)
     start = dr.gather(UInt32, UInt32(patches.row_start.astype(np.uint32)), row)
     turn = dr.atan2(d.x, d.y) * (0.5 / np.pi)

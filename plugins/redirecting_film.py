@@ -13,7 +13,7 @@ from drcmitsuba_plugins.redirection import (
     redirected_from,
     von_mises_fisher,
 )
-from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane
+from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane, valid_directions
 
 LEAST_SPREAD = 0.25
 """Narrower lobes would be lost in float32 [deg]."""
@@ -108,6 +108,13 @@ class RedirectingFilm(mi.BSDF):
     def parameters_changed(self, keys=()):
         pass
 
+    def _axes(self, si):
+        """Axes x and y of the pane in the local frame."""
+        try:
+            return pane_axes(si, self.up)
+        except ValueError as error:
+            raise ValueError(f"redirecting_film: {error}") from None
+
     def _albedos(self, ctx, wi):
         """Albedos of reflection, lobe and even transmission."""
         front = dr.select(wi.z > 0, self.reflectance_front, 0)
@@ -180,7 +187,7 @@ class RedirectingFilm(mi.BSDF):
         return dr.detach(dr.select(wi.z * wo.z > 0, reflection * cosine, through))
 
     def sample(self, ctx, si, sample1, sample2, active=True):
-        axes = pane_axes(si, self.up)
+        axes = self._axes(si)
         wi = to_pane(si.wi, axes)
         reflection, lobe, _ = self._probabilities(ctx, wi)
         reflected, in_lobe = sample1 < reflection, sample1 >= 1 - lobe
@@ -197,7 +204,7 @@ class RedirectingFilm(mi.BSDF):
         chosen = dr.select(reflected, mi.UInt32(0), dr.select(in_lobe, mi.UInt32(1), 2))
         bs.sampled_component = chosen
         bs.sampled_type = dr.select(reflected, flags[0], dr.select(in_lobe, flags[1], flags[2]))
-        active = mi.Bool(active) & (wi.z != 0) & (wo.z != 0) & (bs.pdf > 0)
+        active = active & valid_directions(wi, wo) & (bs.pdf > 0)
         weight = self._value(ctx, wi, wo) / dr.select(active, bs.pdf, 1)
         return bs, mi.Spectrum(dr.select(active, weight, 0))
 
@@ -208,9 +215,9 @@ class RedirectingFilm(mi.BSDF):
         return self.eval_pdf(ctx, si, wo, active)[1]
 
     def eval_pdf(self, ctx, si, wo, active=True):
-        axes = pane_axes(si, self.up)
+        axes = self._axes(si)
         wi, wo = to_pane(si.wi, axes), to_pane(wo, axes)
-        active = mi.Bool(active) & (wi.z != 0) & (wo.z != 0)
+        active = active & valid_directions(wi, wo)
         value, pdf = self._value(ctx, wi, wo), self._pdf(ctx, wi, wo)
         return mi.Spectrum(dr.select(active, value, 0)), dr.select(active, pdf, 0)
 

@@ -25,13 +25,49 @@ def streams(index, seed: int, place=0):
     return mi.PCG32(1, mi.UInt64(state), mi.UInt64(sequence))
 
 
-def radiance_of(table, index, active=True):
-    """Radiance of sources from a tensor (source,) or (source, channel), as a spectrum.
+def clamped_index(x, count):
+    """Whole part of `x`, clamped to 0 … count − 1; 0 for NaN, which `dr.clip` would let through."""
+    return mi.UInt32(dr.fmin(dr.fmax(x, 0), count - 1))
 
-    Channels that the table lacks take its last one.
+
+def valid_directions(*directions):
+    """Whether a BSDF may be asked for directions of its local frame: it is 0 for any other.
+
+    Parameters
+    ----------
+    *directions : mi.Vector3f
+
+    Returns
+    -------
+    mi.Bool
+        All are of unit length (±5 %) and none lies in the surface's plane. False for NaN, and for
+        what became of a direction where the interaction has no shading frame.
+    """
+    valid = mi.Bool(True)
+    for w in directions:
+        valid &= (dr.abs(dr.squared_norm(w) - 1) < 0.1) & (w.z != 0)
+    return valid
+
+
+def radiance_of(table, index, active=True):
+    """Radiance of sources, looked up in a table.
+
+    Parameters
+    ----------
+    table : mi.TensorXf, shape (source,) or (source, channel)
+        Channels that the table lacks take its last one; spectral variants take its first one for
+        all wavelengths.
+    index : mi.UInt32
+        Number of the source.
+    active : mi.Bool
+
+    Returns
+    -------
+    mi.Spectrum
     """
     channels = 1 if table.ndim == 1 else table.shape[1]
-    at = [index * channels + min(c, channels - 1) for c in range(len(mi.Spectrum()))]
+    last = 0 if mi.is_spectral else channels - 1
+    at = [index * channels + min(c, last) for c in range(len(mi.Spectrum()))]
     return mi.Spectrum([dr.gather(mi.Float, table.array, i, active) for i in at])
 
 
@@ -83,13 +119,25 @@ def pane_axes(si, up):
     Parameters
     ----------
     si : mi.SurfaceInteraction3f
+        Its shading frame tells how the pane stands in the world.
     up : mi.Vector3f
         World direction whose projection on the pane is y; +y where the pane is horizontal.
 
     Returns
     -------
     x, y : mi.Vector2f
+        Unit vectors; NaN where the shading frame is zero.
+
+    Raises
+    ------
+    ValueError
+        The interaction was made without a shading frame.
     """
+    if dr.width(si.sh_frame.n) == 0:
+        raise ValueError(
+            "the surface interaction has no shading frame; set si.sh_frame, as `up` is a direction "
+            "of the world"
+        )
     up = si.to_local(up)
     flat = dr.abs(up.x) + dr.abs(up.y) < 1e-4
     other = si.to_local(mi.Vector3f(0, 1, 0))

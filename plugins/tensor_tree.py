@@ -7,6 +7,7 @@ import mitsuba as mi
 from drcmitsuba_plugins.isotropic import IsotropicLobes, TurnedLobes
 from drcmitsuba_plugins.lobes import SquareLobes, square_code
 from drcmitsuba_plugins.measured import Measured
+from drcmitsuba_plugins.sampling import clamped_index
 
 
 class TensorTree(Measured):
@@ -37,8 +38,7 @@ class TensorTree(Measured):
         if self.rank == 4:
             return square_code(-light.xy, (self.view_cells.bit_length() - 1) // 2)
         s0 = 0.5 - 0.5 * dr.norm(light.xy)
-        n = self.view_cells
-        return mi.UInt32(dr.clip(s0 * n, 0, max(n // 2 - 1, 0)))
+        return clamped_index(s0 * self.view_cells, max(self.view_cells // 2, 1))
 
 
 mi.register_bsdf("tensor_tree", TensorTree)
