@@ -6,6 +6,26 @@ import drjit as dr
 import numpy as np
 
 
+def required(plugin: str, props, name: str, wanted: str):
+    """Value of a parameter that has no default.
+
+    Raises
+    ------
+    ValueError
+        The parameter is missing; one line that says what is wanted.
+    """
+    if name not in props:
+        raise ValueError(f"{plugin}: {name}: missing; give {wanted}")
+    return props[name]
+
+
+def checked_whole(plugin: str, name: str, value, low: int, high: float = np.inf) -> int:
+    """Return `value` as an int if it is a whole number from `low` to `high`; see `checked`."""
+    if checked(plugin, name, value, low, high) != int(value):
+        raise ValueError(f"{plugin}: {name}: {value:g}; give a whole number")
+    return int(value)
+
+
 def checked(plugin: str, name: str, value, low: float, high: float = np.inf):
     """Return `value` unchanged if all of it is finite and lies between `low` and `high`.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked, required
 from drcmitsuba_plugins.sampling import valid_directions
 
 
@@ -30,9 +30,9 @@ class CoatedMirror(mi.BSDF):
 
     def __init__(self, props: mi.Properties):
         super().__init__(props)
-        value = checked("coated_mirror", "reflectance", props["reflectance"], 0, 1)
-        self.reflectance = mi.Float(value)
-        self.ior = mi.Float(checked("coated_mirror", "ior", props["ior"], 1, 100))
+        for name, low, high in (("reflectance", 0, 1), ("ior", 1, 100)):
+            value = required("coated_mirror", props, name, f"a number from {low} to {high}")
+            setattr(self, name, mi.Float(checked("coated_mirror", name, value, low, high)))
         self.m_components = [mi.BSDFFlags.DeltaReflection | mi.BSDFFlags.FrontSide]
         self.m_flags = self.m_components[0]
 

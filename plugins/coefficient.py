@@ -5,7 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked_whole
 from drcmitsuba_plugins.sampling import on_disk, sample_disk, transmittance
 
 
@@ -79,8 +79,7 @@ class Coefficient(mi.CppADIntegrator):
             ("max_depth", -1, -1), ("rr_depth", 4, 0), ("suns_per_vertex", 4, 1),
             ("suns_per_pane", 4, 1),
         ):  # fmt: skip
-            value = checked("coefficient", name, props.get(name, default), least)
-            setattr(self, name, int(value))
+            setattr(self, name, checked_whole("coefficient", name, props.get(name, default), least))
 
     @staticmethod
     def _sources(scene):

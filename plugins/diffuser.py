@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked, required
 from drcmitsuba_plugins.sampling import valid_directions
 
 
@@ -27,7 +27,7 @@ class Diffuser(mi.BSDF):
         super().__init__(props)
         front = props.get("reflectance_front", 0.0)
         values = {
-            "transmittance": props["transmittance"],
+            "transmittance": required("diffuser", props, "transmittance", "a number from 0 to 1"),
             "reflectance_front": front,
             "reflectance_back": props.get("reflectance_back", front),
         }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked, required
 from drcmitsuba_plugins.sampling import clamped_index, valid_directions
 
 
@@ -33,7 +33,7 @@ class Glazing(mi.BSDF):
     def __init__(self, props: mi.Properties):
         super().__init__(props)
         c = np.linspace(0, 1, self.SIZE)
-        transmittance = props["transmittance"]
+        transmittance = required("glazing", props, "transmittance", "a number or a tensor (n,)")
         if isinstance(transmittance, (int, float)):
             exponent = float(checked("glazing", "exponent", props.get("exponent", 4.5), 0, 100))
             transmittance = transmittance * (1 - (1 - c) ** exponent)

@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins import bsdf_file, energy, peak
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked, checked_whole, required
 from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane, valid_directions
 
 COMPONENTS = ("tf", "tb", "rf", "rb")
@@ -58,15 +58,17 @@ class Measured(mi.BSDF):
         # Mounting turns by 180°: signs of the axes, their own inverse.
         flip, turn = (-1.0 if props.get(name, False) else 1.0 for name in ("flip", "turn"))
         self.signs = (flip * turn, turn, flip)
-        channel = int(props.get("channel", -1))
+        channel = checked_whole(self.plugin, "channel", props.get("channel", -1), -1, 2)
+        filename = required(self.plugin, props, "filename", "the path of a BSDF file")
         try:
-            file = bsdf_file.read(props["filename"]).of_channel(channel)
+            # A relative path is sought beside the file of the scene, too.
+            file = bsdf_file.read(str(mi.file_resolver().resolve(filename))).of_channel(channel)
             file, self.largest_albedo = energy.scaled_to_conserve(file)
             self._load(file, mode)
         except bsdf_file.BsdfFileError as error:
             raise ValueError(f"{self.plugin}: {error}") from None
         except ValueError as error:
-            raise ValueError(f"{self.plugin}: {props['filename']}: {error}") from None
+            raise ValueError(f"{self.plugin}: {filename}: {error}") from None
         both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide | mi.BSDFFlags.Anisotropic
         lobes = [mi.BSDFFlags.GlossyReflection | both, mi.BSDFFlags.GlossyTransmission | both]
         if self.has_view:

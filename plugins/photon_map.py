@@ -5,10 +5,11 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked, checked_whole
 from drcmitsuba_plugins.photon_flight import Ledger, Photons, Receivers, facing, is_diffuse
 from drcmitsuba_plugins.photon_grid import KERNELS, PhotonGrid
 from drcmitsuba_plugins.photon_sources import Ports, Sources, Surroundings, UnitSources
+from drcmitsuba_plugins.tables import table_of
 
 
 class PhotonMap(mi.ad.integrators.common.ADIntegrator):
@@ -70,7 +71,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
             ("max_depth", 1000, -1), ("rr_depth", 4, 1), ("photons", 1_000_000, 1),
             ("passes", 1, 1), ("gather", 0, 0),
         ):  # fmt: skip
-            given[name] = int(checked("photon_map", name, props.get(name, default), least))
+            given[name] = checked_whole("photon_map", name, props.get(name, default), least)
         super().__init__(props)
         vars(self).update(given)
         self.alpha = float(checked("photon_map", "alpha", props.get("alpha", 0.7), 0, 1))
@@ -83,7 +84,9 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         if self.kind == "caustic" and self.gather > 0:
             raise ValueError("photon_map: gather: caustic photons need none; give 0")
         ports = props.get("ports")
-        self.ports = None if ports is None else Ports(mi.TensorXf(ports).numpy())
+        self.ports = (
+            None if ports is None else Ports(table_of("photon_map", "ports", ports).numpy())
+        )
         self.ledger = None
 
     def radii(self, scene) -> list[float]:

@@ -163,6 +163,8 @@ class Ports:
 
     def __init__(self, quads):
         quads = np.asarray(quads, float)
+        if quads.ndim < 3 and quads.size % 12 == 0:  # a text, one port or corner a row
+            quads = quads.reshape(-1, 4, 3)
         if quads.ndim != 3 or quads.shape[1:] != (4, 3) or len(quads) == 0:
             raise ValueError(f"photon_map: ports: shape {quads.shape}; give (n, 4, 3), n > 0")
         u, v = quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0]

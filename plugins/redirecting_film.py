@@ -5,7 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked, required
 from drcmitsuba_plugins.redirection import (
     concentration,
     folded,
@@ -80,7 +80,9 @@ class RedirectingFilm(mi.BSDF):
     def __init__(self, props: mi.Properties):
         super().__init__(props)
         values = {
-            "transmittance": props["transmittance"],
+            "transmittance": required(
+                "redirecting_film", props, "transmittance", "a number from 0 to 1"
+            ),
             "redirected": props.get("redirected", 1.0),
             "tilt": props.get("tilt", 0.0),
             "spread": props.get("spread", 5.0),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.checks import checked
 
 TO_UNIT = 2.0**-24
 """Turns the upper 24 bits of a random 32-bit number into a number in [0, 1)."""
@@ -69,6 +70,38 @@ def radiance_of(table, index, active=True):
     last = 0 if mi.is_spectral else channels - 1
     at = [index * channels + min(c, last) for c in range(len(mi.Spectrum()))]
     return mi.Spectrum([dr.gather(mi.Float, table.array, i, active) for i in at])
+
+
+def radiances(plugin: str, table, count: int, sources: str):
+    """Radiance table of a plugin with `count` sources.
+
+    Parameters
+    ----------
+    plugin : str
+        Named in the error.
+    table : mi.TensorXf, shape (), (count,) or (count, channel)
+        One number serves for all sources.
+    count : int
+    sources : str
+        How an error speaks of them.
+
+    Returns
+    -------
+    mi.TensorXf, shape (count,) or (count, channel)
+
+    Raises
+    ------
+    ValueError
+        Another shape, or a radiance that is negative or not finite.
+    """
+    if dr.prod(table.shape) == 1 and count != 1:
+        table = mi.TensorXf(dr.repeat(table.array, count), (count,))
+    table = dr.reshape(table, (1,)) if table.ndim == 0 else table
+    if table.ndim > 2 or table.shape[0] != count or dr.prod(table.shape) == 0:
+        raise ValueError(
+            f"{plugin}: radiance: shape {table.shape} for {sources}; give one for each"
+        )
+    return checked(plugin, "radiance", table, 0)
 
 
 def disk_solid_angle(diameter: float) -> float:

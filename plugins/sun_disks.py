@@ -6,7 +6,37 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked
-from drcmitsuba_plugins.sampling import disk_solid_angle, on_disk, radiance_of, sample_disk
+from drcmitsuba_plugins.sampling import (
+    disk_solid_angle,
+    on_disk,
+    radiance_of,
+    radiances,
+    sample_disk,
+)
+from drcmitsuba_plugins.tables import table_of
+
+
+def _directions(props) -> np.ndarray:
+    """Unit vectors to the suns, shape (sun, 3)."""
+    names = [name for name in ("direction", "directions") if name in props]
+    if len(names) != 1:
+        raise ValueError(
+            f"sun_disks: {' and '.join(names) or 'no direction'}; give direction (a vector to one "
+            "sun) or directions (several: a tensor (n, 3), a text of numbers, or a .npy or .csv)"
+        )
+    table = table_of("sun_disks", names[0], props[names[0]]).numpy().astype(float)
+    flat = table.ndim == 1 and table.size % 3 == 0
+    if table.size == 0 or not (flat or (table.ndim == 2 and table.shape[1] == 3)):
+        raise ValueError(f"sun_disks: {names[0]}: shape {table.shape}; give (n, 3), n > 0")
+    table = table.reshape(-1, 3)
+    length = np.linalg.norm(table, axis=1)
+    wrong = np.flatnonzero(~(np.isfinite(length) & (length > 1e-6)))
+    if len(wrong):
+        raise ValueError(
+            f"sun_disks: {names[0]}: number {wrong[0] + 1} of {len(table)} is "
+            f"{table[wrong[0]].tolist()}; give a vector that has a direction"
+        )
+    return table / length[:, None]
 
 
 class SunDisks(mi.Emitter):
@@ -15,8 +45,11 @@ class SunDisks(mi.Emitter):
     =================  ===============  =========================================================
     parameter          type             meaning
     =================  ===============  =========================================================
-    `directions`       tensor (n, 3)    unit vectors to the suns, world frame
-    `radiance`         tensor           radiance, shape (n,) or (n, channel); default 1.
+    `direction`        vector           to the one sun, world frame, of any length; or
+    `directions`       tensor (n, 3)    to several; from XML a text of numbers,
+                                        "0 0.6 0.8; 0.6 0 0.8", or a file .npy or .csv
+    `radiance`         tensor           radiance [W/(m² sr) or cd/m²], shape (n,) or (n, channel),
+                                        also as a text or file; or a number for all; default 1.
                                         Differentiable.
     `diameter`         float            angle across the disk [deg], default 0.5
     =================  ===============  =========================================================
@@ -29,20 +62,11 @@ class SunDisks(mi.Emitter):
 
     def __init__(self, props: mi.Properties):
         super().__init__(props)
-        directions = mi.TensorXf(props["directions"])
-        if directions.ndim != 2 or directions.shape[1] != 3 or directions.shape[0] == 0:
-            raise ValueError(f"sun_disks: directions: shape {directions.shape}; give (n, 3), n > 0")
-        self.bin_count = directions.shape[0]
-        self.directions = directions.array
-        lengths = np.linalg.norm(directions.numpy(), axis=1)
-        checked("sun_disks", "directions, their length", lengths, 1 - 1e-3, 1 + 1e-3)
-        ones = mi.TensorXf(np.ones(self.bin_count, np.float32))
-        self.radiance = mi.TensorXf(props.get("radiance", ones))
-        if self.radiance.shape[0] != self.bin_count:
-            raise ValueError(
-                f"sun_disks: radiance: {self.radiance.shape[0]} values for {self.bin_count} suns"
-            )
-        checked("sun_disks", "radiance", self.radiance, 0)
+        directions = _directions(props)
+        self.bin_count = len(directions)
+        self.directions = mi.Float(directions.astype(np.float32).ravel())
+        given = table_of("sun_disks", "radiance", props.get("radiance", 1.0))
+        self.radiance = radiances("sun_disks", given, self.bin_count, f"{self.bin_count} suns")
         self.diameter = float(
             checked("sun_disks", "diameter", props.get("diameter", 0.5), 1e-3, 90)
         )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.checks import checked, checked_whole
 from drcmitsuba_plugins.patches import Patches, patch_index
-from drcmitsuba_plugins.sampling import radiance_of
+from drcmitsuba_plugins.sampling import radiance_of, radiances
+from drcmitsuba_plugins.tables import table_of
 
 
 class TregenzaSky(mi.Emitter):
@@ -16,8 +17,10 @@ class TregenzaSky(mi.Emitter):
     =================  ===============  =========================================================
     parameter          type             meaning
     =================  ===============  =========================================================
-    `radiance`         tensor           radiance of every bin, shape (bin,) or (bin, channel),
-                                        ground first; default 1 everywhere. Differentiable.
+    `radiance`         tensor           radiance of every bin [W/(m² sr) or cd/m²], shape (bin,)
+                                        or (bin, channel), ground first; from XML a text of
+                                        numbers or a file .npy or .csv; or a number for all;
+                                        default 1. Differentiable.
     `subdivision`      int              Reinhart's factor MF; 1 (default) is Tregenza's sky
     `to_world`         transform        turns the sky's frame (x east, y north, z up)
     =================  ===============  =========================================================
@@ -28,18 +31,13 @@ class TregenzaSky(mi.Emitter):
 
     def __init__(self, props: mi.Properties):
         super().__init__(props)
-        self.subdivision = int(
-            checked("tregenza_sky", "subdivision", props.get("subdivision", 1), 1, 6)
-        )
+        subdivision = props.get("subdivision", 1)
+        self.subdivision = checked_whole("tregenza_sky", "subdivision", subdivision, 1, 6)
         patches = Patches(self.subdivision)
         n = len(patches)
-        self.radiance = mi.TensorXf(props.get("radiance", mi.TensorXf(np.ones(n, np.float32))))
-        if self.radiance.shape[0] != n:
-            raise ValueError(
-                f"tregenza_sky: radiance: {self.radiance.shape[0]} values; "
-                f"subdivision {self.subdivision} has {n} bins"
-            )
-        checked("tregenza_sky", "radiance", self.radiance, 0)
+        given = table_of("tregenza_sky", "radiance", props.get("radiance", 1.0))
+        bins = f"the {n} bins of subdivision {self.subdivision}"
+        self.radiance = radiances("tregenza_sky", given, n, bins)
         # Properties keep transforms in double precision, which Transform4f refuses.
         to_world = props.get("to_world", mi.ScalarTransform4f())
         axes = np.linalg.norm(np.array(to_world.matrix)[:3, :3], axis=0)

@@ -602,7 +602,6 @@ BAD = [
     ("sun_disks", "directions", {"directions": [[0, 1]]}),
     ("sun_disks", "directions", {"directions": np.zeros((0, 3))}),
     ("sun_disks", "directions", {"directions": [[0, 0, 0]]}),
-    ("sun_disks", "directions", {"directions": [[0, 1, 1]]}),
     ("sun_disks", "radiance", {"directions": [[0, 0, 1]], "radiance": [1, 2, 3, 4]}),
     ("sun_disks", "radiance", {"directions": [[0, 0, 1]], "radiance": [np.inf]}),
     ("sun_disks", "diameter", {"directions": [[0, 0, 1]], "diameter": -1.0}),
