@@ -5,44 +5,18 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.bin_sums import BinSums, RowSums
 from drcmitsuba_plugins.checks import checked_whole
+from drcmitsuba_plugins.filter_sampling import FilterSampling
+from drcmitsuba_plugins.pane_points import PanePoints
 from drcmitsuba_plugins.sampling import on_disk, sample_disk, transmittance
 
-
-class _Panes:
-    """The panes of a scene that scatter what they let through, as one area to draw points on."""
-
-    def __init__(self, scene):
-        def scatters(flags):
-            smooth = mi.has_flag(flags, mi.BSDFFlags.Smooth)
-            return smooth and mi.has_flag(flags, mi.BSDFFlags.Transmission)
-
-        shapes = [s for s in scene.shapes() if s.bsdf() is not None and scatters(s.bsdf().flags())]
-        self.shapes = [mi.ShapePtr(shape) for shape in shapes]
-        # Asked for here, as a mesh makes its table of areas at the first call.
-        areas = [float(np.ravel(shape.surface_area())[0]) for shape in shapes]
-        self.area = sum(areas)
-        self.shares = np.cumsum(areas) / self.area if shapes else []
-
-    def __bool__(self) -> bool:
-        return bool(self.shapes)
-
-    def sample(self, which, uv, active):
-        """Pane and point on it, evenly by area, from random numbers."""
-        shape = mi.ShapePtr(self.shapes[-1])
-        for share, earlier in zip(self.shares[-2::-1], self.shapes[-2::-1], strict=True):
-            shape = dr.select(which < float(share), earlier, shape)
-        return shape, shape.sample_position(0.0, uv, active)
-
-    def density(self, origin, p, n):
-        """Density, by solid angle seen from `origin`, of the points `p` with normals `n` [1/sr]."""
-        d = p - origin
-        r2 = dr.squared_norm(d)
-        cosine = dr.abs(dr.dot(n, d)) * dr.rsqrt(r2)
-        return dr.select(cosine > 0, r2 / (cosine * self.area), dr.inf)
+_NO_GRADIENTS = (
+    "there are no gradients but C itself, the derivative by the radiances; use prb for others"
+)
 
 
-class Coefficient(mi.CppADIntegrator):
+class Coefficient(mi.ad.integrators.common.ADIntegrator):
     r"""Path tracer that keeps the light of every bin of the scene's sky and suns apart.
 
     The bins are those of the scene's `tregenza_sky` followed by those of its `sun_disks`, each
@@ -58,8 +32,10 @@ class Coefficient(mi.CppADIntegrator):
     `suns_per_pane`      int     suns that are sampled at a pane that scatters, default 4
     ===================  ======  ==================================================================
 
-    As an integrator it renders a tensor (height, width, bin) [1] of ∂L/∂L_bin with a box filter.
-    `sensors` gives ∂E/∂L_bin [sr] at points,
+    As an integrator it renders a tensor (height, width, bin) [1] of ∂L/∂L_bin over the film's crop
+    window: every sample belongs to one pixel, its position is drawn from the film's reconstruction
+    filter. The film itself stays empty. `sample` gives the radiance along rays under bins of unit
+    radiance, all together; `sensors` gives ∂E/∂L_bin [sr] at points,
 
     .. math:: C_b = \int_{\Omega} \frac{\partial L_i(\omega)}{\partial L_b} \cos\theta \, d\omega .
 
@@ -69,17 +45,24 @@ class Coefficient(mi.CppADIntegrator):
     sampling, combined likewise. Shadow rays pass panes with a `Null` component by their
     transmittance. Every estimate is unbiased; sums are kept in Float64.
 
+    Gradients: C *is* the derivative of radiance and illuminance by the bins' radiances. Others are
+    not offered and raise, as the loops would give 0 without a word: `sensors` in a scene with a
+    parameter that tracks gradients, `sample` in any mode but `Primal`, and the derivative of
+    `mi.render`. For derivatives by materials, take Mitsuba's `prb` with the bins' radiances.
+
     Limits: first channel of the spectrum only; no participating media; light that reaches a pane
     only by mirrors is noisy for suns.
     """
 
     def __init__(self, props: mi.Properties):
-        super().__init__(props)
+        numbers = {}
         for name, default, least in (
-            ("max_depth", -1, -1), ("rr_depth", 4, 0), ("suns_per_vertex", 4, 1),
+            ("max_depth", -1, -1), ("rr_depth", 4, 1), ("suns_per_vertex", 4, 1),
             ("suns_per_pane", 4, 1),
         ):  # fmt: skip
-            setattr(self, name, checked_whole("coefficient", name, props.get(name, default), least))
+            numbers[name] = checked_whole("coefficient", name, props.get(name, default), least)
+        super().__init__(props)
+        vars(self).update(numbers)
 
     @staticmethod
     def _sources(scene):
@@ -126,7 +109,17 @@ class Coefficient(mi.CppADIntegrator):
         -------
         mi.TensorXd, shape (2, sensor, bin)
             C [sr]: light that met no diffuse surface (panes are none), and light that met one.
+
+        Raises
+        ------
+        ValueError
+            The scene has no source of light.
+        RuntimeError
+            A parameter of the scene tracks gradients.
         """
+        for name, value in mi.traverse(scene):
+            if dr.grad_enabled(value):
+                raise RuntimeError(f"coefficient: {name} tracks gradients; {_NO_GRADIENTS}")
         rows = len(points)
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, rows * spp)
@@ -140,47 +133,102 @@ class Coefficient(mi.CppADIntegrator):
         wo = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         white = mi.load_dict({"type": "diffuse", "reflectance": {"type": "uniform", "value": 1.0}})
         si.wi = mi.Vector3f(0, 0, 1)
-        bins = self.bin_count(scene)
-        out = dr.zeros(mi.Float64, 2 * rows * bins)
+        sums = BinSums(rows, self.bin_count(scene))
         beta = dr.opaque(mi.Float, np.pi / spp)
         everywhere = dr.full(mi.Bool, True, rows * spp)
         first = np.random.default_rng(seed).integers(1 << 31)
-        base, panes = row * bins, _Panes(scene)
-        self._sky_sampling(scene, sampler, si, white, beta, out, base, everywhere)
+        base, panes = sums.base(row), PanePoints(scene)
+        self._sky_sampling(scene, sampler, si, white, beta, sums, base, everywhere)
         self._sun_sampling(
-            scene, sampler, si, white, beta, out, base, everywhere,
+            scene, sampler, si, white, beta, sums, base, everywhere,
             turn=lane * self.suns_per_vertex + dr.opaque(mi.UInt32, int(first)),
         )  # fmt: skip
-        self._pane_sampling(scene, panes, sampler, si, white, beta, out, base, everywhere)
+        self._pane_sampling(scene, panes, sampler, si, white, beta, sums, base, everywhere)
         ray = mi.Ray3f(p, si.to_world(wo))
         pdf = mi.warp.square_to_cosine_hemisphere_pdf(wo)
-        self._trace(scene, panes, sampler, ray, beta, pdf, mi.Bool(False), base, rows * bins, out)
-        return mi.TensorXd(out, (2, rows, bins))
+        self._trace(scene, panes, sampler, ray, beta, pdf, mi.Bool(False), base, sums)
+        return sums.tensor()
+
+    def sample(self, mode, scene, sampler, ray, active=True, **_):
+        """Radiance along rays where every bin has unit radiance.
+
+        The parameters are those of `mi.ad.integrators.common.ADIntegrator.sample`.
+
+        Returns
+        -------
+        L : mi.Spectrum
+            [1], the same in all channels.
+        valid : mi.Bool
+            Whether the ray meets a surface.
+        aovs, state : list, None
+            Empty.
+        """
+        if mode != dr.ADMode.Primal:
+            raise RuntimeError(f"coefficient: mode {mode}; {_NO_GRADIENTS}")
+        lanes = dr.width(ray.d)
+        sums, lane = RowSums(lanes), dr.arange(mi.UInt32, lanes)
+        start = dr.select(active, mi.Float(1), 0)
+        self._trace_from_camera(scene, sampler, ray, start, lane, sums)
+        light = mi.Float(dr.sum(sums.tensor(), axis=0).array)
+        return mi.Spectrum(light), scene.ray_test(mi.Ray3f(ray), active), [], None
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
+        """Picture of ∂L/∂L_bin [1] in the crop window: mi.TensorXf, shape (height, width, bin)."""
+        if not develop:
+            raise ValueError("coefficient: develop=False; its picture is a tensor, not a film's")
         if isinstance(sensor, int):
             sensor = scene.sensors()[sensor]
-        width, height = sensor.film().crop_size()
-        spp = spp or sensor.sampler().sample_count()
-        bins, pixels = self.bin_count(scene), int(width) * int(height)
-        sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(int(seed), pixels * spp)
-        row = dr.arange(mi.UInt32, pixels * spp) // spp
-        corner = mi.Point2f(mi.Float(row % int(width)), mi.Float(row // int(width)))
-        position = (corner + sampler.next_2d()) / mi.Point2f(float(width), float(height))
-        ray, weight = sensor.sample_ray(
-            0.0, sampler.next_1d(), position, sampler.next_2d(), mi.Bool(True)
-        )
-        out = dr.zeros(mi.Float64, 2 * pixels * bins)
-        self._trace(
-            scene, _Panes(scene), sampler, mi.Ray3f(ray), weight[0] / spp, mi.Float(1),
-            mi.Bool(True), row * bins, pixels * bins, out,
-        )  # fmt: skip
-        parts = dr.reshape(mi.TensorXd(out, (2, pixels * bins)), (2, -1))
-        image = mi.TensorXf(dr.sum(parts, axis=0))
-        return dr.reshape(image, (int(height), int(width), bins))
+        width, height = map(int, sensor.film().crop_size())
+        with dr.suspend_grad():
+            sampler, spp = self.prepare(sensor, seed, spp, self.aov_names())
+            ray, weight, share, pixel = self.sample_rays(scene, sensor, sampler)
+            sums = BinSums(width * height, self.bin_count(scene), share)
+            self._trace_from_camera(scene, sampler, ray, weight[0] / spp, pixel, sums)
+            image = mi.TensorXf(dr.sum(sums.tensor(), axis=0))
+            return dr.reshape(image, (height, width, sums.bins))
 
-    def _sky_sampling(self, scene, sampler, si, bsdf, beta, out, base, active):
+    def render_forward(self, scene, params, sensor=0, seed=0, spp=0):
+        raise RuntimeError(f"coefficient: {_NO_GRADIENTS}")
+
+    def render_backward(self, scene, params, grad_in, sensor=0, seed=0, spp=0):
+        raise RuntimeError(f"coefficient: {_NO_GRADIENTS}")
+
+    def sample_rays(self, scene, sensor, sampler):
+        """Rays of all pixels of the crop window, as many for each as the sampler has samples.
+
+        Returns
+        -------
+        ray : mi.RayDifferential3f
+        weight : mi.Spectrum
+            Response of the sensor.
+        share : mi.Float
+            Weight of the sample in its pixel, mean 1; negative in a negative lobe of the filter.
+        pixel : mi.UInt32
+            Number of the pixel that the ray belongs to, by rows.
+        """
+        film = sensor.film()
+        width, height = map(int, film.crop_size())
+        spp = sampler.sample_count()
+        pixel = dr.arange(mi.UInt32, width * height * spp) // dr.opaque(mi.UInt32, spp)
+        centre = mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width)) + 0.5
+        offset, share = FilterSampling(film.rfilter()).sample(sampler.next_2d())
+        time = sensor.shutter_open()
+        if sensor.shutter_open_time() > 0:
+            time += sampler.next_1d() * sensor.shutter_open_time()
+        wavelength = sampler.next_1d() if mi.is_spectral else 0
+        aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0)
+        position = (centre + offset) / mi.Point2f(width, height)
+        ray, weight = sensor.sample_ray_differential(time, wavelength, position, aperture)
+        return ray, weight, share, pixel
+
+    def _trace_from_camera(self, scene, sampler, ray, beta, row, sums):
+        """Follow rays at whose origin no source was looked for."""
+        self._trace(
+            scene, PanePoints(scene), sampler, mi.Ray3f(ray), beta, mi.Float(1), mi.Bool(True),
+            sums.base(row), sums,
+        )  # fmt: skip
+
+    def _sky_sampling(self, scene, sampler, si, bsdf, beta, sums, base, active):
         """Add the light that reaches a vertex straight from a sampled direction of the sky."""
         sky, _ = self._sources(scene)
         if sky is None:
@@ -192,9 +240,9 @@ class Coefficient(mi.CppADIntegrator):
         # value / pdf_sky · pdf_sky / (pdf_sky + pdf_bsdf)
         at, radiance = self._sky_bin(sky, d, lit)
         light = beta * value[0] * tau * radiance / (dr.inv_four_pi + pdf)
-        dr.scatter_add(out, mi.Float64(light), base + at, lit)
+        sums.add(base, at, light, lit)
 
-    def _sun_sampling(self, scene, sampler, si, bsdf, beta, out, base, active, turn=None):
+    def _sun_sampling(self, scene, sampler, si, bsdf, beta, sums, base, active, turn=None):
         """Add the light that reaches a vertex straight from sampled suns.
 
         They are drawn at random, or, from a number `turn` on that is random itself, in turn: then
@@ -217,9 +265,9 @@ class Coefficient(mi.CppADIntegrator):
             lit = active & (value > 0)
             tau = transmittance(scene, si.spawn_ray(d), lit)
             light = beta * value * tau * share
-            dr.scatter_add(out, mi.Float64(light), base + first + sun, lit)
+            sums.add(base, first + sun, light, lit)
 
-    def _pane_sampling(self, scene, panes, sampler, si, bsdf, beta, out, base, active):
+    def _pane_sampling(self, scene, panes, sampler, si, bsdf, beta, sums, base, active):
         """Add the suns' light that reaches a diffuse vertex from a point on the panes.
 
         BSDF sampling finds the panes too: each counts by its share of both densities.
@@ -237,10 +285,10 @@ class Coefficient(mi.CppADIntegrator):
         on_pane.p, on_pane.n, on_pane.sh_frame = ps.p, ps.n, mi.Frame3f(ps.n)
         on_pane.wi = on_pane.to_local(-ray.d)
         seen &= weight > 0
-        self._suns_on_pane(scene, sampler, on_pane, shape.bsdf(), weight, out, base, seen)
+        self._suns_on_pane(scene, sampler, on_pane, shape.bsdf(), weight, sums, base, seen)
 
     @dr.syntax
-    def _suns_on_pane(self, scene, sampler, si, bsdf, beta, out, base, active):
+    def _suns_on_pane(self, scene, sampler, si, bsdf, beta, sums, base, active):
         """Add the suns' light that a pane scatters at a vertex on it.
 
         A pane may send a sun into few directions only: suns are drawn in proportion to what they
@@ -266,27 +314,26 @@ class Coefficient(mi.CppADIntegrator):
         for sun, d in zip(drawn, towards, strict=True):
             lit = active & (total > 0)
             tau = transmittance(scene, si.spawn_ray(d), lit)
-            dr.scatter_add(out, mi.Float64(beta * total * tau * share), base + first + sun, lit)
+            sums.add(base, first + sun, beta * total * tau * share, lit)
 
     @staticmethod
     @dr.syntax
-    def _add_suns_seen(suns, d, beta, out, base, active):
+    def _add_suns_seen(suns, first, d, beta, sums, base, active):
         """Add to every sun whose disk holds direction `d`; the suns of a year overlap."""
         sun = mi.UInt32(0)
         searching = mi.Bool(active)
-        while dr.hint(searching & (sun < suns.bin_count), exclude=[out]):
+        while searching & (sun < suns.bin_count):
             hit = on_disk(d, suns.direction_of(sun, searching), suns.diameter)
-            dr.scatter_add(out, mi.Float64(beta), base + sun, searching & hit)
+            sums.add(base, first + sun, beta, searching & hit)
             sun += 1
 
     @dr.syntax
-    def _trace(self, scene, panes, sampler, ray, beta, pdf, delta, base, part, out):
-        """Follow paths and add what they collect to `out`.
+    def _trace(self, scene, panes, sampler, ray, beta, pdf, delta, base, sums):
+        """Follow paths and add the light that they collect to `sums`.
 
         `pdf` is the density of the ray's direction at the last vertex that scatters, `delta` says
-        that no emitter sampling could have found it; `base` is the first entry of the lane's row,
-        `part` the offset of the part that has met a diffuse surface. `origin` is that vertex, and
-        `looked` says whether points on the panes were sampled from it.
+        that no emitter sampling could have found it; `base` is the first entry of the lane's row.
+        `origin` is that vertex, and `looked` says whether points on the panes were sampled from it.
         """
         sky, suns = self._sources(scene)
         ctx = mi.BSDFContext()
@@ -296,33 +343,33 @@ class Coefficient(mi.CppADIntegrator):
         start = mi.Float(beta)
         depth = mi.UInt32(0)
         active = mi.Bool(True)
-        while dr.hint(active, exclude=[out]):
+        while active:
             si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
             escaped = active & ~si.is_valid()
             if dr.hint(sky is not None, mode="scalar"):
                 mis = dr.select(delta, 1, pdf / (pdf + dr.inv_four_pi))
                 at, radiance = self._sky_bin(sky, ray.d, escaped)
-                dr.scatter_add(out, mi.Float64(beta * mis * radiance), base + at, escaped)
+                sums.add(base, at, beta * mis * radiance, escaped)
             if dr.hint(suns is not None, mode="scalar"):
-                self._add_suns_seen(suns, ray.d, beta, out, base + first, escaped & delta)
+                self._add_suns_seen(suns, first, ray.d, beta, sums, base, escaped & delta)
             active &= si.is_valid()
             bsdf = si.bsdf(ray)
             flags = bsdf.flags()
             scatters = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
             is_pane = mi.has_flag(flags, mi.BSDFFlags.Transmission)
             meets_diffuse = scatters & ~is_pane
-            base = dr.select(meets_diffuse & (base < part), base + part, base)
-            self._sky_sampling(scene, sampler, si, bsdf, beta, out, base, scatters)
-            self._sun_sampling(scene, sampler, si, bsdf, beta, out, base, meets_diffuse)
+            base = dr.select(meets_diffuse & (base < sums.part), base + sums.part, base)
+            self._sky_sampling(scene, sampler, si, bsdf, beta, sums, base, scatters)
+            self._sun_sampling(scene, sampler, si, bsdf, beta, sums, base, meets_diffuse)
             if dr.hint(bool(panes) and suns is not None, mode="scalar"):
                 other = panes.density(origin, si.p, si.n)
                 share = dr.select(looked, pdf / (pdf + other), 1)
                 at_pane = scatters & is_pane
-                self._suns_on_pane(scene, sampler, si, bsdf, beta * share, out, base, at_pane)
+                self._suns_on_pane(scene, sampler, si, bsdf, beta * share, sums, base, at_pane)
             goes_on = mi.Bool(meets_diffuse)
             if dr.hint(self.max_depth >= 0, mode="scalar"):
                 goes_on &= depth + 1 < self.max_depth
-            self._pane_sampling(scene, panes, sampler, si, bsdf, beta, out, base, goes_on)
+            self._pane_sampling(scene, panes, sampler, si, bsdf, beta, sums, base, goes_on)
             bs, weight = bsdf.sample(
                 ctx, si, sampler.next_1d(active), sampler.next_2d(active), active
             )

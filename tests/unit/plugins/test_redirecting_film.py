@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.runtime import backend
-from tests.unit.plugins.test_plugins import chi2
+from tests.unit.plugins.small_scenes import chi2
 
 FILM = {
     "type": "redirecting_film",

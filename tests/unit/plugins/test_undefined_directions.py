@@ -13,7 +13,7 @@ import pytest
 
 from drcmitsuba.runtime import backend
 from tests import ROOT
-from tests.unit.plugins.test_measured import write
+from tests.unit.plugins.measured_files import write
 
 MEASURED = {
     "rank 4": ("tensor_tree", "TensorTree4", ()),
