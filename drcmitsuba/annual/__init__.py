@@ -1,11 +1,13 @@
 """Annual: from a case to the illuminances and metrics of its period.
 
+run
+    `Run`: seed, enabled effects, seconds and rays, which go through an evaluation.
 simulation
-    Coefficients of all states.
+    Coefficients C of both states of a case.
 sample_accumulator, adaptive_sampling
     Coefficients to which samples are added, until the intervals are as narrow as asked for.
 result
-    `evaluate`: one evaluation from case to numbers, files and pictures.
+    `evaluate`, `Result`: from a case to numbers, files and pictures; the data flow in ten lines.
 variants, season
     Several façades of one room; months with the season taken out.
 tradeoff

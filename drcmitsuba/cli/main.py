@@ -224,20 +224,18 @@ def metrics(
         Path | None,
         typer.Option("-o", "--output", callback=writable, help="Folder for metrics.json."),
     ] = None,
-    sda_threshold: Annotated[float, typer.Option(help="sDA [lx].")] = 300.0,
-    sda_fraction: Annotated[float, typer.Option(help="sDA, fraction of the hours.")] = 0.5,
-    ase_threshold: Annotated[float, typer.Option(help="ASE [lx].")] = 1000.0,
-    ase_hours: Annotated[float, typer.Option(help="ASE [h].")] = 250.0,
+    sda_threshold: Annotated[float | None, typer.Option(help="sDA [lx].")] = None,
+    sda_fraction: Annotated[float | None, typer.Option(help="sDA, fraction of the hours.")] = None,
+    ase_threshold: Annotated[float | None, typer.Option(help="ASE [lx].")] = None,
+    ase_hours: Annotated[float | None, typer.Option(help="ASE [h].")] = None,
 ) -> None:
     """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file.
 
+    The thresholds are those of the file's case unless options name others.
     Its intervals are wider than those of evaluate: the file tells the error of every
     illuminance, but not what these errors have in common.
     """
-    from drcmitsuba.case.metrics import Metrics
-    from drcmitsuba.case.toml import checked
     from drcmitsuba.metrics import evaluate_metrics
-    from drcmitsuba.metrics.intervals import Rules
     from drcmitsuba.runtime import storage
 
     thresholds = {
@@ -248,14 +246,16 @@ def metrics(
     }
     E = storage.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
     E = storage.loaded(e, E)
-    rules = Rules(
-        checked(Metrics, thresholds, "command line"),
-        shade_threshold=E.attrs.get("shade_threshold", 1000.0),
-        shade_area=E.attrs.get("shade_area", 0.02),
-        step_hours=float(E.attrs.get("step_hours", 1.0)),
-    )
+    rules = evaluate_metrics.rules_of(E.attrs, e, thresholds)
     numbers = evaluate_metrics.summarise(E, rules)
+    if settings := evaluate_metrics.settings_of(E.attrs, e, rules.metrics):
+        numbers["settings"] = settings
     _print_metrics(numbers, str(e))
+    t = rules.metrics
+    print(
+        f"thresholds: sDA {t.sda_threshold:g} lx in {100 * t.sda_fraction:g} % of the hours, "
+        f"ASE {t.ase_threshold:g} lx in {t.ase_hours:g} h"
+    )
     if output is not None:
         storage.save_json(numbers, output / "metrics.json")
 

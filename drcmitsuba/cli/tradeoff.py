@@ -25,7 +25,7 @@ def tradeoff(
 ) -> None:
     """Show what accuracy costs in time: error and seconds of many settings of a case."""
     from drcmitsuba.annual.tradeoff import tradeoff as measure
-    from drcmitsuba.annual.tradeoff.row import HEADER, NOT_RUN
+    from drcmitsuba.annual.tradeoff.errors import HEADER, NOT_RUN
     from drcmitsuba.case.case import load_case
 
     if not 0 < minutes < 1e6:

@@ -12,6 +12,8 @@ counts, smooth_step
     Counts above thresholds that all families share, exact and smooth.
 confidence
     `Interval`, a value with its 95 % interval.
+coefficients_by_state
+    `Coefficients`: C of the open and the shaded state.
 accumulate
     E from coefficients C and luminances L.
 illuminance

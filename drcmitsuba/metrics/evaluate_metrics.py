@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.sun import Adaptive, ThreePhase
+from drcmitsuba.case.toml import checked
 from drcmitsuba.metrics import intervals
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.metrics.intervals import Bounds, Draws, Rules, values
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight
 
@@ -50,6 +56,81 @@ def rules(case: Case, step_hours: float) -> intervals.Rules:
         shade_area=shading.area if shading else 1.0,
         step_hours=step_hours,
     )
+
+
+def rules_of(
+    attributes: Mapping[str, Any], source: str | Path, thresholds: Mapping[str, float | None]
+) -> intervals.Rules:
+    """Rules of an illuminance file: those of its case, LM-83's where the file names none.
+
+    Parameters
+    ----------
+    attributes : mapping
+        Attributes of the file.
+    source : str or Path
+        The file, for messages.
+    thresholds : mapping
+        Thresholds of `[metrics]` that take the place of the file's; None leaves the file's.
+
+    Returns
+    -------
+    Rules
+
+    Raises
+    ------
+    InputError
+        A threshold is out of its range.
+    """
+    chosen = {name: value for name, value in thresholds.items() if value is not None}
+    checked(Metrics, chosen, "command line")
+    known = {name: attributes[name] for name in Metrics.model_fields if name in attributes}
+    return intervals.Rules(
+        metrics=checked(Metrics, known | chosen, source),
+        shade_threshold=attributes.get("shade_threshold", 1000.0),
+        shade_area=attributes.get("shade_area", 0.02),
+        step_hours=float(attributes.get("step_hours", 1.0)),
+    )
+
+
+def settings_of(
+    attributes: Mapping[str, Any], source: str | Path, metrics: Metrics
+) -> dict[str, Any]:
+    """Settings for `metrics.json` from an illuminance file; empty where it names no case.
+
+    Parameters
+    ----------
+    attributes : mapping
+        Attributes of the file; `settings` is the case as JSON.
+    source : str or Path
+        The file, for messages.
+    metrics : Metrics
+        Thresholds that were applied; they take the place of the case's.
+
+    Returns
+    -------
+    dict
+        As `settings` of an evaluation, without its notes.
+
+    Raises
+    ------
+    InputError
+        The settings are no JSON object.
+    """
+    if "settings" not in attributes:
+        return {}
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no number")
+
+    try:
+        settings = json.loads(str(attributes["settings"]), parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        remedy = "compute the illuminance anew"
+        raise InputError(source, "settings", str(error)[:120], remedy) from None
+    if not isinstance(settings, dict):
+        got = "no JSON object"
+        raise InputError(source, "settings", got, "compute the illuminance anew")
+    return {**settings, "metrics": metrics.model_dump(), "notes": []}
 
 
 def drawing(case: Case) -> dict[str, Any]:

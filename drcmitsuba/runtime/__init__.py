@@ -8,6 +8,8 @@ progress
     Progress of long work.
 storage
     Files of results, written whole or not at all; reading as untrusted input.
+process
+    A job in a process of its own.
 ray_counter
     Number of rays traced, by kind.
 random_streams

@@ -29,14 +29,13 @@ import numpy as np
 from scipy.optimize import nnls
 
 from drcmitsuba.annual.result import evaluate
-from drcmitsuba.annual.tradeoff import process
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.shipped import shipped_cases
 from drcmitsuba.plan import plan
 from drcmitsuba.plan.forecast import REFERENCE, Forecast, forecast
 from drcmitsuba.plan.forecast.cost import UNITS
-from drcmitsuba.runtime import backend
+from drcmitsuba.runtime import backend, process
 from drcmitsuba.sky.daylight import daylight
 from tests.bench.__main__ import machine, table
 

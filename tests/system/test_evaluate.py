@@ -11,8 +11,9 @@ import drcmitsuba
 from drcmitsuba import load_case, metrics, schema
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.cli import main
-from drcmitsuba.metrics import accumulate, illuminance
+from drcmitsuba.metrics import accumulate, evaluate_metrics, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -331,7 +332,8 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     numbers = json.loads((tmp_path / "metrics.json").read_text())
     annual = ("sDA", "ASE", "shade_closed")
     monthly = ("msDA", "MSE", "shade_closed_monthly")
-    assert set(numbers) == {*annual, *monthly}  # who is undecided only replicates tell
+    # Only replicates tell which sensors are undecided.
+    assert set(numbers) == {*annual, *monthly, "settings"}
     for name in annual:
         ours, theirs = found.metrics[name], numbers[name]
         assert theirs["value"] == ours["value"]
@@ -340,6 +342,41 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
         for ours, theirs in zip(found.metrics[name], numbers[name], strict=True):
             assert (ours is None) == (theirs is None)
             assert ours is None or theirs["value"] == ours["value"]
+    run(monkeypatch, "plan", case, "-o", tmp_path)
+    run(monkeypatch, "plot", tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "case.toml", *(p.name for p in small[1].iterdir())
+    }  # fmt: skip
+
+
+def test_the_separate_verbs_know_the_thresholds_of_the_case(stamps, tmp_path, monkeypatch, capsys):
+    thresholds = "[metrics]\nsda_threshold = 500.0\nase_hours = 2.0\n[accuracy]"
+    hours = stamps("2015-03-21T09:00", "2015-03-21T12:00", "2015-06-21T12:00")
+    (tmp_path / "case.toml").write_text(changed(hours, ("[accuracy]", thresholds)))
+    run(monkeypatch, "evaluate", tmp_path / "case.toml", "-o", tmp_path / "r")
+    file = tmp_path / "r" / "illuminance.nc"
+    with xr.open_dataset(file) as E:
+        about = {k: E.attrs[k] for k in ("case", "sda_threshold", "ase_hours", "latitude")}
+        assert about == {
+            "case": "small room", "sda_threshold": 500, "ase_hours": 2, "latitude": 36.1
+        }  # fmt: skip
+        assert E.attrs["version"]
+        assert E.attrs["weather"].endswith("723170TYA.CSV")
+        assert all(E[name].attrs["long_name"] for name in E.variables if name != "sensor")
+        assert {E[axis].attrs["units"] for axis in "xyz"} == {"m"}
+    capsys.readouterr()
+    run(monkeypatch, "metrics", file, "-o", tmp_path / "m")
+    assert "sDA 500 lx in 50 % of the hours, ASE 1000 lx in 2 h" in capsys.readouterr().out
+    run(monkeypatch, "metrics", file, "-o", tmp_path / "n", "--sda-threshold", 800)
+    settings = json.loads((tmp_path / "n" / "metrics.json").read_text())["settings"]
+    assert settings["metrics"]["sda_threshold"] == 800
+    assert settings["name"] == "small room"
+
+
+@pytest.mark.parametrize("settings", ["{", "[]", '{"a": NaN}'])
+def test_damaged_settings_of_an_illuminance_file_are_told(settings):
+    with pytest.raises(InputError, match=r"E.nc: settings: .*compute the illuminance anew"):
+        evaluate_metrics.settings_of({"settings": settings}, "E.nc", Metrics())
 
 
 def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeypatch, capsys):

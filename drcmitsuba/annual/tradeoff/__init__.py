@@ -1,22 +1,20 @@
-"""What accuracy costs in time: a case under many settings, against an unbiased reference.
+"""Trade-off: error and seconds of a case under many settings, against an unbiased reference.
 
-tradeoff
-    From a case to a `Tradeoff`, which shows and saves itself.
+run
+    `tradeoff`: from a case to a `Tradeoff`; one setting evaluated in a process of its own.
 settings
-    The design: which settings are tried. coarser: films with fewer levels.
+    Settings that are tried; films with fewer levels.
 reference
-    Illuminance by `coefficient`, for some hours of the year.
-deviation
-    Errors without the reference's own noise.
-evaluation, process
-    One setting, evaluated in a process of its own.
-row, table, picture
-    What was found, for the eye.
+    Illuminance by the integrator `coefficient`, for some hours of the year.
+errors
+    Errors of a setting without the reference's own noise; the row of a setting.
+table
+    `Tradeoff`: table and picture.
 """
 
 from __future__ import annotations
 
-from drcmitsuba.annual.tradeoff.row import Row
+from drcmitsuba.annual.tradeoff.errors import Row
 from drcmitsuba.annual.tradeoff.run import tradeoff
 from drcmitsuba.annual.tradeoff.table import Tradeoff
 

@@ -28,8 +28,9 @@ from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.shadow_rays import sun_deposit
 
 SUBDIVISION = 6
-"""Of the reference's sky: 5185 patches."""
+"""Reinhart's factor of the reference's sky: 5185 patches."""
 HOURS, MOST_SENSORS = 200, 600
+"""Time stamps and sensors of the reference, about and at most."""
 FEWEST_ROUNDS, ROUNDS = 4, 16
 """Rounds that are made at least, and that the time is cut into at least."""
 ENOUGH = 0.5
@@ -119,7 +120,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Light:
+class ReferenceDaylight:
     """Sky and suns of the reference's hours: luminances [cd/m²] and directions."""
 
     sky: np.ndarray
@@ -127,9 +128,11 @@ class Light:
     directions: np.ndarray
     diameter: float
 
-    def only(self, hours: np.ndarray) -> Light:
+    def only(self, hours: np.ndarray) -> ReferenceDaylight:
         """Keep some hours."""
-        return Light(self.sky[hours], self.sun[hours], self.directions[hours], self.diameter)
+        return ReferenceDaylight(
+            self.sky[hours], self.sun[hours], self.directions[hours], self.diameter
+        )
 
     @property
     def shining(self) -> np.ndarray:
@@ -137,25 +140,27 @@ class Light:
         return np.flatnonzero(self.sun > 0)
 
 
-def light_of(case: Case, times: np.ndarray) -> Light:
+def reference_daylight(case: Case, times: np.ndarray) -> ReferenceDaylight:
     """Exact suns and a fine sky for some of a case's hours."""
     sky = case.sky.model_copy(update={"subdivision": SUBDIVISION})
-    found = daylight(case.model_copy(update={"sky": sky, "sun": TrueSun()}))
-    L, sun = found.sky.sel(time=times), found.sun.sel(time=times)
+    whole = daylight(case.model_copy(update={"sky": sky, "sun": TrueSun()}))
+    L, sun = whole.sky.sel(time=times), whole.sun.sel(time=times)
     directions = sun["direction"].transpose("time", "axis").values
-    return Light(L["sky"].values, L["sun"].values, directions, case.outside.sun_diameter)
+    return ReferenceDaylight(
+        L["sky"].values, L["sun"].values, directions, case.outside.sun_diameter
+    )
 
 
 @dataclass(frozen=True)
-class Referencing:
-    """The job: make the reference in rounds until a time.
+class TraceReference:
+    """Job: trace the reference in rounds until a time.
 
     Parameters
     ----------
     case : Case
     times : np.ndarray of datetime64, shape (time,)
     until : float
-        By `time.monotonic`. Four rounds are made in any case.
+        End by `time.monotonic` [s]; four rounds are traced in any case.
     """
 
     case: Case
@@ -163,10 +168,10 @@ class Referencing:
     until: float
 
     def __call__(self) -> Reference:
-        """Make it."""
+        """Trace the reference."""
         start = time.monotonic()
         backend.select()
-        light = light_of(self.case, self.times)
+        light = reference_daylight(self.case, self.times)
         direct = direct_sun(self.case, light)
         shading = self.case.shading
         closed = np.zeros(len(self.times), bool)
@@ -174,18 +179,18 @@ class Referencing:
             as_array = xr.DataArray(direct, dims=("time", "sensor"))
             closed = metrics.shade_closed(as_array, shading.threshold, shading.area).values
         sensors = some_sensors(self.case)
-        states = [_State.of(self.case, "open", light, sensors)]
+        states = [_TracedState.of(self.case, "open", light, sensors)]
         if closed.any():
-            states.append(_State.of(self.case, "shaded", light.only(closed), sensors))
+            states.append(_TracedState.of(self.case, "shaded", light.only(closed), sensors))
         spp, rounds = self._sampled(states)
-        E = [np.stack(found) for found in zip(*rounds, strict=True)]
+        E = [np.stack(of_state) for of_state in zip(*rounds, strict=True)]
         shaded = E[1] if closed.any() else np.zeros((len(rounds), 0, len(sensors)), np.float32)
         return Reference(
             self.times, sensors, E[0], shaded, direct, closed, spp * len(rounds),
             time.monotonic() - start,
         )  # fmt: skip
 
-    def _sampled(self, states: list[_State]) -> tuple[int, list[list[np.ndarray]]]:
+    def _sampled(self, states: list[_TracedState]) -> tuple[int, list[list[np.ndarray]]]:
         """Paths from a sensor in each round, and E of every round and state."""
         pilot = max(1, PILOT // states[0].size)
         for seed in (0, 1):  # the first one compiles
@@ -205,7 +210,7 @@ class Referencing:
 
 def _spread(rounds: list[list[np.ndarray]]) -> float:
     """RMS of the standard error of E with the shade open, over its mean [%]."""
-    E = np.stack([found[0] for found in rounds])
+    E = np.stack([is_open for is_open, *_ in rounds])
     return 100 * float(np.sqrt(E.var(axis=0, ddof=1).mean() / len(E)) / E.mean())
 
 
@@ -215,7 +220,7 @@ def _channels(case: Case) -> Iterator[tuple[int, float]]:
     yield from enumerate(weights)
 
 
-def direct_sun(case: Case, light: Light) -> np.ndarray:
+def direct_sun(case: Case, light: ReferenceDaylight) -> np.ndarray:
     """Sun that comes straight to all sensors of a case, shape (time, sensor) [lx]."""
     points, normals = (mi.Float(a.astype(np.float32).ravel()) for a in sensor_points(case))
     lit = light.shining
@@ -232,17 +237,19 @@ def direct_sun(case: Case, light: Light) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _State:
+class _TracedState:
     """What is traced for one state of the shade: a scene for every channel, and its light."""
 
     scenes: tuple[Any, ...]
     weights: tuple[float, ...]
-    light: Light
+    light: ReferenceDaylight
     points: np.ndarray
     normals: np.ndarray
 
     @classmethod
-    def of(cls, case: Case, state: State, light: Light, sensors: np.ndarray) -> _State:
+    def of(
+        cls, case: Case, state: State, light: ReferenceDaylight, sensors: np.ndarray
+    ) -> _TracedState:
         points, normals = (a[sensors] for a in sensor_points(case))
         channels, weights = zip(*_channels(case), strict=True)
         scenes = tuple(_with_sources(scene.load(case, state, c).full, light) for c in channels)
@@ -273,7 +280,7 @@ class _State:
         return E.astype(np.float32)
 
 
-def _with_sources(walls: mi.Scene, light: Light) -> mi.Scene:
+def _with_sources(walls: mi.Scene, light: ReferenceDaylight) -> mi.Scene:
     """A scene with the fine sky, and the suns that shine."""
     world: dict[str, Any] = {f"shape{i}": shape for i, shape in enumerate(walls.shapes())}
     world["sky"] = {"type": "tregenza_sky", "subdivision": SUBDIVISION}

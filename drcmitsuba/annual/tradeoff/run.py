@@ -1,31 +1,67 @@
-"""From a case to the table of what accuracy costs."""
+"""From a case to its trade-off: every setting is evaluated in a process of its own."""
 
 from __future__ import annotations
 
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import drjit as dr
 import numpy as np
 
-from drcmitsuba.annual.tradeoff import process
-from drcmitsuba.annual.tradeoff.deviation import Yardstick
-from drcmitsuba.annual.tradeoff.evaluation import Evaluation
-from drcmitsuba.annual.tradeoff.reference import Referencing, some_hours
-from drcmitsuba.annual.tradeoff.row import Row
+from drcmitsuba.annual.result import Result, evaluate
+from drcmitsuba.annual.tradeoff.errors import Row, SettingResult, Yardstick
+from drcmitsuba.annual.tradeoff.reference import TraceReference, some_hours
 from drcmitsuba.annual.tradeoff.settings import Setting, design
 from drcmitsuba.annual.tradeoff.table import Tradeoff
 from drcmitsuba.case.case import Case
-from drcmitsuba.runtime import backend
+from drcmitsuba.runtime import backend, process
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import daylight
 
 SHARE_OF_REFERENCE = 0.5
 """Part of the time that the reference may take."""
+
+
+@dataclass(frozen=True)
+class EvaluateSetting:
+    """Job: evaluate a case as a user would, and keep the time stamps that are named.
+
+    Parameters
+    ----------
+    case : Case
+    times : np.ndarray of datetime64, shape (time,)
+    """
+
+    case: Case
+    times: np.ndarray
+
+    def __call__(self) -> SettingResult:
+        """Evaluate, and once more where kernels had to be compiled: users do that only once."""
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            result = evaluate(self.case)
+            kernels = dr.kernel_history([dr.KernelType.JIT])
+        if any(not k["cache_hit"] and not k["cache_disk"] for k in kernels):
+            del result, kernels
+            dr.flush_malloc_cache()
+            result = evaluate(self.case)
+        return self._kept(result)
+
+    def _kept(self, result: Result) -> SettingResult:
+        E = result.illuminance.sel(time=self.times)
+        total, total_open, direct = (
+            luminance(E[name]).transpose("time", "sensor").values
+            for name in ("total", "total_open", "direct_sun")
+        )
+        return SettingResult(
+            total, total_open, direct, E["shade_closed"].values.astype(bool),
+            sum(result.metrics["seconds"].values()), int(result.metrics["peak_memory_bytes"]),
+        )  # fmt: skip
 
 
 def tradeoff(
@@ -74,23 +110,23 @@ def tradeoff(
     start = time.monotonic()
     deadline = start + 60 * minutes
     backend.select()
-    sensor_points(case)  # what is wrong is told before the work begins
+    sensor_points(case)  # refuses unfit sensors before the work begins
     light = daylight(case)
     year = light.sky["time"].values
     times = year[some_hours(year)]
     with stage("reference") as progress:
         until = start + 60 * minutes * SHARE_OF_REFERENCE
-        job = Referencing(case, times, until)
+        job = TraceReference(case, times, until)
         share = (deadline - time.monotonic()) / max(until - time.monotonic(), 1e-3)
         try:
-            found = process.run(job, deadline, lambda done: progress(min(done * share, 1.0)))
+            reference = process.run(job, deadline, lambda done: progress(min(done * share, 1.0)))
         except TimeoutError:
             remedy = "give more --minutes"
             raise InputError("tradeoff", "minutes", f"{minutes:g}: no reference", remedy) from None
-    if not found.is_open.any():
+    if not reference.is_open.any():
         got = f"no light at the {len(times)} that are compared"
         raise InputError(case.source, "period, time stamps", got, "take some with daylight")
-    yardstick = Yardstick(found, case.metrics, len(times) / len(year), light.step_hours)
+    yardstick = Yardstick(reference, case.metrics, len(times) / len(year), light.step_hours)
     with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as folder:
         settings = design(case, Path(folder))
         rows = tuple(Row(setting.name, setting.varied) for setting in settings)
@@ -113,10 +149,10 @@ def _row(
 ) -> Row:
     """Evaluate a setting and measure it; a setting that fails leaves the others alone."""
     try:
-        found = process.run(Evaluation(setting.case, times), deadline)
+        result = process.run(EvaluateSetting(setting.case, times), deadline)
     except TimeoutError:
         return Row(setting.name, setting.varied)
     except process.JobError as failure:
         return Row(setting.name, setting.varied, status=f"failed: {failure}")
-    errors = yardstick.errors(found, same_sensors=setting.same_sensors(case))
-    return Row(setting.name, setting.varied, "done", errors, found.seconds, found.memory)
+    errors = yardstick.errors(result, same_sensors=setting.same_sensors(case))
+    return Row(setting.name, setting.varied, "done", errors, result.seconds, result.memory)

@@ -1,15 +1,24 @@
-"""The design: which settings are tried, one changed at a time from the default, a few together."""
+"""The settings that are tried: one changed at a time from the default, a few together.
+
+`coarser` gives tensor trees fewer levels: the resolution of a film's file is a setting as well.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from drcmitsuba.annual.tradeoff.coarser import trees, with_coarser_films
+import numpy as np
+from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.tensor import TensorTree
+
+from drcmitsuba.bsdf import xml
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
+from drcmitsuba.scene.materials import film
 
 RAYS = (
     "paths", "cell_sky_rays", "sensor_sky_rays", "sensor_sun_samples", "pane_points",
@@ -116,29 +125,29 @@ def design(case: Case, folder: Path) -> list[Setting]:
 
     adaptive = Adaptive(model="adaptive")
     own = (case.accuracy, case.sky, case.sun) == (base.accuracy, base.sky, base.sun)
-    found = [Setting("default, yours" if own else "default", "default", base)]
+    settings = [Setting("default, yours" if own else "default", "default", base)]
     if not own:
         limit = min(case.accuracy.time_limit, LONGEST)
         accuracy = case.accuracy.model_copy(update={"time_limit": limit})
         mine = case.model_copy(update={"accuracy": accuracy})
-        found.append(Setting("yours", "yours", mine))
-    found += [
+        settings.append(Setting("yours", "yours", mine))
+    settings += [
         Setting("samples × 1/4", "samples", changed(samples(1 / 4))),
         Setting("cells 0.9 m", "cell size", changed(cells(0.9))),
         Setting("samples × 2", "samples", changed(samples(2))),
         Setting("sky MF 2", "sky", changed(sky=2)),
     ]
     if trees(case):
-        found += [
+        settings += [
             Setting(f"film −{n} level{'s' * (n > 1)}", "film", with_coarser_films(base, n, folder))
             for n in (1, 2)
         ]
-    found += [
+    settings += [
         Setting(_sun_name(sun, sky), "sun model", changed(sky=sky, sun=sun))
         for sun, sky in SUN_MODELS
     ]
     fast, fine = cells(0.9, samples(1 / 4)), cells(0.3, samples(2))
-    found += [
+    settings += [
         Setting("spacing × 2", "sensor spacing", spaced(base, 2)),
         Setting("samples × 1/2", "samples", changed(samples(1 / 2))),
         Setting("cells 0.3 m", "cell size", changed(cells(0.3))),
@@ -152,9 +161,62 @@ def design(case: Case, folder: Path) -> list[Setting]:
         Setting("cells 0.15 m", "cell size", changed(cells(0.15))),
         Setting("sky MF 6", "sky", changed(sky=6)),
     ]
-    return found
+    return settings
 
 
 def _sun_name(sun: Sun, subdivision: int) -> str:
     name = sun.model.replace("_", "-")
     return name if subdivision == 1 else f"{name}, MF {subdivision}"
+
+
+def coarser(tree: TensorTree, levels: int) -> TensorTree:
+    """Cut the finest levels off a tree: a cell takes the mean of the leaves within it.
+
+    Parameters
+    ----------
+    tree : TensorTree
+    levels : int
+        Levels that are cut off; the root stays.
+
+    Returns
+    -------
+    TensorTree
+        With the same mean over all pairs of directions.
+    """
+    cut = min(levels, tree.depth)
+    depth = tree.depth - cut
+    cell, first = np.unique(tree.start >> tree.rank * cut, return_index=True)
+    level = np.minimum(tree.level[first], depth)
+    # Share of its cell that a leaf fills; larger leaves are cells of their own.
+    share = 2.0 ** (-tree.rank * np.maximum(tree.level - depth, 0))
+    return TensorTree(tree.rank, depth, cell, level, np.add.reduceat(tree.value * share, first))
+
+
+def trees(case: Case) -> dict[str, BsdfFile]:
+    """The films of a case whose resolution can be changed: grey tensor trees, by material."""
+    used = {strip.material for facade in case.facade.values() for strip in facade.strips}
+    if case.shading is not None:
+        used.add(case.shading.material)
+    measured = {
+        name: film(m.file).file
+        for name, m in case.materials.items()
+        if name in used and isinstance(m, BsdfMaterial)
+    }
+    return {n: f for n, f in measured.items() if f.kind.startswith("Tensor") and not f.colour}
+
+
+def with_coarser_films(case: Case, levels: int, folder: Path) -> Case:
+    """Give every tensor tree of a case `levels` fewer levels; the files go to `folder`."""
+    materials = dict(case.materials)
+    for name, file in trees(case).items():
+        components = {
+            key: coarser(c, levels)
+            for key, c in file.components.items()
+            if isinstance(c, TensorTree)
+        }
+        path = folder / f"{len(list(folder.iterdir()))}.xml"
+        xml.save(replace(file, components=components), path)
+        material = materials[name]
+        assert isinstance(material, BsdfMaterial)
+        materials[name] = material.model_copy(update={"file": path})
+    return case.model_copy(update={"materials": materials})

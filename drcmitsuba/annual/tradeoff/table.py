@@ -1,21 +1,220 @@
-"""What a trade-off found, as a table that shows and saves itself."""
+"""Result of a trade-off: a table of the settings, and a picture of their frontier."""
 
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from drcmitsuba.annual.tradeoff.deviation import Yardstick
-from drcmitsuba.annual.tradeoff.picture import frontier
-from drcmitsuba.annual.tradeoff.row import HEADER, Row
+from drcmitsuba.annual.tradeoff.errors import HEADER, Row, Yardstick
 from drcmitsuba.case.case import Case
 from drcmitsuba.report import plots
+from drcmitsuba.report.plots import BLUE, GREY, INK, ORANGE
 from drcmitsuba.runtime import storage
+
+COLOURS = {
+    "default": INK,
+    "yours": INK,
+    "samples": BLUE,
+    "cell size": ORANGE,
+    "film": "#CC79A7",
+    "sun model": "#009E73",
+    "sky": "#56B4E9",
+    "combination": "#E69F00",
+}
+"""Told apart by colour-blind readers, as in `plots`."""
+MARKED = {"default": ("*", 260), "yours": ("D", 80)}
+"""Marker and size [pt²] of the settings that are not one of many."""
+OWN, HIDDEN = "#ECECEC", "#DADADA"
+"""Of the bands of the reference's error."""
+FONT = 8.0
+"""Size of the labels [pt]."""
+
+
+def pareto(seconds: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Positions of the settings that no other one beats in both time and error, by time."""
+    order = np.lexsort((error, seconds))
+    best = np.minimum.accumulate(error[order])
+    new = np.concatenate([[True], error[order][1:] < best[:-1]])
+    return order[new]
+
+
+def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
+    """Draw seconds against the RMS error of E on logarithmic axes.
+
+    Parameters
+    ----------
+    name : str
+        Of the case.
+    rows : sequence of Row
+    own_rms : float
+        RMS error of the reference itself [%].
+
+    Returns
+    -------
+    Figure
+        Settings whose error the noise of the reference hides stand at its upper bound, with an
+        arrow down. The grey bands are the reference's own error, and how much of an error it hides.
+    """
+    figure = Figure(figsize=(9.0, 6.2), layout="constrained")
+    ax = figure.add_subplot()
+    rows = [row for row in rows if row.is_on_plot]
+    title = f"{name}: what accuracy costs"
+    ax.set_title(title, loc="left", weight="bold", fontsize=11, parse_math=False)
+    ax.set_xlabel("seconds for the period, without start-up")
+    ax.set_ylabel("RMS error of E [% of its mean]")
+    if not rows:
+        ax.text(0.5, 0.5, "no setting was reached", transform=ax.transAxes, ha="center")
+        return figure
+    seconds = np.array([row.seconds for row in rows])
+    error = np.array([_shown(row) for row in rows])
+    _axes(ax, seconds, np.append(error, own_rms))
+    hidden = _hidden(rows)
+    for error_of_reference, grey in ((own_rms, OWN), (hidden, HIDDEN)):
+        ax.axhspan(ax.get_ylim()[0], error_of_reference, color=grey, zorder=0, linewidth=0)
+    at = pareto(seconds, error)
+    ax.plot(seconds[at], error[at], color=GREY, linewidth=1.2, zorder=1)
+    for row, x, y in zip(rows, seconds, error, strict=True):
+        _point(ax, row, x, y)
+    _labels(figure, ax, rows, np.column_stack([seconds, error]), at)
+    _legend(figure, rows, own_rms, hidden)
+    return figure
+
+
+def _hidden(rows: Sequence[Row]) -> float:
+    """Smallest RMS error [%] that is not lost in the noise of the reference."""
+    spread = min(row.errors.square.error for row in rows if row.errors is not None)
+    return 100 * float(np.sqrt(spread))
+
+
+def _shown(row: Row) -> float:
+    """Error of a row on the plot; its upper bound where the noise hides it."""
+    assert row.errors is not None
+    return row.errors.rms_below if row.errors.is_hidden else row.errors.rms
+
+
+def _axes(ax: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """Logarithmic axes around the points, with plain numbers and room for labels."""
+    for axis, values, margin in ((ax.xaxis, x, 0.16), (ax.yaxis, y, 0.12)):
+        low, high = np.log10([values.min(), values.max()])
+        room = max(margin * (high - low), 0.08)
+        limits = 10 ** (low - room), 10 ** (high + room)
+        if axis is ax.xaxis:
+            ax.set(xscale="log", xlim=limits)
+        else:
+            ax.set(yscale="log", ylim=limits)
+        axis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
+        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    ax.grid(color="#EEEEEE", linewidth=0.8)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def _point(ax: Axes, row: Row, x: float, y: float) -> None:
+    assert row.errors is not None
+    marker, size = MARKED.get(row.varied, ("o", 46))
+    style: dict[str, Any] = {"color": COLOURS[row.varied], "zorder": 3}
+    if row.errors.is_hidden:
+        ax.scatter(x, y, size, marker=marker, facecolor="white", edgecolor=style["color"], zorder=3)
+        arrow = {"arrowstyle": "<-", "color": style["color"], "linewidth": 1.1, "shrinkB": 4}
+        ax.annotate("", (x, y), (0, -20), textcoords="offset points", arrowprops=arrow)
+        return
+    bar = min(row.errors.rms_error, 0.9 * y)
+    ax.errorbar(x, y, bar, elinewidth=0.8, alpha=0.6, **style)
+    ax.scatter(x, y, size, marker=marker, edgecolor="white", linewidth=0.7, **style)
+
+
+def _labels(
+    figure: Figure, ax: Axes, rows: Sequence[Row], points: np.ndarray, best: np.ndarray
+) -> None:
+    """Label every point where nothing else lies, the frontier through `best` included.
+
+    A thin line leads from a label that is not close to its point.
+    """
+    figure.canvas.draw()  # sets the layout, which the places depend on
+    dots = ax.transData.transform(points)
+    scale = figure.dpi / 72
+    steps = np.linspace(0, 1, 60)[:, None, None]
+    on_line = (dots[best[:-1]] * (1 - steps) + dots[best[1:]] * steps).reshape(-1, 2)
+    taken = [
+        (x - half * scale, y - half * scale, x + half * scale, y + half * scale)
+        for places, half in ((dots, 6), (on_line, 2))
+        for x, y in places
+    ]
+    frame = ax.get_window_extent()
+    for i in np.argsort(points[:, 0]):
+        text = rows[i].name
+        bold = rows[i].varied in MARKED
+        width = (0.62 if bold else 0.54) * FONT * scale * len(text)
+        height = 1.25 * FONT * scale
+        left, bottom = _free(dots[i], width, height, taken, frame.extents, scale)
+        taken.append((left, bottom, left + width, bottom + height))
+        shift = (np.array([left, bottom + height / 2]) - dots[i]) / scale
+        centre = (np.array([left + width / 2, bottom + height / 2]) - dots[i]) / scale
+        far = np.hypot(*centre) > width / 2 / scale + 16
+        line = {"arrowstyle": "-", "color": "#AAAAAA", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 4}
+        ax.annotate(
+            text, points[i], tuple(shift), textcoords="offset points", va="center",
+            fontsize=FONT, color=INK, zorder=4,
+            weight="bold" if bold else "normal",
+            arrowprops=line if far else None,
+        )  # fmt: skip
+
+
+def _free(
+    dot: np.ndarray, width: float, height: float, taken: Sequence[tuple[float, ...]],
+    frame: np.ndarray, scale: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Lower left corner [px] of the nearest place for a label that overlaps least."""
+    best, least = (dot[0], dot[1]), np.inf
+    for ring in range(12):
+        gap = (9 + 7 * ring) * scale
+        for angle in np.radians([0, 180, 90, 270, 30, -30, 150, 210, 60, -60, 120, 240]):
+            c, s = np.cos(angle), np.sin(angle)
+            left = dot[0] + gap * c + width * (c - 1) / 2
+            bottom = dot[1] + gap * s + height * (s - 1) / 2
+            box = (left, bottom, left + width, bottom + height)
+            overlap = sum(_overlap(box, other) for other in taken)
+            outside = width * height - _overlap(box, tuple(frame))
+            cost = overlap + 2 * outside + 0.02 * ring * width * height
+            if cost < least - 1e-6:
+                best, least = (left, bottom), cost
+    return best
+
+
+def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    """Area that two boxes (left, bottom, right, top) share."""
+    wide = min(a[2], b[2]) - max(a[0], b[0])
+    high = min(a[3], b[3]) - max(a[1], b[1])
+    return max(wide, 0.0) * max(high, 0.0)
+
+
+def _legend(figure: Figure, rows: Sequence[Row], own_rms: float, hidden: float) -> None:
+    varied = [name for name in COLOURS if name in {row.varied for row in rows}]
+    keys: list[Any] = [
+        Line2D(
+            [], [], linestyle="", marker=MARKED.get(name, ("o", 0))[0], color=COLOURS[name],
+            markersize=11 if name == "default" else 6.5, label=name,
+        )
+        for name in varied
+    ]  # fmt: skip
+    keys.append(Line2D([], [], color=GREY, linewidth=1.2, label="frontier"))
+    own = f"own error of the reference, {own_rms:.1f} %"
+    keys.append(Patch(color=OWN, label=own))
+    keys.append(Patch(color=HIDDEN, label=f"what of it cannot be taken off, {hidden:.1f} %"))
+    figure.legend(handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
 
 
 @dataclass(frozen=True)
@@ -25,7 +224,7 @@ class Tradeoff:
     Parameters
     ----------
     name : str
-        Of the case.
+        Name of the case.
     rows : tuple of Row
     own_rms, own_mean : float
         Errors of the reference itself: RMS of E, and of the mean E [%].
@@ -59,7 +258,7 @@ class Tradeoff:
 
     @classmethod
     def of(cls, case: Case, yardstick: Yardstick, year: int, rows: tuple[Row, ...]) -> Tradeoff:
-        """Take what is told about the reference from it."""
+        """Take the numbers of the reference from its yardstick."""
         ref = yardstick.reference
         return cls(
             name=case.name,
@@ -125,6 +324,6 @@ class Tradeoff:
         self.figure().savefig(buffer, format="png", dpi=100)
         picture = base64.b64encode(buffer.getvalue()).decode()
         shown = pd.DataFrame([row.cells() for row in self.rows], columns=HEADER)
-        told = "".join(f"<p>{note}</p>" for note in self.notes())
+        remarks = "".join(f"<p>{note}</p>" for note in self.notes())
         image = f'<img alt="seconds against error" src="data:image/png;base64,{picture}">'
-        return f"{shown.to_html(index=False, border=0)}{told}{image}"
+        return f"{shown.to_html(index=False, border=0)}{remarks}{image}"

@@ -11,25 +11,32 @@ import pandas as pd
 import pytest
 from drcmitsuba_plugins.tensor import TensorTree
 
-from drcmitsuba.annual.tradeoff import Row, Tradeoff, process, tradeoff
-from drcmitsuba.annual.tradeoff.coarser import coarser, trees
-from drcmitsuba.annual.tradeoff.deviation import Errors, Measured, Yardstick, jackknife, mean_square
-from drcmitsuba.annual.tradeoff.evaluation import Evaluated
-from drcmitsuba.annual.tradeoff.picture import frontier, pareto
+from drcmitsuba.annual.tradeoff import Row, Tradeoff, tradeoff
+from drcmitsuba.annual.tradeoff.errors import (
+    Errors,
+    Estimate,
+    SettingResult,
+    Yardstick,
+    jackknife,
+    mean_square,
+)
 from drcmitsuba.annual.tradeoff.reference import Reference, some_hours, some_sensors
 from drcmitsuba.annual.tradeoff.settings import (
     LONGEST,
     RAYS,
+    coarser,
     default,
     design,
     spaced,
     times_samples,
+    trees,
 )
+from drcmitsuba.annual.tradeoff.table import frontier, pareto
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.runtime import backend
+from drcmitsuba.runtime import backend, process
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import film
 
@@ -197,7 +204,7 @@ def reference(truth, noise=NOISE, seed=2):
 def evaluated(total, direct=None, closed=None):
     direct = np.zeros_like(total) if direct is None else direct
     closed = np.zeros(TIMES, bool) if closed is None else closed
-    return Evaluated(total, total, direct, closed, 1.0, 1)
+    return SettingResult(total, total, direct, closed, 1.0, 1)
 
 
 def yardstick(reference, **thresholds):
@@ -247,7 +254,7 @@ def test_e_is_compared_in_the_same_state_of_the_shade(truth):
     ref = replace(reference(truth, noise=0.0), shaded=shaded, closed=closed)
     mine = np.isin(np.arange(TIMES), [0, 2])
     total = np.where(mine[:, None], 0.1 * truth, truth)
-    found = Evaluated(total, truth, np.zeros_like(truth), mine, 1.0, 1)
+    found = SettingResult(total, truth, np.zeros_like(truth), mine, 1.0, 1)
     errors = yardstick(ref).errors(found, same_sensors=True)
     assert errors.rms < 1e-3
     assert errors.shade.value == pytest.approx(100 * 2 / TIMES)
@@ -301,13 +308,13 @@ def errors(rms, hidden=False):
     square = (rms / 100) ** 2
     spread = 4 * square if hidden else square / 20
     return Errors(
-        Measured(square, spread), Measured(-0.2, 0.1), Measured(0.5, 0.2), Measured(-0.2),
-        Measured(0.01), Measured(0.0),
+        Estimate(square, spread), Estimate(-0.2, 0.1), Estimate(0.5, 0.2), Estimate(-0.2),
+        Estimate(0.01), Estimate(0.0),
     )  # fmt: skip
 
 
 def rows():
-    unknown = Measured(float("nan"), float("nan"))
+    unknown = Estimate(float("nan"), float("nan"))
     grid = replace(errors(1.0), square=unknown, mean=unknown, direct_sun=unknown)
     numbers = [
         ("default, yours", "default", 4.0, 3.0), ("samples × 1/4", "samples", 2.0, 6.0),

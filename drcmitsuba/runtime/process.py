@@ -1,4 +1,4 @@
-"""A job in a process of its own: its memory is its own, and its end is nobody else's.
+"""A job in a process of its own, with its own memory, whose failure leaves the caller alone.
 
 Processes are started by the interpreter's name rather than by `multiprocessing`, which would run
 the user's own script once more.
@@ -45,16 +45,21 @@ def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -
     deadline : float
         By `time.monotonic`; a job that is not done by then is stopped.
     progress : callable
-        Told the share of the time until the deadline that is over.
+        Called with the share of the time until the deadline that is over.
+
+    Returns
+    -------
+    object
+        What the job returned.
 
     Raises
     ------
     TimeoutError
-        The deadline came.
+        The job was not done by the deadline.
     JobError
-        The process ended otherwise.
+        The process ended without a result.
     InputError, BackendError
-        What the job raised of these.
+        The job raised it.
     """
     start = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as name:
@@ -84,9 +89,9 @@ def _result(folder: Path, code: int) -> Any:
     """What a process has left behind."""
     file = folder / "result"
     if not file.is_file():
-        told = (folder / "stderr").read_text(errors="replace").strip().splitlines()
+        lines = (folder / "stderr").read_text(errors="replace").strip().splitlines()
         ended = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        raise JobError(f"{ended}: {told[-1][:200]}" if told else ended)
+        raise JobError(f"{ended}: {lines[-1][:200]}" if lines else ended)
     kind, content = pickle.loads(file.read_bytes())
     if kind == "input":
         raise InputError(*content)
@@ -99,13 +104,13 @@ def work(name: str) -> None:
     """Do the job in a folder and leave the result there; the other process' side of `run`."""
     folder = Path(name)
     job = pickle.loads((folder / "job").read_bytes())
-    found: tuple[str, object]
+    result: tuple[str, object]
     try:
-        found = ("done", job())
+        result = ("done", job())
     except InputError as error:
-        found = ("input", (error.source, error.field, error.got, error.remedy))
+        result = ("input", (error.source, error.field, error.got, error.remedy))
     except BackendError as error:
-        found = ("backend", str(error))
+        result = ("backend", str(error))
     part = folder / "part"
-    part.write_bytes(pickle.dumps(found, protocol=pickle.HIGHEST_PROTOCOL))
+    part.write_bytes(pickle.dumps(result, protocol=pickle.HIGHEST_PROTOCOL))
     part.replace(folder / "result")

@@ -1,0 +1,322 @@
+"""Errors of a setting against the reference, without the reference's own noise.
+
+The squared difference to a mean of R independent rounds is too large by the variance of that mean.
+With d_r = E − E_r, the mean over all pairs r ≠ q of ⟨d_r d_q⟩ is free of it: every pair's noises
+are independent, so ⟨(E − true)²⟩ is estimated without bias, and may come out below zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import metrics
+from drcmitsuba.annual.tradeoff.reference import Reference
+from drcmitsuba.case.metrics import Metrics
+
+
+@dataclass(frozen=True)
+class SettingResult:
+    """Illuminance of a setting at some of its time stamps, and what its evaluation cost.
+
+    Parameters
+    ----------
+    total, total_open, direct_sun : np.ndarray, shape (time, sensor)
+        [lx]; luminance where the case is coloured.
+    closed : np.ndarray of bool, shape (time,)
+        Whether the shade is closed.
+    seconds : float
+        Seconds of the whole period, without start-up and writing.
+    memory : int
+        Largest memory that the process held [bytes].
+    """
+
+    total: np.ndarray
+    total_open: np.ndarray
+    direct_sun: np.ndarray
+    closed: np.ndarray
+    seconds: float
+    memory: int
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number and its standard error."""
+
+    value: float
+    error: float = 0.0
+
+
+def jackknife(value: Callable[[np.ndarray], float], rounds: int) -> Estimate:
+    """Value of all rounds, and its standard error from leaving out each.
+
+    Parameters
+    ----------
+    value : callable
+        Gives the value from the indices of the rounds that are used.
+    rounds : int
+        Number of rounds; at least 3 for a value that takes pairs.
+
+    Returns
+    -------
+    Estimate
+    """
+    every = np.arange(rounds)
+    left_out = np.array([value(np.delete(every, r)) for r in every])
+    spread = (rounds - 1) / rounds * ((left_out - left_out.mean()) ** 2).sum()
+    return Estimate(value(every), float(np.sqrt(spread)))
+
+
+def mean_square(products: np.ndarray, rounds: np.ndarray) -> float:
+    """Mean over the pairs of different rounds of a matrix of products."""
+    some = products[np.ix_(rounds, rounds)]
+    n = len(rounds)
+    return float((some.sum() - np.trace(some)) / (n * (n - 1)))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a setting on the reference's hours; NaN for what cannot be compared.
+
+    Parameters
+    ----------
+    square : Estimate
+        Mean square error of E over the squared mean E, without the reference's noise.
+    mean : Estimate
+        Error of the mean E [%].
+    sda, ase : Estimate
+        Errors of sDA and ASE [points].
+    direct_sun : Estimate
+        Share of the sensor-hours on the wrong side of the threshold of ASE [%].
+    shade : Estimate
+        Share of the hours with the shade in the wrong state [%].
+    """
+
+    square: Estimate
+    mean: Estimate
+    sda: Estimate
+    ase: Estimate
+    direct_sun: Estimate
+    shade: Estimate
+
+    @property
+    def rms(self) -> float:
+        """RMS error of E [%]; 0 where the noise of the reference hides it."""
+        return 100 * float(np.sqrt(max(self.square.value, 0)))
+
+    @property
+    def rms_below(self) -> float:
+        """Bound that the RMS error of E is below with a probability of 95 % [%]."""
+        return 100 * float(np.sqrt(max(self.square.value, 0) + 2 * self.square.error))
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether the RMS error is lost in the noise of the reference."""
+        return not self.square.value > self.square.error
+
+    @property
+    def rms_error(self) -> float:
+        """Standard error of the RMS [%]."""
+        return 0.0 if self.rms == 0 else 50e2 * self.square.error / self.rms
+
+
+UNKNOWN = Estimate(float("nan"), float("nan"))
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """The reference, and the rule that settings are measured by.
+
+    Parameters
+    ----------
+    reference : Reference
+    thresholds : Metrics
+    share : float
+        Of the period's time stamps that the reference has; the hours of ASE shrink with it, as
+        those of the months do in `metrics.mse`.
+    step_hours : float
+        Length of the intervals [h].
+    """
+
+    reference: Reference
+    thresholds: Metrics
+    share: float
+    step_hours: float
+
+    @property
+    def count(self) -> int:
+        """Rounds of the reference."""
+        return len(self.reference.is_open)
+
+    @cached_property
+    def _rounds(self) -> np.ndarray:
+        """E with the shade applied, shape (round, time, sensor) [lx]."""
+        return self.reference.rounds(self.reference.closed)
+
+    @cached_property
+    def mean(self) -> Estimate:
+        """Mean E [lx]."""
+        means = self._rounds.mean(axis=(1, 2), dtype=float)
+        return Estimate(float(means.mean()), float(means.std(ddof=1) / np.sqrt(self.count)))
+
+    @cached_property
+    def own_rms(self) -> float:
+        """RMS of the reference's own error over its mean E [%]."""
+        variance = self._rounds.var(axis=0, ddof=1, dtype=float).mean() / self.count
+        return 100 * float(np.sqrt(variance)) / self.mean.value
+
+    @cached_property
+    def sda(self) -> Estimate:
+        """Daylight autonomy, sDA, of the reference on its hours and sensors [%]."""
+
+        def value(rounds: np.ndarray) -> float:
+            return self._sda(self._rounds[rounds].mean(axis=0))
+
+        return jackknife(value, self.count)
+
+    @cached_property
+    def ase(self) -> float:
+        """Sunlight exposure, ASE, of the reference on its hours, of all sensors [%]."""
+        return self._ase(self.reference.direct_sun)
+
+    def _sda(self, total: np.ndarray) -> float:
+        t = self.thresholds
+        E = xr.DataArray(total, dims=("time", "sensor"))
+        return metrics.sda(E, t.sda_threshold, t.sda_fraction)
+
+    def _ase(self, direct: np.ndarray) -> float:
+        t = self.thresholds
+        E = xr.DataArray(direct, dims=("time", "sensor"))
+        return metrics.ase(E, t.ase_threshold, t.ase_hours * self.share, self.step_hours)
+
+    def errors(self, setting: SettingResult, *, same_sensors: bool) -> Errors:
+        """Compare an evaluation with the reference, hour by hour.
+
+        E is compared in the same state of the shade: open where either has it open. Differences of
+        the state itself appear in `shade` and sDA; here a single hour of them would drown all.
+
+        Parameters
+        ----------
+        setting : SettingResult
+            E at the reference's time stamps and at all sensors of the setting's grid.
+        same_sensors : bool
+            Whether that is the grid of the reference; if not, only sDA, ASE and shade are known.
+
+        Returns
+        -------
+        Errors
+        """
+        ref, mean = self.reference, self.mean
+        shade = Estimate(100 * float((setting.closed != ref.closed).mean()))
+        ase = Estimate(self._ase(setting.direct_sun) - self.ase)
+        if not same_sensors:
+            sda = Estimate(self._sda(setting.total) - self.sda.value, self.sda.error)
+            return Errors(UNKNOWN, UNKNOWN, sda, ase, UNKNOWN, shade)
+        at = ref.sensors
+        both = (setting.closed & ref.closed)[:, None]
+        E = np.where(both, setting.total[:, at], setting.total_open[:, at])
+        d = (E - ref.rounds(setting.closed)).reshape(self.count, -1) / mean.value
+        products = d @ d.T / d.shape[1]
+        limit = self.thresholds.ase_threshold
+        wrong = (setting.direct_sun >= limit) != (ref.direct_sun >= limit)
+        offsets = 100 * d.mean(axis=1, dtype=float)
+        return Errors(
+            square=jackknife(lambda rounds: mean_square(products, rounds), self.count),
+            mean=Estimate(float(offsets.mean()), float(offsets.std(ddof=1) / np.sqrt(self.count))),
+            sda=Estimate(self._sda(setting.total[:, at]) - self.sda.value, self.sda.error),
+            ase=ase,
+            direct_sun=Estimate(100 * float(wrong.mean())),
+            shade=shade,
+        )
+
+
+NOT_RUN = "not run"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A setting: what was changed, whether it ran, and what it cost.
+
+    Parameters
+    ----------
+    name, varied : str
+        As in `settings.Setting`.
+    status : str
+        "done", "not run", or "failed: …".
+    errors : Errors or None
+    seconds : float
+        Of the whole period.
+    memory : int
+        [bytes].
+    """
+
+    name: str
+    varied: str
+    status: str = NOT_RUN
+    errors: Errors | None = None
+    seconds: float = math.nan
+    memory: int = 0
+
+    @property
+    def is_on_plot(self) -> bool:
+        """Whether its E could be compared."""
+        return self.errors is not None and not math.isnan(self.errors.square.value)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The row of the CSV file."""
+        out: dict[str, Any] = {"setting": self.name, "varied": self.varied, "status": self.status}
+        if self.errors is not None:
+            e = self.errors
+            out |= {
+                "E_rms_percent": e.rms,
+                "E_rms_se": e.rms_error,
+                "E_rms_below": e.rms_below,
+                "E_mean_percent": e.mean.value,
+                "E_mean_se": e.mean.error,
+                "sDA_points": e.sda.value,
+                "ASE_points": e.ase.value,
+                "direct_sun_wrong_percent": e.direct_sun.value,
+                "shade_wrong_percent": e.shade.value,
+                "seconds": round(self.seconds, 3),
+                "memory_MiB": round(self.memory / 2**20),
+            }
+        return out
+
+    def cells(self) -> tuple[str, ...]:
+        """The row of the table on a terminal."""
+        if self.errors is None:
+            return self.name, self.status, *[""] * 6
+        e = self.errors
+        rms = f"< {e.rms_below:.1f}" if e.is_hidden else f"{e.rms:.1f}"
+        return (
+            self.name,
+            _number(e.square.value, rms),
+            _number(e.mean.value, _signed(e.mean.value)),
+            _signed(e.sda.value),
+            _signed(e.ase.value),
+            _number(e.direct_sun.value, f"{e.direct_sun.value:.2f}"),
+            f"{self.seconds:.1f}",
+            f"{self.memory / 2**30:.1f}",
+        )
+
+
+def _signed(value: float) -> str:
+    """One decimal with its sign; nothing is 0.0."""
+    text = f"{value:+.1f}"
+    return "0.0" if float(text) == 0 else text
+
+
+def _number(value: float, text: str) -> str:
+    return "–" if math.isnan(value) else text
+
+
+HEADER = (
+    "setting", "E RMS %", "E mean %", "sDA points", "ASE points", "direct sun %", "seconds", "GiB",
+)  # fmt: skip
+"""Columns of `Row.cells`."""
