@@ -16,6 +16,8 @@ sun_models
     Which suns stand for the sun of every time stamp.
 daylight
     Sky and suns of a case.
+notes
+    Remarks on a case's period.
 """
 
 from drcmitsuba.sky.cie import CieSky

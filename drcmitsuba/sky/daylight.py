@@ -19,6 +19,7 @@ from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun_models, weather
+from drcmitsuba.sky.notes import period_notes
 from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
 from drcmitsuba.sky.sun_models import Blend, Suns
 
@@ -46,7 +47,7 @@ class Daylight:
     source : str
         Where the weather is from.
     notes : tuple of str
-        What the reader of the weather changed.
+        Changes that the reader of the weather made, and remarks on the period.
     """
 
     sky: xr.Dataset
@@ -163,7 +164,8 @@ def daylight(case: Case) -> Daylight:
     if blend is not None:
         light["blend_bin"] = (("time", "blend"), blend.bins)
         light["blend_weight"] = (("time", "blend"), blend.weights)
-    return Daylight(light, sun, sources, w.step, w.source, w.notes)
+    notes = (*w.notes, *period_notes(case, light, w.step))
+    return Daylight(light, sun, sources, w.step, w.source, notes)
 
 
 def _sun_sources(case: Case, light: xr.Dataset, sun: xr.Dataset) -> tuple[Suns, Blend | None]:

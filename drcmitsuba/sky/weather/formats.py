@@ -15,7 +15,16 @@ import pvlib
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.weather.record import NOMINAL_YEAR, Weather
-from drcmitsuba.sky.weather.text import CUT, Rows, fields, number, quoted, refuse, rows_of, show
+from drcmitsuba.sky.weather.text import (
+    CUT,
+    NumberedRows,
+    fields,
+    number,
+    quoted,
+    refuse,
+    rows_of,
+    show,
+)
 from drcmitsuba.sky.weather.values import HIGHEST, hourly, site_of, weather_of
 
 TMY3_COLUMNS = {"Date (MM/DD/YYYY)", "Time (HH:MM)", "Dew-point (C)"}
@@ -112,7 +121,7 @@ def _read_wea(path: Path, lines: list[str]) -> Weather:
 
 
 def _wea_time(
-    path: Path, days: pd.DatetimeIndex, hour: pd.Series, table: Rows
+    path: Path, days: pd.DatetimeIndex, hour: pd.Series, table: NumberedRows
 ) -> tuple[pd.DatetimeIndex, float, str]:
     """Starts of the intervals, step [h] and what a stamp is: the middle or the sun's instant."""
     hours = pd.to_numeric(hour, errors="coerce").to_numpy(float)

@@ -61,7 +61,7 @@ def read_text(path: str | Path) -> str:
         return raw.decode("latin-1")
 
 
-class Rows(NamedTuple):
+class NumberedRows(NamedTuple):
     """Rows of a file without 29 February, each with its line number."""
 
     lines: list[str]
@@ -76,7 +76,7 @@ def rows_of(
     split: Callable[[str], list[str]],
     day_and_hour: Callable[[list[str]], Sequence[str]],
     least: int,
-) -> Rows:
+) -> NumberedRows:
     """Check that rows are whole and dated; a row that was cut has fewer fields than the first."""
     kept, numbers, leap_rows, width = [], [], 0, 0
     for number, line in enumerate(lines[first:], first + 1):
@@ -102,7 +102,7 @@ def rows_of(
             numbers.append(number)
     if not kept:
         raise InputError(path, "rows", "none", CUT)
-    return Rows(kept, numbers, leap_rows)
+    return NumberedRows(kept, numbers, leap_rows)
 
 
 def refuse(
@@ -110,7 +110,7 @@ def refuse(
     name: str,
     column: pd.Series,
     bad: np.ndarray,
-    table: Rows,
+    table: NumberedRows,
     what: str,
     remedy: str,
 ) -> None:

@@ -11,7 +11,7 @@ import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.weather.record import NOMINAL_YEAR, Site, Weather
-from drcmitsuba.sky.weather.text import Rows, number, refuse
+from drcmitsuba.sky.weather.text import NumberedRows, number, refuse
 
 HIGHEST = {"dni": 1500.0, "dhi": 1500.0, "ghi": 2000.0}  # W/m², cloud enhancement included
 LONG_NAMES = {
@@ -23,7 +23,7 @@ LONG_NAMES = {
 
 
 def nominal_year(
-    path: Path, index: pd.DatetimeIndex, lag: pd.Timedelta, table: Rows
+    path: Path, index: pd.DatetimeIndex, lag: pd.Timedelta, table: NumberedRows
 ) -> pd.DatetimeIndex:
     """Starts of the hours in the nominal year, which they must fill; `lag` from start to label."""
     labels = pd.DatetimeIndex([t.replace(year=NOMINAL_YEAR) for t in index.tz_localize(None)])
@@ -43,7 +43,9 @@ def nominal_year(
     return start
 
 
-def hourly(path: Path, site: Site, frame: pd.DataFrame, lag: pd.Timedelta, table: Rows) -> Weather:
+def hourly(
+    path: Path, site: Site, frame: pd.DataFrame, lag: pd.Timedelta, table: NumberedRows
+) -> Weather:
     """Make the weather of a file with an hour a row; `lag` is from an hour's start to its label."""
     time = nominal_year(path, frame.index, lag, table)
     return weather_of(
@@ -59,7 +61,7 @@ def weather_of(
     irradiance: Mapping[str, pd.Series],
     dew_point: pd.Series | None,
     sun_time: str,
-    table: Rows,
+    table: NumberedRows,
 ) -> Weather:
     """Make the weather of checked columns, with notes on what is missing or odd."""
     absent = np.full(len(time), np.nan)
@@ -92,7 +94,7 @@ def weather_of(
     return Weather(str(path), site, step, data, tuple(notes))
 
 
-def irradiance_of(path: Path, name: str, column: pd.Series, table: Rows) -> np.ndarray:
+def irradiance_of(path: Path, name: str, column: pd.Series, table: NumberedRows) -> np.ndarray:
     """Irradiance [W/m²] of a column; a value that is none is an error that names its line."""
     value = pd.to_numeric(column, errors="coerce").to_numpy(float)
     missing = (value >= 9999) | np.isin(value, (-999, -9900, -9999))
@@ -106,7 +108,7 @@ def irradiance_of(path: Path, name: str, column: pd.Series, table: Rows) -> np.n
     return value
 
 
-def dew_point_of(path: Path, column: pd.Series, table: Rows) -> np.ndarray:
+def dew_point_of(path: Path, column: pd.Series, table: NumberedRows) -> np.ndarray:
     """Dew point [°C], NaN where missing: 99.9 in EPW, -9900 in TMY3, 999.9 in TMY2."""
     value = pd.to_numeric(column, errors="coerce").to_numpy(float)
     text = np.isnan(value) & column.notna().to_numpy()

@@ -1,0 +1,35 @@
+"""Daylight of a case: remarks on its period."""
+
+import pytest
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.sky.daylight import daylight
+
+
+def notes_of(**period):
+    sensors = {"corner": (0, 0, 1), "count": (2, 2)}
+    return daylight(Case.model_validate({"sensors": sensors, "period": period})).notes[1:]
+
+
+def test_a_year_by_day_needs_no_remark():
+    assert notes_of() == ()
+
+
+def test_a_part_of_the_year_is_remarked_upon():
+    (note,) = notes_of(months=[6, 7])
+    assert note == (
+        "the period is 450 h in 2 of 12 months, no year: the 250 h of ASE are not scaled to it"
+    )
+
+
+@pytest.mark.parametrize(("hours", "dark"), [((20, 24), True), ((8, 18), False)])
+def test_hours_without_daylight_are_remarked_upon(hours, dark):
+    noted = [note for note in notes_of(hours=hours) if "have no daylight" in note]
+    assert bool(noted) == dark
+
+
+def test_own_time_stamps_are_no_year(tmp_path):
+    (tmp_path / "stamps.csv").write_text("time\n2015-06-21T12:00\n2015-06-21T23:00\n")
+    year, dark = notes_of(timestamps=tmp_path / "stamps.csv")
+    assert year.startswith("the period is 2 time stamps, no year")
+    assert dark == "1 of 2 time stamps have no daylight; sDA and msDA count them"
