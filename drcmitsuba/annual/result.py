@@ -145,10 +145,11 @@ class Result:
         from html import escape
         from io import BytesIO
 
-        from drcmitsuba.report import plots
+        from drcmitsuba.report import figures, plots
 
         buffer = BytesIO()
-        plots.write(plots.monthly(self.metrics, title=self.case.name), buffer, dpi=100)
+        figure = figures.monthly(self.case, self.illuminance, self.metrics)
+        plots.write(figure, buffer, dpi=100)
         picture = base64.b64encode(buffer.getvalue()).decode()
         names = {"sDA": "sDA", "ASE": "ASE", "shade_closed": "shade closed"}
         rows = "".join(

@@ -16,7 +16,7 @@ sun_models
     Which suns stand for the sun of every time stamp.
 daylight
     Sky and suns of a case.
-notes
+remarks
     Remarks on a case's period.
 """
 

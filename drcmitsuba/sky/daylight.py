@@ -19,8 +19,8 @@ from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun_models, weather
-from drcmitsuba.sky.notes import period_notes
 from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
+from drcmitsuba.sky.remarks import period_notes
 from drcmitsuba.sky.sun_models import Blend, Suns
 
 BLOCK = 1024
