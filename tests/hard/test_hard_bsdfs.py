@@ -1,4 +1,4 @@
-"""BSDFs at their limits: a single cell, nothing at all, too much, one way only, grazing light."""
+"""BSDFs at their limits: a single cell, nothing at all, too much, one way only."""
 
 import json
 
@@ -8,37 +8,39 @@ import numpy as np
 import pytest
 import xarray as xr
 from drcmitsuba_plugins import bsdf_file
-from drcmitsuba_plugins.bsdf_file import Swapped
 from drcmitsuba_plugins.klems_basis import BASES
-from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.tensor import to_direction, to_disk, to_square
 
 from drcmitsuba import InputError
-from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.plan import notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.coefficients import compute
+from tests.hard.bsdf_cases import (
+    BINS,
+    FLOAT,
+    MODES,
+    PANE,
+    ROOM,
+    SUNS,
+    TINY,
+    coefficients,
+    lambertian,
+    load,
+    room,
+    values,
+)
 from tests.hard.mutations import toml
 from tests.unit.plugins.test_measured import (
     IMPORTANCE,
     RADIANCE,
-    as_vector,
     draw,
     interaction,
     write,
     xml,
 )
-
-MODES = pytest.mark.parametrize("mode", [RADIANCE, IMPORTANCE], ids=["radiance", "importance"])
-BINS = len(Patches())
-FLOAT = 1e-5
-"""Float32 and the 5 to 7 digits of a file's text."""
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -46,53 +48,8 @@ def _backend():
     backend.select()
 
 
-def load(path, **parameters):
-    kind = "klems" if bsdf_file.read(path).kind == "Klems" else "tensor_tree"
-    return mi.load_dict({"type": kind, "filename": str(path), **parameters})
-
-
-def values(bsdf, mode, wi, wo):
-    """F·|cos| and density for pairs of directions (n, 3)."""
-    found = bsdf.eval_pdf(mi.BSDFContext(mode), interaction(wi, len(wi)), as_vector(wo))
-    return found[0][0].numpy(), found[1].numpy()
-
-
-ROOM = {
-    "room": {"size": [4.0, 5.0, 3.0], "floor": 0.0, "ceiling": 0.0, "walls": 0.0},
-    "facade": {"south": {"strips": [{"bottom": 0.2, "top": 2.8, "material": "film"}]}},
-    "sensors": {"corner": [1.0, 1.0, 0.6], "count": [2, 2], "spacing": 0.5},
-}
-TINY = {
-    "replicates": 4, "paths": 32, "cell_size": 0.6, "cell_sky_rays": 16, "sensor_sky_rays": 64,
-    "pane_points": 64, "film_sky_samples": 64,
-}  # fmt: skip
-NORTH, UP = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
-PANE = np.stack([np.cross(UP, NORTH), UP, NORTH])
-"""Axes of a pane in the south: x to the west, y up, z into the room."""
-
-
-def room(path, **tables):
-    return Case.model_validate(
-        ROOM | {"materials": {"film": {"type": "bsdf", "file": str(path)}}} | tables
-    )
-
-
-def coefficients(case, directions, diameter=0.5, **accuracy):
-    """Replicates of C by `compute`, shape (replicate, sensor, bin)."""
-    points, normals = sensor_points(case)
-    suns = Suns(tuple(f"sun_{i}" for i in range(len(directions))), np.array(directions), diameter)
-    return compute(scene.load(case), points, normals, suns, Accuracy(**TINY | accuracy))
-
-
-def towards(altitude, azimuth):
-    a, z = np.radians([altitude, azimuth])
-    return [np.sin(z) * np.cos(a), np.cos(z) * np.cos(a), np.sin(a)]
-
-
-SUNS = [towards(50, 180), towards(30, 203)]
-
-
 # One cell of 2⁻⁷: the rest of 4¹⁴ pairs of cells is dark
+
 
 DEPTH, SIDE = 7, 1 << 7
 SHARE = 0.7
@@ -292,16 +249,6 @@ def test_a_film_of_zeros_is_shown_and_evaluated(tmp_path, command, holds):
     assert numbers["sDA"] == {"value": 0, "low": 0, "high": 0}
 
 
-# Too much
-
-
-def lambertian(path, *, t, r=0.0):
-    """File of an evenly scattering pane, the same on both sides."""
-    parts = {"tb": t, "tf": t, "rb": r, "rf": r}
-    path.write_text(xml("TensorTree4", {n: "{%.9g}" % (v / np.pi) for n, v in parts.items()}))
-    return path
-
-
 def test_a_film_that_sends_out_8751_per_cent(tmp_path, command):
     """`bsdf` shows what is wrong; nothing is simulated with it."""
     path = lambertian(tmp_path / "hot.xml", t=40.0, r=47.51)
@@ -403,149 +350,6 @@ def test_a_room_asks_only_for_what_enters(tmp_path, same, plain_coefficients, ho
     turned = {"film": {"type": "bsdf", "file": str(tmp_path / "none.xml"), "flip": True}}
     dark_room = coefficients(room(path, room=lit, materials=turned), SUNS)
     holds("C, mounted the wrong way round", dark_room["replicates"].values.max(), 0)
-
-
-# Grazing light
-
-ANGLES = np.array([80.0, 89.0, 89.9, 89.99, 89.999])
-
-
-def most(file, mode, w):
-    """Albedo bound of directions (n, 3) of the file's frame: of light in, or of light out."""
-    if mode == IMPORTANCE:
-        return np.sum(file.hemispherical(w), axis=0)
-    total = np.zeros(len(w))
-    for name, from_side, to_side in (("tf", 1, -1), ("tb", -1, 1), ("rf", 1, 1), ("rb", -1, -1)):
-        mine = w[:, 2] * to_side > 0
-        component = file.component(name)
-        if not mine.any() or component is None:
-            continue
-        assert from_side
-        if isinstance(component, Swapped):
-            total[mine] += component.tree.hemispherical(w[mine])
-        elif hasattr(component, "rank"):
-            total[mine] += Swapped(component).hemispherical(w[mine])
-        else:
-            total[mine] += component.reversed().hemispherical(w[mine])
-    return total
-
-
-@MODES
-@pytest.mark.parametrize("side", [1, -1], ids=["room", "outside"])
-@pytest.mark.parametrize("kind", ["TensorTree4", "TensorTree3", "LBNL/Klems Full"])
-def test_grazing_incidence(kind, side, mode, tmp_path, holds):
-    """cos θ of 1.7e-5: a weight is f cos / density, and both go to 0."""
-    path = write(tmp_path, kind)
-    bsdf, file = load(path, straight_through="off"), bsdf_file.read(path)
-    # Between two cells' borders, which all directions near the horizon would fall upon.
-    phi = np.radians([10.0, 280.0])
-    theta, phi = (a.ravel() for a in np.meshgrid(np.radians(ANGLES), phi))
-    wi = np.stack(
-        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), side * np.cos(theta)], -1
-    )
-    # Isotropic trees' columns vary within a cell: weights between 0 and 2 of the middle one's.
-    slack = 2.0 if kind == "TensorTree3" and mode == RADIANCE else 1.0
-    bound = most(file, mode, wi)
-    assert bound.max() > 0
-    for d, albedo in zip(wi, bound, strict=True):
-        bs, weight = draw(bsdf, d, mode, 4000)
-        wo, weight, pdf = np.array(bs.wo).T, weight[0].numpy(), bs.pdf.numpy()
-        assert np.isfinite(wo).all()
-        assert (weight >= 0).all()
-        assert (pdf >= 0).all()
-        near = 1e-2 if slack > 1 else 1e-4
-        holds("weight beyond the albedo", max(0, weight.max() - slack * albedo * (1 + near)), FLOAT)
-        f, density = values(bsdf, mode, np.broadcast_to(d, wo.shape), wo)
-        kept = weight > 0
-        # The direction is rounded on its way to the local frame and back: it may change its cell.
-        off = abs(density[kept] / pdf[kept] - 1) > 1e-3
-        holds("samples whose density is another one", off.mean() if kept.any() else 0, 0.02)
-        rest = ~off
-        again = f[kept][rest] / pdf[kept][rest]
-        if rest.any():
-            holds("eval / pdf = weight", abs(again / weight[kept][rest] - 1).max(), 2e-3)
-        grazing = d * [-1, -1, 1]
-        for other in (grazing, -grazing):
-            f, density = values(bsdf, mode, d[None], other[None])
-            assert np.isfinite([f, density]).all()
-            assert f >= 0
-            assert density >= 0
-
-
-@MODES
-@pytest.mark.parametrize("tilt", [0.0, 30.0])
-def test_a_redirecting_film_at_grazing_incidence(tilt, mode, holds):
-    """Its radiance grows as 1/cos θ there by definition: the flux, weight times cos θ, does not."""
-    T, R = 0.6, 0.2
-    film = mi.load_dict({
-        "type": "redirecting_film", "transmittance": T, "redirected": 0.7, "tilt": tilt,
-        "spread": 5.0, "reflectance_front": R,
-    })  # fmt: skip
-    for angle in np.radians(ANGLES):
-        for phi in np.radians([10.0, 90.0, 200.0, 270.0]):
-            for side in (1, -1):
-                c, s = np.cos(angle), np.sin(angle)
-                d = np.array([s * np.cos(phi), s * np.sin(phi), side * c])
-                bs, weight = draw(film, d, mode, 4000)
-                weight = weight[0].numpy()
-                assert np.isfinite(np.array(bs.wo)).all()
-                assert (weight >= 0).all()
-                if mode == IMPORTANCE:
-                    albedo = T + (R if side > 0 else 0)
-                    holds("weight beyond the albedo", max(0, weight.max() - albedo), 1e-4)
-                else:
-                    holds("flux beyond that of two lobes", max(0, (weight * c).max() - 2), FLOAT)
-                wo = np.array(bs.wo).T
-                f, density = values(film, mode, np.broadcast_to(d, wo.shape), wo)
-                kept = weight > 1e-6 * weight.max()
-                again = f[kept] / density[kept]
-                holds("eval / pdf = weight", abs(again / weight[kept] - 1).max(), 1e-2)
-
-
-def form_factor(corners, point, normal):
-    """∫ cos dω over a polygon above the horizon of a point [sr] (Lambert's formula)."""
-    w = corners - point
-    w /= np.linalg.norm(w, axis=1, keepdims=True)
-    total = 0.0
-    for a, b in zip(w, np.roll(w, -1, axis=0), strict=True):
-        edge = np.cross(a, b)
-        total += np.arccos(np.clip(a @ b, -1, 1)) * (edge @ normal) / np.linalg.norm(edge)
-    return abs(total) / 2
-
-
-def before_the_plane(above, half):
-    """∫ cos dω over the part of a small disk before a plane that its centre lies `above` [rad]."""
-    y = np.linspace(max(-above, -half), half, 20_001)
-    return np.trapezoid((above + y) * 2 * np.sqrt(np.maximum(half**2 - y**2, 0)), y)
-
-
-@pytest.mark.parametrize(("above", "within"), [(1.0, 0.03), (0.26, 0.05), (0.05, 0.1)])
-def test_a_film_seen_at_a_grazing_angle_under_a_grazing_sun(above, within, tmp_path, same):
-    """Sensors 5 mm from the pane, its foot in their plane; suns 1° to 0.05° before its plane.
-
-    Under an even sky C sums to T times the form factor. Of the last disk 40 % lie behind the plane;
-    cos θ varies over the disks by as much as it is, which is what limits these samples.
-    """
-    T = 0.4
-    path = lambertian(tmp_path / "even.xml", t=T)
-    case = room(
-        path, facade={"south": {"strips": [{"bottom": 0.6, "top": 2.8, "material": "film"}]}},
-        sensors={"corner": [0.5, 0.0, 0.6], "count": [3, 1], "spacing": 0.01},
-    )  # fmt: skip
-    a = np.radians(above)
-    along = np.linspace(0.2, 1.2, 8)
-    suns = np.stack(
-        [np.cos(a) * np.cos(along), 0 * along - np.sin(a), np.cos(a) * np.sin(along)], 1
-    )
-    C = coefficients(case, suns, replicates=64, pane_points=1 << 10, film_sky_samples=512)
-    C = C["replicates"].values
-    corners = np.array([[0, 0, 0.6], [0, 0, 2.8], [4, 0, 2.8], [4, 0, 0.6]], float)
-    points, normals = sensor_points(case)
-    seen = np.array([form_factor(corners, p, n) for p, n in zip(points, normals, strict=True)])
-    same(C[..., :BINS].sum(axis=2), exact=T * seen, within=0.01)
-    arrives = before_the_plane(a, np.radians(0.25))
-    exact = np.repeat(T / np.pi * arrives * seen[:, None], len(suns), axis=1)
-    same(C[..., BINS:], exact=exact, within=within)
 
 
 def test_lanes_that_are_left_out_stay_out(tmp_path, holds):
