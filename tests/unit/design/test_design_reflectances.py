@@ -84,9 +84,9 @@ def at(interior, rho):
 )  # fmt: skip
 def test_equals_a_fresh_simulation(interiors, year, same, rho):
     case = with_reflectances(case_of(100, replicates=16), rho)
-    C = np.stack([at(interior, rho) for interior in interiors])
-    same(C[:, 0], other=fresh(case, year), within=0.01)
-    same(C[:, 1], other=fresh(case, year, "shaded"), within=0.01)
+    E = np.stack([at(interior, rho) for interior in interiors])
+    same(E[:, 0], other=fresh(case, year), within=0.01)
+    same(E[:, 1], other=fresh(case, year, "shaded"), within=0.01)
 
 
 def test_everything_as_white_as_it_may_be(interiors, year, same):
@@ -122,11 +122,13 @@ def test_shade_that_sees_no_film_in_its_own_plane():
 @pytest.mark.slow
 def test_film_equals_a_fresh_simulation(same):
     year, rho = daylight.daylight(film_case()), {"ceiling": 0.6}
-    C = [Interior.of(film_case(seed, paths=1024, pane_points=512), year) for seed in range(SEEDS)]
-    C = np.stack([at(interior, rho) for interior in C])
+    interiors = [
+        Interior.of(film_case(seed, paths=1024, pane_points=512), year) for seed in range(SEEDS)
+    ]
+    E = np.stack([at(interior, rho) for interior in interiors])
     case = with_reflectances(film_case(100, replicates=16, paths=1024, pane_points=512), rho)
     for i, state in enumerate(("open", "shaded")):
-        same(C[:, i], other=fresh(case, year, state), within=0.01)
+        same(E[:, i], other=fresh(case, year, state), within=0.01)
 
 
 def test_direct_sun_is_that_of_the_coefficients(interiors, year, same):
@@ -182,9 +184,9 @@ def test_gradient_equals_central_differences(interiors, rho):
 def test_gradient_at_the_bounds_equals_one_sided_differences(interiors, bound):
     h = 0.1 if bound == BOUNDS[0] else -0.02  # float32 noise there, high powers here
     for rho in ({**ELSEWHERE, "floor": bound}, dict.fromkeys(KEYS, bound)):
-        E = gradient(interiors[0], rho)
-        assert np.isfinite(E).all()
-        for key, each in zip(KEYS, E, strict=True):
+        slopes = gradient(interiors[0], rho)
+        assert np.isfinite(slopes).all()
+        for key, each in zip(KEYS, slopes, strict=True):
             inward = h if rho[key] == bound else 0.02
             steps = inward * np.arange(5)
             weights = np.array([-25, 48, -36, 16, -3]) / (12 * inward)
@@ -215,17 +217,17 @@ def test_gradient_equals_differences_of_fresh_simulations(interiors, year):
 
     rho, h = reflectances(case_of()), 0.1
     case = case_of(200, replicates=32)
-    C = np.array([gradient(interior, rho, open_mean) for interior in interiors])
+    slopes = np.array([gradient(interior, rho, open_mean) for interior in interiors])
     for i, key in enumerate(KEYS):
         up, down = (
             fresh(with_reflectances(case, {key: rho[key] + step}), year).mean(axis=1)
             for step in (h, -h)
         )  # the same random numbers
         each = (up - down) / (2 * h)
-        errors = [x.std(ddof=1) / np.sqrt(len(x)) for x in (C[:, i], each)]
+        errors = [x.std(ddof=1) / np.sqrt(len(x)) for x in (slopes[:, i], each)]
         error = float(np.hypot(*errors))
-        off = C[:, i].mean() - each.mean()
-        print(f"{key}: {C[:, i].mean():.1f} lx, off by {off:+.2f} ± {error:.2f}")
+        off = slopes[:, i].mean() - each.mean()
+        print(f"{key}: {slopes[:, i].mean():.1f} lx, off by {off:+.2f} ± {error:.2f}")
         assert error < 0.03 * each.mean()
         assert abs(off) < max(0.02 * each.mean(), 3 * error)
 
