@@ -36,7 +36,8 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import mean_and_error
-from drcmitsuba.sky.daylight import Daylight, daylight, luminances
+from drcmitsuba.sky.daylight import Daylight, luminances
+from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport.coefficients import estimate
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.film_orientation import Mount
@@ -168,7 +169,7 @@ class FilmYear:
 
     @classmethod
     def of(
-        cls, case: Case, light: Daylight | None = None, *, state: State = "open",
+        cls, case: Case, daylight: Daylight | None = None, *, state: State = "open",
         depth: int = 5, progress: Progress = lambda share: None,
     ) -> FilmYear:  # fmt: skip
         """Simulate a case once for all films.
@@ -178,7 +179,7 @@ class FilmYear:
         case : Case
             Has strips of a film on its façade, of any file; only its reflection into the room
             counts.
-        light : Daylight, optional
+        daylight : Daylight, optional
             By default that of the case.
         state : {"open", "shaded"}
         depth : int
@@ -197,8 +198,8 @@ class FilmYear:
             raise InputError(case.source, "sun.model", "adaptive", 'take "true_sun"')
         if scene.is_coloured(case):
             raise InputError(case.source, "materials", "colours", "take grey materials")
-        light = daylight(case) if light is None else light
-        world, suns, subdivision = scene.load(case, state), light.suns, case.sky.subdivision
+        daylight = daylight_of(case) if daylight is None else daylight
+        world, suns, subdivision = scene.load(case, state), daylight.suns, case.sky.subdivision
         size = 2 * case.accuracy.cell_size
         films = Films.of(world, size, suns.directions, suns.diameter)
         mount = _mount(case, films)
@@ -219,8 +220,8 @@ class FilmYear:
         transfers = C["replicates"].values[..., is_cell]
         rest = C.isel(bin=~is_cell)
         everyone = np.arange(rest.sizes["sensor"])
-        rests = accumulate.replicates(rest, light.sky, everyone).astype(np.float32)
-        L = luminances(light)["L"].values
+        rests = accumulate.replicates(rest, daylight.sky, everyone).astype(np.float32)
+        L = luminances(daylight)["L"].values
         return cls(
             Bins(mount.frame, subdivision, suns, depth), _tensor(transfers.mean(axis=0)),
             transfers, _tensor(L.T), _tensor(rests.mean(axis=0)), rests, rest,

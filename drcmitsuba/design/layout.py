@@ -21,7 +21,7 @@ from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.evaluate_metrics import rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport import facade_basis
 from drcmitsuba.transport.facade_basis import BasisYear
 
@@ -128,16 +128,16 @@ class Layout:
         if isinstance(case.sun, Adaptive):
             case = case.model_copy(update={"sun": TrueSun()})
         with stage("sky"):
-            sky = daylight(case)
+            daylight = daylight_of(case)
         wall = facade_basis.Wall(case, self.side)
         materials = ("wall", self.clear, self.film)
         tiles, palette = facade_basis.of_grid(wall, self.heights, self.segments, materials)
         with stage("façade basis") as done:
             basis = facade_basis.compute(
-                wall, tiles, palette, sky.suns, case.accuracy,
+                wall, tiles, palette, daylight.suns, case.accuracy,
                 groups=1, subdivision=case.sky.subdivision, progress=done,
             )  # fmt: skip
-        return facade_basis.BasisYear.of(basis, sky)
+        return facade_basis.BasisYear.of(basis, daylight)
 
     @property
     def search(self) -> Search:

@@ -44,7 +44,8 @@ from drcmitsuba.scene import components
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import luminance
-from drcmitsuba.sky.daylight import Daylight, daylight, sources
+from drcmitsuba.sky.daylight import Daylight, sources
+from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport.facade_basis.year import Illuminances
 
 
@@ -150,8 +151,8 @@ class TiltProblem:
             components.place(_tilted(case, design.component, end))
         goal = TiltGoal(design.objective, design.ase_limit)
         with stage("sky"):
-            sky = daylight(case)
-        return cls(case, design.component, sky, goal, tilt, design.tilt_step)
+            daylight = daylight_of(case)
+        return cls(case, design.component, daylight, goal, tilt, design.tilt_step)
 
     @property
     def measure(self) -> Measure:
