@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -13,6 +13,7 @@ from rich.table import Table
 from drcmitsuba.cli.terminal import Output, stages
 
 if TYPE_CHECKING:
+    from drcmitsuba.annual.result import Result
     from drcmitsuba.case.case import Case
     from drcmitsuba.design.layout import Layout
     from drcmitsuba.design.optimise import FacadeOptimum, Front
@@ -36,7 +37,7 @@ def optimise(
 ) -> None:
     """Find the best façade: film, window, transmittances; or the best tilt of lamellae.
 
-    Ctrl-C or SIGTERM ends the search and keeps the best so far.
+    Ctrl-C ends the search and keeps the best so far.
     """
     from drcmitsuba.case.case import load_case
 
@@ -49,7 +50,6 @@ def optimise(
 
 def _facade(case: Case, output: Path, stage: Stage) -> None:
     """Find a façade, and what less sun costs."""
-    from drcmitsuba.annual.result import evaluate
     from drcmitsuba.design.layout import Layout
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
@@ -67,9 +67,10 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
         with stage("Pareto front") as done:
             front = pareto(optimum, _limits(layout), layout.search, done)
         front.save(output / "pareto.csv")
-    fresh = evaluate(layout.built(optimum), stage) if optimum.finished else None
     with stage("writing"):
-        _save(layout, optimum, front, fresh, output)
+        _save(layout, optimum, front, output)
+    finished = front.finished if front is not None else optimum.finished
+    fresh = _afresh(layout.built(optimum), stage, output) if finished else None
     hard = optimum.best.hard
     rows = [("film", hard.film_area), ("panes", hard.window_area)]
     _print(optimum, "best façade", fresh, [(key, f"{area:.2f} m²") for key, area in rows])
@@ -80,7 +81,6 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
 
 def _tilt(case: Case, output: Path, stage: Stage) -> None:
     """Find a tilt of lamellae."""
-    from drcmitsuba.annual.result import evaluate
     from drcmitsuba.design.tilt import TiltProblem
     from drcmitsuba.design.tilt_search import optimise_tilt
     from drcmitsuba.runtime import backend
@@ -92,9 +92,9 @@ def _tilt(case: Case, output: Path, stage: Stage) -> None:
         optimum = optimise_tilt(problem, problem.case.design.sharpness[-1], done)
     _save_numbers(optimum, output)
     tilt = problem.at(optimum.best.x)
-    fresh = evaluate(problem.afresh(tilt), stage) if optimum.finished else None
     with stage("writing"):
-        _save_tilt(optimum, fresh, output)
+        _save_tilt(optimum, output)
+    fresh = _afresh(problem.afresh(tilt), stage, output) if optimum.finished else None
     _print(optimum, "best tilt", fresh, [])
     if indistinct := problem.indistinct(tilt):
         print(f"{len(indistinct)} other tilts cannot be told from it: their intervals overlap")
@@ -115,13 +115,20 @@ def _limits(layout: Layout) -> list[float]:
     return [most * i / max(count - 1, 1) for i in range(count)]
 
 
-def _save(
-    layout: Layout, optimum: FacadeOptimum, front: Front | None, fresh: Any, output: Path
-) -> None:
-    """Write the pictures, and the metrics of the fresh evaluation."""
+def _afresh(case: Case, stage: Stage, output: Path) -> Result:
+    """Evaluate an optimum as a case of its own, and write its metrics."""
+    from drcmitsuba.annual.result import evaluate
+    from drcmitsuba.runtime import storage
+
+    fresh = evaluate(case, stage)
+    storage.save_json(fresh.metrics, output / "fresh_metrics.json")
+    return fresh
+
+
+def _save(layout: Layout, optimum: FacadeOptimum, front: Front | None, output: Path) -> None:
+    """Write the pictures of a façade."""
     from drcmitsuba.design import pictures
     from drcmitsuba.report import plots
-    from drcmitsuba.runtime import storage
 
     year, best = optimum.problem.year, optimum.best
     numbers = f"ASE {best.hard.ase:.1f} %, {_aim(optimum)} {best.hard.aim:.1f} %"
@@ -131,20 +138,15 @@ def _save(
     plots.save(pictures.search(optimum), output / "search.png")
     if front is not None:
         plots.save(pictures.front(front, chosen=best.hard), output / "pareto.png")
-    if fresh is not None:
-        storage.save_json(fresh.metrics, output / "fresh_metrics.json")
 
 
-def _save_tilt(optimum: TiltOptimum, fresh: Any, output: Path) -> None:
-    """Write the pictures, and the metrics of the fresh evaluation."""
+def _save_tilt(optimum: TiltOptimum, output: Path) -> None:
+    """Write the pictures of a tilt."""
     from drcmitsuba.design import pictures
     from drcmitsuba.report import plots
-    from drcmitsuba.runtime import storage
 
     plots.save(pictures.tilts(optimum), output / "tilt.png")
     plots.save(pictures.search(optimum), output / "search.png")
-    if fresh is not None:
-        storage.save_json(fresh.metrics, output / "fresh_metrics.json")
 
 
 def _aim(optimum: Optimum) -> str:
@@ -152,7 +154,8 @@ def _aim(optimum: Optimum) -> str:
     return "sDA" if optimum.problem.goal.aim == "sDA" else "msDA of the worst month"
 
 
-def _print(optimum: Optimum, title: str, fresh: Any, rows: list[tuple[str, str]]) -> None:
+def _print(optimum: Optimum, title: str, fresh: Result | None, rows: list[tuple[str, str]]) -> None:
+    """Print the best design, by the search and simulated afresh."""
     table = Table(
         "", "by the search", "simulated afresh (95 %)", title=escape(title), title_justify="left"
     )

@@ -73,14 +73,18 @@ class Panes:
         return mi.TensorXf(flat, (self.count, columns))
 
     def between(self, edges: Edges, at: Edges) -> mi.TensorXf:
-        """Composition of a window and a film between heights.
+        """Compose a window and a film between heights.
 
         Parameters
         ----------
         edges : Edges
             Heights with gradients [m].
         at : Edges
-            The same, moved inward and without gradients: they choose the tiles.
+            The same heights, moved inward and without gradients: they choose the tiles.
+
+        Returns
+        -------
+        mi.TensorXf, shape (tile, material)
         """
         bottom, top = (mi.Float(self.tiles.bounds[:, i].astype(np.float32)) for i in (2, 3))
 

@@ -187,6 +187,10 @@ class FilmYear:
             a lower one is represented exactly.
         progress : callable
 
+        Returns
+        -------
+        FilmYear
+
         Raises
         ------
         InputError

@@ -81,6 +81,10 @@ class RatedCandidate:
             Largest ASE [%].
         area_error : float
             Area of panes that is missing or too much, of the area that is asked for.
+
+        Returns
+        -------
+        tuple of float
         """
         over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - TIE, 0.0)
         return -area_error, -over, self.hard.value, self.sharpness, self.smooth.value

@@ -95,6 +95,10 @@ class TracedRoom:
             Reflectances of the case by key.
         progress : callable
 
+        Returns
+        -------
+        TracedRoom
+
         Raises
         ------
         InputError
