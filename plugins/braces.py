@@ -22,8 +22,8 @@ def read(text: str, rank: int) -> TensorTree:
     raw = text.encode("ascii", "replace")
     alien = set(raw) - _CHARACTERS
     if alien:
-        at = min(raw.index(bytes([c])) for c in alien)
-        words = text[at : at + 40].split()
+        start = min(raw.index(bytes([c])) for c in alien)
+        words = text[start : start + 40].split()
         raise ValueError(f"{(words or ['?'])[0][:20]!r} among the numbers")
     data = np.frombuffer(raw, np.uint8)
     at = np.flatnonzero((data == _OPEN) | (data == _CLOSE))

@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -70,7 +70,7 @@ class Swapped:
         return np.array([np.pi * self.tree.values(out, d[None]).mean() for d in incident])
 
 
-Component = TensorTree | KlemsMatrix | Swapped
+Component: TypeAlias = TensorTree | KlemsMatrix | Swapped
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,8 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         ):  # fmt: skip
             numbers[name] = checked_whole("coefficient", name, props.get(name, default), least)
         super().__init__(props)
-        vars(self).update(numbers)
+        for name, number in numbers.items():
+            setattr(self, name, number)
 
     @staticmethod
     def _sources(scene):

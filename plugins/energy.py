@@ -77,7 +77,7 @@ def sum_of_albedos(components: list) -> np.ndarray:
     """T + R for every finest incident cell of components of one kind."""
     albedos = [c.albedos() for c in components]
     size = max(map(len, albedos))
-    return sum(np.repeat(a, size // len(a)) for a in albedos)
+    return np.sum([np.repeat(a, size // len(a)) for a in albedos], axis=0)
 
 
 def _scaled(component, scale: np.ndarray):

@@ -11,13 +11,14 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins import bsdf_file, energy, peak
 from drcmitsuba_plugins.checks import checked, checked_whole, required
+from drcmitsuba_plugins.measured_hooks import Lobes
 from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane, valid_directions
 
 COMPONENTS = ("tf", "tb", "rf", "rb")
 
 
 class Measured(mi.BSDF):
-    """BSDF of a file; the subclasses know how its directions are cut into cells.
+    """BSDF of a file; a subclass with `MeasuredHooks` knows how its directions are cut into cells.
 
     ====================  =======  ================================================================
     parameter             type     meaning
@@ -84,7 +85,9 @@ class Measured(mi.BSDF):
             part = peak.split(rest[name])
             if mode == "on" or (mode == "auto" and part.stands_out):
                 rest[name], through[name] = part.rest, part.through
-        numbered, values, self._swapped = [], [], [False] * len(COMPONENTS)
+        numbered: list = []
+        values: list[np.ndarray] = []
+        self._swapped = [False] * len(COMPONENTS)
         for name in COMPONENTS:
             component = rest.get(name)
             if component is not None:
@@ -100,7 +103,7 @@ class Measured(mi.BSDF):
                 if other in through:
                     through[missing] = self._reversed_view(through[other])
         views = [through.get(name, np.zeros(1)) for name in COMPONENTS[:2]]
-        self.view_cells = max(map(len, views))
+        self.view_cells = max(len(view) for view in views)
         views = [np.repeat(v, self.view_cells // len(v)) for v in views]
         self.has_view = bool(through)
         self.through = mi.Float(np.concatenate(views).astype(np.float32))
@@ -108,7 +111,7 @@ class Measured(mi.BSDF):
         self._numbered, self._lobes = numbered, {}
         self._make(mi.TransportMode.Radiance)
 
-    def _make(self, mode):
+    def _make(self, mode) -> Lobes:
         """Lobes of a transport mode; made when first asked for."""
         if mode not in self._lobes:
             fixed = "outgoing" if mode == mi.TransportMode.Radiance else "incident"

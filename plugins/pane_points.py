@@ -32,7 +32,7 @@ class PanePoints:
         # Asked for here, as a mesh makes its table of areas at the first call.
         areas = [float(np.ravel(shape.surface_area())[0]) for shape in shapes]
         self.area = sum(areas)
-        self.cumulated = np.cumsum(areas) / self.area if shapes else []
+        self.cumulated = np.cumsum(areas) / (self.area or 1)
 
     def __bool__(self) -> bool:
         return bool(self.shapes)

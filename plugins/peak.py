@@ -8,6 +8,7 @@ sharp.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,7 +91,7 @@ def _of_matrix(matrix: KlemsMatrix) -> tuple[KlemsMatrix, np.ndarray]:
     return replace(matrix, value=value), excess * solid_angle
 
 
-def _around(tree: TensorTree, points: list[np.ndarray], steps: list[tuple[float, ...]]):
+def _around(tree: TensorTree, points: list[np.ndarray], steps: Sequence[tuple[float, ...]]):
     """Mean value at neighbours of points, those outside the cube left out; ∞ without any."""
     total, count = np.zeros(len(points[0])), np.zeros(len(points[0]))
     for step in steps:

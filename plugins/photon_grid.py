@@ -87,6 +87,8 @@ class PhotonGrid:
     MOST_CELLS = 1 << 31
 
     def __init__(self, store: Store, radius: float, kernel: str):
+        self.position: mi.Point3f
+        self.normal: mi.Normal3f
         self.kernel = kernel
         self.count = store.count
         self.radius = dr.opaque(mi.Float, radius)

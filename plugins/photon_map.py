@@ -73,7 +73,8 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         ):  # fmt: skip
             given[name] = checked_whole("photon_map", name, props.get(name, default), least)
         super().__init__(props)
-        vars(self).update(given)
+        for name, number in given.items():
+            setattr(self, name, number)
         self.alpha = float(checked("photon_map", "alpha", props.get("alpha", 0.7), 0, 1))
         self.radius = float(checked("photon_map", "radius", props.get("radius", 0.0), 0))
         for name, choices in (("kind", ("global", "caustic")), ("kernel", KERNELS)):
@@ -87,7 +88,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         self.ports = (
             None if ports is None else Ports(table_of("photon_map", "ports", ports).numpy())
         )
-        self.ledger = None
+        self.ledger: Ledger | None = None
 
     def radii(self, scene) -> list[float]:
         """Radius of every pass [m]."""
@@ -276,9 +277,9 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
 
     def _report(self, ledgers):
         """Keep the ledger, and say so where flux was lost."""
-        self.ledger = Ledger.mean(ledgers)
-        if self.ledger.lost > 1e-3 * self.ledger.emitted:
-            share = self.ledger.lost / self.ledger.emitted
+        self.ledger = ledger = Ledger.mean(ledgers)
+        if ledger.lost > 1e-3 * ledger.emitted:
+            share = ledger.lost / ledger.emitted
             mi.Log(mi.LogLevel.Warn, f"photon_map: {share:.1%} of the flux lost; raise max_depth")
 
     def to_string(self):

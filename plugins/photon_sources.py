@@ -7,6 +7,8 @@ probability of its bin.
 
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -29,7 +31,8 @@ class Sources:
     """
 
     def __init__(self, scene):
-        self.sky, self.suns = scene.environment(), None
+        self.sky: Any = scene.environment()
+        self.suns: Any = None
         for emitter in scene.emitters():
             if type(emitter).__name__ == "SunDisks":
                 self.suns = emitter
@@ -55,7 +58,7 @@ class Sources:
 
     def _probabilities(self) -> np.ndarray:
         """Share of the photons that every bin gets: that of the normal irradiance it gives."""
-        power = []
+        power: list = []
         if self.has_patches:
             patches = dr.arange(mi.UInt32, self.sky_bins)
             power.append(dr.mean(self._patch(patches, True)).numpy())
@@ -67,8 +70,8 @@ class Sources:
         if self.suns is not None:
             suns = dr.arange(mi.UInt32, self.suns.bin_count)
             power.append(dr.mean(self._sun(suns, True)).numpy())
-        power = np.concatenate(power).astype(float) + 1e-20
-        return power / power.sum()
+        powers = np.concatenate(power).astype(float) + 1e-20
+        return powers / powers.sum()
 
     def sample(self, sampler, photons: int):
         """Draw the bins and directions of photons.
@@ -217,8 +220,8 @@ class Surroundings:
 
     def __init__(self, scene, points):
         box = scene.bbox()
-        corners = [np.array(box.min), np.array(box.max)] if box.valid() else []
-        corners = np.array([*corners, *np.asarray(points, float).reshape(-1, 3)])
+        ends = [np.array(box.min), np.array(box.max)] if box.valid() else []
+        corners = np.array([*ends, *np.asarray(points, float).reshape(-1, 3)])
         if len(corners) == 0:
             raise ValueError("photon_map: the scene is empty; give it a shape")
         low, high = corners.min(axis=0), corners.max(axis=0)

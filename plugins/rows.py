@@ -60,10 +60,11 @@ class Rows:
         first = np.searchsorted(row[order], np.arange(rows + 1))
         longest = int(np.diff(first).max(initial=1))
         return cls(
-            mi.UInt32(first.astype(np.uint32)),
-            *(mi.UInt32(a[order].astype(np.uint32)) for a in (leaf, code)),
-            weight[order],
-            max(1, int(longest - 1).bit_length()),
+            first=mi.UInt32(first.astype(np.uint32)),
+            leaf=mi.UInt32(leaf[order].astype(np.uint32)),
+            code=mi.UInt32(code[order].astype(np.uint32)),
+            weight=weight[order],
+            steps=max(1, int(longest - 1).bit_length()),
         )
 
     def update(self, values: np.ndarray) -> None:
@@ -139,8 +140,8 @@ def of_trees(trees: list[TensorTree | None], fixed: str, depth: int) -> Rows:
             weight = np.full(len(leaf), np.pi / 4.0 ** int(level), np.float32)
             numbers = (a.astype(np.uint32) for a in (row, leaf, np.repeat(b[mine], span)))
             parts.append((*numbers, weight))
-    joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
-    return Rows.of(*joined, rows=len(trees) * cells)
+    row, leaf, code, weight = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return Rows.of(row, leaf, code, weight, len(trees) * cells)
 
 
 def of_matrices(matrices: list[KlemsMatrix | None], fixed: str, basis: KlemsBasis) -> Rows:
@@ -157,5 +158,5 @@ def of_matrices(matrices: list[KlemsMatrix | None], fixed: str, basis: KlemsBasi
         a, b = (incident, outgoing) if fixed == "incident" else (outgoing, incident)
         leaf = matrix.value.astype(np.int64).ravel()
         parts.append((component * n + a, leaf, b, basis.projected_solid_angle[b]))
-    joined = [np.concatenate(x) for x in zip(*parts, strict=True)]
-    return Rows.of(*joined, rows=len(matrices) * n)
+    row, leaf, code, weight = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return Rows.of(row, leaf, code, weight, len(matrices) * n)

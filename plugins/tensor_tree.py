@@ -10,7 +10,7 @@ from drcmitsuba_plugins.measured import Measured
 from drcmitsuba_plugins.sampling import clamped_index
 
 
-class TensorTree(Measured):
+class TensorTreeBsdf(Measured):
     """Tensor trees; the parameters are those of `measured.Measured`."""
 
     plugin = "tensor_tree"
@@ -41,4 +41,4 @@ class TensorTree(Measured):
         return clamped_index(s0 * self.view_cells, max(self.view_cells // 2, 1))
 
 
-mi.register_bsdf("tensor_tree", TensorTree)
+mi.register_bsdf("tensor_tree", TensorTreeBsdf)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from drcmitsuba_plugins import bsdf_file, peak
 from drcmitsuba_plugins.klems_basis import BASES
+from drcmitsuba_plugins.measured_hooks import Lobes, MeasuredHooks
 from drcmitsuba_plugins.tensor import TensorTree, to_square
 from scipy.stats import chi2 as chi2_law
 
@@ -279,3 +280,15 @@ def test_files_are_sampled_well(name):
     print(f"{name}: E[w²]/E[w]² ≤ {worst_spread:.4f}; χ²: least p {worst_p:.3g} of {tests}")
     assert worst_spread < 1.3
     assert worst_p > 1 - (1 - 1e-3) ** (1 / tests)
+
+
+# Hooks
+
+
+@pytest.mark.parametrize("missing", [(), ("tb",)], ids=["all", "no tb"])
+@pytest.mark.parametrize("kind", ["TensorTree4", "TensorTree3", "LBNL/Klems Quarter"])
+def test_plugins_and_their_lobes_have_the_hooks_that_are_declared(tmp_path, kind, missing):
+    bsdf = load(write(tmp_path, kind, missing))
+    assert isinstance(bsdf, MeasuredHooks)
+    for mode in (RADIANCE, IMPORTANCE):
+        assert isinstance(bsdf._make(mode), Lobes)
