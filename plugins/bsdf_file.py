@@ -44,7 +44,7 @@ _COLOUR = {"cie-u": "u", "cie-v": "v", "cie-x": "X", "cie-z": "Z"}
 
 
 class BsdfFileError(ValueError):
-    """A BSDF file that cannot be used, told in one line; see the four parts of the message."""
+    """A BSDF file that cannot be used; one line names file, field, what came and remedy."""
 
     def __init__(self, source: object, field: str, got: str, remedy: str):
         self.source, self.field, self.got, self.remedy = str(source), field, got, remedy
@@ -75,7 +75,7 @@ Component: TypeAlias = TensorTree | KlemsMatrix | Swapped
 
 @dataclass(frozen=True)
 class BsdfFile:
-    """What a BSDF file says about a pane.
+    """Contents of a BSDF file: components, their colour, names.
 
     Parameters
     ----------
@@ -122,7 +122,17 @@ class BsdfFile:
         return replace(self, components=self.components | changed)
 
     def query(self, incident: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
-        """BSDF f [1/sr], without the cosine, of pairs of directions (n, 3)."""
+        """BSDF f [1/sr], without the cosine, of pairs of directions.
+
+        Parameters
+        ----------
+        incident, outgoing : np.ndarray, shape (n, 3)
+            Unit vectors that point away from the pane; +z is the room.
+
+        Returns
+        -------
+        np.ndarray, shape (n,)
+        """
         incident, outgoing = np.atleast_2d(incident, outgoing)
         result = np.zeros(len(incident))
         names = (("tf", 1, -1), ("tb", -1, 1), ("rf", 1, 1), ("rb", -1, -1))
@@ -134,7 +144,17 @@ class BsdfFile:
         return result
 
     def hemispherical(self, incident: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Transmittance and reflectance of light from directions (n, 3)."""
+        """Directional-hemispherical transmittance and reflectance.
+
+        Parameters
+        ----------
+        incident : np.ndarray, shape (n, 3)
+            Unit vectors towards the light; +z is the room.
+
+        Returns
+        -------
+        transmittance, reflectance : np.ndarray, shape (n,)
+        """
         incident = np.atleast_2d(incident)
         totals = np.zeros((2, len(incident)))
         for name, row, side in (("tf", 0, 1), ("tb", 0, -1), ("rf", 1, 1), ("rb", 1, -1)):
@@ -146,8 +166,8 @@ class BsdfFile:
 
 
 def _text(parent: Element, name: str, default: str = "") -> str:
-    found = parent.find(name)
-    return default if found is None or found.text is None else found.text.strip()
+    element = parent.find(name)
+    return default if element is None or element.text is None else element.text.strip()
 
 
 def _parse(path: Path) -> Element:
@@ -266,7 +286,7 @@ def read(path: str | Path) -> BsdfFile:
     if rank is None and structure.lower() not in ("rows", "columns"):
         remedy = "known are TensorTree3, TensorTree4, Rows and Columns"
         raise BsdfFileError(path, "IncidentDataStructure", repr(structure[:40]), remedy)
-    found: dict[str, dict[str, Any]] = {"Y": {}}
+    channels: dict[str, dict[str, Any]] = {"Y": {}}
     for data in layer.findall("WavelengthData"):
         wavelength = _text(data, "Wavelength").lower()
         channel = "Y" if wavelength == "visible" else _COLOUR.get(wavelength)
@@ -281,17 +301,17 @@ def read(path: str | Path) -> BsdfFile:
             text = _text(block, "ScatteringData")
             if not text:
                 raise BsdfFileError(path, where, "no ScatteringData", "give the numbers")
-            of_channel = found.setdefault(channel, {})
+            of_channel = channels.setdefault(channel, {})
             if rank is not None:
                 of_channel[name] = _tree(path, where, text, rank)
             else:
                 of_channel[name] = _matrix(path, where, block, text, structure.lower() == "rows")
-    if not found["Y"]:
+    if not channels["Y"]:
         remedy = "give data of wavelength Visible"
         raise BsdfFileError(path, "WavelengthData", "no visible data", remedy)
-    components = found.pop("Y")
+    components = channels.pop("Y")
     chromaticity: dict[str, dict[str, Any]] = {}
-    for channel, blocks in found.items():
+    for channel, blocks in channels.items():
         for name, component in blocks.items():
             chromaticity.setdefault(name, {})[channel] = component
     return BsdfFile(

@@ -27,7 +27,7 @@ def checked_whole(plugin: str, name: str, value, low: int, high: float = np.inf)
 
 
 def checked(plugin: str, name: str, value, low: float, high: float = np.inf):
-    """Return `value` unchanged if all of it is finite and lies between `low` and `high`.
+    """Check that all of a value is finite and lies between `low` and `high`.
 
     Parameters
     ----------
@@ -36,6 +36,11 @@ def checked(plugin: str, name: str, value, low: float, high: float = np.inf):
     value : float, array or tensor
     low, high : float
         Range, its ends included.
+
+    Returns
+    -------
+    float, array or tensor
+        The value, unchanged.
 
     Raises
     ------

@@ -29,12 +29,12 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
     components = dict(file.components)
     largest = 0.0
     for side in ("f", "b"):
-        found = {n: file.component(n) for n in (f"t{side}", f"r{side}")}
+        of_side = {n: file.component(n) for n in (f"t{side}", f"r{side}")}
         # A transmission that the file lacks is the other one reversed, and counts as well.
-        found = {n: _listed(c) for n, c in found.items() if c is not None}
-        if not found:
+        of_side = {n: _listed(c) for n, c in of_side.items() if c is not None}
+        if not of_side:
             continue
-        total = sum_of_albedos(list(found.values()))
+        total = sum_of_albedos(list(of_side.values()))
         largest = max(largest, float(total.max()))
         if total.max() > 1 + EXCESS:
             where = "the room" if side == "f" else "outside"
@@ -44,10 +44,10 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
             )
         if total.max() > 1:
             scale = 1 / np.maximum(total, 1)
-            if any(isinstance(c, _Ring) for c in found.values()):
+            if any(isinstance(c, _Ring) for c in of_side.values()):
                 # No leaf of its own to scale: the whole file takes the factor.
-                found, scale = file.components, np.full(1, scale.min())
-            components |= {n: _scaled(components.get(n, c), scale) for n, c in found.items()}
+                of_side, scale = file.components, np.full(1, scale.min())
+            components |= {n: _scaled(components.get(n, c), scale) for n, c in of_side.items()}
     return replace(file, components=components), largest
 
 

@@ -49,9 +49,9 @@ class IsotropicLobes(SquareLobes):
 
     def value_at(self, leaves, component, given, code, active):
         """BSDF f [1/sr] in a square of the outgoing direction."""
-        entry, found = self.rows.find(self.row(component, given), code, active)
-        leaf = dr.gather(mi.UInt32, self.rows.leaf, entry, found)
-        return dr.gather(mi.Float, leaves, leaf, found)
+        entry, filled = self.rows.find(self.row(component, given), code, active)
+        leaf = dr.gather(mi.UInt32, self.rows.leaf, entry, filled)
+        return dr.gather(mi.Float, leaves, leaf, filled)
 
     def draw(self, row, given, u, uv, active):
         p = self._point(row, u, uv, active)
@@ -115,7 +115,7 @@ class TurnedLobes(OutSquares):
         return dr.select(turned, row, self.exact.row(component, given))
 
     def _split(self, row, active):
-        """Whether rows belong to turned trees, and their number there."""
+        """Mask of the rows that belong to turned trees, and the rows' numbers there."""
         turned = row >= self.first_turned
         return turned & active, dr.select(turned, row - self.first_turned, 0)
 
@@ -157,8 +157,8 @@ class TurnedLobes(OutSquares):
         """Other direction (its z positive), drawn from a row."""
         turned, own = self._split(row, active)
         straight = self.exact.draw(dr.select(turned, 0, row), given, u, uv, active & ~turned)
-        entry, found = self.rows.draw(own, u, turned)
-        number = dr.gather(mi.UInt32, self.rows.code, entry, found)
+        entry, filled = self.rows.draw(own, u, turned)
+        number = dr.gather(mi.UInt32, self.rows.code, entry, filled)
         j, side, i = number % self.n, number // self.n % 4, number // (4 * self.n)
         inner = 1 - 2 * (mi.Float(i) + 1) / self.n
         r = dr.sqrt(dr.lerp(dr.square(inner), dr.square(inner + 2 / self.n), uv.x))

@@ -112,9 +112,9 @@ class SquareLobes(OutSquares):
     def value(self, leaves, component, given, other, active):
         """BSDF f [1/sr]; `component` names which."""
         code = square_code(-self.sign * other.xy, self.depth)
-        entry, found = self.rows.find(self.row(component, given), code, active)
-        leaf = dr.gather(mi.UInt32, self.rows.leaf, entry, found)
-        return dr.gather(mi.Float, leaves, leaf, found)
+        entry, filled = self.rows.find(self.row(component, given), code, active)
+        leaf = dr.gather(mi.UInt32, self.rows.leaf, entry, filled)
+        return dr.gather(mi.Float, leaves, leaf, filled)
 
     def draw(self, row, given, u, uv, active):
         """Other direction (its z positive), drawn from a row."""
@@ -122,9 +122,9 @@ class SquareLobes(OutSquares):
 
     def _point(self, row, u, uv, active):
         """Point of the disk within a cell that is drawn from a row."""
-        entry, found = self.rows.draw(row, u, active)
-        code = dr.gather(mi.UInt32, self.rows.code, entry, found)
-        side = dr.gather(mi.Float, self.side, dr.gather(mi.UInt32, self.rows.leaf, entry, found))
+        entry, filled = self.rows.draw(row, u, active)
+        code = dr.gather(mi.UInt32, self.rows.code, entry, filled)
+        side = dr.gather(mi.Float, self.side, dr.gather(mi.UInt32, self.rows.leaf, entry, filled))
         corner = mi.Point2f(mi.Float(gathered(code)), mi.Float(gathered(code >> 1)))
         s = corner * 0.5**self.depth + uv * side
         return mi.warp.square_to_uniform_disk_concentric(s)
@@ -169,13 +169,13 @@ class KlemsLobes(SquareLobes):
         patch = self.patch(-self.sign * other.xy)
         first = dr.gather(mi.UInt32, self.rows.first, self.row(component, given), active)
         following = dr.gather(mi.UInt32, self.rows.first, self.row(component, given) + 1, active)
-        found = active & (following > first)  # rows are whole or empty
-        leaf = dr.gather(mi.UInt32, self.rows.leaf, first + patch, found)
-        return dr.gather(mi.Float, leaves, leaf, found)
+        filled = active & (following > first)  # rows are whole or empty
+        leaf = dr.gather(mi.UInt32, self.rows.leaf, first + patch, filled)
+        return dr.gather(mi.Float, leaves, leaf, filled)
 
     def draw(self, row, given, u, uv, active):
-        entry, found = self.rows.draw(row, u, active)
-        patch = dr.gather(mi.UInt32, self.rows.code, entry, found)
+        entry, filled = self.rows.draw(row, u, active)
+        patch = dr.gather(mi.UInt32, self.rows.code, entry, filled)
         return upper(-self.sign * self._within(patch, uv))
 
     def _within(self, patch, uv):

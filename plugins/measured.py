@@ -1,4 +1,4 @@
-"""What the plugins `tensor_tree` and `klems` share: lobes, sampling, the straight-through peak."""
+"""Base of the plugins `tensor_tree` and `klems`: lobes, sampling, the straight-through peak."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Measured(mi.BSDF):
     albedo (for isotropic trees in `Radiance` mode between 0 and 2 of it). Files need not be
     reciprocal: in `TransportMode.Radiance` light enters along `wo`, in `Importance` along `wi`. A
     missing transmission follows from the other by reciprocity.
-    Energy above 1 by at most 5 % is scaled down; `largest_albedo` tells what came.
+    Energy above 1 by at most 5 % is scaled down; `largest_albedo` is the largest T + R of the file.
 
     Limits: one value for all channels of the variant.
     """
@@ -154,7 +154,7 @@ class Measured(mi.BSDF):
 
     @property
     def out_even(self) -> bool:
-        """Whether light leaves evenly within each of them."""
+        """True where light leaves evenly within each outgoing cell."""
         return self._make(mi.TransportMode.Radiance).out_even
 
     def out_cell(self, w):
@@ -167,9 +167,22 @@ class Measured(mi.BSDF):
         return mi.Vector3f(w.x, w.y, dr.select(front, 1, -1) * dr.abs(w.z))
 
     def leaf(self, si, wo):
-        """Number, from 1, of the leaf that holds f of light from `wo` to `si.wi`; 0 for none.
+        """Leaf of the file that holds f for light from `wo` to `si.wi`.
 
-        The straight-through peak, where it is a view, is no leaf's. Limits: 2²⁴ leaves.
+        Parameters
+        ----------
+        si : mi.SurfaceInteraction3f
+        wo : mi.Vector3f
+            Direction towards the light, in the local frame.
+
+        Returns
+        -------
+        mi.UInt32
+            Number from 1; 0 where no leaf does, as for a straight-through peak that is a view.
+
+        Notes
+        -----
+        Limits: 2²⁴ leaves.
         """
         axes = self._to_file(si)
         wi, wo = self._seen(si.wi, axes), self._seen(wo, axes)

@@ -1,4 +1,4 @@
-"""What a kind of measured BSDF must provide: hooks of the plugin, and lobes by cells.
+"""Protocols of a kind of measured BSDF: hooks of the plugin, and lobes by cells.
 
 `measured.Measured` does all that kinds have in common. A new kind of file is a subclass with the
 methods of `MeasuredHooks`, whose `_lobes_of` returns an object with the methods of `Lobes`;
@@ -22,7 +22,7 @@ class Lobes(Protocol):
     """
 
     out_even: bool
-    """Whether light leaves evenly within each outgoing cell."""
+    """True where light leaves evenly within each outgoing cell."""
 
     @property
     def out_cells(self) -> int:
@@ -55,7 +55,7 @@ class Lobes(Protocol):
 
 @runtime_checkable
 class MeasuredHooks(Protocol):
-    """What a subclass of `Measured` knows about its kind of file."""
+    """Methods by which a subclass of `Measured` reads its kind of file."""
 
     plugin: str
     """Name of the plugin, for errors."""

@@ -41,12 +41,21 @@ class Split:
 
     @property
     def stands_out(self) -> bool:
-        """Whether the peak is more than noise."""
+        """True if the peak is more than noise."""
         return self.share >= LEAST_SHARE
 
 
 def split(component: TensorTree | KlemsMatrix) -> Split:
-    """Take the straight-through peak out of a transmission component."""
+    """Take the straight-through peak out of a transmission component.
+
+    Parameters
+    ----------
+    component : TensorTree or KlemsMatrix
+
+    Returns
+    -------
+    Split
+    """
     if isinstance(component, KlemsMatrix):
         rest, through = _of_matrix(component)
         weight = component.incident.projected_solid_angle
@@ -63,7 +72,7 @@ def split(component: TensorTree | KlemsMatrix) -> Split:
 
 
 def _excess(value: np.ndarray, around: np.ndarray) -> np.ndarray:
-    """What a cell has above its neighbours; 0 where it does not stand out."""
+    """Value of cells above that of their neighbours; 0 where a cell does not stand out."""
     above = value > RATIO * around
     return np.where(above, value - np.where(above, around, 0), 0.0)
 
@@ -131,7 +140,7 @@ def _of_isotropic_tree(tree: TensorTree) -> tuple[TensorTree, np.ndarray]:
     n = 1 << tree.depth
     through = np.zeros(n)
     value = tree.value.copy()
-    found = []
+    excesses = []
     for cell in range(n // 2):
         s0 = np.array([(cell + 0.5) / n])
         leaves = [
@@ -142,11 +151,13 @@ def _of_isotropic_tree(tree: TensorTree) -> tuple[TensorTree, np.ndarray]:
         steps = [(0.0, i * side, j * side) for i in (-1, 0, 1) for j in (-1.5, -0.5, 0.5, 1.5)]
         steps = [s for s in steps if s[1] != 0 or abs(s[2]) > side]
         around = _around(tree, [s0, 1 - s0, np.array([0.5])], steps)
-        found += [(cell, i, e) for i, e in zip(leaves, _excess(value[leaves], around), strict=True)]
+        excesses += [
+            (cell, i, e) for i, e in zip(leaves, _excess(value[leaves], around), strict=True)
+        ]
     # A leaf that spans several incident cells gives up the same to each.
-    if not found:
+    if not excesses:
         return tree, through
-    cells, leaf, excess = (np.array(a) for a in zip(*found, strict=True))
+    cells, leaf, excess = (np.array(a) for a in zip(*excesses, strict=True))
     times = np.maximum(np.bincount(leaf, minlength=len(value)), 1)
     mean = np.bincount(leaf, excess, len(value)) / times
     value -= mean

@@ -12,10 +12,10 @@ from drcmitsuba_plugins.photon_grid import Store, kernel_density
 
 @dataclass(frozen=True)
 class Ledger:
-    """What became of the photons' flux, mean of all channels and passes.
+    """Balance of the photons' flux [W or lm; m² sr at unit radiance], mean of channels and passes.
 
     emitted = absorbed + escaped + lost; `stored` counts a photon at each diffuse surface it meets.
-    `lost` is what still travelled after `max_depth` scattering events.
+    `lost` is the flux that still travelled after `max_depth` scattering events.
     """
 
     emitted: float
@@ -59,7 +59,7 @@ class Receivers:
 
 
 class Photons:
-    """What photons start from and aim at in a scene, and how long they are followed.
+    """Photons of a scene: their sources, their aim, and how long they are followed.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Photons:
         ----------
         photons, seed : int
         receivers : Receivers or None
-            What records photons in the air.
+            Disks that record the photons which cross them.
 
         Returns
         -------
@@ -152,7 +152,7 @@ def _total(flux):
 
 
 def is_diffuse(bsdf):
-    """Whether photons stay here: opaque with a diffuse lobe."""
+    """True where photons stay: an opaque BSDF with a diffuse lobe."""
     diffuse = mi.has_flag(bsdf.flags(), mi.BSDFFlags.DiffuseReflection)
     return diffuse & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
 

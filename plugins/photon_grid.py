@@ -18,6 +18,11 @@ def kernel_density(kernel: str, distance2, radius2):
         "epanechnikov" as above, or "constant", 1 / (π r²).
     distance2, radius2 : mi.Float
         Squares of the distance from the middle and of the disk's radius [m²].
+
+    Returns
+    -------
+    mi.Float
+        [1/m²].
     """
     inside = distance2 < radius2
     shape = 2 - 2 * distance2 / radius2 if kernel == "epanechnikov" else mi.Float(1)

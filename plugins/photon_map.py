@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -66,14 +68,14 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
     def __init__(self, props: mi.Properties):
         if mi.is_spectral or mi.is_polarized:
             raise ValueError(f"photon_map: variant {mi.variant()}; use a mono or rgb one")
-        given = {}
+        numbers = {}
         for name, default, least in (
             ("max_depth", 1000, -1), ("rr_depth", 4, 1), ("photons", 1_000_000, 1),
             ("passes", 1, 1), ("gather", 0, 0),
         ):  # fmt: skip
-            given[name] = checked_whole("photon_map", name, props.get(name, default), least)
+            numbers[name] = checked_whole("photon_map", name, props.get(name, default), least)
         super().__init__(props)
-        for name, number in given.items():
+        for name, number in numbers.items():
             setattr(self, name, number)
         self.alpha = float(checked("photon_map", "alpha", props.get("alpha", 0.7), 0, 1))
         self.radius = float(checked("photon_map", "radius", props.get("radius", 0.0), 0))
@@ -91,7 +93,17 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         self.ledger: Ledger | None = None
 
     def radii(self, scene) -> list[float]:
-        """Radius of every pass [m]."""
+        """Radius of the density estimate in every pass.
+
+        Parameters
+        ----------
+        scene : mi.Scene
+
+        Returns
+        -------
+        list of float
+            [m].
+        """
         box = scene.bbox()
         fallback = 0.01 * 0.5 * float(np.linalg.norm(box.extents())) if box.valid() else 0.01
         radii = [self.radius or fallback]
@@ -102,9 +114,19 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
     def shoot(self, scene, photons: int, seed: int = 0):
         """Photons with the radiances of the scene's sources, where they landed.
 
+        Parameters
+        ----------
+        scene : mi.Scene
+        photons, seed : int
+
         Returns
         -------
         Store, Ledger
+
+        Raises
+        ------
+        ValueError
+            The scene is empty, has no source of light, or one that sends no photons.
         """
         sources = Sources(scene)
         return self._photons(scene, sources, []).send(photons, seed)
@@ -243,7 +265,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         at_diffuse : callable
             `at_diffuse(si, bsdf, beta, active)` gives the light from a diffuse surface.
         sources : Sources or None
-            What rays see where they leave the scene.
+            Sources that rays see where they leave the scene.
 
         Returns
         -------
@@ -280,7 +302,9 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         self.ledger = ledger = Ledger.mean(ledgers)
         if ledger.lost > 1e-3 * ledger.emitted:
             share = ledger.lost / ledger.emitted
-            mi.Log(mi.LogLevel.Warn, f"photon_map: {share:.1%} of the flux lost; raise max_depth")
+            message = f"photon_map: {share:.1%} of the flux lost; raise max_depth"
+            # Mitsuba's own log would not reach a notebook, nor anyone who lowered its level.
+            warnings.warn(message, RuntimeWarning, stacklevel=3)
 
     def to_string(self):
         return f"PhotonMap[photons={self.photons}, passes={self.passes}, gather={self.gather}]"

@@ -1,4 +1,4 @@
-"""Where photons start: a direction of the sky or of a sun, and a port or the whole scene to aim at.
+"""Start of photons: a direction of the sky or of a sun, aimed at a port or at the whole scene.
 
 A photon that carries flux from radiance L starts with Φ = L Ω A / (N p), where Ω is the solid angle
 of its bin, A the area it is aimed at (normal to its direction), N the number of photons and p the
@@ -88,7 +88,7 @@ class Sources:
         towards : mi.Vector3f
             Unit vector to the source.
         irradiance : mi.Spectrum
-            What the photon stands for on an area normal to its direction [W/m² or lx].
+            Irradiance that the photon stands for, normal to its direction [W/m² or lx].
         """
         p = self._probabilities()
         shares, cumulated = mi.Float64(p), mi.Float64(np.cumsum(p))
@@ -215,7 +215,7 @@ class Surroundings:
     ----------
     scene : mi.Scene
     points : array, shape (n, 3)
-        What must lie inside besides the scene's shapes.
+        Points [m] that must lie inside, too.
     """
 
     def __init__(self, scene, points):

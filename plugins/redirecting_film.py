@@ -135,11 +135,11 @@ class RedirectingFilm(mi.BSDF):
 
     def _centres(self, mode, wi):
         """Centres of the two lobes that `wo` (z ≥ 0) is drawn from, and the share of the first."""
-        tilt, given = dr.detach(self.tilt), _mirrored(wi)
+        tilt, known = dr.detach(self.tilt), _mirrored(wi)
         if mode == mi.TransportMode.Importance:
-            centre = redirected(given, tilt)
+            centre = redirected(known, tilt)
             return centre, centre, mi.Float(1)
-        centres = redirected_from(given, tilt), redirected_from(folded(given), tilt)
+        centres = redirected_from(known, tilt), redirected_from(folded(known), tilt)
         # The part of each that lies before the pane, where it is not folded.
         width = dr.sqrt(0.5 * concentration(dr.detach(self.spread)))
         before, second = (1e-3 + 0.5 + 0.5 * dr.erf(c.z * width) for c in centres)

@@ -1,4 +1,4 @@
-"""Where a redirecting film sends light, and lobes about it: for the plugin and for design."""
+"""Direction into which a redirecting film sends light, and the lobe about this direction."""
 
 from __future__ import annotations
 

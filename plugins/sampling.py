@@ -1,4 +1,4 @@
-"""Random numbers, a sun's disk, radiances, panes: what plugins and transport share."""
+"""Random numbers, disks of suns, radiances and panes, for the plugins and for transport."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def clamped_index(x, count):
 
 
 def valid_directions(*directions):
-    """Whether a BSDF may be asked for directions of its local frame: it is 0 for any other.
+    """Mask of directions of the local frame for which a BSDF is defined; for others it is 0.
 
     Parameters
     ----------
@@ -111,6 +111,10 @@ def disk_solid_angle(diameter: float) -> float:
     ----------
     diameter : float
         Angle δ across the disk [deg].
+
+    Returns
+    -------
+    float
     """
     return 4 * np.pi * np.sin(np.radians(diameter) / 4) ** 2
 
@@ -129,12 +133,31 @@ def sample_disk(centre, diameter: float, uv):
         Angle across the disk [deg].
     uv : mi.Point2f
         Uniform numbers in [0, 1)².
+
+    Returns
+    -------
+    mi.Vector3f
+        Unit vectors.
     """
     return from_disk(centre, diameter, mi.warp.square_to_uniform_disk_concentric(uv))
 
 
 def from_disk(centre, diameter: float, p):
-    """Direction to a point `p` of the unit disk, which is laid over the disk on the sky."""
+    """Direction to a point of a disk on the sky; see `sample_disk`.
+
+    Parameters
+    ----------
+    centre : mi.Vector3f
+        Unit vector to the disk's centre.
+    diameter : float
+        Angle across the disk [deg].
+    p : mi.Point2f
+        Point of the unit disk.
+
+    Returns
+    -------
+    mi.Vector3f
+    """
     p = p * (2 * np.sin(np.radians(diameter) / 4))
     r2 = dr.squared_norm(p)  # chord², = 2 (1 - cos θ)
     xy = p * dr.sqrt(1 - 0.25 * r2)
@@ -142,7 +165,7 @@ def from_disk(centre, diameter: float, p):
 
 
 def on_disk(d, centre, diameter: float):
-    """Whether a direction lies on a disk, by the chord between unit vectors (exact in float32)."""
+    """Mask of directions on a disk, by the chord between unit vectors (exact in float32)."""
     return dr.squared_norm(d - centre) <= 4 * np.sin(np.radians(diameter) / 4) ** 2
 
 

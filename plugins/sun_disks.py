@@ -57,7 +57,9 @@ class SunDisks(mi.Emitter):
     Integrators find the suns by emitter sampling only (like a point light): Mitsuba knows one
     environment per scene, which the sky is. A perfect mirror or a view straight into the sun
     therefore does not show them except in `coefficient`, which tests the disks itself. Where disks
-    overlap, `eval` is the radiance of the first alone; sampled light is that of all.
+    overlap, `eval` is the radiance of the first alone; sampled light is that of all. Spectral
+    variants take the first channel. A scene for Mitsuba's `path` is shipped as
+    scenes/plugins/sun_and_sky.xml.
     """
 
     def __init__(self, props: mi.Properties):
@@ -65,8 +67,8 @@ class SunDisks(mi.Emitter):
         directions = _directions(props)
         self.bin_count = len(directions)
         self.directions = mi.Float(directions.astype(np.float32).ravel())
-        given = table_of("sun_disks", "radiance", props.get("radiance", 1.0))
-        self.radiance = radiances("sun_disks", given, self.bin_count, f"{self.bin_count} suns")
+        table = table_of("sun_disks", "radiance", props.get("radiance", 1.0))
+        self.radiance = radiances("sun_disks", table, self.bin_count, f"{self.bin_count} suns")
         self.diameter = float(
             checked("sun_disks", "diameter", props.get("diameter", 0.5), 1e-3, 90)
         )
@@ -89,15 +91,15 @@ class SunDisks(mi.Emitter):
     @dr.syntax
     def bin_of(self, d, active=True):
         """First sun whose disk holds direction `d`; `bin_count` where there is none."""
-        found = mi.UInt32(self.bin_count)
+        index = mi.UInt32(self.bin_count)
         i = mi.UInt32(0)
         searching = mi.Bool(active)
         while searching & (i < self.bin_count):
             hit = on_disk(d, self.direction_of(i, searching), self.diameter)
-            found = dr.select(hit, i, found)
+            index = dr.select(hit, i, index)
             searching &= ~hit
             i += 1
-        return found
+        return index
 
     def traverse(self, cb):
         cb.put("radiance", self.radiance, mi.ParamFlags.Differentiable)

@@ -35,9 +35,9 @@ class TregenzaSky(mi.Emitter):
         self.subdivision = checked_whole("tregenza_sky", "subdivision", subdivision, 1, 6)
         patches = Patches(self.subdivision)
         n = len(patches)
-        given = table_of("tregenza_sky", "radiance", props.get("radiance", 1.0))
+        table = table_of("tregenza_sky", "radiance", props.get("radiance", 1.0))
         bins = f"the {n} bins of subdivision {self.subdivision}"
-        self.radiance = radiances("tregenza_sky", given, n, bins)
+        self.radiance = radiances("tregenza_sky", table, n, bins)
         # Properties keep transforms in double precision, which Transform4f refuses.
         to_world = props.get("to_world", mi.ScalarTransform4f())
         axes = np.linalg.norm(np.array(to_world.matrix)[:3, :3], axis=0)

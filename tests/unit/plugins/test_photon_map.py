@@ -229,6 +229,10 @@ def test_light_that_bounces_for_too_long_is_lost_and_said():
     short, long = photon_map(ports=port, max_depth=10), photon_map(ports=port, max_depth=-1)
     _, x = short.shoot(scene, 1 << 12)
     assert x.lost > 0.98 * x.emitted  # the rest starts beside the edges
+    with pytest.warns(
+        RuntimeWarning, match=r"photon_map: [\d.]+% of the flux lost; raise max_depth"
+    ):
+        short.sensors(scene, [[0, 0, 4]], [UP], 1 << 10)
     assert x.emitted == pytest.approx(x.absorbed + x.escaped + x.lost, rel=1e-6)
     _, x = long.shoot(scene, 1 << 12)
     assert x.lost == 0
