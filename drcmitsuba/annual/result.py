@@ -33,7 +33,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
-from drcmitsuba.plan.forecast import Forecast, forecast, told_plan
+from drcmitsuba.plan.forecast import Forecast, forecast, to_dict
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
@@ -305,7 +305,7 @@ def summed_up(
         "seconds": dict(run.seconds),
         "peak_memory_bytes": peak_memory(),
     }  # fmt: skip
-    effects = told_plan(planned, expected, coefficients.attrs)
+    effects = to_dict(planned, expected, coefficients.attrs)
     rays = {"rays": dict(run.ray_counter)} if run.ray_counter else {}
     effects = effects | {"cost": _with_actual(effects["cost"], metrics, rays)}
     E = evaluated.illuminance

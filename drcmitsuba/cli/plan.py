@@ -32,7 +32,7 @@ def plan(
     from drcmitsuba.case.case import load_case
     from drcmitsuba.plan import notes
     from drcmitsuba.plan import plan as decide
-    from drcmitsuba.plan.forecast import forecast, told_plan
+    from drcmitsuba.plan.forecast import forecast, to_dict
     from drcmitsuba.runtime import backend, storage
     from drcmitsuba.scene.sensors import sensor_points
     from drcmitsuba.sky.daylight import daylight
@@ -46,7 +46,7 @@ def plan(
         decided = decide(loaded, light)
         done(0.3)
         expected = forecast(decided)
-    told = told_plan(decided, expected)
+    told = to_dict(decided, expected)
     if output is not None:
         storage.save_json(told, output / "plan.json")
     if as_json:

@@ -38,7 +38,7 @@ class Effect:
         reason = f'{self.reason}; overruled by [effects] {name} = "{choice}"'
         return replace(self, on=on, reason=reason, overruled=True, missing=False)
 
-    def told(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain values for plan.json."""
         out: dict[str, Any] = {"on": self.on, "reason": self.reason}
         if self.missing:

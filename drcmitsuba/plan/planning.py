@@ -46,7 +46,7 @@ class Plan:
         left_out = (e for e in self.effects.values() if e.missing or (e.overruled and not e.on))
         return [effect.reason for effect in left_out]
 
-    def told(self, coefficients: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
+    def to_dict(self, coefficients: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
         """Plain values for plan.json: {effect: {"on": bool, "reason": str, …}}.
 
         Parameters
@@ -54,7 +54,7 @@ class Plan:
         coefficients : mapping
             Attributes of C, where it is known: what a mesh of suns came to is told with them.
         """
-        told = {name: effect.told() for name, effect in self.effects.items()}
+        told = {name: effect.to_dict() for name, effect in self.effects.items()}
         if "mesh_miss" in coefficients:
             suns, miss = coefficients["mesh_suns"], 100 * coefficients["mesh_miss"]
             told["suns"]["reason"] += (

@@ -6,6 +6,7 @@ scatter. Sky and suns are kept as two arrays, since they reach different receive
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -87,6 +88,10 @@ class Deposit:
         """Seed of one launch."""
         return launch_seed(self.accuracy.seed, *key, draw)
 
+    def counting(self, key: Key, draw: Draw) -> AbstractContextManager[None]:
+        """Count the rays of one launch by the stream and the draw of its random numbers."""
+        return self.scene.ray_counter.purpose(key[0].name, draw.name)
+
     def straight(
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
         numbers: mi.UInt32 | None = None,
@@ -95,15 +100,17 @@ class Deposit:
         count = dr.width(p) // 3
         sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
         if self.subdivision:
-            sky = sky_deposit(
-                self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
-                seed=self.seed(key, Draw.SKY), numbers=numbers,
-            )  # fmt: skip
+            with self.counting(key, Draw.SKY):
+                sky = sky_deposit(
+                    self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
+                    seed=self.seed(key, Draw.SKY), numbers=numbers,
+                )  # fmt: skip
         if sun_samples:
-            sun = sun_deposit(
-                self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
-                seed=self.seed(key, Draw.SUN), numbers=numbers,
-            )  # fmt: skip
+            with self.counting(key, Draw.SUN):
+                sun = sun_deposit(
+                    self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
+                    seed=self.seed(key, Draw.SUN), numbers=numbers,
+                )  # fmt: skip
         return Irradiance(sky, sun)
 
     def transfer(
@@ -111,10 +118,11 @@ class Deposit:
     ) -> mi.TensorXf:
         """K from the faces of the panes to receivers, shape (receiver, face)."""
         assert self.patches is not None
-        return pane_transfer(
-            self.scene, self.patches, p, n,
-            rays=self.accuracy.pane_points, seed=self.seed(key, Draw.PANES), numbers=numbers,
-        )  # fmt: skip
+        with self.counting(key, Draw.PANES):
+            return pane_transfer(
+                self.scene, self.patches, p, n,
+                rays=self.accuracy.pane_points, seed=self.seed(key, Draw.PANES), numbers=numbers,
+            )  # fmt: skip
 
     def lit(self, replicate: int, material: int | None = None) -> Deposit:
         """Deposit with the light on the panes found, light from pane to pane included.
@@ -154,16 +162,18 @@ class Deposit:
             return self
         rng = np.random.default_rng(self.seed(key, Draw.POINTS))
         p, n = self.films.patches.face_points(rng)
-        sun = sun_deposit(
-            self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=1,
-            seed=self.seed(key, Draw.SUN),
-        )  # fmt: skip
+        with self.counting(key, Draw.SUN):
+            sun = sun_deposit(
+                self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=1,
+                seed=self.seed(key, Draw.SUN),
+            )  # fmt: skip
         to_suns = self.films.answer_to_suns(
             self.suns, self.diameter, self.seed(key, Draw.SUN_ANSWER)
         )
-        to_sky = self.films.answer_to_sky(
-            self.subdivision, self.accuracy.film_sky_samples, self.seed(key, Draw.SKY)
-        )
+        with self.counting(key, Draw.SKY):
+            to_sky = self.films.answer_to_sky(
+                self.subdivision, self.accuracy.film_sky_samples, self.seed(key, Draw.SKY)
+            )
         to_suns, peaks = self.films.without_peaks(to_suns)
         return replace(self, on_films=Lit(sun, to_suns, to_sky, peaks))
 
@@ -173,16 +183,17 @@ class Deposit:
         """Light by way of films; None where there are none."""
         if self.films is None or self.on_films is None:
             return None
-        looked = self.films.looked(
-            p, n, rays=self.accuracy.pane_points, seed=self.seed(key, Draw.FILMS), numbers=numbers
-        )
+        rays, seed = self.accuracy.pane_points, self.seed(key, Draw.FILMS)
+        with self.counting(key, Draw.FILMS):
+            looked = self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers)
         sky, sun = self.films.sent(looked, self.on_films)
-        for peaks in self.on_films.peaks:
-            sun += peak_deposit(
-                self.scene, self.films.patches, self.films.mounts[peaks.owner], peaks, p, n,
-                suns=self.suns, diameter=self.diameter, most=PEAK_RAYS * self.accuracy.pane_points,
-                seed=self.seed(key, Draw.PEAKS), numbers=numbers,
-            )  # fmt: skip
+        with self.counting(key, Draw.PEAKS):
+            for peaks in self.on_films.peaks:
+                sun += peak_deposit(
+                    self.scene, self.films.patches, self.films.mounts[peaks.owner], peaks, p, n,
+                    suns=self.suns, diameter=self.diameter, most=PEAK_RAYS * rays,
+                    seed=self.seed(key, Draw.PEAKS), numbers=numbers,
+                )  # fmt: skip
         return Irradiance(sky, sun)
 
     def scattered(

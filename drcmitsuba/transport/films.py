@@ -180,7 +180,7 @@ class Films:
         first = self.first_sky_rows()
         if not subdivision:
             return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
-        bins = len(Patches(subdivision))
+        bins, each = len(Patches(subdivision)), dr.opaque(mi.UInt32, samples)
         tables = []
         for patch in np.unique(first[:-1], return_index=True)[1]:
             mount = self.mounts[self.patches.owner[patch]]
@@ -188,18 +188,18 @@ class Films:
             block = max(1, LANES // samples)
             for start in range(0, mount.rows, block):
                 lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
-                row = lane // samples + dr.opaque(mi.UInt32, start)
+                row = lane // each + dr.opaque(mi.UInt32, start)
                 d, weight = self._from_sky(
-                    int(patch), row, lane % samples, samples, seed + 7919 * int(patch)
+                    int(patch), row, lane % each, each, seed + 7919 * int(patch)
                 )
                 index = row * bins + patch_index(d, subdivision)
-                dr.scatter_add(out, mi.Float64(weight / samples), index, weight > 0)
+                dr.scatter_add(out, mi.Float64(weight / mi.Float(each)), index, weight > 0)
                 dr.eval(out)
             tables.append(mi.Float(out))
         return mi.TensorXf(dr.concat(tables), (int(first[-1]), bins))
 
     def _from_sky(
-        self, patch: int, row: mi.UInt32, index: mi.UInt32, samples: int, seed: int
+        self, patch: int, row: mi.UInt32, index: mi.UInt32, samples: mi.UInt32, seed: int
     ) -> tuple[mi.Vector3f, mi.Float]:
         """Directions to the sky whose light leaves a patch in the rows' cells, and its weight."""
         mount = self.mounts[self.patches.owner[patch]]
@@ -212,7 +212,7 @@ class Films:
             mi.Float(v >> 8) * TO_UNIT
             for v in (*random_bits(row, seed, index), random_bits(row, seed + 1, index)[0])
         )
-        lobe = (mi.Float(index) + lobe) / samples  # spread evenly over the lobes
+        lobe = (mi.Float(index) + lobe) / mi.Float(samples)  # spread evenly over the lobes
         bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
         d, weight = mount.turn.to_world(bs.wo), value[0]
         wanted = self.scene.effects.shines(d)

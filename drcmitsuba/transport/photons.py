@@ -31,7 +31,7 @@ from drcmitsuba_plugins.sampling import streams
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
@@ -202,11 +202,12 @@ class PhotonTracer:
         effects = self.ports[0].scene.effects
         wanted = np.array([effects.ground, *[effects.sky] * (patches - 1)][:patches])
         by_sky, through_sky, _, a = self._landed(
-            of_sky(self.subdivision or 1), wanted, PATCH * self.count, seed, part(progress, 0, 0.3)
-        )
+            of_sky(self.subdivision or 1), Draw.SKY, wanted, PATCH * self.count, seed,
+            part(progress, 0, 0.3),
+        )  # fmt: skip
         by_sun, through_sun, inner, b = self._landed(
-            of_suns(self.suns, self.diameter), np.ones(len(self.suns), bool), self.count, seed + 1,
-            part(progress, 0.3, 1),
+            of_suns(self.suns, self.diameter), Draw.SUN, np.ones(len(self.suns), bool), self.count,
+            seed + 1, part(progress, 0.3, 1),
         )  # fmt: skip
         sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
         smear = 4 / 3 * (through_sun[0].sum(axis=1) - inner)
@@ -221,6 +222,7 @@ class PhotonTracer:
     def _landed(
         self,
         sources: PhotonSources,
+        draw: Draw,
         wanted: np.ndarray,
         photons: int,
         seed: int,
@@ -242,10 +244,11 @@ class PhotonTracer:
             block, ledger = max(1, LANES // photons), FluxLedger()
             for first in range(0, len(seen), block):
                 some, key = seen[first : first + block], seed + 0x10001 * i
-                start = ports.start(sources, some, could[some], photons, key)
-                fate = self._follow(
-                    ports.scene, traits, squares, sources, start, sums, bins, photons, key
-                )
+                with ports.scene.ray_counter.purpose(Stream.PHOTONS.name, draw.name, ports.name):
+                    start = ports.start(sources, some, could[some], photons, key)
+                    fate = self._follow(
+                        ports.scene, traits, squares, sources, start, sums, bins, photons, key
+                    )
                 ledger = ledger.plus(fate)
                 progress((i + (first + len(some)) / len(seen)) / len(self.ports))
             ledgers.append(ledger)
@@ -267,7 +270,7 @@ class PhotonTracer:
         """Follow photons, so many of each source, and add what they bring to `sums`."""
         columns = start.p, start.d, start.flux, start.bin
         dr.eval(*columns)
-        lanes = dr.compress(start.flux > 0)
+        launched, lanes = dr.width(start.flux), dr.compress(start.flux > 0)
         if dr.width(lanes) == 0:
             return FluxLedger()
         start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
@@ -280,7 +283,7 @@ class PhotonTracer:
         )  # fmt: skip
         dr.eval(fates, sums)  # together: each sum alone would follow all photons again
         *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
-        self.ports[0].scene.ray_counter.take("photon", round(segments))
+        self.ports[0].scene.ray_counter.take("photon", round(segments), launched)
         names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
         by_fate = dict(zip(names, fluxes, strict=True))
         return FluxLedger(photons=dr.width(lanes), segments=round(segments), **by_fate)

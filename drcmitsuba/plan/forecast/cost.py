@@ -1,20 +1,23 @@
-"""Seconds of units of work on the reference machine, and of a forecast on this one."""
+"""Seconds of units of work on the reference machine, and the forecast of an evaluation on this."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
 
+from drcmitsuba.plan import Plan
+from drcmitsuba.plan.forecast import machine, size
 from drcmitsuba.plan.forecast.machine import Speed
-from drcmitsuba.plan.forecast.work import Work
+from drcmitsuba.plan.forecast.work import count
+
+REST = "rest"
+"""Share of what no effect can be left out of: weather, sky, accumulation, metrics, files."""
 
 
 class Unit(NamedTuple):
-    """Seconds of one unit of work on the reference machine, and what they scale with.
-
-    `kernel` work is done by all threads, or by a GPU; the rest by NumPy and Python in one thread.
-    """
+    """Seconds of one unit of work on the reference machine; by NumPy and Python, or by kernels."""
 
     seconds: float
     kernel: bool = True
@@ -23,16 +26,14 @@ class Unit(NamedTuple):
 UNITS: Mapping[str, Unit] = {
     # Rays: towards sky and suns, of the gather, towards panes that scatter, of photons.
     "shadow": Unit(2.5e-8),
-    "path": Unit(6.2e-8),
+    "path": Unit(7.2e-8),
     "pane": Unit(1.8e-8),
     "photon": Unit(5.4e-8),
-    # Shadow rays by clear panes, in addition; lanes that may trace a ray; vertices of paths;
-    # photons at their ports.
+    # Shadow rays by clear panes, in addition; lanes that may trace a ray; photons at their ports.
     "pierced": Unit(4.5e-8),
     "sky_lane": Unit(1.2e-8),
     "sun_lane": Unit(1.25e-8),
     "look": Unit(8e-9),
-    "vertex": Unit(1.05e-8),
     "start": Unit(6e-8),
     # Numbers of D, products of G·D, answers of films: to suns, to the sky, and their sums.
     "deposit": Unit(2.4e-9),
@@ -56,17 +57,115 @@ UNITS: Mapping[str, Unit] = {
 for the two threads of the reference."""
 
 
-def seconds(amounts: Mapping[str, float], speed: Speed) -> dict[str, float]:
-    """Seconds of amounts of work by unit."""
-    return {
-        name: amount * UNITS[name].seconds / (speed.rays if UNITS[name].kernel else speed.host)
-        for name, amount in amounts.items()
-    }
+@dataclass(frozen=True)
+class Forecast:
+    """What an evaluation will cost.
+
+    Parameters
+    ----------
+    seconds : float
+        Of all stages, as `seconds` of metrics.json add up; start-up is not in them.
+    memory_bytes : int
+        Largest number of bytes that the process will hold.
+    disk_bytes : int
+    rays : dict of str to int
+        Number of rays, by `ray_counter.KINDS`.
+    items : dict of str to float
+        Work by unit, see `UNITS`.
+    files : dict of str to int
+        Bytes of files.
+    shares : dict of str to float
+        Shares of the seconds by effect; "rest" is what no effect can be left out of. The share of
+        the shaded state, and of the second and third colour channel, is all of their work.
+    """
+
+    seconds: float
+    memory_bytes: int
+    disk_bytes: int
+    rays: dict[str, int]
+    items: dict[str, float]
+    files: dict[str, int]
+    shares: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values without the shares, which stand with the effects."""
+        values = {name: value for name, value in asdict(self).items() if name != "shares"}
+        items = {name: float(f"{amount:.4g}") for name, amount in self.items.items()}
+        return values | {"items": items, "seconds": round(self.seconds, 3)}
+
+    def __str__(self) -> str:
+        return (
+            f"{_figure(self.seconds)} s, {_figure(self.memory_bytes / 2**20)} MiB of memory, "
+            f"{_figure(self.disk_bytes / 1e6)} MB on disk, "
+            f"{_figure(sum(self.rays.values()) / 1e6)} million rays"
+        )
 
 
-def by_effect(work: Work, speed: Speed) -> dict[str, float]:
-    """Seconds of each effect."""
-    out: dict[str, float] = defaultdict(float)
-    for (effect, unit), amount in work.amounts.items():
-        out[effect] += seconds({unit: amount}, speed)[unit]
-    return dict(out)
+def _figure(value: float) -> str:
+    """Two figures, and all before the point."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
+
+
+def to_dict(
+    plan: Plan, expected: Forecast | None = None, coefficients: Mapping[str, Any] | None = None
+) -> dict[str, dict[str, Any]]:
+    """Plan and forecast as plain values for plan.json, {effect: {"on", "reason", "share", …}}.
+
+    Parameters
+    ----------
+    plan : Plan
+    expected : Forecast, optional
+    coefficients : mapping, optional
+        Attributes of C, where it is known.
+
+    Returns
+    -------
+    dict
+        By effect; the entry "cost" has the share of "rest", and the forecast.
+    """
+    entries = plan.to_dict(coefficients or {})
+    entries["cost"] = {"on": True, "reason": "no forecast"}
+    if expected is not None:
+        for name, entry in entries.items():
+            entry["share"] = round(expected.shares[REST if name == "cost" else name], 4)
+        entries["cost"] |= {"reason": f"forecast {expected}", "forecast": expected.to_dict()}
+    return entries
+
+
+def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
+    """Forecast what the evaluation of a plan costs, from a pilot of it.
+
+    Parameters
+    ----------
+    plan : Plan
+    on : Speed, optional
+        Speed of the machine; by default of this one, measured once.
+
+    Returns
+    -------
+    Forecast
+
+    Notes
+    -----
+    seconds = Σ work × seconds of a unit / speed. Kernels are taken to be compiled and cached, as
+    they are after the first evaluation of a kind; the pilot compiles those of transport. Samples
+    that are added toward a target are not in it; `time_limit` bounds them.
+    """
+    here = machine.speed() if on is None else on
+    counted = count(plan)
+    files = size.disk(counted)
+    counted.work.add([(REST, "byte", sum(files.values()) - files.get("pictures", 0))])
+    seconds: dict[str, float] = defaultdict(float)
+    for (effect, unit), amount in counted.work.amounts.items():
+        each, kernel = UNITS[unit]
+        seconds[effect] += amount * each / (here.rays if kernel else here.host)
+    whole = sum(seconds.values())
+    return Forecast(
+        seconds=whole,
+        memory_bytes=size.memory(counted),
+        disk_bytes=sum(files.values()),
+        rays=counted.work.rays,
+        items=counted.work.by_unit,
+        files=files,
+        shares={name: seconds[name] / whole for name in (*plan.effects, REST)},
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drcmitsuba.case.sun import Adaptive
-from drcmitsuba.plan.forecast.survey import Survey
+from drcmitsuba.plan.forecast.pilot import Pilot
 from drcmitsuba.plan.forecast.work import Counted
 
 FLOAT, DOUBLE = 4, 8
@@ -15,15 +15,12 @@ KEPT = 0.93
 """What zarr's compression leaves of numbers that are not 0; of zeros it leaves nothing."""
 LABEL = 45
 """Bytes of a time stamp in all of its labels and coordinates."""
-PICTURE, MONTHLY = 48_000, 118_000
-"""Bytes of a plan and of the monthly plot."""
-PLANS = 4
-"""One of points that are too close to call among them."""
+PICTURES = 4 * 48_000 + 118_000
+"""Bytes of the plans, one of points that are too close to call among them, and of the months."""
 TEXTS = 15_000
 """Bytes of metrics.json and plan.json."""
 VERTEX = 40
 """Bytes of a vertex of a path: row, key, tag, weight, position, normal."""
-
 BASE = 290 << 20
 """Bytes of the program itself: libraries, kernels, weather."""
 PHOTONS = 135 << 20
@@ -38,75 +35,49 @@ back included; fitted to the shipped cases, a coloured one, and one of 5184 sens
 
 def disk(counted: Counted) -> dict[str, int]:
     """Bytes of the files that an evaluation writes, by name."""
-    scope, stamps, channels = counted.plan.scope, counted.stamps, counted.channels
-    entries = stamps * counted.sensors * channels
-    coefficients = sum(_numbers(survey, counted) for survey in counted.surveys.values())
-    luminances = stamps * counted.surveys["open"].patches_of_sky * channels
+    stamps, channels = counted.plan.facts.hours, counted.channels
+    coefficients = sum(_numbers(pilot, counted) for pilot in counted.pilots.values())
     files = {
-        "illuminance.nc": VARIABLES * FLOAT * entries + LABEL * stamps,
+        "illuminance.nc": VARIABLES * FLOAT * counted.entries + LABEL * stamps,
         "coefficients.zarr": KEPT * FLOAT * channels * coefficients,
-        "sky.zarr": KEPT * FLOAT * luminances + LABEL * stamps,
+        "sky.zarr": KEPT * FLOAT * stamps * counted.sky_bins * channels + LABEL * stamps,
         "texts": TEXTS,
     }
-    if scope.pictures:
-        files["pictures"] = PLANS * PICTURE + MONTHLY
+    if counted.plan.scope.pictures:
+        files["pictures"] = PICTURES
     return {name: round(size) for name, size in files.items()}
 
 
-def _numbers(survey: Survey, counted: Counted) -> float:
-    """Coefficients of a state that are not 0."""
-    seen, replicates = survey.seen("sensors"), survey.accuracy.replicates
-    suns, patches = len(survey.suns.labels), survey.patches
-    scattering = survey.pane_patches is not None or survey.films is not None
-    straight = seen.suns * suns * survey.suns.straight + seen.patches * patches
-    direct = suns + patches if scattering or survey.scene.followed else straight
-    around = suns + patches if survey.scope.depth != 0 or scattering else direct
-    numbers = 2 * straight + 2 * direct + (2 + replicates) * around
+def _numbers(pilot: Pilot, counted: Counted) -> float:
+    """Number of coefficients of a state that are not 0."""
+    (patches, suns), (of_sky, of_sun, _) = pilot.bins, pilot.seen
+    straight = of_sun * suns * pilot.suns.straight + of_sky * patches
+    direct = suns + patches if pilot.scatters else straight
+    around = suns + patches if pilot.scene.effects.depth != 0 else direct
+    numbers = 2 * straight + 2 * direct + (2 + pilot.accuracy.replicates) * around
     if isinstance(counted.plan.facts.case.sun, Adaptive):
-        numbers += 2 * seen.suns * len(counted.plan.facts.light.suns.labels)
-    return counted.sensors * numbers
+        numbers += 2 * of_sun * len(counted.plan.facts.light.suns.labels)
+    return len(pilot.points) * numbers
 
 
 def memory(counted: Counted) -> int:
     """Bytes that the process holds where it holds most."""
-    held = arrays(counted)
-    followed = any(survey.scene.followed for survey in counted.surveys.values())
-    return round(BASE + PHOTONS * followed + sum(HELD[name] * held[name] for name in HELD))
-
-
-def arrays(counted: Counted) -> dict[str, float]:
-    """Bytes of the largest arrays by name."""
-    a, sensors = counted.plan.facts.case.accuracy, counted.sensors
-    surveys = counted.surveys.values()
-    bins = {state: sum(both) for state, both in counted.bins.items()}
-    deposits = [a.replicates * s.cells[2] * bins[state] for state, s in counted.surveys.items()]
-    landed = [
-        d for d, s in zip(deposits, surveys, strict=True) if s.scene.followed
-    ]  # fmt: skip
-    whole = len(counted.plan.facts.light.suns.labels) + counted.surveys["open"].patches_of_sky
-    numbers = len(counted.surveys) * counted.channels * sensors * whole
-    illuminances = VARIABLES * counted.stamps * sensors * counted.channels
-    return {
-        "vertices": VERTEX * max((_vertices(s) for s in surveys), default=0),
-        "deposit": FLOAT * max(deposits, default=0),
-        "films": FLOAT * a.replicates * max((_tables(s) for s in surveys), default=0),
+    a, pilots = counted.plan.facts.case.accuracy, counted.pilots.values()
+    deposits = [a.replicates * p.cells * sum(p.bins) for p in pilots]
+    landed = [d for d, p in zip(deposits, pilots, strict=True) if p.scene.followed]
+    vertices = [a.replicates * p.block * a.paths * p.paths.bounces for p in pilots if p.paths.rays]
+    tables = [p.film_rows[0] * p.bins[0] + p.film_rows[1] * p.bins[1] for p in pilots]
+    whole = len(counted.plan.facts.light.suns.labels) + counted.sky_bins
+    sensors = len(counted.pilots["open"].points)
+    numbers = len(pilots) * counted.channels * sensors * whole
+    held = {
+        "vertices": VERTEX * max(vertices, default=0),
+        "deposit": FLOAT * max(deposits),
+        "films": FLOAT * a.replicates * max(tables),
         "landed": FLOAT * max(landed, default=0),
         "coefficients": FLOAT * numbers * (PARTS + a.replicates),
-        "luminance": DOUBLE * numbers * a.replicates if counted.channels > 1 else 0.0,
-        "illuminance": FLOAT * illuminances,
-    }  # fmt: skip
-
-
-def _vertices(survey: Survey) -> float:
-    """Vertices that there is room for at once."""
-    if survey.scope.depth == 0:
-        return 0.0
-    a = survey.accuracy
-    return a.replicates * survey.block * a.paths * survey.bounces
-
-
-def _tables(survey: Survey) -> float:
-    """Numbers in the tables of films."""
-    tables = survey.film_tables
-    lit = 0 if survey.films is None else len(survey.films.suns)
-    return tables.sun_rows * lit + tables.sky_rows * survey.patches
+        "luminance": DOUBLE * numbers * a.replicates * (counted.channels > 1),
+        "illuminance": FLOAT * VARIABLES * counted.entries,
+    }
+    most = sum(HELD[name] * size for name, size in held.items())
+    return round(BASE + PHOTONS * any(p.scene.followed for p in pilots) + most)

@@ -115,9 +115,9 @@ def _cut(
     x = width / 2
     quads = [np.stack([_at(-x, a), _at(x, a), _at(x, b), _at(-x, b)], axis=1)]
     if clear:
-        for outline in moved:
-            points = outline[:, 0]
-            cap = points[triangles(points)][:, [0, 1, 2, 2]]
+        ears = [triangles(part[:, 0]) for part in parts]  # every period is cut the same way
+        for i, outline in enumerate(moved):
+            cap = outline[:, 0][ears[i % len(parts)]][:, [0, 1, 2, 2]]
             quads += [_at(-x, cap), _at(x, cap[:, [2, 1, 0, 0]])]
     return np.concatenate(quads), (width, (count - 1) * s.period + extent), count
 

@@ -32,7 +32,7 @@ def planned(**changes):
 
 def test_every_effect_says_why():
     found = planned()
-    told = found.told()
+    told = found.to_dict()
     assert set(told) == {
         "sky", "ground", "suns", "dark_hours", "clear_panes", "scattering_panes", "films",
         "straight_through", "pane_to_pane", "components", "obstructions", "shaded_state",
