@@ -81,21 +81,6 @@ def test_json_alone_on_the_screen(run, case):
     assert told["cost"]["forecast"]["rays"]["photon"] == 0
 
 
-def test_a_plan_does_no_transport(run, case, monkeypatch):
-    from drcmitsuba.scene import scene
-    from drcmitsuba.transport import coefficients, gather, photons, shadow_rays
-
-    def refused(*_, **__):
-        raise AssertionError("transport")
-
-    for module, name in (
-        (coefficients, "estimate"), (gather, "_trace"), (shadow_rays, "straight"),
-        (photons, "follow"), (scene, "build"),
-    ):  # fmt: skip
-        monkeypatch.setattr(module, name, refused)
-    assert run("plan", case)[0] == 0
-
-
 def test_mistakes_are_told_in_one_line(refused, case, tmp_path):
     assert "no such file" in refused("plan", tmp_path / "none.toml")
     case.write_text(CASE.replace('material = "glass"', 'material = "glas"'))

@@ -8,7 +8,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from drcmitsuba import evaluate
+from drcmitsuba import evaluate, load_case
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulation import coefficients
 from drcmitsuba.case.case import Case
@@ -112,6 +112,19 @@ def test_rays_are_those_that_are_traced(kind):
             assert abs(np.log(expected[name] / rays[name])) < np.log(1 + allowed), name
 
 
+@pytest.mark.parametrize("name", ["classroom/existing", "prism/as_bsdf"])
+def test_a_pilot_of_a_shipped_case_is_small_and_tells_its_rays_within_a_factor_of_2(name):
+    case = load_case(name)
+    case_plan = plan(case, daylight(case))
+    run = Run.of(case, case_plan.scope)
+    coefficients(case, case_plan.facts.light, run)
+    counted = count(case_plan)
+    for kind, rays in run.ray_counter.items():
+        assert rays / 2 <= counted.work.rays[kind] <= 2 * rays, kind
+    pilots = sum(sum(p.scene.ray_counter.counted().values()) for p in counted.pilots.values())
+    assert pilots < sum(run.ray_counter.values()) / 4
+
+
 def test_a_north_room_under_an_overcast_sky_pays_for_no_sun_film_or_photon():
     found = planned(**KINDS_OF_CASES["north, overcast"])
     work = count(found).work
@@ -145,7 +158,7 @@ def test_shares_add_up_and_what_is_off_costs_nothing(kind):
         ("scattering_panes", "diffuser", {"pane", "look"}),
         ("films", "film", {"film_sun", "film_sky", "film_sum", "pane"}),
         ("components", "pipe", {"photon", "start"}),
-        ("interreflection", "clear", {"path", "vertex", "product", "deposit"}),
+        ("interreflection", "clear", {"path", "product", "deposit"}),
         ("pictures", "clear", {"picture"}),
     ],
 )
@@ -232,7 +245,7 @@ def test_the_pilot_compiles_no_kernel_that_the_evaluation_does_not_use(kind):
 
 NOT_LOADED = """
 import sys
-from drcmitsuba import evaluate
+from drcmitsuba import evaluate, load_case
 from drcmitsuba.case import Case
 case = Case.model_validate({case!r})
 evaluate(case).save({folder!r})
