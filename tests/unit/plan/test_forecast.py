@@ -1,5 +1,6 @@
 """Forecasts beside what is counted: rays by kind, bytes; nothing for what is off; never times."""
 
+import json
 import os
 import subprocess
 import sys
@@ -215,12 +216,12 @@ def test_bytes_on_disk_and_what_happened_is_told(kind, tmp_path):
     case = Case.model_validate({**ROOM, **KINDS_OF_CASES[kind]})
     result = evaluate(case)
     result.save(tmp_path)
-    cost = result.plan["cost"]
+    cost = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))["cost"]
     written = [f for f in tmp_path.rglob("*") if f.is_file() and f.name != "plan.json"]
     disk = sum(f.stat().st_size for f in written)
     assert cost["actual"]["disk_bytes"] == disk
     assert 0.5 < cost["forecast"]["disk_bytes"] / disk < 2
-    assert cost["actual"]["memory_bytes"] == result.metrics["peak_memory_bytes"]
+    assert cost["actual"]["memory_bytes"] >= result.metrics["peak_memory_bytes"]
     assert set(cost["actual"]["rays"]) == set(KINDS)
     assert cost["on"] is True
     assert "forecast" in cost["reason"]
