@@ -11,5 +11,5 @@ months
 style
     Colours, lines and PNG files.
 captions
-    What a picture says of weather, period and accuracy.
+    Weather, period and accuracy in words.
 """

@@ -1,4 +1,4 @@
-"""What a picture says of weather, period and accuracy, so that it stands alone."""
+"""Captions: weather, period and accuracy, so that a picture stands alone."""
 
 from __future__ import annotations
 

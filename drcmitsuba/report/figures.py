@@ -45,7 +45,7 @@ Months = Annotated[list[Share | None], Field(min_length=12, max_length=12)]
 
 
 class Numbers(BaseModel):
-    """What the pictures need of `metrics.json`; it holds more."""
+    """Numbers of `metrics.json` that the pictures need; the file holds more."""
 
     sDA: Share  # noqa: N815
     ASE: Share
@@ -148,7 +148,7 @@ def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> di
     Returns
     -------
     dict of Figure
-        By file name.
+        Figures by file name.
     """
     drawn: dict[str, Any] = {**_outlines(case), "caption": caption(case, illuminance, numbers)}
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])

@@ -1,7 +1,7 @@
 """Colours and lines that the pictures share, and files that are written whole.
 
 Figures are made without pyplot: nothing global changes, no window opens, and they can be made in
-any thread. Colours are told apart by colour-blind readers [1]_.
+any thread. Colour-blind readers can tell the colours apart [1]_.
 
 References
 ----------

@@ -54,15 +54,15 @@ GENSKY_SUN_SOLID_ANGLE = 4 * np.pi * np.sin(np.radians(0.5) / 4) ** 2
 
 @dataclass(frozen=True)
 class CieSky:
-    """A standard sky at every time; weather plays no part but by the sun's position.
+    """A standard sky at every time; it depends on the sun's position, not on the weather.
 
     Parameters
     ----------
     kind : int or str
         Type 1 to 16 of ISO 15469, or one of GENSKY.
     diffuse_horizontal_illuminance : float, optional
-        [lx] while the sun is up. ISO types need it; without it gensky's skies take gensky's own
-        zenith luminance.
+        Diffuse horizontal illuminance while the sun is up [lx]. ISO types need it; gensky's skies
+        have a zenith luminance of their own without it.
     turbidity : float
         Linke turbidity of gensky's clear and intermediate skies.
     patch_values : PatchMeans or PatchCentres
@@ -101,7 +101,7 @@ class CieSky:
             raise InputError("CIE sky", "turbidity", str(self.turbidity), "give 1 to 20")
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
-        """Sky and direct light of each time; `data` is not looked at.
+        """Sky and direct light of each time; `data` is not used.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ def relative(
     ISO types: f(γ) φ(ζ) / (f(Zs) φ(0)), φ = 1 + a exp(b / cos ζ),
     f = 1 + c (exp(dγ) − exp(dπ/2)) + e cos² γ.
     """
-    # exp(b / cos ζ) with b < 0 has vanished long before, and 1/0 has not happened.
+    # At this cosine exp(b / cos ζ) with b < 0 has vanished already; 0 would divide by 0.
     cos_zenith = np.maximum(cos_zenith, 1e-6)
     gamma, sun_zenith = (np.arccos(np.clip(c, -1, 1)) for c in (cos_gamma, cos_sun))
     if kind in (16, "overcast"):

@@ -1,4 +1,4 @@
-"""Light of a case: from weather, period and sky model to the luminances L[time, bin]."""
+"""Daylight of a case: from weather, period and sky model to the luminances L[time, bin]."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from drcmitsuba.sky.sun_models import Blend, Suns
 BLOCK = 1024
 """Time stamps of L that are held at once where it is written."""
 SUN_VARIABLES = ("sun", "sun_direction", "blend_bin", "blend_weight")
-"""What tells of the sun beside L on disk; the blend is not there where the sun is adaptive."""
+"""Variables of the sun beside L on disk; an adaptive sun has no blend."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Daylight:
     sun : xr.Dataset
         From `sky.sun_position`.
     suns : Suns
-        That coefficients are needed for; those of the time stamps themselves where it is adaptive.
+        Suns whose coefficients are needed; an adaptive sun needs those of the time stamps.
     step_hours : float
         Length of the intervals [h].
     source : str
-        Where the weather is from.
+        Weather file, or the name of a site without one.
     notes : tuple of str
         Changes that the reader of the weather made, and remarks on the period.
     """
@@ -60,7 +60,7 @@ class Daylight:
 
 @contextmanager
 def _of(case: Case, table: str) -> Iterator[None]:
-    """Name the case file and its table in what is wrong with them."""
+    """Name the case file and its table in errors."""
     try:
         yield
     except InputError as error:
@@ -110,6 +110,10 @@ def _weather(case: Case) -> weather.Weather:
 
 def daylight(case: Case) -> Daylight:
     """Weather, sun positions and luminances of the case's time stamps: L[time, bin].
+
+    Returns
+    -------
+    Daylight
 
     Raises
     ------
@@ -191,7 +195,7 @@ def sources(light: xr.Dataset) -> np.ndarray:
 
 
 def blended(light: xr.Dataset) -> Blend:
-    """Blend of each time stamp's sun; none where it is adaptive: that depends on C."""
+    """Blend of each time stamp's sun; an adaptive sun has none, since its blend depends on C."""
     if "blend_bin" in light:
         return Blend(light["blend_bin"].values, light["blend_weight"].values)
     return Blend(*np.zeros((2, light.sizes["time"], 0), object))
@@ -205,32 +209,32 @@ def luminances(light: Daylight) -> xr.Dataset:
     return _luminances(light, slice(None))
 
 
-def _luminances(light: Daylight, part: slice) -> xr.Dataset:
+def _luminances(light: Daylight, times: slice) -> xr.Dataset:
     """Some time stamps of `luminances`."""
-    found = light.sky.isel(time=part)
-    suns = light.suns.labels if "blend_bin" in found else ()
-    labels = np.array([*map(str, found["bin"].values), *suns], dtype=object)
-    L = np.zeros((found.sizes["time"], len(labels)), np.float32)
-    L[:, : found.sizes["bin"]] = found["sky"].values
-    blend = blended(found)
+    here = light.sky.isel(time=times)
+    suns = light.suns.labels if "blend_bin" in here else ()
+    labels = np.array([*map(str, here["bin"].values), *suns], dtype=object)
+    L = np.zeros((here.sizes["time"], len(labels)), np.float32)
+    L[:, : here.sizes["bin"]] = here["sky"].values
+    blend = blended(here)
     for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
         rows = np.flatnonzero(weights)
         columns = schema.positions(bins[rows], labels)
-        L[rows, columns] += (weights * found["sun"].values)[rows]
+        L[rows, columns] += (weights * here["sun"].values)[rows]
     data = xr.Dataset(
-        {"L": (("time", "bin"), L)}, coords={"time": found["time"].values, "bin": labels}
+        {"L": (("time", "bin"), L)}, coords={"time": here["time"].values, "bin": labels}
     )
-    data = data.assign({name: found[name] for name in SUN_VARIABLES if name in found})
+    data = data.assign({name: here[name] for name in SUN_VARIABLES if name in here})
     data.attrs = {**light.sky.attrs, "step_hours": light.step_hours, "weather": light.source}
     data = data.assign_coords(
-        clock=("time", found["clock"].values),
-        sun_bin=("time", found["sun_bin"].values.astype(object)),
+        clock=("time", here["clock"].values),
+        sun_bin=("time", here["sun_bin"].values.astype(object)),
     )
     return schema.describe(data)
 
 
 def save_luminances(light: Daylight, path: Path, channels: xr.DataArray | None = None) -> None:
-    """Write `luminances` as a zarr folder, some time stamps after another; never half of it.
+    """Write `luminances` as a zarr folder block by block, whole or not at all.
 
     Parameters
     ----------

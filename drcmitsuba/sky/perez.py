@@ -21,10 +21,10 @@ from drcmitsuba.sky import sun as sun_module
 from drcmitsuba.sky.quadrature import PATCH_MEANS, PatchCentres, PatchValues, SkyLight, scale_to
 
 SOLAR_CONSTANT = 1367.0
-"""W/m²; the value the coefficients are used with in Radiance."""
+"""Solar constant [W/m²] with which Radiance uses the coefficients."""
 ZENITH_LIMITS = (3.0, 90.0)
-"""Solar zenith angles [deg] that the model takes: its glow is undefined on the zenith, and its air
-mass below the horizon. Same as in `gendaymtx`."""
+"""Solar zenith angles [deg] to which the model is limited, as in `gendaymtx`: its glow is undefined
+on the zenith, its air mass below the horizon."""
 CLEARNESS_EDGES = np.array([1.065, 1.23, 1.5, 1.95, 2.8, 4.5, 6.2])
 """Edges between the eight bins of the sky clearness ε; the last ends at 12."""
 DEFAULT_WATER = 2.0
@@ -107,9 +107,9 @@ class Perez:
     errs by at most 0.08 % in the sun's own patch and 0.03 % in the others. A year of 2610 hours
     takes 0.2 s on one core.
 
-    Limits: Where the parameters give b > 0 (sun low and ε high, or Δ beyond what was measured) the
-    gradation has no mean, it diverges at the horizon; patch means then take b = 0. Centre values
-    keep it, as `gendaymtx` does. The sun's zenith is kept within ZENITH_LIMITS, so twilight with a
+    Limits: where the parameters give b > 0 (sun low and ε high, or Δ beyond the measured range) the
+    gradation diverges at the horizon and has no mean; patch means then take b = 0. Centre values
+    keep b, as `gendaymtx` does. The sun's zenith is kept within ZENITH_LIMITS, so twilight with a
     diffuse irradiance has the glow of a sun on the horizon.
     """
 
@@ -158,7 +158,7 @@ class Perez:
         return SkyLight(sky, dhi * diffuse, np.where(zenith < 90, dni * direct, 0.0))
 
 
-class Parameters(NamedTuple):
+class PerezParameters(NamedTuple):
     """State of the model at each time."""
 
     zenith: np.ndarray
@@ -175,7 +175,7 @@ class Parameters(NamedTuple):
 
 def parameters(
     dni: np.ndarray, dhi: np.ndarray, solar_zenith: np.ndarray, day: np.ndarray
-) -> Parameters:
+) -> PerezParameters:
     """Clearness, brightness and the distribution's a … e, [2] equations 6 to 8.
 
     ε = ((dhi + dni) / dhi + 1.041 Z³) / (1 + 1.041 Z³), Δ = dhi m / (E0 I0).
@@ -184,11 +184,15 @@ def parameters(
     ----------
     dni, dhi : ndarray, shape (time,)
         Direct normal and diffuse horizontal irradiance [W/m²]. Any sizes give finite parameters:
-        ε is kept in 1 … 11.9, Δ in 0.01 … 0.6. Without diffuse light the sky counts as clear.
+        ε is clipped to 1 … 11.9, Δ to 0.01 … 0.6. Without diffuse light the sky counts as clear.
     solar_zenith : ndarray, shape (time,)
-        [deg].
+        Solar zenith angle [deg].
     day : ndarray, shape (time,)
         Day of the year, 1 for 1 January.
+
+    Returns
+    -------
+    PerezParameters
     """
     zenith = np.radians(np.clip(solar_zenith, *ZENITH_LIMITS))
     cubed = 1.041 * zenith**3
@@ -208,10 +212,10 @@ def parameters(
     (c1, c2, c3, c4), (d1, d2, d3, d4) = DISTRIBUTION[0, 2:4]
     c = np.where(overcast, np.exp((delta * (c1 + c2 * zenith)) ** c3) - c4, c)
     d = np.where(overcast, -np.exp(delta * (d1 + d2 * zenith)) + d3 + delta * d4, d)
-    return Parameters(zenith, clearness, brightness, which, np.stack([a, b, c, d, e]))
+    return PerezParameters(zenith, clearness, brightness, which, np.stack([a, b, c, d, e]))
 
 
-def efficacies(model: Parameters, water: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def efficacies(model: PerezParameters, water: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Luminous efficacy of dhi and of dni [lm/W], [1] equations 7 and 8, each at least 0.
 
     `water` is the precipitable water W [cm].

@@ -1,4 +1,4 @@
-"""When the light counts: months, weekdays and clock hours, or a user's own time stamps."""
+"""Time stamps that are evaluated: months, weekdays and clock hours, or a user's own time stamps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HOUR = np.timedelta64(3600, "s")
 
 @dataclass(frozen=True)
 class Period:
-    """Part of a year, told in clock time.
+    """Part of a year, in clock time.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Period:
     Raises
     ------
     InputError
-        For a value that is none of these.
+        A value is out of its range.
 
     Notes
     -----
@@ -133,7 +133,7 @@ def read_timestamps(path: str | Path) -> np.ndarray:
     Returns
     -------
     ndarray of datetime64[ns], shape (time,)
-        In the nominal year 2015, increasing.
+        Time stamps in the nominal year 2015, increasing.
 
     Raises
     ------

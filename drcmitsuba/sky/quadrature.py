@@ -19,7 +19,7 @@ fetches memory anew for every array, which made this five times slower."""
 
 
 class SkyLight(NamedTuple):
-    """What a sky model gives at each time."""
+    """Luminances and illuminances of a sky model at each time."""
 
     sky: np.ndarray
     """Luminance of the sky patches, without the ground [cd/m²], shape (time, patch)."""
@@ -30,7 +30,7 @@ class SkyLight(NamedTuple):
 
 
 class PatchValues(Protocol):
-    """One value of a sky per patch, and what the patches weigh in a horizontal illuminance."""
+    """One value of a sky per patch, and the patches' weights in a horizontal illuminance."""
 
     def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
         """Value of each patch; `sun` (time, 3) unit vectors; returns (time, patch), no ground."""
@@ -64,8 +64,8 @@ class PatchMeans:
     Parameters
     ----------
     far : tuple of int
-        Nodes in altitude and in azimuth of each patch. Altitude takes more, for what
-        exp(b / cos ζ) does in the row above the horizon.
+        Nodes in altitude and in azimuth of each patch. Altitude takes more, since exp(b / cos ζ)
+        is steep in the row above the horizon.
     near : tuple of int
         The same for patches whose centre is within 1.5 row heights of the sun, where exp(dγ) of the
         circumsolar glow has its cusp.

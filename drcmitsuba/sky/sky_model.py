@@ -58,7 +58,7 @@ def radiance(
     Raises
     ------
     InputError
-        Where times differ, an irradiance is missing or negative, or a number is out of its range.
+        The times differ, an irradiance is missing or negative, or a number is out of its range.
 
     Notes
     -----
@@ -111,7 +111,7 @@ def sun_labels(sun: xr.Dataset) -> np.ndarray:
 def _check(
     data: xr.Dataset, sun: xr.Dataset, ground_reflectance: float, sun_diameter: float
 ) -> None:
-    """Raise InputError for what no sky can be made of."""
+    """Refuse times, irradiances and numbers that no sky follows from."""
     if not np.array_equal(data["time"].to_numpy(), sun["time"].to_numpy()):
         raise InputError("sky", "time", "other times than the sun's", "give both the same times")
     for name in ("dni", "dhi"):

@@ -1,4 +1,4 @@
-"""Position of the sun: where it stands when an interval of the weather file takes its light."""
+"""Position of the sun in each interval of the weather file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXIS = ["x", "y", "z"]
 SEARCH_STEPS = 12
 """Pieces into which an interval near sunrise or sunset is cut: 5 min of an hour."""
 FASTEST_RISE = 15.1
-"""No sun climbs or sinks faster than this [deg/h]: the earth turns by 15.04."""
+"""Upper bound of the speed at which the sun climbs or sinks [deg/h]: the earth turns by 15.04."""
 
 
 def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "middle") -> xr.Dataset:
@@ -56,8 +56,8 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
     The zenith is geometric: centre of the disc, no refraction. Radiance's is, too, so results
     compare; refraction, which lifts the sun by 0.5° at the horizon and 0.1° at 10°, depends on air
     that a typical year does not know. One sun serves efficacy, sky and shadows.
-    A sun that shows for less than 1/12 of the interval may be missed. Where the sun's centre is
-    below the horizon, so is its direction.
+    A sun that is up for less than 1/12 of the interval may be missed. Where the sun's centre is
+    below the horizon, `direction` points below it, too.
 
     References
     ----------

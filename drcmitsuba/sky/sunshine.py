@@ -26,7 +26,7 @@ class Sunshine:
     intermediate : float
         Share of the sunless skies that are intermediate instead of overcast, 0 to 1.
     seed : int
-        Same seed, same skies.
+        Seed of the random numbers; the same seed gives the same skies.
     turbidity : float
         Linke turbidity of the clear and intermediate skies.
     patch_values : PatchMeans or PatchCentres
@@ -35,7 +35,7 @@ class Sunshine:
     Raises
     ------
     InputError
-        Where there are not 12 probabilities from 0 to 1, or `intermediate` is not.
+        There are not 12 probabilities from 0 to 1, or `intermediate` is not from 0 to 1.
 
     Notes
     -----
@@ -44,7 +44,7 @@ class Sunshine:
     half, is ours: [1]_ names the three skies but not how the sunless ones are mixed.
     A draw belongs to the minute of the year, not to the place in the series: the same time has the
     same sky in any period and order of times. Draws of different times are independent: the sky has
-    no weather's persistence.
+    no persistence as weather has.
 
     References
     ----------
@@ -74,7 +74,7 @@ class Sunshine:
                 raise InputError("sunshine sky", name, str(wrong[0]), "give shares from 0 to 1")
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
-        """Sky and direct light of each time; `data` is not looked at.
+        """Sky and direct light of each time; `data` is not used.
 
         Parameters
         ----------

@@ -25,11 +25,11 @@ from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
 from drcmitsuba.metrics.intervals.sun import Closures
 
 BLOCK = 256
-"""Sensors whose replicates are in memory at once."""
+"""Number of sensors whose replicates are in memory at once."""
 GROUPS = 64
-"""Of sensors whose errors beside the replicates are independent of each other's."""
+"""Number of groups of sensors; errors outside the replicates are independent between groups."""
 ENTRIES = 128
-"""Entries drawn at once: they stay in the cache, and no threads are started for so few."""
+"""Number of entries drawn at once: few enough for the cache and for a single thread."""
 
 
 class Multipliers(NamedTuple):
@@ -40,7 +40,7 @@ class Multipliers(NamedTuple):
     replicates : np.ndarray, shape (replicate, draw)
         Weights q·w / √(n (n − 1)).
     others : np.ndarray, shape (group, draw)
-        Normal numbers for errors that are in no replicate; a sensor has those of its group.
+        Normal random numbers for errors that no replicate holds; a sensor takes its group's.
     """
 
     replicates: np.ndarray
@@ -59,16 +59,17 @@ def multipliers(replicates: int, seed: int) -> Multipliers:
 
 @dataclass(frozen=True)
 class State:
-    """Illuminance of one state of the shade, at the hours that it is wanted for.
+    """Illuminance of one state of the shade at the hours that need it.
 
     Parameters
     ----------
     coefficients : xr.Dataset
     sky : xr.Dataset
-        Of the wanted time stamps, the rows.
+        Luminances of the rows: the time stamps that need the state.
     row : np.ndarray, shape (time,)
-        Row of every time stamp, −1 where the state is not wanted.
+        Row of every time stamp, −1 where the state is not needed.
     mean, error : np.ndarray, shape (row, sensor)
+        Illuminance and its standard error [lx].
     """
 
     coefficients: xr.Dataset
@@ -86,14 +87,14 @@ class State:
         mean, error = (a.copy() for a in known)
         rest = np.flatnonzero(wanted & ~is_known)
         if len(rest):
-            found = accumulate.by_source(coefficients, sky.isel(time=rest))
-            mean[rest], error[rest] = found["total"].values, found["total_se"].values
+            illuminance = accumulate.by_source(coefficients, sky.isel(time=rest))
+            mean[rest], error[rest] = illuminance["total"].values, illuminance["total_se"].values
         row = np.where(wanted, np.cumsum(wanted) - 1, -1)
         part = sky.isel(time=np.flatnonzero(wanted))
         return cls(coefficients, part, row, mean[wanted], error[wanted])
 
     def classes(self, threshold: float, beyond: float) -> tuple[np.ndarray, np.ndarray]:
-        """Entries that pass for certain, and those that may pass, (time, sensor)."""
+        """Whether entries pass for certain, and whether they may pass, (time, sensor) each."""
         reach = beyond * self.error
         nothing = np.zeros((1, self.mean.shape[1]), bool)  # row −1
         sure = np.concatenate([self.mean - reach >= threshold, nothing])
@@ -110,8 +111,9 @@ class State:
     ) -> np.ndarray:  # fmt: skip
         """Whether E* ≥ threshold, (entry, draw), from one sensor's replicates (replicate, row).
 
-        What an adaptive sun's mesh misses, and its straight light, is in no replicate: that part of
-        the error moves all hours of a sensor the same way, which is more than it may do.
+        No replicate holds the interpolation error of an adaptive sun's mesh, nor the noise of its
+        straight light. This part of the error moves all hours of a sensor together, which
+        overstates its effect.
         """
         E = replicates[:, self.row[time]]
         mean = E.mean(axis=0)

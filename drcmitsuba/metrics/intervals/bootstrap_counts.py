@@ -11,7 +11,7 @@ from drcmitsuba.metrics.intervals.rules import DRAWS, TAIL
 
 @dataclass(frozen=True)
 class Needed:
-    """Time stamps that a sensor has to pass, in each month and in the year; months from 0."""
+    """Number of time stamps that a sensor has to pass by month, from 0, and in the period."""
 
     month: np.ndarray
     monthly: np.ndarray
@@ -52,7 +52,7 @@ class BootstrapCounts:
         return np.flatnonzero(self.open_year | self.open_months.any(axis=1))
 
     def wanted(self, sensor: int, time: np.ndarray) -> np.ndarray:
-        """Which of the doubtful time stamps of a sensor have to be drawn."""
+        """Doubtful time stamps of a sensor that have to be drawn."""
         if self.open_year[sensor]:
             return time
         return time[self.open_months[sensor, self.needed.month[time]]]

@@ -1,4 +1,4 @@
-"""What the metrics ask for, and how finely they are drawn."""
+"""Thresholds of the metrics, and number and level of their draws."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from drcmitsuba.case.metrics import Metrics
 DRAWS = 600
 """Draws of every metric."""
 LEVEL = 0.95
-"""Of the intervals."""
+"""Confidence level of the intervals."""
 TAIL = (1 - LEVEL) / 2
-"""Probability beyond each end of them."""
+"""Probability beyond each end of an interval."""
 BEYOND = 2.5e-4
-"""Entries that pass a threshold with less than this probability are taken not to."""
+"""Probability of passing a threshold below which an entry counts as failing."""
 
 
 def t_factor(replicates: int, level: float = LEVEL) -> float:
@@ -25,16 +25,17 @@ def t_factor(replicates: int, level: float = LEVEL) -> float:
 
 @dataclass(frozen=True)
 class Rules:
-    """What the metrics ask for.
+    """Thresholds of the metrics and of the shade.
 
     Parameters
     ----------
     metrics : Metrics
         Thresholds of sDA and ASE.
     shade_threshold, shade_area : float
-        When the shade closes: share of the sensors with at least so much direct sun [lx].
+        The shade closes when the fraction `shade_area` of the sensors gets at least
+        `shade_threshold` of direct sun [lx].
     step_hours : float
-        Length of the intervals [h].
+        Length of the interval that a time stamp stands for [h].
     """
 
     metrics: Metrics

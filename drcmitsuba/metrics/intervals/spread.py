@@ -32,7 +32,7 @@ class Draws:
     mean_illuminance : Interval
         Mean over all hours and sensors, shade applied [lx].
     may_close : np.ndarray of bool, shape (time,)
-        When the shade closes in some draw.
+        Time stamps at which the shade closes in some draw.
     """
 
     annual: dict[str, np.ndarray]
@@ -45,11 +45,11 @@ class Draws:
     def interval(self, name: str, value: float, month: int | None = None) -> Interval:
         """95 % interval of a metric, which always holds its value.
 
-        Of direct sun and shade the draws are what may be true, and the interval their percentiles.
-        Of sDA and msDA they are what might have been found: noise lets some sensors pass and others
-        fail, and the draws hold it twice. Their interval reaches from the percentiles to their
-        mirror images about the value (the pivotal interval), which allow for that bias. All this
-        was measured on 200 evaluations of a room whose truth is known (tests/validation).
+        Draws of direct sun and of the shade are possible truths: the interval is that of their
+        percentiles. Draws of sDA and msDA are possible results of another simulation and contain
+        the noise of this one a second time: the interval also holds the mirror images of the
+        percentiles about the value (the pivotal interval), which correct that bias. Both were
+        tested on 200 evaluations of a room whose truth is known (tests/validation).
         """
         draws = self.annual[name] if month is None else self.monthly[name][month]
         ends = [
@@ -74,7 +74,7 @@ class Draws:
             "point": the larger of those of sDA and of ASE, in points; "%": that of the mean
             illuminance, relative to it.
         numbers : dict
-            From `judgement.summarise`, with these draws.
+            From `evaluate_metrics.summarise`, with these draws.
         """
         if unit == "point":
             return max(numbers[m]["high"] - numbers[m]["low"] for m in self.passing) / 2
@@ -84,12 +84,12 @@ class Draws:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Intervals without replicates: the metrics of E with all errors the same way.
+    """Intervals without replicates: metrics of E with all errors in the same direction.
 
-    Every illuminance is taken as far down, then as far up, as its own 95 % interval goes. What
-    the errors of sensors and hours have in common is unknown without replicates; if they were
-    taken as independent, they would cancel out in the metrics and the intervals be too narrow.
-    These are wider than 95 % calls for.
+    Every illuminance is set to the lower, then to the upper end of its own 95 % interval. The
+    correlation of errors between sensors and hours is unknown without replicates; independent
+    errors would cancel out in the metrics and give intervals that are too narrow. These intervals
+    are wider than 95 % calls for.
 
     Parameters
     ----------
@@ -129,6 +129,7 @@ def values(
         As from `accumulate.illuminance`.
     rules : Rules
     errors : float
+        Number of standard errors added to E.
 
     Returns
     -------

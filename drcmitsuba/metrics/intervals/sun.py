@@ -4,8 +4,8 @@ Direct sun is drawn anew for every sensor and sun, and most of it is certain: se
 the edge of a shadow, a mean μ with standard error s is worth κ = (μ/s)² rays that saw the sun; the
 sun that is seen is then Gamma distributed, E* = s²/μ · Γ(κ + 2/3). The 2/3 is the prior of the part
 of a disk that a straight edge leaves, B(2/3, 2/3): for a small part a the edge is a^(2/3) deep in
-the disk. By the same prior some pairs without a hit hide a small part, as many as `hidden_share`
-tells; which ones is not known, so in every draw they are other ones.
+the disk. By the same prior some pairs of sun and sensor without a hit hide a small part of
+the sun: as many as `hidden_share` says, other ones in every draw, since nobody knows which.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from drcmitsuba import metrics
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, Rules
 
 EDGE = 2 / 3
-"""Beta prior of the part of the sun that is seen, on the edge of a shadow: B(2/3, 2/3)."""
+"""Parameter of the prior B(2/3, 2/3): part of the sun that is seen on the edge of a shadow."""
 BLOCK = 4096
-"""Entries that are drawn at once."""
+"""Number of entries drawn at once."""
 
 
 def hidden_share(rays: int) -> float:
-    """Pairs on the edge of a shadow without a hit, for each that has hits and misses.
+    """Number of pairs on the edge of a shadow without a hit for each pair with hits and misses.
 
     A Beta(2/3, 2/3) part of the sun is missed by all `rays` with
     p = B(2/3, rays + 2/3) / B(2/3, 2/3), and likewise seen by all.
@@ -37,7 +37,7 @@ def hidden_share(rays: int) -> float:
 
 
 def _exceeds(mean: np.ndarray, error: np.ndarray, threshold: float) -> np.ndarray:
-    """Probability that direct sun reaches a threshold; of entries with hits."""
+    """Probability that direct sun reaches a threshold, for entries with hits."""
     p = (mean >= threshold).astype(float)
     doubtful = (abs(mean - threshold) < 8 * error) | ((mean < 7 * error) & (mean > 0))
     mu, s = mean[doubtful].astype(float), error[doubtful].astype(float)
@@ -48,13 +48,13 @@ def _exceeds(mean: np.ndarray, error: np.ndarray, threshold: float) -> np.ndarra
 
 @dataclass(frozen=True)
 class SunDraws:
-    """Which entries of the direct sun are in doubt, and whether they reach the thresholds.
+    """Entries of the direct sun that are in doubt, and whether they reach the thresholds.
 
     Parameters
     ----------
     time, sensor : np.ndarray, shape (entry,)
     exposed, closing : np.ndarray of bool, shape (entry, draw)
-        Whether they reach the threshold of ASE, of the shade.
+        Whether they reach the threshold of ASE, and that of the shade.
     """
 
     time: np.ndarray
@@ -95,11 +95,11 @@ def draw_sun(
         u = rng.random(exposed[here].shape, np.float32)
         exposed[here], closing[here] = (u < row[here, None] for row in p)
     # One miss makes s = μ / rays; the height of the sun within its disk makes far less of it.
-    found = None
+    dark = None
     if rays is not None:
-        found = _hidden(mean, limits, rays, int((mu < 1.2 * rays * s).sum()), rng)
-    if found is not None:
-        hidden_time, hidden_sensor, hidden = found
+        dark = _hidden(mean, limits, rays, int((mu < 1.2 * rays * s).sum()), rng)
+    if dark is not None:
+        hidden_time, hidden_sensor, hidden = dark
         time, sensor = np.append(time, hidden_time), np.append(sensor, hidden_sensor)
         exposed, closing = (
             np.vstack(pair) for pair in zip((exposed, closing), hidden, strict=True)
@@ -119,14 +119,14 @@ def _hidden(
     full = mean.max(axis=1)
     # The part that a pair hides is drawn by its tail: u < p(limit), as for the others.
     tails = [gammaincc(EDGE, limit * rays / np.maximum(full, 1e-9)) for limit in limits]
-    most = np.maximum(*tails)[dark[:, 0]]
-    total = np.cumsum(most)
+    largest_tail = np.maximum(*tails)[dark[:, 0]]
+    total = np.cumsum(largest_tail)
     counts = rng.poisson(expected * total[-1] / len(dark), DRAWS)
     if counts.sum() == 0:
         return None
     picked = np.searchsorted(total, rng.random(counts.sum()) * total[-1])
     in_draw = np.repeat(np.arange(DRAWS), counts)
-    u = rng.random(len(picked)) * most[picked]
+    u = rng.random(len(picked)) * largest_tail[picked]
     entries, row = np.unique(picked, return_inverse=True)
     passed = []
     for tail in tails:
@@ -143,10 +143,11 @@ class Closures:
     Parameters
     ----------
     closed : np.ndarray of bool, shape (time,)
-        By the mean of the direct sun.
+        Time stamps that close by the mean of the direct sun.
     hours : np.ndarray, shape (hour,)
         Time stamps that close in some draws only.
     drawn : np.ndarray of bool, shape (hour, draw)
+        Whether they close in each draw.
     """
 
     closed: np.ndarray
@@ -190,6 +191,10 @@ def draw_closures(mean: np.ndarray, sun: SunDraws, rules: Rules) -> Closures:
         Direct sun [lx].
     sun : SunDraws
     rules : Rules
+
+    Returns
+    -------
+    Closures
     """
     least = metrics.closing_sensors(rules.shade_area, mean.shape[1])
     passes = mean >= rules.shade_threshold

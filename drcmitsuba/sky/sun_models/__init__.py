@@ -1,4 +1,4 @@
-"""Suns: which light sources stand for the sun of every time stamp.
+"""Sun models: which light sources stand for the sun of every time stamp.
 
 blend
     `Suns` that coefficients are computed for, and the `Blend` of them at each time stamp.

@@ -13,7 +13,7 @@ from drcmitsuba.sky import sun_labels
 
 @dataclass(frozen=True)
 class Suns:
-    """Suns that coefficients are wanted for.
+    """Suns whose coefficients are computed.
 
     Parameters
     ----------
@@ -23,8 +23,7 @@ class Suns:
     diameter : float
         Angle across a sun [deg].
     straight : bool
-        Whether sensors take the light that comes straight from them; what they light takes it in
-        any case.
+        Whether sensors receive light straight from the suns; surfaces always do.
     """
 
     labels: tuple[str, ...]
@@ -45,12 +44,12 @@ class Suns:
         return cls((), np.zeros((0, 3)))
 
     def where(self, mask: np.ndarray) -> Suns:
-        """Keep the suns of a mask (sun,)."""
+        """Suns where a mask of bool, shape (sun,), is true."""
         labels = tuple(label for label, kept in zip(self.labels, mask, strict=True) if kept)
         return replace(self, labels=labels, directions=self.directions[mask])
 
     def only(self, labels: Iterable[str]) -> Suns:
-        """Keep the suns that are named."""
+        """Suns with these labels."""
         wanted = set(map(str, labels))
         return self.where(np.array([label in wanted for label in self.labels], bool))
 
@@ -74,5 +73,5 @@ class Blend:
 
     @classmethod
     def own(cls, labels: np.ndarray) -> Blend:
-        """Every time stamp has a sun of its own, or none where the label is ""."""
+        """Blend in which each time stamp has its own sun, or none where its label is ""."""
         return cls(labels.astype(object)[:, None], (labels != "").astype(float)[:, None])

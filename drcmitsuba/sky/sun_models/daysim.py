@@ -15,7 +15,7 @@ from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction
 
 _DAYS = np.array([355, 52, 80, 111, 172])
 DECLINATIONS = np.degrees(0.4093 * np.sin(2 * np.pi / 368 * (_DAYS - 81)))
-"""Of the sun [deg] on 21 December, 21 February, 21 March, 21 April and 21 June, as in DAYSIM."""
+"""Declinations of the sun [deg] on 21 December, 21 February, 21 March, 21 April, 21 June."""
 LOWEST = 2.0
 """Suns stand at least this high [deg]; the first and last of a day are moved there."""
 
@@ -27,7 +27,7 @@ def _hours_of_day(latitude: float, declination: float) -> np.ndarray:
         np.cos(phi) * np.cos(delta)
     )
     if cosine >= 1:
-        return np.zeros(0)  # it does not rise to there
+        return np.zeros(0)  # the sun does not rise to that height
     if cosine <= -1:  # the sun does not set
         return 15.0 * np.arange(-12, 13)  # midnight on both ends
     last = np.degrees(np.arccos(cosine))
@@ -47,10 +47,10 @@ def _between(values: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndar
 def between_daysim_suns(
     directions: np.ndarray, up: np.ndarray, latitude: float, diameter: float
 ) -> tuple[Suns, Blend]:
-    """Blend each sun from the four of DAYSIM's about it.
+    """Blend each sun from the four of DAYSIM's suns about it.
 
-    The suns stand at full solar hours on five days; what is between two days is blended by
-    declination, what is between two hours by time.
+    The suns stand at full solar hours on five days. A sun between two days is blended by its
+    declination, a sun between two hours by its hour angle.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def between_daysim_suns(
     up : np.ndarray of bool, shape (time,)
         Where the sun is above the horizon.
     latitude : float
-        [deg north]
+        Latitude of the place [deg north].
     diameter : float
         Angle across the sun [deg].
 

@@ -23,9 +23,9 @@ COARSEST = 3
 _STEPS = 1 << FINEST
 PREFIX = "sun_mesh_"
 OBLIQUITY = 23.45
-"""Of the ecliptic [deg]: no sun stands further north or south of the celestial equator."""
+"""Obliquity of the ecliptic [deg]: the largest declination of the sun, north and south."""
 MARGIN = 2.5
-"""Wider than that [deg] is the mesh, so that no triangle at its border is missed."""
+"""Declination [deg] by which the mesh is wider, so that no triangle at its border is missed."""
 
 
 def label(node: np.ndarray) -> str:
@@ -82,7 +82,7 @@ def triangles(directions: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarra
 
 
 def triangles_of(directions: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (triangle, 3, 2) of a level that hold any of the directions, and each one's."""
+    """Triangles (triangle, 3, 2) of a level that hold directions, and each direction's triangle."""
     corners = triangles(directions, level)[0].reshape(-1, 6)
     each, of_direction = np.unique(corners, axis=0, return_inverse=True)
     return each.reshape(-1, 3, 2), of_direction.ravel()
@@ -101,10 +101,7 @@ def midpoints(corners: np.ndarray) -> np.ndarray:
 
 
 def possible_suns(latitude: float) -> np.ndarray:
-    """Directions of suns at a latitude [deg], over all hours and the whole year, and a little more.
-
-    They are 1° apart at most.
-    """
+    """Directions (sun, 3) of all suns of a year at a latitude [deg], at most 1° apart."""
     furthest = OBLIQUITY + MARGIN
     declination = np.linspace(-furthest, furthest, 70)[:, None]
     d = direction(latitude, declination, np.arange(-180.0, 180.0, 0.75)).reshape(-1, 3)
@@ -125,7 +122,7 @@ def blend(directions: np.ndarray, up: np.ndarray, labels: Sequence[str]) -> Blen
     Returns
     -------
     Blend
-        Of three bins; "" where not even the coarsest triangle is known.
+        Three bins for each sun; "" where not even the coarsest triangle is known.
     """
     size = 2 * _STEPS + 1
     known = np.zeros((size, size), bool)
@@ -139,6 +136,6 @@ def blend(directions: np.ndarray, up: np.ndarray, labels: Sequence[str]) -> Blen
     for level in range(COARSEST, FINEST + 1):
         corners, shares = triangles(directions, level)
         at = tuple(np.moveaxis(corners + _STEPS, -1, 0))
-        found = up & known[at].all(axis=1)
-        bins[found], weights[found] = names[at][found], shares[found]
+        is_known = up & known[at].all(axis=1)
+        bins[is_known], weights[is_known] = names[at][is_known], shares[is_known]
     return Blend(bins, weights)

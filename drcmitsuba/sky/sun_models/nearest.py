@@ -48,7 +48,8 @@ def spread_over_patches(
     Returns
     -------
     Blend
-        Of sky patches; the weight is the share times the sun's solid angle over the patch's.
+        Bins are sky patches; a weight is the share times the ratio of the solid angles of sun and
+        patch.
     """
     bins = np.zeros((len(up), SPREAD), np.int64)
     weights = np.zeros((len(up), SPREAD))

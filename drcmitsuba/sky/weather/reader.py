@@ -18,7 +18,7 @@ from drcmitsuba.sky.weather.text import read_text
 
 
 def read(path: str | Path) -> Weather:
-    """Read a weather file, its format told by its suffix.
+    """Read a weather file in the format of its suffix.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a weather file gives: a site and its irradiance."""
+"""Records of a weather file: its site and its irradiance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NOMINAL_YEAR = 2015
 
 @dataclass(frozen=True)
 class Site:
-    """Where the weather was observed.
+    """Place at which the weather was observed.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Weather:
     Parameters
     ----------
     source : str
-        File that it was read from.
+        Weather file.
     site : Site
     step : float
         Length of an interval [h].
@@ -50,7 +50,7 @@ class Weather:
         `dhi`, `ghi` [W/m²] and `dew_point` [°C], float64, NaN where the file has no such column.
         `attrs["sun_time"]` is "middle" or, where a stamp is the sun's instant, "instant".
     notes : tuple of str
-        What was left out of the file or looks odd, for the user to read.
+        Remarks for the user: rows that were left out, values that look odd.
     """
 
     source: str

@@ -77,7 +77,7 @@ def rows_of(
     day_and_hour: Callable[[list[str]], Sequence[str]],
     least: int,
 ) -> NumberedRows:
-    """Check that rows are whole and dated; a row that was cut has fewer fields than the first."""
+    """Rows from line `first` on, whole and dated; a row that was cut has fewer fields."""
     kept, numbers, leap_rows, width = [], [], 0, 0
     for number, line in enumerate(lines[first:], first + 1):
         if not line.strip():
@@ -122,7 +122,7 @@ def refuse(
 
 
 def number(path: Path, field: str, got: str | float, low: float, high: float) -> float:
-    """Read a number of a head line; one that is none, or out of its range, is an error."""
+    """Number of a head line from `low` to `high`; anything else raises InputError."""
     try:
         value = float(got)
     except ValueError:
@@ -146,6 +146,6 @@ def fields(line: str) -> list[str]:
 
 
 def show(value: object) -> str:
-    """Quote what came, cut to a line."""
+    """Quote a value that came, cut to 60 characters."""
     text = str(value)
     return repr(text if len(text) <= 60 else text[:57] + "...")

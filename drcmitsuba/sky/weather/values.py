@@ -95,7 +95,7 @@ def weather_of(
 
 
 def irradiance_of(path: Path, name: str, column: pd.Series, table: NumberedRows) -> np.ndarray:
-    """Irradiance [W/m²] of a column; a value that is none is an error that names its line."""
+    """Irradiance [W/m²] of a column; an unfit value raises InputError with its line."""
     value = pd.to_numeric(column, errors="coerce").to_numpy(float)
     missing = (value >= 9999) | np.isin(value, (-999, -9900, -9999))
     for bad, what, remedy in (
