@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -35,6 +36,9 @@ from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
+
+BRIGHTEST = 1.3e5
+"""Largest direct normal illuminance that a shade may have to close for [lx]: the sun's in space."""
 
 
 def _count(case: Case, enabled_effects: EnabledEffects) -> int:
@@ -178,6 +182,11 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
     }
 
 
+def _brightest(case: Case) -> float:
+    """Luminance of a sun that is as bright as suns become [cd/m²]."""
+    return BRIGHTEST / (math.pi * math.sin(math.radians(case.outside.sun_diameter / 2)) ** 2)
+
+
 def simulate(
     case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None
 ) -> tuple[Coefficients, xr.Dataset]:
@@ -215,7 +224,11 @@ def simulate(
     direct = illuminance.direct_sun(coefficients, daylight.sky)
     if simulated.shading is None:
         return Coefficients(coefficients.open), direct
-    closing = may_close(simulated, daylight.step_hours, direct) | effects.every_shade
+    possible = direct
+    if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
+        sky = daylight.sky.assign(sun=xr.full_like(daylight.sky["sun"], _brightest(case)))
+        possible = illuminance.direct_sun(coefficients, sky)
+    closing = may_close(simulated, daylight.step_hours, possible) | effects.every_shade
     if not closing.any():
         return coefficients, direct
     suns, mesh = suns.only(sources(daylight.sky.isel(time=closing))), mesh_of(C)

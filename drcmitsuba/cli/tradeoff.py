@@ -32,7 +32,7 @@ def tradeoff(
         raise InputError("command line", "--minutes", f"{minutes:g}", "give minutes above 0")
     loaded = load_case(case).with_weather(weather)
     with stages() as stage:
-        found = measure(loaded, minutes, stage, lambda so_far: so_far.save_csv(output))
+        found = measure(loaded, minutes, stage, lambda so_far: so_far.save_csv(output), print)
         found.save(output)
     title = f"{escape(found.name)}: what accuracy costs"
     table = Table(title=title, title_justify="left", box=box.SIMPLE, pad_edge=False)

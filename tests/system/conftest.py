@@ -1,8 +1,11 @@
-"""Fixtures for the command line."""
+"""Fixtures for the command line and for evaluations of small rooms."""
 
 import pytest
 
+import drcmitsuba
+from drcmitsuba import load_case
 from drcmitsuba.cli import main
+from tests.system.small_room import DAYS
 
 
 @pytest.fixture
@@ -36,3 +39,26 @@ def refused(run):
         return err.removeprefix("drcmitsuba: ").rstrip("\n")
 
     return refused
+
+
+@pytest.fixture
+def evaluate(tmp_path):
+    """Evaluate the text of a case."""
+
+    def evaluate(text):
+        file = tmp_path / "case.toml"
+        file.write_text(text, encoding="utf-8")
+        return drcmitsuba.evaluate(load_case(file))
+
+    return evaluate
+
+
+@pytest.fixture
+def stamps(tmp_path):
+    """Period of own time stamps in the place of months: a few hours are quicker than two months."""
+
+    def stamps(*times):
+        (tmp_path / "times.csv").write_text("\n".join(["time", *times]) + "\n")
+        return DAYS, 'timestamps = "times.csv"'
+
+    return stamps

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 from collections.abc import Callable
@@ -14,9 +15,11 @@ import numpy as np
 from drcmitsuba.annual.result import Result, evaluate
 from drcmitsuba.annual.tradeoff.errors import Row, SettingResult, Yardstick
 from drcmitsuba.annual.tradeoff.reference import TraceReference, some_hours
-from drcmitsuba.annual.tradeoff.settings import Setting, design
+from drcmitsuba.annual.tradeoff.settings import Setting, default, design
 from drcmitsuba.annual.tradeoff.table import Tradeoff
 from drcmitsuba.case.case import Case
+from drcmitsuba.plan import plan
+from drcmitsuba.plan.forecast import forecast
 from drcmitsuba.runtime import backend, process
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -26,6 +29,8 @@ from drcmitsuba.sky.daylight import daylight
 
 SHARE_OF_REFERENCE = 0.5
 """Part of the time that the reference may take."""
+START_UP = 5.0
+"""Seconds of a process before and after its evaluation, about: imports, kernels from the cache."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +69,37 @@ class EvaluateSetting:
         )  # fmt: skip
 
 
+def announcement(count: int, seconds: float, minutes: float) -> str:
+    """Say how many settings fit into the time.
+
+    Parameters
+    ----------
+    count : int
+        Number of settings.
+    seconds : float
+        Forecast of the default setting [s]; the others are taken to need as much on average.
+    minutes : float
+        Time of the trade-off.
+
+    Returns
+    -------
+    str
+    """
+    each = seconds + START_UP
+    fitting = int(60 * minutes * (1 - SHARE_OF_REFERENCE) / each)
+    text = f"about {min(fitting, count)} of {count} settings fit into {minutes:g} min"
+    if fitting >= count:
+        return text
+    enough = math.ceil(count * each / (1 - SHARE_OF_REFERENCE) / 60)
+    return f"{text}; all of them need about --minutes {enough}"
+
+
 def tradeoff(
     case: Case,
     minutes: float = 10.0,
     stage: Stage = silent,
     seen: Callable[[Tradeoff], None] = lambda so_far: None,
+    announce: Callable[[str], None] = lambda text: None,
 ) -> Tradeoff:
     """Measure what accuracy costs in time, for one case.
 
@@ -85,7 +116,9 @@ def tradeoff(
     stage : callable, optional
         Shows the stages of the work, as the command line does.
     seen : callable, optional
-        Called with what is known so far, after the reference and after every setting.
+        Called with the trade-off so far, after the reference and after every setting.
+    announce : callable, optional
+        Called before the work with a sentence on how many settings fit into the time.
 
     Returns
     -------
@@ -114,6 +147,9 @@ def tradeoff(
     light = daylight(case)
     year = light.sky["time"].values
     times = year[some_hours(year)]
+    with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as folder:
+        count = len(design(case, Path(folder)))
+    announce(announcement(count, forecast(plan(default(case), light)).seconds, minutes))
     with stage("reference") as progress:
         until = start + 60 * minutes * SHARE_OF_REFERENCE
         job = TraceReference(case, times, until)

@@ -38,6 +38,8 @@ MARKED = {"default": ("*", 260), "yours": ("D", 80)}
 """Marker and size [pt²] of the settings that are not one of many."""
 OWN, HIDDEN = "#ECECEC", "#DADADA"
 """Of the bands of the reference's error."""
+FEWEST = 3
+"""Settings that a choice is made from at least."""
 FONT = 8.0
 """Size of the labels [pt]."""
 
@@ -301,7 +303,17 @@ class Tradeoff:
             f"the shade. sDA ({self.sda:.1f} ± {1.96 * self.sda_error:.1f} %) and ASE "
             f"({self.ase:.1f} %) are those of these hours, by the rules of the year.",
             "Seconds are those of the whole period, without start-up and compilation.",
+            *self._doubts(),
         ]
+
+    def _doubts(self) -> list[str]:
+        """Why the settings cannot be told apart, where that is so."""
+        errors = [row.errors for row in self.rows if row.is_on_plot and row.errors is not None]
+        if len(errors) < FEWEST:
+            return [f"Settings compared: {len(errors)}, too few for a choice; give more time."]
+        if all(one.is_hidden for one in errors):
+            return ["The noise of the reference hides all errors: give more time, or take any."]
+        return []
 
     def save(self, folder: str | Path) -> None:
         """Write `tradeoff.csv` and `tradeoff.png`, each whole or not at all."""

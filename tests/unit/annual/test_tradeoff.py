@@ -21,6 +21,7 @@ from drcmitsuba.annual.tradeoff.errors import (
     mean_square,
 )
 from drcmitsuba.annual.tradeoff.reference import Reference, some_hours, some_sensors
+from drcmitsuba.annual.tradeoff.run import announcement
 from drcmitsuba.annual.tradeoff.settings import (
     LONGEST,
     RAYS,
@@ -337,6 +338,24 @@ def found():
         name="room", rows=rows(), own_rms=1.2, own_mean=0.1, mean=800.0, sda=55.0, sda_error=0.5,
         ase=12.0, paths=4096, rounds=16, reference_seconds=60.0, hours=201, year=2610, sensors=576,
     )  # fmt: skip
+
+
+def tradeoff_of(rows):
+    return Tradeoff("room", tuple(rows), 1.0, 0.1, 500.0, 60.0, 1.0, 5.0, 99, 4, 9.0, 20, 200, 12)
+
+
+def test_points_that_tell_nothing_are_remarked_upon():
+    some = [row for row in rows() if row.is_on_plot]
+    hidden = [replace(row, errors=errors(0.4, hidden=True)) for row in some]
+    assert len(tradeoff_of(some).notes()) == 3
+    assert "compared: 2, too few" in tradeoff_of(some[:2]).notes()[-1]
+    assert "noise of the reference hides all errors" in tradeoff_of(hidden).notes()[-1]
+
+
+def test_it_is_said_beforehand_how_many_settings_fit():
+    assert announcement(20, 5.0, 10.0) == "about 20 of 20 settings fit into 10 min"
+    short = announcement(20, 5.0, 2.0)
+    assert short == "about 6 of 20 settings fit into 2 min; all of them need about --minutes 7"
 
 
 def test_csv_is_whole(found, tmp_path):
