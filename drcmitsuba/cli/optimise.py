@@ -97,7 +97,7 @@ def _tilt(case: Case, output: Path, stage: Stage) -> None:
     fresh = _afresh(problem.afresh(tilt), stage, output) if optimum.finished else None
     _print(optimum, "best tilt", fresh, [])
     if indistinct := problem.indistinct(tilt):
-        print(f"{len(indistinct)} other tilts cannot be told from it: their intervals overlap")
+        print(f"{len(indistinct)} other tilts may be as good: their intervals overlap")
     print(f"{len(problem.simulated)} tilts simulated in {optimum.seconds:.1f} s")
 
 
