@@ -24,11 +24,11 @@ def code(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def test_notebooks_are_there_and_the_readme_names_each():
+def test_notebooks_are_there_and_the_tutorial_names_each():
     stems = [path.stem for path in NOTEBOOKS]
     assert [stem[:3] for stem in stems] == ["01_", "02_", "03_", "04_", "05_"]
-    readme = (FOLDER.parent / "README.md").read_text(encoding="utf-8")
-    assert [stem for stem in stems if f"notebooks/{stem}.ipynb" not in readme] == []
+    tutorial = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    assert [stem for stem in stems if f"`{stem}`" not in tutorial] == []
 
 
 @notebooks
