@@ -69,8 +69,8 @@ def sky(facts: Facts) -> Effect:
     if facts.shut:
         return Effect(False, "the room has no opening")
     count = len(Patches(facts.case.sky.subdivision)) - 1
-    told = f"{count} patches; the sky is bright in {bright} of {facts.hours} time stamps"
-    return Effect(bright > 0, told, {"bright_hours": bright})
+    reason = f"{count} patches; the sky is bright in {bright} of {facts.hours} time stamps"
+    return Effect(bright > 0, reason, {"bright_hours": bright})
 
 
 def ground(facts: Facts) -> Effect:
@@ -85,10 +85,10 @@ def ground(facts: Facts) -> Effect:
     if facts.reach is None:
         return Effect(False, "the sensors look up and nothing stands around them")
     lowest = float(facts.reach.normals[:, 2].min())
-    told = f"its reflectance is {reflectance:g}; lowest n·z of an opening = {lowest:.2f}"
+    reason = f"its reflectance is {reflectance:g}; lowest n·z of an opening = {lowest:.2f}"
     if lowest > 1 - 1e-9:
-        told = f"no opening sees it: lowest n·z = {lowest:.2f}, all face straight up"
-    return Effect(lowest <= 1 - 1e-9, told, {"lowest_nz": lowest})
+        reason = f"no opening sees it: lowest n·z = {lowest:.2f}, all face straight up"
+    return Effect(lowest <= 1 - 1e-9, reason, {"lowest_nz": lowest})
 
 
 def suns(facts: Facts) -> Effect:
@@ -102,17 +102,17 @@ def suns(facts: Facts) -> Effect:
     if shining == 0:
         return Effect(False, "no sun of the period has a radiance", quantities)
     if isinstance(facts.case.sun, ThreePhase):
-        told = f"{shining} suns, each spread over the four nearest patches of the sky"
-        return Effect(True, told, quantities)
-    told = f"{into} of {count} suns {_stand_for(facts.case)} can get in"
+        reason = f"{shining} suns, each spread over the four nearest patches of the sky"
+        return Effect(True, reason, quantities)
+    reason = f"{into} of {count} suns {_stand_for(facts.case)} can get in"
     if into == 0 and count:
-        told = f"no opening sees the sun: largest n·s = {reached.largest:.2f}"
+        reason = f"no opening sees the sun: largest n·s = {reached.largest:.2f}"
         if reached.hidden:
-            told = f"what stands outside hides all {reached.hidden} suns before an opening"
+            reason = f"what stands outside hides all {reached.hidden} suns before an opening"
     elif into < count:
-        told += f"; {reached.behind} are behind every opening"
-        told += f" and {reached.hidden} hidden" if reached.hidden else ""
-    return Effect(into > 0, told, quantities)
+        reason += f"; {reached.behind} are behind every opening"
+        reason += f" and {reached.hidden} hidden" if reached.hidden else ""
+    return Effect(into > 0, reason, quantities)
 
 
 def _stand_for(case: Case) -> str:
@@ -131,11 +131,11 @@ def dark_hours(facts: Facts) -> Effect:
     up = facts.light.sun["solar_zenith"].values < 90
     without = int((up & (L["sun"].values == 0)).sum())
     black = int((~(L["sky"].values > 0).any(axis=1) & (L["sun"].values == 0)).sum())
-    told = (
+    reason = (
         f"in {without} of {facts.hours} time stamps the sun is up without radiance, "
         f"{black} have no light at all: none of their suns is needed"
     )
-    return Effect(False, told, {"without_sun": without, "black": black})
+    return Effect(False, reason, {"without_sun": without, "black": black})
 
 
 def _power(names: dict[str, float], what: str) -> Effect:
@@ -143,8 +143,8 @@ def _power(names: dict[str, float], what: str) -> Effect:
     sending = [name for name, share in names.items() if share > 0]
     if sending:
         return Effect(True, f"{what}: {', '.join(sending)}")
-    told = f"{what} send nothing on: {', '.join(names)}" if names else f"no {what}"
-    return Effect(False, told)
+    reason = f"{what} send nothing on: {', '.join(names)}" if names else f"no {what}"
+    return Effect(False, reason)
 
 
 def clear_panes(facts: Facts) -> Effect:
@@ -169,15 +169,15 @@ def films(facts: Facts) -> Effect:
 
 def straight_through(facts: Facts) -> Effect:
     """Whether anything is seen through films."""
-    told, views = [], False
+    reasons, views = [], False
     for name, material in panes.of(facts.case, BsdfMaterial).items():
-        found, seen = film(material.file), lets_through(material)
+        measured, seen = film(material.file), lets_through(material)
         views |= seen
-        share = f"{100 * found.share_through:.1f} % of the light that {name} lets through"
-        stands = "stands out as a peak" if found.stands_out else "does not stand out"
+        share = f"{100 * measured.share_through:.1f} % of the light that {name} lets through"
+        stands = "stands out as a peak" if measured.stands_out else "does not stand out"
         chosen = f"straight_through = {material.straight_through!r}"
-        told.append(f"{share} goes straight on and {stands} ({chosen})")
-    return Effect(views, "; ".join(told) or "no panes with a measured BSDF")
+        reasons.append(f"{share} goes straight on and {stands} ({chosen})")
+    return Effect(views, "; ".join(reasons) or "no panes with a measured BSDF")
 
 
 def components(facts: Facts) -> Effect:
@@ -198,14 +198,14 @@ def _mirrors(component: PlacedComponent) -> bool:
 
 def pane_to_pane(facts: Facts) -> Effect:
     """Light that a pane sends to another one across the room, before it meets a surface."""
-    case, found = facts.case, panes.used(facts.case)
+    case, sides_of = facts.case, panes.used(facts.case)
     measured = panes.of(case, BsdfMaterial)
     scattering = {**measured, **panes.of(case, DiffuserMaterial)}
-    with_film = {side for name in measured for side in found[name]}
-    facing = {side for name in scattering for side in found[name]}
+    with_film = {side for name in measured for side in sides_of[name]}
+    facing = {side for name in scattering for side in sides_of[name]}
     mirrors = {
         side
-        for name, sides in found.items()
+        for name, sides in sides_of.items()
         for side in sides
         if isinstance(m := case.materials.get(name), GlazingMaterial) and m.reflectance > 0
     }
@@ -214,19 +214,19 @@ def pane_to_pane(facts: Facts) -> Effect:
     mirrored = bool(mirrors) and len(case.glazed) + above > 1
     if not in_turn and not mirrored:
         return Effect(False, "no mirroring glass or film across from another opening")
-    told = []
+    reasons: list[str] = []
     if in_turn:
-        told.append(f"films ({', '.join(sorted(with_film))}) face other scattering panes")
+        reasons.append(f"films ({', '.join(sorted(with_film))}) face other scattering panes")
     if mirrored:
-        told.append(f"glass that mirrors ({', '.join(sorted(mirrors))}) faces another opening")
+        reasons.append(f"glass that mirrors ({', '.join(sorted(mirrors))}) faces another opening")
     if isinstance(case.sun, Adaptive):
         return Effect(
             False,
-            f"{'; '.join(told)}: what panes send to each other is not simulated with an adaptive "
+            f"{'; '.join(reasons)}: what panes send to each other is not simulated with an adaptive "
             "sun",
             missing=True,
         )
-    return Effect(True, f"{'; '.join(told)}: photons follow it")
+    return Effect(True, f"{'; '.join(reasons)}: photons follow it")
 
 
 def obstructions(facts: Facts) -> Effect:
@@ -248,17 +248,17 @@ def shaded_state(facts: Facts) -> Effect:
     threshold = case.shading.threshold
     if not isinstance(case.sun, TrueSun | Adaptive):
         hours = int((facts.light.sky["sun"].values > 0).sum())
-        told = (
+        reason = (
             f"the sun shines in {hours} of {facts.hours} time stamps, from where its model has it"
         )
-        return Effect(hours > 0, told, {"may_close": hours})
+        return Effect(hours > 0, reason, {"may_close": hours})
     most, hours = most_direct(facts)
-    told = f"the sun puts at most {most:.0f} lx on a sensor, the shade closes at {threshold:g}"
+    reason = f"the sun puts at most {most:.0f} lx on a sensor, the shade closes at {threshold:g}"
     if hours:
-        told = (
+        reason = (
             f"the sun may put {threshold:g} lx on sensors in {hours} of {facts.hours} time stamps"
         )
-    return Effect(hours > 0, told, {"may_close": hours})
+    return Effect(hours > 0, reason, {"may_close": hours})
 
 
 def most_direct(facts: Facts) -> tuple[float, int]:
@@ -290,11 +290,13 @@ def interreflection(facts: Facts) -> tuple[Effect, int | None]:
     quantities = {"largest_albedo": round(albedo, 4), "depth": most}
     if most == 0:
         return Effect(False, "every surface is black", quantities), 0
-    told = f"largest reflectance {albedo:.2f} ({name})"
+    reason = f"largest reflectance {albedo:.2f} ({name})"
     if most is None:
-        return Effect(True, f"{told}: to any depth", quantities), None
-    told += f": over {most} surfaces, after which less than {100 * part:.2g} % of the light is left"
-    return Effect(True, told, quantities), most
+        return Effect(True, f"{reason}: to any depth", quantities), None
+    reason += (
+        f": over {most} surfaces, after which less than {100 * part:.2g} % of the light is left"
+    )
+    return Effect(True, reason, quantities), most
 
 
 def colour(facts: Facts) -> Effect:

@@ -18,26 +18,26 @@ MOST_SMEARED = 0.1
 
 def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
     """What is to be known of the photons, from the attributes of C, for the notes of a result."""
-    told, ledgers = [], json.loads(coefficients.get("photons", "{}"))
+    remarks, ledgers = [], json.loads(coefficients.get("photons", "{}"))
     for name, ledger in ledgers.items():
         component, kind = name.rsplit(" ", 1)
         if not component:
             continue
         if kind == "sun" and ledger["emitted"] == 0:
-            told.append(f"components.{component}: no sun of the period reaches it")
+            remarks.append(f"components.{component}: no sun of the period reaches it")
         if ledger["lost"] > MOST_LOST * ledger["emitted"]:
-            told.append(
+            remarks.append(
                 f"components.{component}: {100 * ledger['lost'] / ledger['emitted']:.2g} % of the "
                 f"light from the {kind} was still under way when photons were given up and is lost;"
                 " raise accuracy.photon_surfaces"
             )
     smear = coefficients.get("photons_smear", 0.0)
     if smear > MOST_SMEARED:
-        told.append(
+        remarks.append(
             f"the squares around the sensors smear what components send there straight by "
             f"{100 * smear:.0f} % (RMS); lower accuracy.sensor_square and raise accuracy.photons"
         )
-    return told
+    return remarks
 
 
 def shade_notes(case: Case) -> list[str]:
@@ -54,12 +54,12 @@ def shade_notes(case: Case) -> list[str]:
 
 def notes(case: Case) -> list[str]:
     """What was done to the films' files and with the shade, for the notes of a result."""
-    told = shade_notes(case)
+    remarks = shade_notes(case)
     for name, material in panes.of(case, BsdfMaterial).items():
-        found = film(material.file)
-        if found.largest_albedo > 1:
-            told.append(
+        measured = film(material.file)
+        if measured.largest_albedo > 1:
+            remarks.append(
                 f"materials.{name}: {material.file.name} sends out up to "
-                f"{100 * found.largest_albedo:.1f} % of the light; scaled down to 100 % there"
+                f"{100 * measured.largest_albedo:.1f} % of the light; scaled down to 100 % there"
             )
-    return told
+    return remarks

@@ -16,15 +16,15 @@ M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
 
 def used(case: Case) -> dict[str, tuple[str, ...]]:
     """Sides that each material of the façades, the hole "open" and the shade are found on."""
-    found: dict[str, tuple[str, ...]] = {}
+    sides_of: dict[str, tuple[str, ...]] = {}
     for side, facade in case.facade.items():
         for name in dict.fromkeys(s.material for s in facade.strips if s.material != "wall"):
-            found[name] = (*found.get(name, ()), side)
-    if case.shading is not None and any(case.is_clear(name) for name in found):
-        sides = [s for n, where in found.items() if case.is_clear(n) for s in where]
-        before = found.get(case.shading.material, ())
-        found[case.shading.material] = tuple(dict.fromkeys((*before, *sides)))
-    return found
+            sides_of[name] = (*sides_of.get(name, ()), side)
+    if case.shading is not None and any(case.is_clear(name) for name in sides_of):
+        sides = [s for n, where in sides_of.items() if case.is_clear(n) for s in where]
+        before = sides_of.get(case.shading.material, ())
+        sides_of[case.shading.material] = tuple(dict.fromkeys((*before, *sides)))
+    return sides_of
 
 
 def of(case: Case, kind: type[M]) -> dict[str, M]:
@@ -45,25 +45,25 @@ def most_reflecting(
     beyond : bool
         Light that leaves by a pane may come back; else panes count with what they reflect.
     """
-    found: list[tuple[float, str]] = []
+    reflectances: list[tuple[float, str]] = []
     if case.room is not None:
         for name in ("floor", "ceiling", "walls"):
-            found.append((max_reflectance(getattr(case.room, name)), name))
+            reflectances.append((max_reflectance(getattr(case.room, name)), name))
         for side, facade in case.facade.items():
             if facade.frame > 0:
-                found.append((max_reflectance(facade.frame_reflectance), f"frames {side}"))
+                reflectances.append((max_reflectance(facade.frame_reflectance), f"frames {side}"))
     left_out = [] if beyond else outside(case)
     for piece in case.furniture:
         if piece not in left_out:
-            found.append((max_reflectance(piece.reflectance), piece.name))
+            reflectances.append((max_reflectance(piece.reflectance), piece.name))
     for name in used(case):
         material = case.materials.get(name)
         if isinstance(material, GlazingMaterial | DiffuserMaterial) and not beyond:
-            found.append((material.reflectance, name))
+            reflectances.append((material.reflectance, name))
         elif material is not None:
-            found.append((albedo(material), name))
-    found += [(albedo(s.material), c.name) for c in components for s in c.surfaces]
-    return max(found, default=(0.0, "nothing"))
+            reflectances.append((albedo(material), name))
+    reflectances += [(albedo(s.material), c.name) for c in components for s in c.surfaces]
+    return max(reflectances, default=(0.0, "nothing"))
 
 
 def depth(albedo: float, part: float) -> int | None:

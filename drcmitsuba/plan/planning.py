@@ -54,14 +54,14 @@ class Plan:
         coefficients : mapping
             Attributes of C, where it is known: what a mesh of suns came to is told with them.
         """
-        told = {name: effect.to_dict() for name, effect in self.effects.items()}
+        entries = {name: effect.to_dict() for name, effect in self.effects.items()}
         if "mesh_miss" in coefficients:
             suns, miss = coefficients["mesh_suns"], 100 * coefficients["mesh_miss"]
-            told["suns"]["reason"] += (
+            entries["suns"]["reason"] += (
                 f"; the mesh has {suns:g} suns and misses suns in between by {miss:.1f} % (RMS)"
             )
-            told["suns"] |= {"mesh_suns": suns, "mesh_miss": coefficients["mesh_miss"]}
-        return told
+            entries["suns"] |= {"mesh_suns": suns, "mesh_miss": coefficients["mesh_miss"]}
+        return entries
 
 
 def plan(case: Case, light: Daylight) -> Plan:
@@ -85,7 +85,7 @@ def plan(case: Case, light: Daylight) -> Plan:
     reached = everything if reach is None else reach.visible(suns.directions, suns.diameter)
     facts = Facts(case, light, components, reach, reached)
     interreflection, depth = decide.interreflection(facts)
-    found = {
+    decisions = {
         "sky": decide.sky(facts),
         "ground": decide.ground(facts),
         "suns": decide.suns(facts),
@@ -105,7 +105,7 @@ def plan(case: Case, light: Daylight) -> Plan:
     }
     chosen = case.effects.model_dump()
     effects = {
-        name: effect.decided(name, chosen.get(name, "auto")) for name, effect in found.items()
+        name: effect.decided(name, chosen.get(name, "auto")) for name, effect in decisions.items()
     }
     return Plan(facts, effects, _scope(facts, effects, chosen, depth))
 

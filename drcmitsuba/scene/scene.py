@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -66,7 +65,7 @@ class Scene:
     Parameters
     ----------
     full : mi.Scene
-        All surfaces; of an `outline` this and the next two are None.
+        All surfaces.
     opaque : mi.Scene
         Without the panes that let light straight through: any hit is a shadow.
     clear : mi.Scene or None
@@ -157,7 +156,7 @@ def build(
     -------
     Scene
     """
-    made = _outlined(surfaces, lambda m: mi.load_dict(bsdf(m, channel)), enclosure, ports)
+    made = _outlined(surfaces, channel, enclosure, ports)
     meshes = [quad_mesh(part.name, part.quads, part.bsdf) for part in made.parts]
 
     def scene(keep: Any) -> mi.Scene:
@@ -181,9 +180,8 @@ def build(
 
 
 def _outlined(
-    surfaces: list[Surface], loaded: Callable[[SurfaceMaterial], Any],
-    enclosure: Enclosure | None, ports: tuple[Port, ...],
-) -> Scene:  # fmt: skip
+    surfaces: list[Surface], channel: int, enclosure: Enclosure | None, ports: tuple[Port, ...]
+) -> Scene:
     """All of a scene but what Mitsuba traces."""
     groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
     for surface in surfaces:
@@ -193,7 +191,8 @@ def _outlined(
     parts = []
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        parts.append(Part(group[0].name, loaded(m), m, component, quads, closed))
+        loaded = mi.load_dict(bsdf(m, channel))
+        parts.append(Part(group[0].name, loaded, m, component, quads, closed))
     scattering = tuple(
         ScatteringPanes(p.quads, p.material.transmittance, p.material.reflectance)
         for p in parts
@@ -227,14 +226,6 @@ def load(
     """
     parts = geometry_of(case, state, effects)
     return replace(build(parts[0], channel, *parts[1:]), effects=effects)
-
-
-def outline(
-    case: Case, state: State, effects: EnabledEffects, loaded: Callable[[SurfaceMaterial], Any]
-) -> Scene:
-    """`load` without what Mitsuba traces: geometry, panes, ports, and `loaded` materials."""
-    surfaces, enclosure, ports = geometry_of(case, state, effects)
-    return replace(_outlined(surfaces, loaded, enclosure, ports), effects=effects)
 
 
 def is_coloured(case: Case) -> bool:

@@ -15,6 +15,7 @@ what the measurements do not tell apart stays near the present values.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import tempfile
 import time
@@ -104,8 +105,9 @@ class Evaluation:
         with tempfile.TemporaryDirectory() as folder:
             result = evaluate(self.case, stage)
             result.save(Path(folder), stage)
+            saved = json.loads((Path(folder) / "plan.json").read_text(encoding="utf-8"))
         transport = sum(v for k, v in processor.items() if "façade" in k)
-        actual = result.plan["cost"]["actual"]
+        actual = saved["cost"]["actual"]
         return Actual(
             forecast(planned), forecast(planned, REFERENCE), actual["seconds"], transport,
             sum(processor.values()) - transport - processor.get("forecast", 0.0),
