@@ -222,8 +222,8 @@ def pane_to_pane(facts: Facts) -> Effect:
     if isinstance(case.sun, Adaptive):
         return Effect(
             False,
-            f"{'; '.join(reasons)}: what panes send to each other is not simulated with an adaptive "
-            "sun",
+            f"{'; '.join(reasons)}: what panes send to each other is not simulated with an "
+            "adaptive sun",
             missing=True,
         )
     return Effect(True, f"{'; '.join(reasons)}: photons follow it")

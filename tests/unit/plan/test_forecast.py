@@ -75,6 +75,12 @@ KINDS_OF_CASES = {
     },
     "no room": {"room": None, "facade": {}, "furniture": [BLOCK]},
     "outside": {"furniture": [{"corner": [-2.0, -6.0, 0.0], "size": [8.0, 1.0, 4.0]}]},
+    "film behind a building": {
+        "facade": windows("south", "glass", "film"),
+        "materials": {"glass": GLASS, "film": FILM},
+        "furniture": [{"corner": [-4.0, -12.0, 0.0], "size": [12.0, 4.0, 9.0]}],
+        "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 3], "spacing": 1.0},
+    },
     "colour": {"room": {"size": [4.0, 5.0, 3.0], "walls": [0.6, 0.5, 0.4]}},
     "white": {"room": {"size": [4.0, 5.0, 3.0], "floor": 0.95, "ceiling": 0.95, "walls": 0.95}},
     "north, overcast": {"facade": windows("north", "glass"), **OVERCAST},
