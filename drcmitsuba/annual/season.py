@@ -1,10 +1,10 @@
-"""Monthly values with the season taken out: what a façade makes of the daylight that there is.
+"""Monthly values with the season taken out: the share of the month's daylight that a façade uses.
 
 msDA is low in December whatever the façade, and how monthly values should be judged was left open
 [1]_. This judges them beside two references in the same room, from the same simulation:
 
-- *clear*: all panes of clear glazing, the shade in use. More than that is what the component gains.
-- *opening*: all panes taken out, no shade: what the sky of the month offers through these holes.
+- *clear*: all panes of clear glazing, the shade in use; the excess is the component's gain.
+- *opening*: all panes taken out, no shade: the daylight that the sky of the month offers here.
 
 relative_m = msDA_m / msDA_m(opening). The definition is this program's own.
 

@@ -43,7 +43,7 @@ def load_variants(path: str, names: Sequence[str]) -> list[Case]:
     Raises
     ------
     InputError
-        As `load_case`; a name that comes twice or holds a folder.
+        A case is unfit, or a name comes twice or holds a folder.
     """
     first = Path(path)
     every = [first.stem, *names]
@@ -67,7 +67,7 @@ def evaluate_variants(
     Parameters
     ----------
     cases : sequence of Case
-        Alike but for their façades, with windows in one side of the room.
+        Cases that differ in their façades only, with windows in one side of the room.
     stage : callable, optional
     judged : sequence of Case, optional
         The same cases where they are judged by other rules, such as without their shade.
@@ -75,7 +75,7 @@ def evaluate_variants(
     Yields
     ------
     Result
-        One for each case. Its seconds are the basis' and its own.
+        Result of each case; its seconds include those of the shared façade basis.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def evaluate_variants(
 
     Notes
     -----
-    The variants share their light paths, so differences between them are surer than each of them.
+    Variants share their light paths: a difference between two has a smaller error than either.
     """
     backend.select()
     first = cases[0]
