@@ -9,11 +9,12 @@ from typing import Any
 import xarray as xr
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.report.months import MONTHS
+from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.sky.daylight import period
 
 METRICS = ("sDA", "ASE")
 NO_BREAK = "\N{NO-BREAK SPACE}"
+MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 
@@ -66,11 +67,11 @@ def month_names(months: tuple[int, ...]) -> str:
     return ", ".join(first if first == last else f"{first}–{last}" for first, last in ends)
 
 
-def period_name(case: Case) -> str:
-    """Short name of a case's period: "year", its months, or "time stamps"."""
-    if case.period.timestamps is not None:
+def period_name(table: PeriodTable) -> str:
+    """Short name of a period: "year", its months, or "time stamps"."""
+    if table.timestamps is not None:
         return "time stamps"
-    return "year" if len(case.period.months) == 12 else month_names(case.period.months)
+    return "year" if len(table.months) == 12 else month_names(table.months)
 
 
 def is_rated(case: Case) -> bool:

@@ -182,7 +182,7 @@ def monthly(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> Fig
     """Draw the metrics of an evaluation and of its months; arguments as for `pictures`."""
     return plots.monthly(
         numbers, title=case.name, caption=caption(case, illuminance, numbers),
-        period=period_name(case), rated=is_rated(case), shade=has_shade(case, illuminance),
+        period=period_name(case.period), rated=is_rated(case), shade=has_shade(case, illuminance),
     )  # fmt: skip
 
 

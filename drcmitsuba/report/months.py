@@ -15,11 +15,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from drcmitsuba.report.captions import MONTHS
 from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE
 
 ACCEPTED, PREFERRED = 55, 75
 """Spatial daylight autonomy that LM-83 calls nominally accepted, preferred [%]."""
-MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
 Months = Sequence[Mapping[str, float] | None]

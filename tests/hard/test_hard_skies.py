@@ -60,15 +60,15 @@ def listed(zenith, dni, dhi, azimuth, dew_point):
 
 @pytest.fixture
 def worst(holds):
-    """Collect the worst of each invariant over a test; asserted, and told, once at its end."""
-    found = {}
+    """Collect the worst of each invariant over a test; asserted, and printed, once at its end."""
+    largest = {}
 
     def worst(invariant, measured, allowed):
         measured = np.append(np.asarray(measured, float).ravel(), 0)
-        found[invariant] = max(measured.max(), found.get(invariant, (0, 0))[0]), allowed
+        largest[invariant] = max(measured.max(), largest.get(invariant, (0, 0))[0]), allowed
 
     yield worst
-    for invariant, (measured, allowed) in found.items():
+    for invariant, (measured, allowed) in largest.items():
         holds(invariant, measured, allowed)
 
 

@@ -68,10 +68,10 @@ def test_replicates_of_some_sensors_have_the_mean_and_error_of_all():
     two = xr.concat([coefficients(), coefficients(2 * OPEN)], "sensor", data_vars="minimal")
     two["replicates"] = two["replicates"].transpose("replicate", "sensor", "bin")
     expected = accumulate.by_source(two, sky())
-    found = accumulate.replicates(two, sky(), np.array([1]))
-    assert found.shape == (2, 3, 1)
-    np.testing.assert_allclose(found.mean(axis=0)[:, 0], expected["total"][:, 1], rtol=1e-6)
-    error = found.std(axis=0, ddof=1) / np.sqrt(2)
+    values = accumulate.replicates(two, sky(), np.array([1]))
+    assert values.shape == (2, 3, 1)
+    np.testing.assert_allclose(values.mean(axis=0)[:, 0], expected["total"][:, 1], rtol=1e-6)
+    error = values.std(axis=0, ddof=1) / np.sqrt(2)
     np.testing.assert_allclose(error[:, 0], expected["total_se"][:, 1], rtol=1e-5)
 
 
@@ -99,18 +99,18 @@ def test_labels_from_disk_match_whatever_kind_of_string_they_are():
 
 
 @pytest.mark.parametrize(
-    ("missing", "told"),
+    ("missing", "message"),
     [
         (0, "no 'ground' .1 bins missing.; compute sky and coefficients with the same"),
         (3, "no 'sun_2015-03-21T11:00' .1 bins missing.; compute coefficients for the time"),
     ],
 )
-def test_a_bin_without_coefficients_is_refused(missing, told):
+def test_a_bin_without_coefficients_is_refused(missing, message):
     kept = [i for i in range(4) if i != missing]
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         accumulate.by_source(coefficients().isel(bin=kept), sky())
     if missing == 3:
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=message):
             accumulate.direct_sun(coefficients().isel(bin=kept), sky())
 
 

@@ -23,7 +23,7 @@ RAYS = 32
 
 def coefficients(is_open, shaded=None, sun=None, sun_se=None):
     """C of which every hour has a bin of its own, so that C is E; arrays (…, time, sensor)."""
-    found = {"open": is_open} if shaded is None else {"open": is_open, "shaded": shaded}
+    by_state = {"open": is_open} if shaded is None else {"open": is_open, "shaded": shaded}
     sun = np.zeros(is_open.shape[1:]) if sun is None else sun
     sun_se = np.zeros_like(sun) if sun_se is None else sun_se
 
@@ -43,8 +43,8 @@ def coefficients(is_open, shaded=None, sun=None, sun_se=None):
             },
         )
 
-    names = xr.DataArray(np.array(list(found), object), dims="state", name="state")
-    both = [state(E) for E in found.values()]
+    names = xr.DataArray(np.array(list(by_state), object), dims="state", name="state")
+    both = [state(E) for E in by_state.values()]
     joined = xr.concat(both, names, coords="minimal", compat="override")
     return joined.assign_attrs(has_shade=int(shaded is not None))
 
@@ -144,8 +144,8 @@ def test_ties_pass_for_certain():
 def test_where_all_is_certain_intervals_have_no_width():
     E = replicates(np.full((HOURS, 3), [100.0, 900.0, 2000.0]), 1.0)
     C = coefficients(E, E / 10, np.full((HOURS, 3), [0.0, 0.0, 5000.0]))
-    found, draws = drawn(C)
-    numbers = evaluate_metrics.summarise(found, RULES, draws)
+    lux, draws = drawn(C)
+    numbers = evaluate_metrics.summarise(lux, RULES, draws)
     for name in ("sDA", "ASE", "shade_closed"):
         assert numbers[name]["low"] == numbers[name]["value"] == numbers[name]["high"]
     assert numbers["shade_closed"]["value"] == 100
@@ -156,10 +156,10 @@ def test_where_all_is_certain_intervals_have_no_width():
 
 def test_months_without_hours_are_none_and_nothing_else_is_nan():
     E = replicates(np.full((HOURS, 4), 500.0), 30.0)
-    found, draws = drawn(
+    lux, draws = drawn(
         coefficients(E, E / 5, np.full((HOURS, 4), 900.0), np.full((HOURS, 4), 90.0))
     )
-    numbers = evaluate_metrics.summarise(found, RULES, draws)
+    numbers = evaluate_metrics.summarise(lux, RULES, draws)
     for name in ("msDA", "MSE", "shade_closed_monthly"):
         known = [month for month, i in enumerate(numbers[name], start=1) if i is not None]
         assert known == [3, 4]
@@ -181,9 +181,9 @@ def test_months_and_year_count_the_same_draws():
     C = coefficients(E, sun=sun, sun_se=0.3 * sun).sel(bin=["ground", *SKY["sun_bin"].values[:30]])
     march = SKY.isel(time=slice(0, 30))
     is_open = C.sel(state="open", drop=True)
-    found = accumulate.illuminance(is_open, None, march, xr.zeros_like(march["sun"], dtype=bool))
+    lux = accumulate.illuminance(is_open, None, march, xr.zeros_like(march["sun"], dtype=bool))
     draws = intervals.draw(
-        Coefficients.of(C), march, found.assign_attrs(has_shade=0),
+        Coefficients.of(C), march, lux.assign_attrs(has_shade=0),
         Rules(Metrics(sda_threshold=500, ase_hours=15), 1000, 0.25, 1.0), rays=RAYS, seed=0,
     )  # fmt: skip
     assert np.ptp(draws.annual["sDA"]) > 0
@@ -195,8 +195,8 @@ def test_months_and_year_count_the_same_draws():
 def test_too_close_to_call():
     mean = np.full((HOURS, 3), [460.0, 500.0, 540.0])
     E = replicates(mean, 1.0) + replicates(0.0, 8.0, seed=5).reshape(8, 1, 1)
-    found, draws = drawn(coefficients(E))
-    numbers = evaluate_metrics.summarise(found, RULES, draws)
+    lux, draws = drawn(coefficients(E))
+    numbers = evaluate_metrics.summarise(lux, RULES, draws)
     (one,) = numbers["undecided"]
     assert one == {
         "sensor": 1, "x": 1.5, "y": 1.5, "z": 1.5, "metric": "sDA",
@@ -214,10 +214,10 @@ def test_too_close_to_call():
 
 def test_the_mean_illuminance_has_the_interval_of_its_replicates():
     E = replicates(np.full((HOURS, 3), 500.0), 1.0) + replicates(0.0, 8.0).reshape(8, 1, 1)
-    found, draws = drawn(coefficients(E))
+    lux, draws = drawn(coefficients(E))
     of_replicate = E.mean(axis=(1, 2))
     half = student.ppf(0.975, 7) * of_replicate.std(ddof=1) / np.sqrt(8)
-    assert draws.mean_illuminance.value == pytest.approx(float(found["total"].mean()), rel=1e-5)
+    assert draws.mean_illuminance.value == pytest.approx(float(lux["total"].mean()), rel=1e-5)
     assert draws.half_width({}, "%") == pytest.approx(100 * half / of_replicate.mean(), rel=1e-3)
 
 
@@ -234,12 +234,12 @@ def test_the_same_seed_draws_the_same():
 def test_channels_are_weighed_to_luminance():
     E = replicates(np.full((HOURS, 5), np.linspace(480, 520, 5)), 20.0)
     grey = coefficients(E)
-    found, expected = drawn(grey)
+    lux, expected = drawn(grey)
     channel = xr.DataArray(list(LUMINANCE_WEIGHTS), dims="channel")
     factors = xr.DataArray([0.5, 1.2, 0.4], dims="channel")  # weighed: 1
     factors /= float((factors * list(LUMINANCE_WEIGHTS.values())).sum())
     coloured = (grey * factors).assign_coords(channel=channel).assign_attrs(grey.attrs)
-    draws = intervals.draw(Coefficients.of(coloured), SKY, found, RULES, rays=RAYS, seed=0)
+    draws = intervals.draw(Coefficients.of(coloured), SKY, lux, RULES, rays=RAYS, seed=0)
     np.testing.assert_allclose(draws.passing["sDA"], expected.passing["sDA"], atol=0.01)
 
 
@@ -264,7 +264,7 @@ def test_as_many_parts_hide_as_the_prior_tells(rays):
 
 @pytest.mark.parametrize("limit", [0.03, 0.1, 0.5])
 def test_probabilities_at_edges_come_true(limit):
-    """Among pairs that are seen in part, the part is above a limit as often as is told."""
+    """Among pairs that are seen in part, the part is above a limit as often as computed."""
     part, hits = on_edges(32)
     edge = (hits.mean(axis=0) > 0) & (hits.mean(axis=0) < 1)
     hits, part = hits[:, edge], part[edge]
@@ -339,11 +339,11 @@ def test_without_a_shade_nothing_closes():
 
 def test_bounds_hold_the_intervals_of_draws():
     E = replicates(np.full((HOURS, 9), np.linspace(400, 600, 9)), 20.0)
-    found, draws = drawn(coefficients(E))
-    found = found.assign_attrs(interval_factor=t_factor(8))
+    lux, draws = drawn(coefficients(E))
+    lux = lux.assign_attrs(interval_factor=t_factor(8))
     narrow, wide = (
-        evaluate_metrics.summarise(found, RULES, draws),
-        evaluate_metrics.summarise(found, RULES),
+        evaluate_metrics.summarise(lux, RULES, draws),
+        evaluate_metrics.summarise(lux, RULES),
     )
     assert wide["sDA"]["low"] <= narrow["sDA"]["low"] < narrow["sDA"]["high"] <= wide["sDA"]["high"]
     assert wide["sDA"]["value"] == narrow["sDA"]["value"]
@@ -352,9 +352,9 @@ def test_bounds_hold_the_intervals_of_draws():
 
 def test_bounds_use_the_factor_that_the_illuminance_names():
     E = replicates(np.full((HOURS, 1), 500.0), 0.0) + np.linspace(-1, 1, 8).reshape(8, 1, 1)
-    found, _ = drawn(coefficients(E))
-    se = float(found["total_se"][0, 0])
+    lux, _ = drawn(coefficients(E))
+    se = float(lux["total_se"][0, 0])
     for factor, passes in ((1.9, 0.0), (2.1, 100.0)):
         asked = Rules(Metrics(sda_threshold=float(500 + 2 * se)), 1000, 0.25, 1.0)
-        named = found.assign_attrs(interval_factor=factor)
+        named = lux.assign_attrs(interval_factor=factor)
         assert Bounds.of(named, asked).annual["sDA"] == (0.0, passes)

@@ -72,10 +72,10 @@ def numbers(value):
 
 def test_at_high_sharpness_every_twin_is_its_metric():
     E, D = room()
-    found = twins(mi.TensorXf(E.values), mi.TensorXf(D.values), metrics.months(E), 1 << 17)
+    soft = twins(mi.TensorXf(E.values), mi.TensorXf(D.values), metrics.months(E), 1 << 17)
     for name, value in hard(E, D).items():
         assert np.ptp(np.append(value, [0, 100])) == 100 or 1 < np.mean(value) < 99
-        np.testing.assert_allclose(numbers(found[name]), np.atleast_1d(value), atol=1e-3)
+        np.testing.assert_allclose(numbers(soft[name]), np.atleast_1d(value), atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -96,8 +96,8 @@ def test_the_error_of_one_decision_falls_as_one_over_the_sharpness(which, thresh
         decides = {"sDA": E.values.T, "ASE": D.values.T, "shade": D.values}[which]
         exact = metrics.shade_closed(dated(decides), threshold, share).values
         for i, k in enumerate(sharpness):
-            found = smooth.shade_closed(mi.TensorXf(decides), threshold, share, sharpness=k)
-            error[i] += np.abs(found.numpy() - exact).mean() / 8
+            soft = smooth.shade_closed(mi.TensorXf(decides), threshold, share, sharpness=k)
+            error[i] += np.abs(soft.numpy() - exact).mean() / 8
     slope = np.polyfit(np.log(sharpness), np.log(error), 1)[0]
     assert -1.15 < slope < -0.85
     assert error[-1] < 0.05
@@ -218,7 +218,7 @@ def test_the_blend_is_open_or_shaded_at_its_ends():
 
 
 @pytest.mark.parametrize(
-    ("call", "told"),
+    ("call", "message"),
     [
         (lambda E: smooth.sda(E, sharpness=0.5), "sharpness: 0.5"),
         (lambda E: smooth.sda(E, sharpness=float("nan")), "sharpness: nan"),
@@ -228,6 +228,6 @@ def test_the_blend_is_open_or_shaded_at_its_ends():
         (lambda E: smooth.shade_closed(E, area=1.5, sharpness=8), "area: 1.5"),
     ],
 )
-def test_what_is_out_of_range_is_told(call, told):
-    with pytest.raises(InputError, match=told):
+def test_what_is_out_of_range_is_refused(call, message):
+    with pytest.raises(InputError, match=message):
         call(mi.TensorXf(np.ones((4, 2), np.float32)))

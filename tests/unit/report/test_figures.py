@@ -127,9 +127,9 @@ def test_limits_part_the_sensors_that_count():
 
 def test_every_picture_names_weather_period_and_accuracy():
     for name, figure in drawn(case_of(period={"months": [3, 4, 5, 9]})).items():
-        told = said(figure)
-        assert "Geneva.epw; Mar–May, Sep, Mon–Fri, 8–18 h: 400 h;" in told, name
-        assert "sDA 59.0–61.0 %, ASE 29.0–31.0 %" in told, name
+        words = said(figure)
+        assert "Geneva.epw; Mar–May, Sep, Mon–Fri, 8–18 h: 400 h;" in words, name
+        assert "sDA 59.0–61.0 %, ASE 29.0–31.0 %" in words, name
 
 
 def test_a_part_of_the_year_is_no_year():

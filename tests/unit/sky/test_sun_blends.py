@@ -167,10 +167,10 @@ def test_interpolation_is_exact_for_a_constant_and_second_order_for_what_is_smoo
         labels = [mesh.label(n) for n in nodes]
         value = dict(zip(labels, np.exp(mesh.directions_of(nodes)[:, 0]), strict=True))
         blend = mesh.blend(DIRECTIONS, UP, labels)
-        found = (
+        blended = (
             np.vectorize(lambda b, value=value: value.get(b, 0.0))(blend.bins) * blend.weights
         ).sum(axis=1)
-        errors.append(abs(found - np.exp(DIRECTIONS[:, 0]))[UP].max())
+        errors.append(abs(blended - np.exp(DIRECTIONS[:, 0]))[UP].max())
         np.testing.assert_allclose(blend.weights.sum(axis=1), UP)
     assert errors[1] < 0.35 * errors[0]
 
