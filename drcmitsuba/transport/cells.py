@@ -19,7 +19,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.scene import Scene
 
 MAX_KEYS = 1 << 26
-"""Possible cells: so many take 0.6 GiB."""
+"""Largest number of possible cells: they take 0.6 GiB."""
 _UNKNOWN = 0xFFFFFFFF
 # Odd numbers make multiplication a bijection of 32-bit integers: a random order that can be undone.
 _SCRAMBLE = 0x9E3779B1
@@ -103,7 +103,7 @@ class Vertices:
     p, n : mi.Float
         Position [m] and facing normal, three numbers a vertex.
     mark : mi.UInt32 or None
-        What the path remembers of its way, see `gather.Marks`.
+        Mark of the path, see `gather.Marks`.
     """
 
     row: mi.UInt32
@@ -181,7 +181,7 @@ class Drawn(NamedTuple):
     Parameters
     ----------
     rank : mi.UInt32
-        Of each among all that it was drawn from; the highest is taken.
+        Rank of each vertex among all that it was drawn from; the highest is taken.
     p, n : mi.Float
         Positions and normals, three numbers a cell.
     """
@@ -202,11 +202,11 @@ def draw_points(
     cell : mi.UInt32
         Cell of every vertex.
     count : int
-        Of the cells.
+        Number of cells.
     salt : int
         Another salt, another draw.
     before : Drawn, optional
-        What was drawn from other vertices: the draw goes on among all of them.
+        Vertices drawn before, from others: the draw goes on among all of them.
 
     Returns
     -------

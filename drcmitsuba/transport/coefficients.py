@@ -35,19 +35,19 @@ from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit,
 BLOCK = 1024
 """Sensors that are gathered at once, at most."""
 LANES = 1 << 21
-"""Paths that are traced at once, unless those of one sensor are more."""
+"""Number of paths that are traced at once; one sensor's paths are never parted."""
 
 EDGE_SAMPLES = 8
-"""Directions on a sun's disk that the edge of a shadow crosses, in each replicate."""
+"""Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
 
 ALIKE = 0.1
-"""Share by which directions around a disk may differ, as their cosines do, without an edge."""
+"""Relative difference of directions around a disk below which no shadow edge is searched."""
 
 SUMMED = 1 << 9
-"""Cells whose light is summed in single precision."""
+"""Number of cells whose light is summed in single precision."""
 
 PHOTONS_SHARE = 0.8
-"""Of the time that is taken by photons, where there are any."""
+"""Share of the progress bar that photons take, where there are any."""
 
 _PARTS = ("straight", "direct", "interreflected")
 
@@ -66,7 +66,7 @@ class _Replicate:
     cells: Irradiance | None = None
 
     def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
-        """Find D of the cells, at the points that stand for them; `keys` are theirs in the grid."""
+        """Keep D of the cells [sr] at the points that stand for them, by their keys."""
         p, n = drawn.p, drawn.n
         key: Key = (Stream.CELLS, self.number)
         rays = self.deposit.accuracy.cell_sky_rays
@@ -79,7 +79,7 @@ class _Replicate:
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """D of sensors: straight and mirrored, and with what panes and components scatter."""
+        """D of sensors [sr], (sensor, bin): straight and mirrored; with scattered light."""
         key, sky_rays = (Stream.SENSORS, self.number), self.deposit.accuracy.sensor_sky_rays
         numbers = _numbers(here)
         straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers)
@@ -234,7 +234,7 @@ def compute(
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
     progress : callable
-        Told the share that is done.
+        Takes the share that is done.
 
     Returns
     -------
@@ -244,7 +244,7 @@ def compute(
 
     Notes
     -----
-    The coefficients of what is out of the scene's scope, or proved not to get in, are 0.
+    Coefficients are 0 for effects that are left out, and for suns that are proved not to get in.
 
     Limits: diffuse surfaces are Lambertian; light that a pane mirrors on its way from the source
     to the first diffuse surface is counted only where photons are followed.
@@ -302,18 +302,18 @@ def estimate(
     base : Deposit
         Not lit yet.
     labels : list of str
-        Of its bins.
+        Labels of the bins.
     points, normals : np.ndarray, shape (sensor, 3)
     sun_samples : int
         Directions from a sensor to every sun; 0 leaves out the light that comes straight.
     photons : PhotonTracer, optional
-        For light that components deviate.
+        Photons for light that components deviate.
     progress : callable
 
     Returns
     -------
     xr.Dataset
-        As of `compute`.
+        As from `compute`.
     """
     scene, accuracy = base.scene, base.accuracy
     replicates = [_Replicate(r, base.lit(r)) for r in range(accuracy.replicates)]

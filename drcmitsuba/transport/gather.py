@@ -37,11 +37,11 @@ sign of it in the standard error. √β stays below the reflectance, whose squar
 1; this bound is there for rooms of reflectance 1, which no path leaves.
 """
 USUAL = 5.0
-"""Vertices of a path for which there is room at first; 1 / (1 − 0.8)."""
+"""Vertices of a path that memory is first taken for: 1 / (1 − 0.8)."""
 WHITE = 0.85
-"""Reflectance of the whitest surface from which on the vertices of some paths are counted first."""
+"""Reflectance of a surface from which on the vertices of some sensors' paths are counted first."""
 PILOT = 16
-"""Sensors whose paths these are."""
+"""Number of those sensors."""
 
 
 def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f:
@@ -198,7 +198,7 @@ def _trace(
         bs, weight = bsdf.sample(ctx, si, random.next_float32(), uv, active)
         beta *= weight[0]
         active &= beta > 0
-        # Of what mirrors a part: only where the diffuse part was drawn.
+        # A surface that mirrors in part is a cell only where its diffuse part was drawn.
         is_cell = (
             active
             & may_be_cell

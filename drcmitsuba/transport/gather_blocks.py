@@ -1,8 +1,8 @@
 """Gather paths of any number of sensors, in blocks that fit in memory.
 
-What stands for a cell is drawn from the vertices of all sensors, so their paths are traced before
-any light is deposited. Their vertices are kept where there are not too many; else the paths, whose
-random numbers are those of their sensors, are traced once more when it is their sensors' turn.
+The points that stand for a cell are drawn from the vertices of all sensors: all paths are traced
+before any light is deposited. The vertices are kept where there are not too many; else the paths,
+whose random numbers are those of their sensors, are traced once more when it is their turn.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_points
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 
 KEPT = 1 << 24
-"""Vertices that are kept, at most: 200 MB."""
+"""Largest number of vertices that are kept: 200 MB."""
 
 
 class Met(NamedTuple):
@@ -48,9 +48,9 @@ class Gathered:
     blocks : tuple of slice
         Sensors that are gathered at once.
     cells : Cells
-        That any of them meet.
+        Cells that any sensor's paths meet.
     drawn : tuple of Drawn
-        What stands for the cells in each replicate.
+        Points that stand for the cells, in each replicate.
     bounces : float
         Vertices of a path that are expected.
     kept : dict of int to Met

@@ -39,7 +39,7 @@ from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 LANES = 1 << 21
-"""Photons of one launch, unless those of one source are more."""
+"""Number of photons of one launch; those of one source are never parted."""
 PATCH = 4
 """Photons of a patch of the sky for each of a sun: a patch counts in every hour."""
 
@@ -196,7 +196,12 @@ class PhotonTracer:
         ----------
         seed : int
         progress : callable
-            Told the share that is done.
+            Takes the share that is done.
+
+        Returns
+        -------
+        Landed
+            D of cells and sensors [sr].
         """
         patches = len(Patches(self.subdivision)) if self.subdivision else 0
         effects = self.ports[0].scene.effects

@@ -23,7 +23,7 @@ from drcmitsuba.transport.cells import Grid
 POINTS = 1024
 """Points that measure the area of a whole face of a cell."""
 MOST_POINTS = 1 << 23
-"""Of all cells together; the areas of very large scenes are told more coarsely."""
+"""Largest number of such points in all; areas in very large scenes are coarser."""
 OFFSET = 1e-4
 """Distance from a surface at which it is looked at [m]."""
 SMALLEST = 0.02

@@ -145,7 +145,7 @@ def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter
 
 
 def sun_numbers(suns: np.ndarray) -> np.ndarray:
-    """Numbers that random numbers of suns (sun, 3) follow from, whatever others are simulated."""
+    """Seeds of random numbers of suns (sun, 3), the same whichever others are simulated."""
     directions = np.ascontiguousarray(suns, np.float32)
     return np.array([crc32(direction.tobytes()) for direction in directions], np.uint32)
 
@@ -181,8 +181,8 @@ def sky_deposit(
         Rays from a point, cosine-distributed and stratified.
     seed : int
     numbers : mi.UInt32, optional
-        What the points' random numbers follow from, whatever else is in the launch; 0, 1, … where
-        it is not given.
+        Seeds of the points' random numbers, the same whatever else is in the launch; by default
+        0, 1, … .
 
     Returns
     -------
