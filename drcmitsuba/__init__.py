@@ -5,43 +5,60 @@ load_case, evaluate
 metrics
     sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor).
 sky, weather, period
-    Luminances of the sky and the suns.
+    Luminances L of the sky and the suns.
 coefficients, accumulate
     C = D + G·D and E = C·L.
+bsdf, goniophotometer, design, report, ...
+    The other rooms of the package, imported when they are first asked for.
 
 Importing the package makes its Mitsuba plugins known to every JIT variant; it sets none.
 """
 
-from drcmitsuba.runtime import backend  # first: it imports Dr.Jit without its complaints on stderr
+from typing import TYPE_CHECKING
 
-# isort: split
-import drcmitsuba_plugins as _plugins  # noqa: F401  registers the plugins
+from drcmitsuba.runtime import lazy, registration
 
-from drcmitsuba import metrics, schema, sky
-from drcmitsuba.annual.result import Result, evaluate
-from drcmitsuba.case.case import Case, load_case
-from drcmitsuba.case.shipped import shipped_cases
-from drcmitsuba.metrics import accumulate
-from drcmitsuba.runtime.errors import BackendError, InputError
-from drcmitsuba.sky import period, weather
-from drcmitsuba.transport import coefficients
+if TYPE_CHECKING:
+    from drcmitsuba import metrics as metrics
+    from drcmitsuba import schema as schema
+    from drcmitsuba import sky as sky
+    from drcmitsuba.annual.result import Result as Result
+    from drcmitsuba.annual.result import evaluate as evaluate
+    from drcmitsuba.case.case import Case as Case
+    from drcmitsuba.case.case import load_case as load_case
+    from drcmitsuba.case.shipped import shipped_cases as shipped_cases
+    from drcmitsuba.metrics import accumulate as accumulate
+    from drcmitsuba.runtime import backend as backend
+    from drcmitsuba.runtime.errors import BackendError as BackendError
+    from drcmitsuba.runtime.errors import InputError as InputError
+    from drcmitsuba.sky import period as period
+    from drcmitsuba.sky import weather as weather
+    from drcmitsuba.transport import coefficients as coefficients
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "BackendError",
-    "Case",
-    "InputError",
-    "Result",
-    "accumulate",
-    "backend",
-    "coefficients",
-    "evaluate",
-    "load_case",
-    "metrics",
-    "period",
-    "schema",
-    "shipped_cases",
-    "sky",
-    "weather",
-]
+_NAMES = {
+    "BackendError": "runtime.errors:BackendError",
+    "Case": "case.case:Case",
+    "InputError": "runtime.errors:InputError",
+    "Result": "annual.result:Result",
+    "accumulate": "metrics.accumulate",
+    "backend": "runtime.backend",
+    "coefficients": "transport.coefficients",
+    "evaluate": "annual.result:evaluate",
+    "load_case": "case.case:load_case",
+    "period": "sky.period",
+    "shipped_cases": "case.shipped:shipped_cases",
+    "weather": "sky.weather",
+}
+_ROOMS = (
+    "annual", "bsdf", "case", "design", "goniophotometer", "metrics", "plan", "report", "runtime",
+    "scene", "schema", "sky", "transport",
+)  # fmt: skip
+
+registration.register_plugins()
+__getattr__ = lazy.attributes(__name__, _NAMES)
+
+
+def __dir__() -> list[str]:
+    return sorted([*_NAMES, *_ROOMS, "__doc__", "__version__"])

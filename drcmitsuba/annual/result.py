@@ -29,7 +29,7 @@ import xarray as xr
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.run import Run
-from drcmitsuba.case.case import Case
+from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
@@ -220,13 +220,15 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None) -> Result:
+def evaluate(
+    case: Case | str | Path, stage: Stage = silent, known: xr.Dataset | None = None
+) -> Result:
     """Evaluate a case: L, C, E and the metrics of its period.
 
     Parameters
     ----------
-    case : Case
-        From `load_case`.
+    case : Case, str or Path
+        From `load_case`, or what `load_case` takes: a TOML file, or a shipped case by name.
     stage : callable, optional
         Shows the stages of the work, as the command line does.
     known : xr.Dataset, optional
@@ -243,6 +245,8 @@ def evaluate(case: Case, stage: Stage = silent, known: xr.Dataset | None = None)
     BackendError
         No fit LLVM or GPU.
     """
+    if not isinstance(case, Case):
+        case = load_case(case)
     backend.select()
     run = replace(Run.of(case), stage=stage)
     with run.timed("sky"):

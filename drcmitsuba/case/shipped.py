@@ -9,6 +9,19 @@ from pathlib import Path
 from drcmitsuba.case.toml import is_file
 from drcmitsuba.runtime.errors import InputError
 
+OTHER_FILES = {
+    ".rad": "a Radiance scene",
+    ".oct": "a Radiance scene",
+    ".hbjson": "a Honeybee model",
+    ".json": "a JSON file",
+    ".obj": "a mesh",
+    ".ply": "a mesh",
+    ".epw": "a weather file",
+    ".wea": "a weather file",
+    ".xml": "a BSDF or a scene in XML",
+}
+"""Files that are sometimes taken for a case, by their ending."""
+
 
 def shipped_folder() -> Path:
     """Folder of the cases and recipes that come with the package."""
@@ -37,9 +50,13 @@ def locate_case(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        There is no such file and no such shipped case.
+        There is no such file and no such shipped case, or the file is a model of another program.
     """
     if is_file(Path(path), path, "case file"):
+        other = OTHER_FILES.get(Path(path).suffix.lower())
+        if other is not None:
+            remedy = "give a case (TOML), which `drcmitsuba new` writes, or a shipped one by name"
+            raise InputError(path, "case file", other, remedy)
         return Path(path)
     if str(path) in shipped_cases():
         return shipped_folder() / f"{path}.toml"

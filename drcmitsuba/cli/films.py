@@ -8,44 +8,49 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.terminal import stages
+from drcmitsuba.cli.options import AsJson, Depth, FilmOutput, film_path, named
+from drcmitsuba.cli.terminal import show, stages
 from drcmitsuba.runtime.errors import InputError
-
-
-def _film_path(path: Path | None) -> Path:
-    """Refuse a name that no film can be written to, before any work is done for it."""
-    if path is None:
-        raise InputError("command line", "-o", "nothing", "name the film: -o film.xml")
-    if path.suffix.lower() != ".xml" or path.is_dir():
-        raise InputError(path, "-o", "no name of an XML file", "name the film: -o film.xml")
-    if not path.absolute().parent.is_dir():
-        raise InputError(path, "-o", f"there is no folder {path.parent}", "make it first")
-    return path
 
 
 def bsdf(
     files: Annotated[
-        list[Path], typer.Argument(help="BSDF file (.xml), or measurements (PAB-opto text).")
+        list[Path],
+        typer.Argument(metavar="FILE", help="BSDF file (.xml), or measurements (PAB-opto text)."),
     ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Folder for pictures and JSON, or the film's .xml."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="NAME",
+            parser=named,
+            help="Folder for pictures and JSON; with measurements, the film's .xml.",
+        ),
     ] = None,
     sun: Annotated[
         tuple[float, float],
-        typer.Option(help="Sun of the pictures: elevation, azimuth from the façade's normal [°]."),
+        typer.Option(
+            metavar="ELEVATION AZIMUTH",
+            help="Sun of the pictures, its azimuth from the façade's normal [deg].",
+        ),
     ] = (45.0, 0.0),
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    depth: Annotated[int, typer.Option(help="Measurements: levels of the tree.")] = 5,
+    as_json: AsJson = False,
+    depth: Depth = 5,
     symmetry: Annotated[
-        str, typer.Option(help="Measurements: auto, bilateral, quadrilateral, none.")
+        str,
+        typer.Option(
+            metavar="NAME", help="Of measurements: auto, bilateral, quadrilateral or none."
+        ),
     ] = "auto",
     front: Annotated[
-        str, typer.Option(help="Measurements: what the sample's front (θ < 90°) faces.")
+        str,
+        typer.Option(
+            metavar="SIDE", help="Of measurements: what the sample's front (θ < 90°) faces."
+        ),
     ] = "room",
 ) -> None:
     """Check and show a BSDF file; or turn goniophotometer measurements into one."""
@@ -60,7 +65,7 @@ def bsdf(
     if all(f.suffix.lower() != ".xml" for f in files):
         from drcmitsuba.bsdf import measured
 
-        path = _film_path(output)
+        path = film_path(output)
         with stages() as stage, stage("interpolation") as progress:
             film = measured.from_measurements(
                 files, depth=depth, symmetry=symmetry, front=front, progress=progress
@@ -80,7 +85,7 @@ def bsdf(
         table.add_column(overflow="fold")
         for row in report.rows():
             table.add_row(*map(escape, row))
-        Console().print(table)
+        show(table)
     if output is not None:
         from drcmitsuba.bsdf import pictures
 
@@ -94,14 +99,23 @@ def bsdf(
 
 def goniophotometer(
     recipe: Annotated[
-        str, typer.Argument(help="Micro-structure (TOML), or a shipped one: films/prism.")
+        str,
+        typer.Argument(
+            metavar="RECIPE", help="Micro-structure (TOML), or a shipped one: films/prism."
+        ),
     ],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="The film's .xml.")] = None,
-    depth: Annotated[int, typer.Option(help="Levels of the tree.")] = 5,
-    rank: Annotated[int, typer.Option(help="4, or 3 for isotropic structures.")] = 4,
-    samples: Annotated[int, typer.Option(help="Rays of each incident cell.")] = 4096,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
-    percent: Annotated[float, typer.Option(help="Part of possible merges of cells.")] = 90.0,
+    output: FilmOutput = None,
+    depth: Depth = 5,
+    rank: Annotated[
+        int, typer.Option(metavar="NUMBER", help="4, or 3 for isotropic structures.")
+    ] = 4,
+    samples: Annotated[
+        int, typer.Option(metavar="NUMBER", help="Rays of each incident cell.")
+    ] = 4096,
+    seed: Annotated[int, typer.Option(metavar="NUMBER", help="Seed of the random numbers.")] = 0,
+    percent: Annotated[
+        float, typer.Option(metavar="NUMBER", help="Share of possible merges of cells [%].")
+    ] = 90.0,
 ) -> None:
     """Measure a micro-structure virtually: a tensor-tree BSDF."""
     from drcmitsuba import goniophotometer as library
@@ -110,7 +124,7 @@ def goniophotometer(
     from drcmitsuba.runtime import backend
     from drcmitsuba.scene.structures.structure import unit_cell
 
-    path = _film_path(output)
+    path = film_path(output)
     shipped = shipped_folder() / f"{recipe}.toml"
     loaded = library.load_recipe(shipped if recipe in shipped_recipes() else recipe)
     backend.select()

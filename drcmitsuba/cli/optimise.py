@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.terminal import Output, stages
+from drcmitsuba.cli.options import Output, Weather, load
+from drcmitsuba.cli.terminal import show, stages
 
 if TYPE_CHECKING:
     from drcmitsuba.annual.result import Result
@@ -29,19 +29,17 @@ LOOSEST = 2.0
 
 
 def optimise(
-    case: Annotated[str, typer.Argument(help="Case file (TOML) with a table [design].")],
+    case: Annotated[
+        str, typer.Argument(metavar="CASE", help="Case file (TOML) with a table [design].")
+    ],
     output: Output = Path("design"),
-    weather: Annotated[
-        Path | None, typer.Option("--weather", help="Weather file in place of the case's own.")
-    ] = None,
+    weather: Weather = None,
 ) -> None:
     """Find the best façade: film, window, transmittances; or the best tilt of lamellae.
 
-    Ctrl-C ends the search and keeps the best so far.
+    Ctrl-C, or SIGTERM, ends the search and keeps the best so far.
     """
-    from drcmitsuba.case.case import load_case
-
-    loaded = load_case(case).with_weather(weather)
+    loaded = load(case, weather)
     is_tilt = loaded.design is not None and loaded.design.component is not None
     with stages() as stage:
         (_tilt if is_tilt else _facade)(loaded, output, stage)
@@ -49,7 +47,7 @@ def optimise(
 
 
 def _facade(case: Case, output: Path, stage: Stage) -> None:
-    """Find a façade, and what less sun costs."""
+    """Search the best façade, and those of other limits of ASE."""
     from drcmitsuba.design.layout import Layout
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
@@ -80,7 +78,7 @@ def _facade(case: Case, output: Path, stage: Stage) -> None:
 
 
 def _tilt(case: Case, output: Path, stage: Stage) -> None:
-    """Find a tilt of lamellae."""
+    """Search the best tilt of lamellae."""
     from drcmitsuba.design.tilt import TiltProblem
     from drcmitsuba.design.tilt_search import optimise_tilt
     from drcmitsuba.runtime import backend
@@ -172,7 +170,7 @@ def _print(optimum: Optimum, title: str, fresh: Result | None, rows: list[tuple[
     for key, values in optimum.values.items():
         if len(values) == 1:
             table.add_row(key, f"{values[0]:.3f}", "")
-    Console().print(table)
+    show(table)
     if not optimum.is_feasible:
         print("no design that was evaluated holds all limits; this one is the nearest")
     if not optimum.finished:

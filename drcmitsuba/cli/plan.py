@@ -3,33 +3,20 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich import box
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.terminal import stages, writable
+from drcmitsuba.cli.options import AsJson, CaseName, OptionalOutput, Weather, load
+from drcmitsuba.cli.terminal import show, show_notes, stages
 
 
 def plan(
-    case: Annotated[str, typer.Argument(help="Case file (TOML), or a shipped case by name.")],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", callback=writable, help="Folder for plan.json."),
-    ] = None,
-    weather: Annotated[
-        Path | None, typer.Option("--weather", help="Weather file in place of the case's own.")
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print plan.json in place of the table.")
-    ] = False,
+    case: CaseName, output: OptionalOutput = None, weather: Weather = None, as_json: AsJson = False
 ) -> None:
-    """Tell which effects of light a case calls for, why, and what its evaluation will cost."""
-    from drcmitsuba.case.case import load_case
+    """Show which effects a case calls for, why, and what they will cost."""
     from drcmitsuba.plan import notes
     from drcmitsuba.plan import plan as decide
     from drcmitsuba.plan.forecast import forecast, to_dict
@@ -37,7 +24,7 @@ def plan(
     from drcmitsuba.scene.sensors import sensor_points
     from drcmitsuba.sky.daylight import daylight
 
-    loaded = load_case(case).with_weather(weather)
+    loaded = load(case, weather)
     backend.select()
     with stages() as stage, stage("plan") as done:
         sensor_points(loaded)  # what is wrong with the sensors is told here as well
@@ -54,8 +41,7 @@ def plan(
         return
     print_plan(loaded.name, told)
     print(f"forecast: {expected}")
-    for note in [*light.notes, *remarks, *decided.notes()]:
-        print(f"note: {note}")
+    show_notes([*light.notes, *remarks, *decided.notes()])
     if output is not None:
         print(f"the plan is in {output / 'plan.json'}")
 
@@ -74,4 +60,4 @@ def print_plan(title: str, told: dict[str, dict[str, Any]]) -> None:
         mark = "missing" if effect.get("missing") else ("yes" if effect["on"] else "–")
         table.add_row(name, mark, share, escape(effect["reason"]))
     table.add_row("rest", "", f"{100 * told['cost']['share']:.0f} %", "sky, metrics, files")
-    Console().print(table)
+    show(table)

@@ -1,49 +1,48 @@
-"""What the commands share: folders for results, progress bars."""
+"""What the commands share on the terminal: progress bars, tables, notes."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, Task, TaskProgressColumn, TextColumn
+from rich.progress import TimeRemainingColumn as TimeLeft
+from rich.table import Table
+from rich.text import Text
 
 from drcmitsuba.runtime import progress
-from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage
 
-
-def writable(folder: Path | None) -> Path | None:
-    """Refuse a folder that cannot be written, before any work is done for it."""
-    if folder is not None:
-        there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-        if not there.is_dir():
-            raise InputError(folder, "-o", f"{there} is a file", "name a folder")
-        if not os.access(there, os.W_OK | os.X_OK):
-            raise InputError(folder, "-o", f"{there} may not be written", "name another folder")
-    return folder
+COMPILING = ("open façade", "shaded façade", "façade basis", "rays", "search")
+"""Stages that begin by compiling kernels."""
 
 
-Output = Annotated[
-    Path, typer.Option("-o", "--output", callback=writable, help="Folder for the results.")
-]
+class _Share(TaskProgressColumn):
+    """Share of a stage that is done, or that its kernels are being compiled."""
+
+    def render(self, task: Task) -> Text:
+        if task.completed == 0 and task.description in COMPILING:
+            return Text("compiling", style="progress.percentage")
+        return super().render(task)
 
 
 @contextmanager
 def stages() -> Iterator[Stage]:
-    """Progress bars on a terminal, one for each stage; yields what opens a stage.
+    """Progress bars on a terminal, one for each stage.
 
     They vanish where the work fails or is stopped: what remains is the line that says why.
+
+    Yields
+    ------
+    callable
+        Opens a stage by its name; see `drcmitsuba.runtime.progress.Stage`.
     """
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), TaskProgressColumn())
+    columns = (TextColumn("{task.description:<24}"), BarColumn(), _Share())
     console = Console(stderr=True)
     with Progress(
         *columns,
-        TimeRemainingColumn(elapsed_when_finished=True),
+        TimeLeft(elapsed_when_finished=True),
         console=console,
         disable=not console.is_interactive,
     ) as bar:
@@ -59,3 +58,23 @@ def stages() -> Iterator[Stage]:
         except BaseException:
             bar.live.transient = True
             raise
+
+
+def show(*tables: Table) -> None:
+    """Print tables on stdout."""
+    console = Console()
+    for table in tables:
+        console.print(table)
+
+
+def percent(value: dict[str, float] | None) -> str:
+    """Write a metric [%] with its 95 % interval."""
+    if value is None:
+        return "–"
+    return f"{value['value']:.1f} ({value['low']:.1f} … {value['high']:.1f})"
+
+
+def show_notes(notes: Iterable[str]) -> None:
+    """Print notes on the results, one a line."""
+    for note in notes:
+        print(f"note: {note}")

@@ -9,41 +9,12 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import metadata
 
+import drjit as dr
+import mitsuba as mi
+
 from drcmitsuba.runtime.errors import BackendError
-
-
-@contextmanager
-def _native_code_unheard() -> Iterator[None]:
-    """Keep off stderr what compiled code writes there.
-
-    Dr.Jit looks for LLVM while it is imported and complains of an unfit one, before its log level
-    can be set. `check_llvm` tells it in one line, and only those who need LLVM.
-    """
-    try:
-        stderr = os.dup(2)
-    except OSError:  # closed: there is nothing to keep quiet
-        yield
-        return
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, 2)
-    try:
-        yield
-    finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)
-        os.close(null)
-
-
-with _native_code_unheard():
-    import drjit as dr
-    import mitsuba as mi
-
-    # Dr.Jit looks for LLVM in a thread of its own: this waits for it.
-    dr.has_backend(dr.JitBackend.LLVM)
 
 OLDEST_LLVM = 17
 REMEDY = (
@@ -114,7 +85,6 @@ def select(variant: str | None = None) -> str:
         raise BackendError(f"variant {variant!r} needs a CUDA GPU and none was found")
     if mi.variant() != variant:
         mi.set_variant(variant)
-    mi.set_log_level(mi.LogLevel.Error)
     return variant
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
 import shutil
 import sys
 import uuid
@@ -20,6 +22,8 @@ from drcmitsuba.schema import DATES, DIMS, LARGEST, LARGEST_OTHER, MOST, NUMBERS
 HOLLOW = 1000
 """A file may stand for so many times the bytes that it has, beyond `SMALL`."""
 SMALL = 1 << 28
+SPARE = 1 << 20
+"""Bytes of a NetCDF file beyond its arrays, at most."""
 
 
 def _replace(temporary: Path, path: Path) -> None:
@@ -34,13 +38,36 @@ def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
 
 
+def _refuse_full_disk(path: Path, size: int) -> None:
+    """Raise OSError where a file of `size` bytes has no room; leaves nothing behind.
+
+    HDF5 crashes the process where it comes upon a full disk by itself.
+    """
+    try:
+        with path.open("wb") as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            elif shutil.disk_usage(path.parent).free < size:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path.parent)) from None
+    finally:
+        path.unlink(missing_ok=True)
+
+
 def save_netcdf(data: xr.Dataset, path: Path) -> None:
     """Write a dataset as NetCDF; never leaves half a file at `path`.
 
     It is not compressed: that takes ten times as long and saves a third.
+
+    Raises
+    ------
+    OSError
+        The disk is full, or the folder may not be written.
     """
     temporary = _temporary(path)
     try:
+        _refuse_full_disk(temporary, data.nbytes + data.nbytes // 20 + SPARE)
         data.to_netcdf(temporary, engine="h5netcdf")
         _replace(temporary, path)
     finally:

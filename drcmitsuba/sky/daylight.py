@@ -15,6 +15,7 @@ from drcmitsuba import schema, sky
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sky import CieTable, PerezSky, SunshineTable
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, ThreePhase
+from drcmitsuba.case.toml import is_file
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -94,7 +95,12 @@ def sky_model(case: Case) -> sky.SkyModel:
 def _weather(case: Case) -> weather.Weather:
     """Weather of a case: its file, a year without weather at its site, or the default."""
     if case.weather.file is not None:
-        return weather.read(case.path(case.weather.file))
+        path = case.path(case.weather.file)
+        if not is_file(path, case.source, "weather.file"):
+            remedy = "give its path relative to the case file, or name another one by --weather"
+            got = f"{path.absolute()}: no such file"
+            raise InputError(case.source, "weather.file", got, remedy)
+        return weather.read(path)
     if case.site is None or isinstance(case.sky, PerezSky):
         default = weather.default()
         at = f"latitude {default.site.latitude:g}, longitude {default.site.longitude:g}"

@@ -1,5 +1,12 @@
 """Fixtures for the command line and for evaluations of small rooms."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 
 import drcmitsuba
@@ -62,3 +69,49 @@ def stamps(tmp_path):
         return DAYS, 'timestamps = "times.csv"'
 
     return stamps
+
+
+def wait_for(process, sign):
+    """Wait until a process shows a sign, however busy the machine is."""
+    deadline = time.monotonic() + 120
+    while not sign(Path(f"/proc/{process.pid}")):
+        assert process.poll() is None, "it ended before"
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
+def is_ready(proc):
+    """Whether a process handles SIGTERM."""
+    status = (proc / "status").read_text()
+    caught = int(status.split("SigCgt:")[1].split()[0], 16)
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
+
+
+def imports_mitsuba(proc):
+    """Whether a process has begun to load Dr.Jit and Mitsuba."""
+    return "drjit" in (proc / "maps").read_text()
+
+
+def has_child(proc):
+    """Whether a process has started another one."""
+    return bool((proc / "task" / proc.name / "children").read_text())
+
+
+@pytest.fixture
+def stopped(tmp_path):
+    """Stop `drcmitsuba ARGUMENTS` by a signal at a sign: exit code and stderr."""
+    if not Path("/proc/self/status").exists():
+        pytest.skip("signs are read from /proc")
+
+    def stopped(number, sign, *arguments):
+        command = [sys.executable, "-m", "drcmitsuba.cli", *map(str, arguments)]
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )  # fmt: skip
+        wait_for(process, sign)
+        os.kill(process.pid, number)
+        _, err = process.communicate(timeout=120)
+        return process.returncode, err
+
+    return stopped

@@ -1,14 +1,12 @@
 """`drcmitsuba tradeoff` on a tiny room, with a short time and with mistakes."""
 
 import signal
-import subprocess
-import sys
-import time
 
 import pandas as pd
 import pytest
 
 from drcmitsuba.annual.tradeoff import settings
+from tests.system.conftest import has_child
 
 CASE = """
 name = "tiny room"
@@ -86,14 +84,10 @@ def test_a_wrong_case_is_told_at_once(refused, case, tmp_path):
     assert "lies in, on or beyond a wall" in refused("tradeoff", case, "-o", tmp_path / "t")
 
 
-def test_ctrl_c_leaves_nothing_half_written(case, tmp_path):
-    command = [sys.executable, "-m", "drcmitsuba.cli.main", "tradeoff", case, "-o", tmp_path / "t"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    time.sleep(4)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=20)
-    assert process.returncode == 130
-    assert err == "drcmitsuba: stopped\n"
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stop_leaves_nothing_half_written(stopped, case, tmp_path, number):
+    answer = stopped(number, has_child, "tradeoff", case, "-o", tmp_path / "t")
+    assert answer == (130, "drcmitsuba: stopped\n")
     folder = tmp_path / "t"
     left = {f.name for f in folder.iterdir()} if folder.is_dir() else set()
     assert left <= {"tradeoff.csv"}

@@ -1,6 +1,7 @@
 """A machine that cannot run the program is told so in one line, before any kernel is made."""
 
 import os
+import pydoc
 import re
 import subprocess
 import sys
@@ -9,11 +10,12 @@ from pathlib import Path
 import mitsuba as mi
 import pytest
 
+import drcmitsuba
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import BackendError
 
 UNFIT = [14, 15, 16]
-DOCTOR = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli.main", "doctor"]
+DOCTOR = [sys.executable, "-W", "error", "-m", "drcmitsuba.cli", "doctor"]
 
 
 def libraries(version):
@@ -126,3 +128,36 @@ def test_the_report_names_backends_and_versions():
     assert told["GPU (CUDA)"] in ("found", "not found")
     assert int(told["threads"]) >= 1
     assert told["mitsuba"] == mi.__version__
+
+
+def test_plugins_are_registered_however_mitsuba_is_imported():
+    for first, second in (("drcmitsuba", "mitsuba"), ("mitsuba", "drcmitsuba")):
+        code = f"import {first}, {second}, mitsuba as mi; mi.set_variant('llvm_ad_rgb'); "
+        code += "print(mi.load_dict({'type': 'tregenza_sky'}))"
+        done = subprocess.run(
+            [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
+        )
+        assert done.stdout.startswith("TregenzaSky")
+
+
+def test_rooms_and_their_modules_resolve_after_one_import():
+    code = "import drcmitsuba as d, sys; assert 'mitsuba' not in sys.modules; "
+    code += "print(callable(d.bsdf.check.check), callable(d.goniophotometer.measure), "
+    code += "callable(d.design.optimise.optimise), callable(d.evaluate), hasattr(d, 'nonsense'))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "True", "True", "True", "False"]
+
+
+def test_help_of_the_package_fits_on_a_screen():
+    assert len(pydoc.render_doc(drcmitsuba).splitlines()) < 60
+
+
+def test_selecting_a_variant_leaves_the_log_level_alone():
+    """A warning of lost flux must reach the user who calls a plugin."""
+    before = mi.log_level()
+    try:
+        mi.set_log_level(mi.LogLevel.Info)
+        backend.select()
+        assert mi.log_level() == mi.LogLevel.Info
+    finally:
+        mi.set_log_level(before)

@@ -1,0 +1,105 @@
+"""The command `drcmitsuba evaluate`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from drcmitsuba.cli.options import CaseName, Output, Weather, load
+from drcmitsuba.cli.terminal import percent, show, show_notes, stages
+from drcmitsuba.runtime.errors import InputError
+
+if TYPE_CHECKING:
+    from drcmitsuba.annual.result import Result
+
+
+def metrics_tables(numbers: dict, title: str) -> list[Table]:
+    """Tables of the annual and of the monthly metrics."""
+    annual = Table(title=escape(title), title_justify="left")
+    annual.add_column("year")
+    annual.add_column("% (95 % interval)", justify="right")
+    for name, label in (("sDA", "sDA"), ("ASE", "ASE"), ("shade_closed", "shade closed")):
+        annual.add_row(label, percent(numbers[name]))
+    months = Table("month", "msDA %", "MSE %", "shade closed %")
+    rows = zip(numbers["msDA"], numbers["MSE"], numbers["shade_closed_monthly"], strict=True)
+    for month, row in enumerate(rows, start=1):
+        months.add_row(str(month), *(percent(value) for value in row))
+    return [annual, months]
+
+
+def evaluate(
+    case: CaseName,
+    output: Output = Path("results"),
+    weather: Weather = None,
+    coefficients: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="coefficients.zarr of this case, computed for another weather."
+        ),
+    ] = None,
+    variants: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Other façades: cases beside this one, as o1,o2; a folder for each.",
+        ),
+    ] = None,
+) -> None:
+    """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
+    if variants is not None:
+        if coefficients is not None:
+            remedy = "give one of them"
+            raise InputError("command line", "--coefficients", "beside --variants", remedy)
+        _evaluate_variants(case, variants.split(","), output, weather)
+        return
+    from drcmitsuba import evaluate as run
+    from drcmitsuba.runtime import storage
+
+    loaded = load(case, weather)
+    known = None
+    if coefficients is not None:
+        known = storage.open_dataset(coefficients, "replicates", "straight", "state")
+        known = storage.loaded(coefficients, known)
+    with stages() as stage:
+        result = run(loaded, stage, known)
+        result.save(output, stage)
+    _show_result(result, output)
+
+
+def _show_result(result: Result, output: Path) -> None:
+    numbers = result.metrics
+    show(*metrics_tables(numbers, result.case.name))
+    if "accuracy" in numbers:
+        accuracy = numbers["accuracy"]
+        half_width = f"rounds: {accuracy['rounds']}, ±{accuracy['half_width']:.2g}"
+        print(f"{accuracy['reason']}: {half_width}, wanted ±{accuracy['target']}")
+    if numbers["undecided"]:
+        count = Counter(point["metric"] for point in numbers["undecided"])
+        points = ", ".join(f"{count[name]} of {name}" for name in ("sDA", "ASE"))
+        print(f"points too close to call: {points} (metrics.json, undecided)")
+    show_notes(numbers["settings"]["notes"])
+    print(f"results are in {output}")
+
+
+def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:
+    """Evaluate façades of one room by one simulation."""
+    from drcmitsuba.annual.variants import evaluate_variants, load_variants
+
+    cases = [c.with_weather(weather) for c in load_variants(case, names)]
+    metrics = {}
+    with stages() as stage:
+        results = evaluate_variants(cases, stage)
+        for name, result in zip([Path(case).stem, *names], results, strict=True):
+            result.save(output / name, stage)
+            metrics[name] = result.metrics
+    table = Table("façade", *(f"{n} % (95 %)" for n in ("sDA", "ASE", "shade closed")))
+    for name, numbers in metrics.items():
+        table.add_row(escape(name), *(percent(numbers[n]) for n in ("sDA", "ASE", "shade_closed")))
+    show(table)
+    show_notes(dict.fromkeys(n for m in metrics.values() for n in m["settings"]["notes"]))
+    print(f"results are in the folders of {output}")

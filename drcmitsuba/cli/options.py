@@ -1,0 +1,93 @@
+"""Arguments and options that several commands share, each defined once."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from drcmitsuba.runtime.errors import InputError
+
+if TYPE_CHECKING:
+    from drcmitsuba.case.case import Case
+
+FILES = {
+    ".csv", ".epw", ".json", ".nc", ".obj", ".png", ".pdf", ".rad", ".svg", ".tm2", ".toml",
+    ".txt", ".wea", ".xml", ".zarr", ".zip",
+}  # fmt: skip
+"""Endings of files, which no folder for results is meant to have."""
+
+
+def named(text: str) -> Path:
+    """Path of an option; an empty one would be the current folder."""
+    if not str(text).strip():
+        raise typer.BadParameter("the name is empty; give a name")
+    return Path(text)
+
+
+def _writable(folder: Path | None) -> Path | None:
+    """Refuse a folder that cannot be written, before any work is done for it."""
+    if folder is not None:
+        there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+        if not there.is_dir():
+            raise InputError(folder, "-o", f"{there} is a file", "name a folder")
+        if there != folder and folder.suffix.lower() in FILES:
+            got = f"the name of a {folder.suffix} file"
+            raise InputError(folder, "-o", got, "name a folder, in which the files get their names")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise InputError(folder, "-o", f"{there} may not be written", "name another folder")
+    return folder
+
+
+CaseName = Annotated[
+    str, typer.Argument(metavar="CASE", help="Case file (TOML), or a shipped case by name.")
+]
+Weather = Annotated[
+    Path | None,
+    typer.Option(
+        "--weather", metavar="FILE", parser=named, help="Weather file in place of the case's own."
+    ),
+]
+Output = Annotated[
+    Path,
+    typer.Option(
+        "-o", "--output", metavar="FOLDER", parser=named, callback=_writable,
+        help="Folder for the results.",
+    ),
+]  # fmt: skip
+OptionalOutput = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", metavar="FOLDER", parser=named, callback=_writable,
+        help="Folder for the JSON file; without it, nothing is written.",
+    ),
+]  # fmt: skip
+FilmOutput = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="FILE", parser=named, help="The film's .xml."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON in place of the table.")]
+Depth = Annotated[int, typer.Option("--depth", metavar="NUMBER", help="Levels of the tensor tree.")]
+
+
+def film_path(path: Path | None) -> Path:
+    """Refuse a name that no film can be written to, before any work is done for it."""
+    if path is None:
+        raise InputError("command line", "-o", "nothing", "name the film: -o film.xml")
+    if path.suffix.lower() != ".xml" or path.is_dir():
+        raise InputError(path, "-o", "no name of an XML file", "name the film: -o film.xml")
+    if not path.absolute().parent.is_dir():
+        raise InputError(path, "-o", f"there is no folder {path.parent}", "make it first")
+    return path
+
+
+def load(case: str, weather: Path | None) -> Case:
+    """Load a case, with another weather file where one is named."""
+    from drcmitsuba.case.case import load_case
+    from drcmitsuba.case.toml import is_file
+
+    if weather is not None and not is_file(weather, weather, "file"):
+        raise InputError(weather, "file", "no such file", "give the path of a file")
+    return load_case(case).with_weather(weather)

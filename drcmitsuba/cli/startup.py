@@ -1,0 +1,60 @@
+"""Start of a command that runs kernels: imports that take seconds, and what they say on stderr."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from drcmitsuba.runtime import interruption
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@contextmanager
+def _native_code_unheard() -> Iterator[None]:
+    """Keep off stderr what compiled code writes there, in the command's own process.
+
+    Dr.Jit looks for LLVM while it is imported and complains of an unfit one, before its log level
+    can be set. `backend.check_llvm` says it in one line, and only where LLVM is needed.
+    """
+    try:
+        stderr = os.dup(2)
+    except OSError:  # closed: there is nothing to keep quiet
+        yield
+        return
+    null = os.open(os.devnull, os.O_WRONLY)
+    interruption.descriptor = stderr
+    os.dup2(null, 2)
+    try:
+        yield
+    finally:
+        os.dup2(stderr, 2)
+        interruption.descriptor = 2
+        os.close(stderr)
+        os.close(null)
+
+
+def _import_backend() -> None:
+    """Import Mitsuba and Dr.Jit, and wait for the thread in which Dr.Jit looks for LLVM."""
+    if "mitsuba" not in sys.modules:
+        with _native_code_unheard():
+            importlib.import_module("drcmitsuba.runtime.backend").llvm_version()
+
+
+def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
+    """Make a command import Mitsuba first, during which a stop ends the process at once."""
+
+    @wraps(command)
+    def run(*arguments: P.args, **options: P.kwargs) -> T:
+        _import_backend()
+        importlib.import_module("drcmitsuba.annual.result")
+        with interruption.raised():
+            return command(*arguments, **options)
+
+    return run

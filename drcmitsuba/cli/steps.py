@@ -1,0 +1,133 @@
+"""Steps of an evaluation: `drcmitsuba sky`, `coefficients`, `illuminance`, `metrics`, `plot`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drcmitsuba.cli.evaluate import metrics_tables
+from drcmitsuba.cli.options import CaseName, OptionalOutput, Output, Weather, load
+from drcmitsuba.cli.terminal import show, stages
+
+
+def sky(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
+    """Compute the luminances L of sky and suns: sky.zarr."""
+    from drcmitsuba.sky import daylight
+
+    loaded = load(case, weather)
+    with stages() as stage, stage("sky"):
+        sources = daylight.daylight(loaded)
+        daylight.save_luminances(sources, output / "sky.zarr")
+    print(f"{sources.sky.sizes['time']} time stamps are in {output / 'sky.zarr'}")
+
+
+def coefficients(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
+    """Compute the coefficients C of both states of the shade: coefficients.zarr.
+
+    They hold every sun above the horizon, whether it shines in this weather or not.
+    """
+    from drcmitsuba.annual import simulation
+    from drcmitsuba.annual.run import Run
+    from drcmitsuba.plan import plan
+    from drcmitsuba.runtime import backend, storage
+    from drcmitsuba.sky import daylight
+
+    loaded = load(case, weather).with_dark_hours()
+    backend.select()
+    with stages() as stage:
+        with stage("sky"):
+            sources = daylight.daylight(loaded)
+        run = Run.of(loaded, plan(loaded, sources).scope)
+        C = simulation.coefficients(loaded, sources, replace(run, stage=stage))
+        with stage("writing"):
+            storage.save_zarr(C.parts(), output / "coefficients.zarr", along="state")
+    path, sizes = output / "coefficients.zarr", C.open.sizes
+    print(f"{sizes['sensor']} sensors × {sizes['bin']} bins are in {path}")
+
+
+def illuminance(
+    c: Annotated[Path, typer.Argument(metavar="C", help="coefficients.zarr")],
+    l: Annotated[Path, typer.Argument(metavar="L", help="sky.zarr")],  # noqa: E741
+    output: Output = Path("results"),
+) -> None:
+    """Multiply C and L to the illuminance E: illuminance.nc."""
+    from drcmitsuba.metrics.coefficients_by_state import Coefficients
+    from drcmitsuba.metrics.illuminance import illuminance as accumulated
+    from drcmitsuba.runtime import storage
+    from drcmitsuba.sky import daylight
+
+    C = storage.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
+    L = storage.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
+    with stages() as stage, stage("accumulation"):
+        L = storage.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
+        states = Coefficients.of(storage.loaded(c, C))
+        E = accumulated(states, daylight.from_luminances(L))
+        E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
+        storage.save_netcdf(E, output / "illuminance.nc")
+    print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
+
+
+def _threshold(text: str) -> typer.models.OptionInfo:
+    return typer.Option(metavar="NUMBER", help=text)
+
+
+def metrics(
+    e: Annotated[Path, typer.Argument(metavar="E", help="illuminance.nc")],
+    output: OptionalOutput = None,
+    sda_threshold: Annotated[float | None, _threshold("sDA: enough daylight [lx].")] = None,
+    sda_fraction: Annotated[float | None, _threshold("sDA: fraction of the hours.")] = None,
+    ase_threshold: Annotated[float | None, _threshold("ASE: too much sun [lx].")] = None,
+    ase_hours: Annotated[float | None, _threshold("ASE: hours of too much sun [h].")] = None,
+) -> None:
+    """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file.
+
+    The thresholds are those of the file's case unless options name others.
+    The intervals are wider than those of evaluate: the file has the error of every illuminance,
+    but not what these errors have in common.
+    """
+    from drcmitsuba.metrics import evaluate_metrics
+    from drcmitsuba.runtime import storage
+
+    thresholds = {
+        "sda_threshold": sda_threshold,
+        "sda_fraction": sda_fraction,
+        "ase_threshold": ase_threshold,
+        "ase_hours": ase_hours,
+    }
+    E = storage.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
+    E = storage.loaded(e, E)
+    rules = evaluate_metrics.rules_of(E.attrs, e, thresholds)
+    numbers = evaluate_metrics.summarise(E, rules)
+    if settings := evaluate_metrics.settings_of(E.attrs, e, rules.metrics):
+        numbers["settings"] = settings
+    if output is not None:
+        storage.save_json(numbers, output / "metrics.json")
+    show(*metrics_tables(numbers, str(e)))
+    t = rules.metrics
+    print(
+        f"thresholds: sDA {t.sda_threshold:g} lx in {100 * t.sda_fraction:g} % of the hours, "
+        f"ASE {t.ase_threshold:g} lx in {t.ase_hours:g} h"
+    )
+
+
+def plot(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of an evaluation.")],
+) -> None:
+    """Draw the plots of an evaluation again."""
+    from drcmitsuba.case.case import Case
+    from drcmitsuba.case.toml import checked
+    from drcmitsuba.report import figures, plots
+    from drcmitsuba.runtime import storage
+
+    path, file = folder / "illuminance.nc", folder / "metrics.json"
+    E = storage.loaded(path, storage.open_dataset(path, "total", "direct_sun"))
+    numbers = figures.read_numbers(file, E.sizes["sensor"])
+    known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
+    case = checked(Case, known, file)
+    drawn = figures.pictures(case, E, numbers)
+    saved = [plots.save(figure, folder / name) for name, figure in drawn.items()]
+    for picture in saved:
+        print(picture)

@@ -1,0 +1,52 @@
+"""Ctrl-C and SIGTERM of the command line: one line on stderr and exit code 130.
+
+Before the work begins nothing is written, so the process ends at once: an exception within an
+import may get lost there. During the work KeyboardInterrupt is raised, so that files are whole and
+a search keeps its best so far.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+STOPPED = 130
+"""Exit code after Ctrl-C or SIGTERM."""
+LINE = "drcmitsuba: stopped\n"
+
+descriptor = 2
+"""File descriptor that the line goes to, while stderr leads elsewhere."""
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def _exit_at_once(number: int, frame: FrameType | None) -> None:
+    os.write(descriptor, LINE.encode())
+    os._exit(STOPPED)
+
+
+def _raise(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def exit_at_once() -> None:
+    """End the process at Ctrl-C or SIGTERM, from now on until the work begins."""
+    for number in _SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as a shell starts what is behind it
+            signal.signal(number, _exit_at_once)
+
+
+@contextmanager
+def raised() -> Iterator[None]:
+    """Raise KeyboardInterrupt at Ctrl-C or SIGTERM, where `exit_at_once` was called before."""
+    caught = [number for number in _SIGNALS if signal.getsignal(number) is _exit_at_once]
+    for number in caught:
+        signal.signal(number, _raise)
+    try:
+        yield
+    finally:
+        for number in caught:
+            signal.signal(number, _exit_at_once)
