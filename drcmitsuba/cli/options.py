@@ -88,6 +88,6 @@ def load(case: str, weather: Path | None) -> Case:
     from drcmitsuba.case.case import load_case
     from drcmitsuba.case.toml import is_file
 
-    if weather is not None and not is_file(weather, weather, "file"):
+    if weather is not None and not (weather.is_dir() or is_file(weather, weather, "file")):
         raise InputError(weather, "file", "no such file", "give the path of a file")
     return load_case(case).with_weather(weather)

@@ -183,7 +183,7 @@ def test_a_full_disk_is_told_in_one_line(refused, case, tmp_path, monkeypatch):
     folder = tmp_path / "r"
     assert "No space left on device" in refused("evaluate", case, "-o", folder)
     left = {p.name for p in folder.iterdir()}
-    assert left == {"illuminance.nc", "coefficients.zarr", "sky.zarr", "plan.json"}
+    assert left == {"illuminance.nc", "coefficients.zarr", "sky.zarr"}
     storage.open_dataset(folder / "illuminance.nc", "total").load()
     storage.open_dataset(folder / "coefficients.zarr", "replicates").load()
 
