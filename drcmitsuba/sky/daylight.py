@@ -96,7 +96,7 @@ def _weather(case: Case) -> weather.Weather:
     """Weather of a case: its file, a year without weather at its site, or the default."""
     if case.weather.file is not None:
         path = case.path(case.weather.file)
-        if not is_file(path, case.source, "weather.file"):
+        if not (path.is_dir() or is_file(path, case.source, "weather.file")):
             remedy = "give its path relative to the case file, or name another one by --weather"
             got = f"{path.absolute()}: no such file"
             raise InputError(case.source, "weather.file", got, remedy)
