@@ -29,7 +29,8 @@ class Energy:
     largest : float
         Largest T + R over all incidences of the file.
     theta, phi : float
-        Where that is [deg]; θ from the normal of that side, φ from the right, up at 90°.
+        Direction of that incidence [deg]; θ from the normal of that side, φ from the right, up at
+        90°.
     """
 
     side: str
@@ -48,7 +49,15 @@ class Energy:
 
 
 def incidences(component: Component, side: float) -> tuple[np.ndarray, np.ndarray]:
-    """Directions of all incident cells of a component, and their parts of diffuse light."""
+    """Centres of a component's incident cells, and their weights in diffuse light.
+
+    Returns
+    -------
+    directions : np.ndarray, shape (cell, 3)
+        Away from the surface, on the side `side` (±1).
+    weights : np.ndarray, shape (cell,)
+        Parts of the light of a uniform hemisphere; their sum is 1.
+    """
     if isinstance(component, KlemsMatrix):
         basis = component.incident
         directions = basis.centres * [-1, -1, side]
@@ -71,7 +80,7 @@ def energy(file: BsdfFile, side: str) -> Energy:
     present = [c for c in map(file.component, (transmission, reflection)) if c is not None]
     if not present:
         return Energy(side, 0.0, 0.0, 0.0, 0.0, 0.0)
-    finest = max((incidences(c, z) for c in present), key=lambda found: len(found[0]))
+    finest = max((incidences(c, z) for c in present), key=lambda pair: len(pair[0]))
     directions, weight = finest
     T, R = file.hemispherical(directions)
     worst = int((T + R).argmax())
@@ -87,7 +96,7 @@ def energy(file: BsdfFile, side: str) -> Energy:
 
 
 def reciprocity(file: BsdfFile) -> dict[str, float | None]:
-    """Errors of reciprocity: of transmission, rb and rf; None where a direction is missing."""
+    """Relative errors of reciprocity, for "transmission", "rb" and "rf"; None without both ways."""
     pairs = {"transmission": ("tb", "tf"), "rb": ("rb", "rb"), "rf": ("rf", "rf")}
     c = file.components
     return {

@@ -1,4 +1,4 @@
-"""What was found of a BSDF file, as values and as a table."""
+"""Report of a check of a BSDF file: its values, and the same as a table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SUN = 0.5
 
 @dataclass(frozen=True)
 class Curve:
-    """Transmittance and reflectance over incidence, light from one side and azimuth."""
+    """Transmittance and reflectance over incidence `theta` [deg], for one side and azimuth."""
 
     side: str
     plane: str
@@ -31,7 +31,7 @@ class Sunlight:
     Parameters
     ----------
     elevation : float
-        Of the sun [deg].
+        Elevation of the sun [deg].
     transmittance, upward : float
         T, and the part of the transmitted light that goes up.
     """
@@ -48,12 +48,12 @@ class Width:
     Parameters
     ----------
     elevation : float
-        Of the sun [deg].
+        Elevation of the sun [deg].
     toward : float
         Elevation of the peak [deg], up positive.
     half_maximum, half_light : float
-        Full opening [deg] of the cones as large as what lies above half of the largest f, and as
-        large as what holds half of the light.
+        Full openings [deg] of the cones with the solid angle of the directions above half of the
+        largest f, and of the brightest directions that hold half of the light.
     share : float
         Part of the transmitted light above half of the largest f.
     resolution : float
@@ -75,7 +75,7 @@ class Width:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What `check` found; see there."""
+    """Result of `check`, where the fields are described."""
 
     source: str
     name: str
@@ -106,7 +106,7 @@ class CheckReport:
         return {**asdict(self), "verdict": self.verdict}
 
     def rows(self) -> list[tuple[str, str]]:
-        """Lines of a table: what, and what was found."""
+        """Rows of the report's table: subject and result."""
         return _rows(self)
 
     def __str__(self) -> str:
@@ -134,7 +134,7 @@ def _energy(e: Energy) -> str:
 
 
 def _rows(report: CheckReport) -> list[tuple[str, str]]:
-    """Lines of a report's table: what, and what was found."""
+    """Rows of a report's table: subject and result."""
     r = report
     table = [
         ("file", r.source),

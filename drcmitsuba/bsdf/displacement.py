@@ -2,7 +2,7 @@
 
 A distribution is an array (m, m) of light over direction cosines x, y from −1 to 1. What two
 neighbouring distributions have in common after a shift is a lobe that moves by it; cross-fading
-them instead would show every lobe twice. Shifts are found, not assumed: by the peak of the
+them instead would show every lobe twice. Shifts are measured, not assumed: by the peak of the
 correlation, as often as there is something in common, so lobes that follow the mirror direction
 and lobes that are sent elsewhere each move their own way. The rest is cross-faded.
 
@@ -94,10 +94,10 @@ def _likely_shift(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[int, int]
     """Shift [pixel] that brings a onto b best."""
     m = len(a)
     size = (2 * m, 2 * m)
-    found = np.fft.irfft2(np.conj(np.fft.rfft2(a, size)) * np.fft.rfft2(b, size), size)
+    correlation = np.fft.irfft2(np.conj(np.fft.rfft2(a, size)) * np.fft.rfft2(b, size), size)
     step = np.fft.fftfreq(2 * m, 1 / (2 * m))
-    found = np.where(np.hypot(step[:, None], step) <= reach, found, -np.inf)
-    i, j = np.unravel_index(int(found.argmax()), size)
+    correlation = np.where(np.hypot(step[:, None], step) <= reach, correlation, -np.inf)
+    i, j = np.unravel_index(int(correlation.argmax()), size)
     return int(step[i]), int(step[j])
 
 

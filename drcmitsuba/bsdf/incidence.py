@@ -28,14 +28,14 @@ Cells = Callable[[np.ndarray], np.ndarray]
 def triangles(xy: np.ndarray, source: str) -> np.ndarray:
     """Delaunay triangles of points (n, 2), shape (triangle, 3); flat ones left out."""
     try:
-        found = Triangulation(*xy.T).triangles
+        corners = Triangulation(*xy.T).triangles
     except (RuntimeError, ValueError):  # qhull finds no triangle in points on a line
-        found = np.zeros((0, 3), int)
-    found = found[areas(xy[found]) > 1e-9]
-    if not len(found):
+        corners = np.zeros((0, 3), int)
+    corners = corners[areas(xy[corners]) > 1e-9]
+    if not len(corners):
         remedy = "measure directions all over the hemisphere"
         raise InputError(source, "directions", "all of them lie in one plane", remedy)
-    return found
+    return corners
 
 
 def areas(corners: np.ndarray) -> np.ndarray:

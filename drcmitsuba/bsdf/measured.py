@@ -104,8 +104,8 @@ def gathered(xy: np.ndarray, value: np.ndarray, pixels: Pixels, source: str) -> 
     """
     if len(xy) < FEWEST:
         raise InputError(source, "data", f"{len(xy)} points for an incidence", f"give {FEWEST}")
-    found = incidence.triangles(xy, source)
-    corners, f = xy[found], value[found]
+    triangles = incidence.triangles(xy, source)
+    corners, f = xy[triangles], value[triangles]
     light, area = np.zeros(pixels.m**2), np.zeros(pixels.m**2)
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     whole = incidence.areas(corners)
@@ -211,9 +211,9 @@ def from_measurements(
         if isotropic:
             grid = incidence.isotropic(lights, pixels.cover, depth, pixels.cells, report)
         else:
-            found = incidence.mirrored(lights, symmetry)
-            notes += [f"{name}: {text}" for text in found.notes]
-            grid = incidence.anisotropic(found.lights, pixels.cover, depth, pixels.cells, report)
+            mirrored = incidence.mirrored(lights, symmetry)
+            notes += [f"{name}: {text}" for text in mirrored.notes]
+            grid = incidence.anisotropic(mirrored.lights, pixels.cover, depth, pixels.cells, report)
         components[name] = merge(TensorTree.of_grid(grid), percent=0, tolerance=tolerance)
         notes.append(f"{name}: from {len(measured)} incidences")
     names = [m.name for m in all_of_them if m.name]
@@ -245,7 +245,7 @@ def _components(
                 place.append((outgoing[mine, :2], m.value[mine]))
     joined: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
     for name, of_name in sorted(points.items()):
-        for key, found in sorted(of_name.items()):
-            xy, value = (np.concatenate(column) for column in zip(*found, strict=True))
+        for key, points in sorted(of_name.items()):
+            xy, value = (np.concatenate(column) for column in zip(*points, strict=True))
             joined.setdefault(name, []).append((np.array(key), xy, value))
     return joined

@@ -86,7 +86,7 @@ def read(paths: Iterable[str | Path]) -> list[Measurement]:
     InputError
         A file cannot be read, has no measurement, or a line of it is wrong.
     """
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     left = MAX_BYTES
     for path in map(Path, paths):
         try:
@@ -101,8 +101,8 @@ def read(paths: Iterable[str | Path]) -> list[Measurement]:
         except OSError as error:
             got = str(error.strerror)
             raise InputError(path, "file", got, "name a measurement file") from None
-        found += _blocks(path, text)
-    return found
+        measurements += _blocks(path, text)
+    return measurements
 
 
 def _blocks(path: Path, text: str) -> Iterator[Measurement]:

@@ -181,12 +181,12 @@ def section(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Fig
     ax = figure.add_axes((0.02, 0.01, 0.96, 0.87))
     ax.set(xlim=(-1.5, 1.5), ylim=(-1.4, 1.16), aspect="equal")
     ax.axis("off")
-    found = {}
+    lobes_by_side = {}
     for name, side in (("tb", 1), ("rb", -1)):
         component = file.component(name)
         if component is not None:
-            found[side] = lobe(component, incident, float(side))
-    shares = {side: _profile(light) for side, light in found.items()}
+            lobes_by_side[side] = lobe(component, incident, float(side))
+    shares = {side: _profile(light) for side, light in lobes_by_side.items()}
     largest = max((float(v.max()) for v in shares.values()), default=0.0) or 1.0
     _angles(ax)
     for side, colour, place, word in (
@@ -194,9 +194,9 @@ def section(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Fig
         (1, BLUE, "room", "transmitted"),
     ):
         text = f"{word}: not in the file"
-        if side in found:
+        if side in lobes_by_side:
             _wedges(ax, side, shares[side], largest, colour)
-            total, up = 100 * found[side].power.sum(), found[side].upward()
+            total, up = 100 * lobes_by_side[side].power.sum(), lobes_by_side[side].upward()
             text = f"{word} {total:.1f} %: {total * up:.1f} % up, {total * (1 - up):.1f} % down"
         style: dict[str, Any] = {"ha": "right" if side > 0 else "left", "va": "bottom"}
         ax.text(1.45 * side, -1.31, place, fontsize=10.5, color=INK, weight="bold", **style)

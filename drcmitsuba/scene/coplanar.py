@@ -33,11 +33,13 @@ class RoomPlane:
     Parameters
     ----------
     axis : int
-        Along which it lies at `at` [m].
+        Axis of its normal: 0, 1, 2 for x, y, z.
     at : float
+        Coordinate on that axis [m].
     inward : int
         Sign of the normal of the room's own surface.
     name : str
+        Name for messages, such as "west wall".
     """
 
     axis: int
@@ -51,9 +53,9 @@ class RoomPlane:
         return [i for i in range(3) if i != self.axis]
 
     def holds(self, faces: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Which polygons (face, corner, 3) lie in it and overlap the side of a room of some size.
+        """Whether polygons (face, corner, 3) lie in it and overlap a room of `size` (3,) [m].
 
-        Those that their bounds take there; a triangle whose corner only is near is taken too.
+        Bounds decide on the overlap: a triangle beside a corner of the room counts as well.
         """
         near = (abs(faces[:, :, self.axis] - self.at) < SAME_PLANE).all(axis=1)
         flat = faces[:, :, self.beside]
@@ -62,7 +64,7 @@ class RoomPlane:
 
 
 def planes(case: Case) -> list[RoomPlane]:
-    """The planes of a case's room; none without one."""
+    """Six planes of a case's room; none without a room."""
     if case.room is None:
         return []
     ends = [(axis, end) for axis in range(3) for end in (0, 1)]
@@ -157,10 +159,16 @@ def refuse_in_walls(
     ----------
     case : Case
     name : str
-        Of the component.
-    triangles : np.ndarray
+        Name of the component.
+    triangles : np.ndarray, shape (triangle, 3, 3)
+        Corners in the room's frame [m].
     two_sided : bool
-        Whether both sides of them are seen; else only those that look into the room matter.
+        Whether both sides of the triangles are seen; else only fronts that face the room matter.
+
+    Raises
+    ------
+    InputError
+        A triangle lies in the plane of a wall, the floor or the ceiling.
     """
     for plane in planes(case):
         assert case.room is not None

@@ -1,4 +1,4 @@
-"""What a simulation follows: the decisions of a plan, as transport reads them."""
+"""Effects that a simulation follows: the decisions of a plan, as transport reads them."""
 
 from __future__ import annotations
 
@@ -14,37 +14,38 @@ from drcmitsuba.sky.sun_models import Suns
 
 @dataclass(frozen=True)
 class EnabledEffects:
-    """Effects that are simulated; what is out of it is neither loaded nor traced.
+    """Effects that are simulated; the others are neither loaded nor traced.
 
-    The default follows everything that a scene holds.
+    The default enables everything that a scene holds.
 
     Parameters
     ----------
     sky, ground, suns : bool
-        Sources.
+        Sources of light.
     sun_visibility : SunVisibility or None
-        Tells which suns get in; None takes all of them.
+        Geometry that decides which suns get in; None takes all of them.
     clear_panes, scattering_panes, films : bool
-        Panes and holes of this kind; black sheets stand in place of the others.
+        Whether light passes panes and holes of a kind; where it does not, they are black sheets.
     enclosed : bool
-        Rays that would not pass an opening are spared.
+        Whether shadow rays that pass no opening are left out.
     straight_through : bool or None
-        Whether films are looked through; None leaves it to each of them.
+        Whether films have a straight-through peak; None leaves the choice to each film.
     components, obstructions : bool
-        What deviates light, and furniture outside of the room.
+        Whether light by way of components is followed, and furniture outside of the room is there.
     pane_to_pane : bool
-        Photons follow what panes send to each other across the room.
+        Whether photons follow light from pane to pane across the room.
     beyond : bool
-        What leaves a room through a pane may come back.
+        Whether light that leaves a room through a pane may come back.
     shade : bool
-        The shade may close; else it is left out of the case.
+        Whether the shade may close; else it is left out of the case.
     every_shade : bool
-        The shaded state is simulated for all suns, not only for those of hours that close.
+        Whether the shaded state is simulated for all suns, not only for hours in which it closes.
     depth : int or None
-        Surfaces that a path of the gather meets at most; None: any number.
+        Largest number of surfaces that a path of the gather meets; None for any number.
     channels : bool or None
-        Colour channels are simulated one by one; None: where the scene is coloured.
+        Whether colour channels are simulated one by one; None: where the scene is coloured.
     pictures : bool
+        Whether plots are drawn.
     """
 
     sky: bool = True
@@ -67,7 +68,7 @@ class EnabledEffects:
     pictures: bool = True
 
     def enabled_suns(self, suns: Suns) -> np.ndarray:
-        """Which suns are followed, shape (sun,); the coefficients of the others are 0."""
+        """Whether each sun is simulated, shape (sun,); the coefficients of the others are 0."""
         if not self.suns:
             return np.zeros(len(suns.labels), bool)
         if self.sun_visibility is None or not suns.labels:
@@ -75,16 +76,16 @@ class EnabledEffects:
         return self.sun_visibility.visible(suns.directions, suns.diameter).mask
 
     def shines(self, d: mi.Vector3f) -> mi.Bool:
-        """Whether light of sky and ground is wanted that comes from directions."""
+        """Whether the source in each direction d, sky (z ≥ 0) or ground (z < 0), is enabled."""
         if self.sky and self.ground:
             return mi.Bool(True)
         return d.z >= 0 if self.sky else (d.z < 0) & self.ground
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values that coefficients follow from, for their fingerprint.
+        """Plain values that coefficients depend on, for their fingerprint.
 
-        Not whether suns shine or the shade closes: that the weather decides, and suns or a state
-        that another weather needs are added.
+        Suns and the shade are left out: the weather decides on them, and suns or a state that
+        another weather needs are added to known coefficients.
         """
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
         for name in ("suns", "sun_visibility", "shade", "every_shade", "pictures"):
@@ -93,4 +94,4 @@ class EnabledEffects:
 
 
 ALL_EFFECTS = EnabledEffects()
-"""All that a scene holds."""
+"""Everything that a scene holds is simulated."""

@@ -152,13 +152,13 @@ def ceiling(room: Room, holes: list[np.ndarray]) -> list[np.ndarray]:
     width, depth, height = room.size
     x = np.unique([0.0, width, *(e for hole in holes for e in hole[:2])])
     y = np.unique([0.0, depth, *(e for hole in holes for e in hole[2:])])
-    found = []
+    quads = []
     for low, high in pairwise(y):
         for left, right in pairwise(x):
             middle = (left + right) / 2, (low + high) / 2
             if not any(h[0] < middle[0] < h[1] and h[2] < middle[1] < h[3] for h in holes):
-                found.append(quad([left, low, height], [0, high - low, 0], [right - left, 0, 0]))
-    return found
+                quads.append(quad([left, low, height], [0, high - low, 0], [right - left, 0, 0]))
+    return quads
 
 
 def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
@@ -231,13 +231,13 @@ def furniture(case: Case) -> list[tuple[Furniture, list[np.ndarray]]]:
     InputError
         A piece lies on the other side of the map.
     """
-    found = []
+    pieces = []
     for i, piece in enumerate(case.furniture):
         faces = [face for corner, size in boxes(piece) for face in box(corner, size)]
         points = np.concatenate(faces)
         refuse_far(case.source, f"furniture.{i}", points, around(case))
-        found.append((piece, faces))
-    return found
+        pieces.append((piece, faces))
+    return pieces
 
 
 def rotation(case: Case) -> np.ndarray:

@@ -42,7 +42,7 @@ SurfaceMaterial = (
 
 @dataclass(frozen=True)
 class FilmFile:
-    """What a BSDF file means for a scene.
+    """BSDF file as a scene uses it.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class FilmFile:
     share_through : float
         Part of the transmitted light that goes straight through.
     stands_out : bool
-        Whether that is a peak and not the flank of a lobe.
+        Whether that part is a peak and not the flank of a lobe.
     """
 
     file: BsdfFile
@@ -68,6 +68,10 @@ class FilmFile:
 
 def film(path: Path) -> FilmFile:
     """Read the BSDF file of a material.
+
+    Returns
+    -------
+    FilmFile
 
     Raises
     ------
@@ -95,8 +99,8 @@ def _film(path: Path, changed: int) -> FilmFile:
 def lets_through(material: SurfaceMaterial) -> bool:
     """Whether straight light passes a pane of this material undeviated."""
     if isinstance(material, BsdfMaterial):
-        found = film(material.file)
-        by_mode = {"auto": found.stands_out, "on": found.share_through > 0, "off": False}
+        measured = film(material.file)
+        by_mode = {"auto": measured.stands_out, "on": measured.share_through > 0, "off": False}
         return by_mode[material.straight_through]
     return isinstance(material, GlazingMaterial)
 
@@ -122,7 +126,7 @@ def max_reflectance(reflectance: Reflectance) -> float:
 
 
 def albedo(material: SurfaceMaterial) -> float:
-    """Largest share of the light that a surface sends on, reflected or transmitted."""
+    """Largest share of the arriving light that a surface reflects and transmits together, ≤ 1."""
     if isinstance(material, Lambertian | MirrorMaterial):
         return max_reflectance(material.reflectance)
     if isinstance(material, GlazingMaterial | DiffuserMaterial):

@@ -60,7 +60,7 @@ class FilmPanes:
 
 @dataclass(frozen=True)
 class Scene:
-    """What transport traces.
+    """Scenes and panes of a case, as transport traces them.
 
     Parameters
     ----------
@@ -75,15 +75,15 @@ class Scene:
     films : tuple of FilmPanes
         Panes that scatter as measured.
     corners : np.ndarray, shape (corner, 3)
-        Of all surfaces [m].
+        Corners of all surfaces [m].
     enclosure : Enclosure or None
         The room, where there is one.
     parts : tuple of Part
         All surfaces, by BSDF.
     ports : tuple of Port
-        Where photons start.
+        Rectangles at which photons start.
     effects : EnabledEffects
-        What is followed.
+        Effects that are simulated.
     ray_counter : RayCounter
         Counts the rays.
     """
@@ -150,7 +150,7 @@ def build(
     enclosure : Enclosure, optional
         The room, where there is one; spares shadow rays that cannot leave it.
     ports : tuple of Port
-        Where photons start.
+        Rectangles at which photons start.
 
     Returns
     -------
@@ -182,7 +182,7 @@ def build(
 def _outlined(
     surfaces: list[Surface], channel: int, enclosure: Enclosure | None, ports: tuple[Port, ...]
 ) -> Scene:
-    """All of a scene but what Mitsuba traces."""
+    """Scene without the Mitsuba scenes."""
     groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
     for surface in surfaces:
         key = (surface.component, surface.material, surface.closed)
@@ -220,9 +220,26 @@ def _outlined(
 def load(
     case: Case, state: State = "open", channel: int = 0, effects: EnabledEffects = ALL_EFFECTS
 ) -> Scene:
-    """Build the scene of a case in a state of its shade, for one colour channel.
+    """Build the scene of a case.
 
-    Channel −1 is luminance.
+    Parameters
+    ----------
+    case : Case
+    state : {'open', 'shaded'}
+        State of the shade; closed, it stands in place of clear panes and open holes.
+    channel : int
+        Colour channel, 0 to 2; −1 for luminance.
+    effects : EnabledEffects
+        Effects that are simulated.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        A component, a film or a piece of furniture is unfit.
     """
     parts = geometry_of(case, state, effects)
     return replace(build(parts[0], channel, *parts[1:]), effects=effects)

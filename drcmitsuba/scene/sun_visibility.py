@@ -1,9 +1,9 @@
-"""Which suns can get into a room at all, by geometry that errs on the side of yes.
+"""Visibility of suns: which can get into a room at all, by geometry that errs on the side of yes.
 
 A sun gets in where it stands before an opening and nothing hides the whole opening from it, or
-where it shines on something outside that may pass its light on to an opening. Both are told from
-half-spaces: a surface and another one exchange light only where each has a corner before the other.
-Shadows between surfaces outside are not looked at: they could only take suns away.
+where it shines on something outside that may pass its light on to an opening. Both follow from
+half-spaces: two surfaces exchange light only where each has a corner before the other. Shadows
+between surfaces outside are left out: they could only take suns away.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from drcmitsuba.scene.geometry import box, boxes, normals, rotation
 from drcmitsuba.scene.materials import albedo, max_reflectance
 
 MOST_FACES = 400
-"""Surfaces outside whose exchange is looked at; of more, every sun is taken to get in."""
+"""Largest number of surfaces outside whose exchange is computed; with more every sun gets in."""
 MOST_BLOCKERS = 64
-"""Largest surfaces outside that may hide an opening."""
+"""Largest number of surfaces outside that may hide an opening, the largest first."""
 BEFORE = 1e-6
 """Least distance before a plane [m]."""
 
 
 @dataclass(frozen=True)
 class VisibleSuns:
-    """Which of some suns get in.
+    """Suns that get in.
 
     Parameters
     ----------
     mask : np.ndarray of bool, shape (sun,)
+        Whether each sun gets in.
     behind, hidden : int
-        Suns before no opening, and those that would be but for what stands outside.
+        Number of suns before no opening, and of suns that are hidden by surfaces outside.
     largest : float
         Largest n·s of an opening's outward normal and a sun; −1 without openings.
     """
@@ -59,7 +60,7 @@ class SunVisibility:
     blockers : np.ndarray, shape (blocker, 4, 3)
         Opaque parallelograms outside [m].
     everything : bool
-        Too much stands outside to tell: every sun is taken to get in.
+        Whether so much stands outside that every sun is taken to get in.
     """
 
     openings: np.ndarray
@@ -100,14 +101,18 @@ class SunVisibility:
         return normals(self.openings)
 
     def visible(self, suns: np.ndarray, diameter: float) -> VisibleSuns:
-        """Tell which suns get in.
+        """Decide which suns get in.
 
         Parameters
         ----------
         suns : np.ndarray, shape (sun, 3)
-            Unit vectors.
+            Unit vectors towards the suns.
         diameter : float
             Angle across a sun [deg].
+
+        Returns
+        -------
+        VisibleSuns
         """
         radius = np.radians(diameter) / 2
         least = -np.sin(radius)
@@ -127,7 +132,7 @@ class SunVisibility:
 
 
 def reaches_in(case: Case, faces: np.ndarray) -> np.ndarray:
-    """Which polygons (face, corner, 3) have a part in the room, as far as their bounds tell."""
+    """Whether the bounds of each polygon (face, corner, 3) overlap the room, shape (face,)."""
     if case.room is None:
         return np.zeros(len(faces), bool)
     low, high = faces.min(axis=1), faces.max(axis=1)
@@ -136,7 +141,7 @@ def reaches_in(case: Case, faces: np.ndarray) -> np.ndarray:
 
 
 def outside(case: Case) -> list[Furniture]:
-    """Furniture of which a part stands outside of the room; all of it without a room."""
+    """Pieces of furniture that stand outside of the room at least in part; all without a room."""
     if case.room is None:
         return list(case.furniture)
     size = np.array(case.room.size)

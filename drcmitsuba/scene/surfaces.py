@@ -45,12 +45,12 @@ class Enclosure:
     turn : np.ndarray, shape (3, 3)
         Matrix from the room's frame to the world's.
     openings : np.ndarray, shape (opening, 4, 3)
-        Rectangles in the walls, fronts inward, world frame [m]: what lies outside them is closed.
-        None at all where every opening is covered by panes that scatter.
+        Rectangles in the walls, fronts inward, world frame [m]: everything outside them is closed.
+        There are none where panes that scatter cover every opening.
     narrowest : float
         Least width or height of a pane or hole that lets straight light in [m].
     spares : bool
-        Whether shadow rays that pass no opening are spared.
+        Whether shadow rays that pass no opening are left out.
     """
 
     size: np.ndarray
@@ -77,7 +77,7 @@ def surfaces_of(
         Shaded: the shade's material stands in place of every clear pane and open hole, so its
         transmittance has to be that of glass and shade together. Components stay uncovered.
     effects : EnabledEffects
-        Black sheets stand for the panes that are out of it; obstructions are left out.
+        Panes that are not enabled become black sheets; obstructions that are not are left out.
 
     Returns
     -------
@@ -89,14 +89,23 @@ def surfaces_of(
 def geometry_of(
     case: Case, state: State, effects: EnabledEffects
 ) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
-    """Surfaces, enclosure and ports of a case, about its `geometry.origin`."""
+    """Build surfaces, enclosure and ports of a case, about its `geometry.origin`, world frame [m].
+
+    Returns
+    -------
+    list of Surface
+    Enclosure or None
+        None without a room.
+    tuple of Port
+        Ports of the components, if they are enabled.
+    """
     case = recentred(case)
     components, turn = place(case), rotation(case)
     ports: tuple[Port, ...] = ()
     if effects.components:
         ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
-    found = _surfaces(case, state, components, effects)
-    return found, _enclosure(case, state, components, effects), ports
+    surfaces = _surfaces(case, state, components, effects)
+    return surfaces, _enclosure(case, state, components, effects), ports
 
 
 def _surfaces(

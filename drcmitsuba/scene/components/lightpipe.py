@@ -34,12 +34,12 @@ def ring(corners: np.ndarray, z: float) -> np.ndarray:
     sides = len(corners)
     low, high = corners.min(axis=0), corners.max(axis=0)
     square = np.array([high, [low[0], high[1]], low, [high[0], low[1]]])
-    found = []
+    triangles = []
     for quarter, corner in enumerate(square):
         for i in range(sides // 4 - 1):  # the sides that face the four winds lie on the square
             a, b = corners[quarter * sides // 4 + i], corners[quarter * sides // 4 + i + 1]
-            found.append([corner, b, a, a])
-    return np.dstack([np.reshape(found, (-1, 4, 2)), np.full((len(found), 4), z)])
+            triangles.append([corner, b, a, a])
+    return np.dstack([np.reshape(triangles, (-1, 4, 2)), np.full((len(triangles), 4), z)])
 
 
 def tube(corners: np.ndarray, low: float, high: float) -> np.ndarray:

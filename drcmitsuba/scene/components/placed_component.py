@@ -1,4 +1,4 @@
-"""What every kind of component gives: surfaces, ports, and its hole in the ceiling."""
+"""A component in the room: its surfaces, its ports, and its hole in the ceiling."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PlacedComponent:
     surfaces : tuple of Surface
     ports : tuple of Port
     hole : np.ndarray, shape (4,), or None
-        What it takes of the ceiling: lowest and highest x, lowest and highest y.
+        Hole in the ceiling: lowest and highest x, lowest and highest y [m].
     is_open : bool
         Whether straight light may come in by the hole.
     """
@@ -44,9 +44,9 @@ class PlacedComponent:
 
 
 def ray_offset(points: np.ndarray) -> float:
-    """Largest distance by which rays start off surfaces (…, 3), however the room is turned [m].
+    """Largest distance [m] by which Mitsuba moves rays off surfaces with corners (…, 3).
 
-    Layers that are closer to each other are skipped.
+    It holds for any rotation of the room. Rays would skip layers that are closer to each other.
     """
     p = np.reshape(points, (-1, 3))
     far = max(float(np.hypot(p[:, 0], p[:, 1]).max()), float(abs(p[:, 2]).max()))

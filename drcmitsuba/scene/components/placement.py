@@ -21,15 +21,20 @@ from drcmitsuba.scene.geometry import SIDES, boxes, normals, quad, wall
 from drcmitsuba.scene.structures.solid import winding
 
 NEAR = 1e-6
-"""What is this close to a wall's plane lies in it [m]."""
+"""Distance below which a point lies in a wall's plane [m]."""
 IN_A_WALL = "it lies in a wall", "move it into an opening"
 TURNED = "it turns its back on every opening", "give its corners in the other order"
 DARK = (IN_A_WALL, TURNED)
-"""What is wrong with ports that no light gets to at all, and what to do."""
+"""Faults of ports that no light gets to at all, and their remedies."""
 
 
 def place(case: Case) -> tuple[PlacedComponent, ...]:
     """Build the components of a case; structures that no strip names are left out.
+
+    Returns
+    -------
+    tuple of PlacedComponent
+        In the room's frame [m].
 
     Raises
     ------
@@ -38,32 +43,32 @@ def place(case: Case) -> tuple[PlacedComponent, ...]:
         wall or a solid, or sees no opening.
     """
     panes = panes_of(case)
-    found = []
+    placed_components = []
     for name, component in case.components.items():
         if isinstance(component, StructureComponent):
             if name in panes:
-                found.append(structure(case, name, component, panes[name]))
+                placed_components.append(structure(case, name, component, panes[name]))
         elif isinstance(component, LightPipe):
-            found.append(lightpipe(case, name, component))
+            placed_components.append(lightpipe(case, name, component))
         elif isinstance(component, Duct):
-            found.append(duct(case, name, component))
+            placed_components.append(duct(case, name, component))
         else:
-            found.append(mesh(case, name, component))
+            placed_components.append(mesh(case, name, component))
     if case.room is not None:
-        for placed in found:
+        for placed in placed_components:
             check_hole(case.source, placed, case.room.size)
-    _check_apart(case.source, [placed for placed in found if placed.hole is not None])
-    return tuple(_checked_ports(case, found))
+    _check_apart(case.source, [placed for placed in placed_components if placed.hole is not None])
+    return tuple(_checked_ports(case, placed_components))
 
 
 def panes_of(case: Case) -> dict[str, list[np.ndarray]]:
     """Panes and holes of all façades by material or component, fronts inward."""
-    found: dict[str, list[np.ndarray]] = {}
+    by_name: dict[str, list[np.ndarray]] = {}
     if case.room is not None:
         for side in SIDES:
             for name, panes in wall(case.room, side, case.facade.get(side, Facade()))[2].items():
-                found.setdefault(name, []).extend(panes)
-    return found
+                by_name.setdefault(name, []).extend(panes)
+    return by_name
 
 
 def _check_apart(source: str, above: list[PlacedComponent]) -> None:
@@ -83,14 +88,14 @@ def _solids(case: Case) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Which points (point, 3) of the room's frame lie in each closed mesh of a case."""
+    """Names of a case's closed meshes, each with a mask of the points (point, 3) that lie in it."""
     yield from _within(list(_solids(case)), points)
 
 
 def _within(
     solids: list[tuple[str, np.ndarray]], points: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Which points (point, 3) lie in each of some solids, whichever way their normals point."""
+    """Names of solids, each with a mask of the points (point, 3) in it, however normals point."""
     for name, corners in solids:
         faces, vertices = np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 3)
         within = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
@@ -99,14 +104,16 @@ def _within(
         yield name, within
 
 
-def _checked_ports(case: Case, found: list[PlacedComponent]) -> Iterator[PlacedComponent]:
+def _checked_ports(
+    case: Case, placed_components: list[PlacedComponent]
+) -> Iterator[PlacedComponent]:
     """Components with ports that light can get to.
 
     Ports that were named, or that a component cannot do without, have to be fit; of those around a
     mesh the fit ones are kept.
     """
-    openings, solids = _openings(case, found), list(_solids(case))
-    for placed in found:
+    openings, solids = _openings(case, placed_components), list(_solids(case))
+    for placed in placed_components:
         component = case.components[placed.name]
         by_box = isinstance(component, MeshComponent) and not component.ports
         faults = [_fault(case, port.quad, openings, solids) for port in placed.ports]
@@ -119,11 +126,11 @@ def _checked_ports(case: Case, found: list[PlacedComponent]) -> Iterator[PlacedC
         yield replace(placed, ports=fit)
 
 
-def _openings(case: Case, found: list[PlacedComponent]) -> np.ndarray:
+def _openings(case: Case, placed_components: list[PlacedComponent]) -> np.ndarray:
     """Rectangles (opening, 4, 3) by which light comes into the room."""
     by_name = panes_of(case)
     quads = [q for panes in by_name.values() for q in panes]
-    for placed in found:
+    for placed in placed_components:
         if placed.hole is not None and case.room is not None:
             x0, x1, y0, y1 = placed.hole
             corner = [x0, y0, case.room.size[2]]
@@ -134,7 +141,7 @@ def _openings(case: Case, found: list[PlacedComponent]) -> np.ndarray:
 def _fault(
     case: Case, q: np.ndarray, openings: np.ndarray, solids: list[tuple[str, np.ndarray]]
 ) -> tuple[str, str] | None:
-    """What is wrong with a port (4, 3) and what to do; None where nothing is."""
+    """Fault of a port (4, 3) and its remedy; None for a fit port."""
     middle = q.mean(axis=0)
     points = np.concatenate([middle[None], middle + 0.98 * (q - middle)])
     for piece in case.furniture:

@@ -42,6 +42,7 @@ class Opening:
     origin, along, up, out : np.ndarray, shape (3,)
         Lower left corner seen from outside, and unit vectors.
     width, height : float
+        Extents along s and h [m].
     """
 
     origin: np.ndarray
@@ -71,7 +72,7 @@ class Opening:
         self, outer: tuple[float, float, float, float], inner: tuple[float, float, float, float],
         t: float,
     ) -> list[np.ndarray]:  # fmt: skip
-        """What lies between two rectangles, each lowest and highest s, then h."""
+        """Rectangles between an outer and an inner one, each lowest and highest s, then h [m]."""
         (a, b, c, d), (e, f, g, h) = outer, inner
         pieces = [((a, b), (c, g)), ((a, b), (h, d)), ((a, e), (g, h)), ((f, b), (g, h))]
         return [self.rectangle(s, v, t) for s, v in pieces if s[1] > s[0] and v[1] > v[0]]
@@ -79,12 +80,12 @@ class Opening:
 
 @dataclass(frozen=True)
 class Layers:
-    """Where the layers of a component lie, out of the façade plane [m]."""
+    """Distances of a component's layers from the façade plane, outward [m]."""
 
     inner: float | None
     ledge: float | None
     structure: float
-    """Its face towards the room."""
+    """Distance of the structure's face towards the room."""
     outer: float | None
     mouth: float
 
@@ -142,7 +143,12 @@ def structure(
             reflectance=g.reflectance,
         )  # fmt: skip
     inner = case.materials[component.inner] if component.inner is not None else None
-    found: dict[str, list[np.ndarray]] = {"structure": [], "casing": [], "outer": [], "inner": []}
+    quads_by_name: dict[str, list[np.ndarray]] = {
+        "structure": [],
+        "casing": [],
+        "outer": [],
+        "inner": [],
+    }
     ports, blocks, count = [], {}, 0
     for pane in panes:
         opening = Opening.of(pane)
@@ -157,15 +163,15 @@ def structure(
                 "give longer periods",
             )
             raise InputError(case.source, f"components.{name}.recipe", got, remedy)
-        ports += _fill(found, opening, blocks[size], component, recipe, outer is not None)
+        ports += _fill(quads_by_name, opening, blocks[size], component, recipe, outer is not None)
     casing = Lambertian(component.casing)
     made: dict[str, SurfaceMaterial | None] = {"casing": casing, "outer": outer, "inner": inner}
     for built in blocks.values():
         made["structure"] = built.material
     surfaces = [
-        Surface(f"{name} {key}", material, np.concatenate(found[key]), name)
+        Surface(f"{name} {key}", material, np.concatenate(quads_by_name[key]), name)
         for key, material in made.items()
-        if material is not None and found[key]
+        if material is not None and quads_by_name[key]
     ]
     return PlacedComponent(name, tuple(surfaces), tuple(Port(name, q) for q in ports))
 
@@ -209,7 +215,7 @@ def layers(
 
 
 def _fill(
-    found: dict[str, list[np.ndarray]], opening: Opening, built: Block,
+    quads_by_name: dict[str, list[np.ndarray]], opening: Opening, built: Block,
     component: StructureComponent, recipe: Recipe, has_outer: bool,
 ) -> list[np.ndarray]:  # fmt: skip
     """Add one pane's surfaces to those of its component; return its ports."""
@@ -224,7 +230,7 @@ def _fill(
     mouth = (*s, *h)
     middle = opening.at(sum(s) / 2, sum(h) / 2, at.structure)
     axes = np.stack([-opening.along, opening.up, -opening.out])
-    found["structure"].append(built.quads @ axes + middle)
+    quads_by_name["structure"].append(built.quads @ axes + middle)
     casing = opening.border((0, opening.width, 0, opening.height), mouth, 0.0)
     if at.ledge is not None:
         w = 2 * slit
@@ -240,8 +246,8 @@ def _fill(
         quad(b, -across, depth),
         quad(b, depth, -upright),
     ]
-    found["casing"].append(np.array(casing))
+    quads_by_name["casing"].append(np.array(casing))
     for key, t in (("outer", at.outer), ("inner", at.inner)):
         if t is not None:
-            found[key].append(opening.rectangle(s, h, t)[None])
+            quads_by_name[key].append(opening.rectangle(s, h, t)[None])
     return [opening.rectangle(s, h, at.mouth), opening.rectangle(s, h, 0.0)[[0, 3, 2, 1]]]

@@ -23,7 +23,7 @@ def triangles(points: np.ndarray) -> np.ndarray:
         Counter-clockwise too, by number of the corner.
     """
     left = list(range(len(points)))
-    found: list[tuple[int, int, int]] = []
+    ears: list[tuple[int, int, int]] = []
     at = 0
     while len(left) > 3:
         for step in range(len(left)):
@@ -34,10 +34,10 @@ def triangles(points: np.ndarray) -> np.ndarray:
         else:  # only rounding can leave no ear: what is left is a sliver
             i = at % len(left)
             ear = left[i - 1], left[i], left[(i + 1) % len(left)]
-        found.append(ear)
+        ears.append(ear)
         left.pop(i)
         at = i  # going on around the polygon keeps triangles from becoming slivers
-    return np.array([*found, tuple(left)])
+    return np.array([*ears, tuple(left)])
 
 
 def _is_ear(points: np.ndarray, ear: tuple[int, int, int], left: list[int]) -> bool:
