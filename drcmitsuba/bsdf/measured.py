@@ -245,7 +245,7 @@ def _components(
                 place.append((outgoing[mine, :2], m.value[mine]))
     joined: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
     for name, of_name in sorted(points.items()):
-        for key, points in sorted(of_name.items()):
-            xy, value = (np.concatenate(column) for column in zip(*points, strict=True))
+        for key, scans in sorted(of_name.items()):
+            xy, value = (np.concatenate(column) for column in zip(*scans, strict=True))
             joined.setdefault(name, []).append((np.array(key), xy, value))
     return joined
