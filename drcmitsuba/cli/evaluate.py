@@ -19,17 +19,28 @@ if TYPE_CHECKING:
 
 
 def metrics_tables(numbers: dict, title: str) -> list[Table]:
-    """Tables of the annual and of the monthly metrics."""
-    annual = Table(title=escape(title), title_justify="left")
-    annual.add_column("year")
-    annual.add_column("% (95 % interval)", justify="right")
-    for name, label in (("sDA", "sDA"), ("ASE", "ASE"), ("shade_closed", "shade closed")):
-        annual.add_row(label, percent(numbers[name]))
-    months = Table("month", "msDA %", "MSE %", "shade closed %")
-    rows = zip(numbers["msDA"], numbers["MSE"], numbers["shade_closed_monthly"], strict=True)
+    """Tables of the metrics of the period and of its months.
+
+    The rows of the shade are left out where the settings have none.
+    """
+    from drcmitsuba.case.weather import PeriodTable
+    from drcmitsuba.report.captions import period_name
+
+    settings = numbers.get("settings", {})
+    has_shade = "shading" in settings or not settings
+    labels = {"sDA": "sDA", "ASE": "ASE"} | ({"shade_closed": "shade closed"} if has_shade else {})
+    whole = Table(title=escape(title), title_justify="left")
+    whole.add_column(period_name(PeriodTable(**settings.get("period", {}))))
+    whole.add_column("% (95 % interval)", justify="right")
+    for name, label in labels.items():
+        whole.add_row(label, percent(numbers[name]))
+    monthly = {"msDA": "msDA %", "MSE": "MSE %"}
+    monthly |= {"shade_closed_monthly": "shade closed %"} if has_shade else {}
+    months = Table("month", *monthly.values())
+    rows = zip(*(numbers[name] for name in monthly), strict=True)
     for month, row in enumerate(rows, start=1):
         months.add_row(str(month), *(percent(value) for value in row))
-    return [annual, months]
+    return [whole, months]
 
 
 def evaluate(
