@@ -1,4 +1,4 @@
-"""What rays need to know of the surfaces that they meet, by the number of their BSDF."""
+"""Properties of surfaces by the number of their BSDF in Dr.Jit's registry."""
 
 from __future__ import annotations
 

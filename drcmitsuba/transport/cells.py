@@ -1,9 +1,8 @@
 """Cells: the small patches of diffuse surface between gather and deposit.
 
 A cell is all diffuse surface within one cube of a regular grid that faces the same of six axis
-directions. Any geometry works without a parametrisation. Only cells that gather paths met exist;
-each is represented by points that were drawn from those very paths, so that the deposit is
-estimated where the sensors look.
+directions. Only cells that gather paths met exist; points drawn from the vertices of these paths
+represent them, so that the deposit is estimated where the sensors look.
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.scene import Scene
 
 MAX_KEYS = 1 << 26
-"""Largest number of possible cells: they take 0.6 GiB."""
+"""Largest number of possible cells, which take 0.6 GiB."""
 _UNKNOWN = 0xFFFFFFFF
-# Odd numbers make multiplication a bijection of 32-bit integers: a random order that can be undone.
+# Multiplication by an odd number permutes the 32-bit integers.
 _SCRAMBLE = 0x9E3779B1
 
 
@@ -52,11 +51,11 @@ class Grid:
         InputError
             The scene is so large that the cells would not fit in memory.
         """
-        # Laid from the room's corner, the origin, so that what stands outside moves no cell.
+        # The grid starts at the room's corner, the origin: objects outside move no cell.
         low = scene.low
         if scene.enclosure is not None:
             low = size * np.floor(low / size + 1e-6)
-        # Surfaces on a border of the grid must not flip between two cubes by rounding.
+        # Surfaces must not lie on borders of cubes, where rounding decides.
         low = low - 0.37 * size
         count = np.ceil((scene.high - low) / size + 0.01).astype(int) + 1
         if 6 * int(np.prod(count.astype(float))) > MAX_KEYS:
@@ -93,13 +92,13 @@ class Vertices:
     Parameters
     ----------
     row : mi.UInt32
-        Sensor that the path began at, counted through the replicates.
+        Row of the path: replicate · sensors + sensor.
     weight : mi.Float
-        Throughput: irradiance on the vertex times this is its share of the sensor's illuminance.
+        Throughput: contribution to the sensor's illuminance per irradiance on the vertex.
     key : mi.UInt32
         Key of the cell.
     tag : mi.UInt32
-        Number of the vertex in an order that does not depend on threads.
+        Number of the vertex, independent of the order of threads.
     p, n : mi.Float
         Position [m] and facing normal, three numbers a vertex.
     mark : mi.UInt32 or None
@@ -116,7 +115,7 @@ class Vertices:
 
     @classmethod
     def none(cls) -> Vertices:
-        """No vertex at all."""
+        """Make an empty set."""
         number, value = mi.UInt32, mi.Float
         return cls(number(), value(), number(), number(), value(), value())
 
@@ -133,8 +132,9 @@ class Cells:
     ----------
     grid : Grid
     index : mi.UInt32
-        Cell of every key of the grid, or a mark for none.
+        Cell of every key of the grid; `_UNKNOWN` for none.
     count : int
+        Number of cells.
     """
 
     grid: Grid
@@ -161,7 +161,7 @@ class Cells:
         return keys
 
     def extended(self, vertices: Vertices) -> Cells:
-        """Add the cells that the vertices met first, in the order of their keys."""
+        """Add the new cells that vertices lie in, in the order of their keys."""
         if len(vertices) == 0:
             return self
         met = dr.zeros(mi.UInt32, len(self.grid))
@@ -181,7 +181,7 @@ class Drawn(NamedTuple):
     Parameters
     ----------
     rank : mi.UInt32
-        Rank of each vertex among all that it was drawn from; the highest is taken.
+        Scrambled tag of the drawn vertex, the largest in its cell.
     p, n : mi.Float
         Positions and normals, three numbers a cell.
     """
@@ -204,22 +204,22 @@ def draw_points(
     count : int
         Number of cells.
     salt : int
-        Another salt, another draw.
+        Number of the draw.
     before : Drawn, optional
-        Vertices drawn before, from others: the draw goes on among all of them.
+        Result of the draw among earlier vertices, which this draw extends.
 
     Returns
     -------
     Drawn
     """
-    # The vertex whose scrambled tag is largest wins: an atomic draw, the same for any threads.
+    # The largest scrambled tag wins: an atomic draw, independent of the threads.
     scrambled = (vertices.tag ^ mi.UInt32(salt * 0x85EBCA6B & 0xFFFFFFFF)) * _SCRAMBLE
     rank = dr.zeros(mi.UInt32, count)
     p, n = dr.zeros(mi.Float, 3 * count), dr.zeros(mi.Float, 3 * count)
     if before is not None and dr.width(before.rank):
         for new, old in zip((rank, p, n), before, strict=True):
             dr.scatter(new, old, dr.arange(mi.UInt32, dr.width(old)))
-        dr.eval(rank, p, n)  # Dr.Jit 1.5 reduces onto what was there before a pending scatter
+        dr.eval(rank, p, n)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
     dr.scatter_reduce(dr.ReduceOp.Max, rank, scrambled, cell)
     wins = dr.gather(mi.UInt32, rank, cell) == scrambled
     for new, values in ((p, vertices.p), (n, vertices.n)):

@@ -1,8 +1,8 @@
 """Daylight coefficients C = D(sensors) + G·D(cells), with the standard error of every entry.
 
-Replicates are independent in everything: gather paths, points on the cells, rays to the sky,
-directions on the suns. Their mean is the estimate, their scatter its standard error. Random
-numbers follow from what they are for, a sensor, a cell, a sun: not from what shares its launch.
+Replicates have independent gather paths, points on the cells, rays to the sky and directions on
+the suns. Their mean is the estimate; their scatter gives its standard error. Random numbers depend
+on the sensor, cell or sun that they serve, not on the launch.
 """
 
 from __future__ import annotations
@@ -33,21 +33,17 @@ from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
 
 BLOCK = 1024
-"""Sensors that are gathered at once, at most."""
+"""Largest number of sensors in one launch."""
 LANES = 1 << 21
-"""Number of paths that are traced at once; one sensor's paths are never parted."""
-
+"""Number of paths in one launch; the paths of a sensor stay in one launch."""
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
-
 ALIKE = 0.1
-"""Relative difference of directions around a disk below which no shadow edge is searched."""
-
+"""Relative difference of D around a sun's disk below which no shadow edge is assumed."""
 SUMMED = 1 << 9
 """Number of cells whose light is summed in single precision."""
-
 PHOTONS_SHARE = 0.8
-"""Share of the progress bar that photons take, where there are any."""
+"""Share of the progress bar that photons take."""
 
 _PARTS = ("straight", "direct", "interreflected")
 
@@ -66,7 +62,7 @@ class _Replicate:
     cells: Irradiance | None = None
 
     def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
-        """Keep D of the cells [sr] at the points that stand for them, by their keys."""
+        """Compute D of the cells [sr] at the points that stand for them."""
         p, n = drawn.p, drawn.n
         key: Key = (Stream.CELLS, self.number)
         rays = self.deposit.accuracy.cell_sky_rays
@@ -79,7 +75,7 @@ class _Replicate:
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """D of sensors [sr], (sensor, bin): straight and mirrored; with scattered light."""
+        """D of sensors (sensor, bin) [sr]: by straight and mirrored light; by all light."""
         key, sky_rays = (Stream.SENSORS, self.number), self.deposit.accuracy.sensor_sky_rays
         numbers = _numbers(here)
         straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers)
@@ -90,11 +86,11 @@ class _Replicate:
         return straight.numpy() + mirrored, direct.numpy() + sensors
 
     def interreflected(self, met: Met, sensors: int) -> np.ndarray:
-        """G·D, shape (sensor, bin); G is made of this replicate's own paths."""
+        """G·D, shape (sensor, bin) [sr], with the paths of this replicate."""
         bins = sum(self.deposit.bins)
         if self.cells is None or len(met) == 0:
             return np.zeros((sensors, bins), np.float32)
-        first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each one
+        first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each
         row = met.row - first
         mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
         parts = (_product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
@@ -102,7 +98,7 @@ class _Replicate:
 
 
 def _numbers(here: slice) -> mi.UInt32:
-    """Numbers of some sensors among all."""
+    """Indices of the sensors of a block."""
     return dr.arange(mi.UInt32, here.stop - here.start) + dr.opaque(mi.UInt32, here.start)
 
 
@@ -150,7 +146,7 @@ def _product(
 def straight_suns(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Coefficients of light that comes straight from suns, and nothing else.
+    """Coefficients of straight light from suns alone.
 
     Parameters
     ----------
@@ -160,14 +156,14 @@ def straight_suns(
     Returns
     -------
     mean, error : np.ndarray, shape (sensor, sun)
-        [sr]; the errors of all entries are independent.
+        Estimate and its standard error [sr]; the errors of all entries are independent.
 
     Notes
     -----
     Most sensors see all of a sun or nothing. Where `RIM` directions around the disk's edge agree,
-    that is taken for the answer; where they do not, a shadow's edge crosses the disk and what it
-    leaves is estimated with `EDGE_SAMPLES` directions in each replicate; so is a disk that may be
-    seen through a slit. A straight edge that takes or leaves less than 1.5 % of the disk, or a bar
+    their mean is the result. Where they differ, a shadow's edge crosses the disk, which is then
+    estimated with `EDGE_SAMPLES` directions in each replicate; so is a disk that may be seen
+    through a slit. A straight edge that takes or leaves less than 1.5 % of the disk, or a bar
     across it of less than a tenth of its width, may go unnoticed.
     """
     shape = (len(points), len(suns.labels))
@@ -234,7 +230,7 @@ def compute(
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
     progress : callable
-        Takes the share that is done.
+        Takes the share of the work that is done.
 
     Returns
     -------
@@ -244,7 +240,7 @@ def compute(
 
     Notes
     -----
-    Coefficients are 0 for effects that are left out, and for suns that are proved not to get in.
+    Coefficients are 0 for effects that are left out, and for suns that cannot shine in.
 
     Limits: diffuse surfaces are Lambertian; light that a pane mirrors on its way from the source
     to the first diffuse surface is counted only where photons are followed.
@@ -275,7 +271,7 @@ def compute(
 
 
 def _dark(labels: list[str], points: np.ndarray, replicates: int) -> xr.Dataset:
-    """Coefficients of bins of which nothing gets in."""
+    """Coefficients of 0 for all bins."""
     dark = np.zeros((len(points), len(labels)), np.float32)
     parts = {name + suffix: dark for name in _PARTS for suffix in ("", "_se")}
     return _dataset(labels, points, parts, np.zeros((replicates, *dark.shape), np.float32))
@@ -300,12 +296,12 @@ def estimate(
     Parameters
     ----------
     base : Deposit
-        Not lit yet.
+        Deposit before `lit`.
     labels : list of str
         Labels of the bins.
     points, normals : np.ndarray, shape (sensor, 3)
     sun_samples : int
-        Directions from a sensor to every sun; 0 leaves out the light that comes straight.
+        Directions from a sensor to every sun; 0 leaves out straight sun.
     photons : PhotonTracer, optional
         Photons for light that components deviate.
     progress : callable
@@ -343,21 +339,18 @@ def estimate(
         for name, values in zip(_PARTS, zip(*estimates, strict=True), strict=True):
             out[name][here], out[f"{name}_se"][here] = mean_and_error(np.stack(values))
     whole = _dataset(labels, points, out, totals)
-    return whole if photons is None else whole.assign_attrs(_told(replicates))
+    return whole if photons is None else whole.assign_attrs(_photon_attributes(replicates))
 
 
-def _told(replicates: list[_Replicate]) -> dict[str, Any]:
-    """What became of the photons' flux, and what squares smear, for the attributes of C.
-
-    `photons` is JSON, see `FluxLedger`, `photons_smear` relative to what the sensors get.
-    """
+def _photon_attributes(replicates: list[_Replicate]) -> dict[str, Any]:
+    """Attributes of C: `photons`, the ledgers as JSON, and `photons_smear`, relative to C."""
     landed = [r.landed for r in replicates if r.landed is not None]
     ledgers = {
         name: asdict(reduce(FluxLedger.plus, (one.ledgers[name] for one in landed)))
         for name in landed[0].ledgers
     }
     smear = np.stack([one.smear for one in landed])
-    # Less what the scatter of the replicates makes of it.
+    # The scatter of the replicates adds its variance to the square.
     square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean()
     suns = landed[0].sun.shape[1]
     whole = np.mean([one.sensors[:, -suns:].sum(axis=1) for one in landed]) if suns else 0.0

@@ -1,7 +1,7 @@
-"""Deposit: what sky, ground and suns put on receivers before any diffuse reflection.
+"""Deposit D: irradiance of receivers by sky, ground and suns before any diffuse reflection.
 
-`Deposit` joins the ways that light can take: straight, by shadow rays, and by way of panes that
-scatter. Sky and suns are kept as two arrays, since they reach different receivers.
+`Deposit` joins straight light, by shadow rays, and light by way of scattering panes. Sky and suns
+are two arrays, since they reach different receivers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from drcmitsuba.transport.panes import PanePatches, neumann_series, pane_transfe
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 
 PEAK_RAYS = 8
-"""Directions along the peaks of a film, at most, for each of the points that are looked at."""
+"""Largest number of directions along the peaks of a film per pane point of a receiver."""
 
 
 class Irradiance(NamedTuple):
@@ -34,7 +34,7 @@ class Irradiance(NamedTuple):
     sun: mi.TensorXf
 
     def plus(self, other: Irradiance | None) -> Irradiance:
-        """Sum with another one; None adds nothing."""
+        """Sum of two irradiances; None adds nothing."""
         return self if other is None else Irradiance(self.sky + other.sky, self.sun + other.sun)
 
     def numpy(self) -> np.ndarray:
@@ -60,13 +60,13 @@ class Deposit:
         Reinhart's factor MF of the sky; None leaves out ground and sky.
     accuracy : Accuracy
     patches : PanePatches or None
-        The panes that scatter evenly.
+        Patches of the panes that scatter evenly.
     films : Films or None
-        Those that scatter as measured.
+        Panes with a measured BSDF.
     faces : Irradiance or None
-        Of the faces of the former; see `lit`.
+        E on the faces of `patches`; see `lit`.
     on_films : Lit or None
-        What reaches the latter, and how they answer.
+        D on the films, and the radiance that they send on.
     """
 
     scene: Scene
@@ -81,7 +81,7 @@ class Deposit:
 
     @property
     def bins(self) -> tuple[int, int]:
-        """Number of sky bins, the ground among them, and of suns."""
+        """Number of sky bins, including the ground, and of suns."""
         return len(Patches(self.subdivision)) if self.subdivision else 0, len(self.suns)
 
     def seed(self, key: Key, draw: Draw) -> int:
@@ -96,7 +96,7 @@ class Deposit:
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
         numbers: mi.UInt32 | None = None,
     ) -> Irradiance:  # fmt: skip
-        """Light that comes straight; that of the suns is left out with 0 samples."""
+        """D by straight light, with 0 `sun_samples` without the suns."""
         count = dr.width(p) // 3
         sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
         if self.subdivision:
@@ -125,7 +125,7 @@ class Deposit:
             )  # fmt: skip
 
     def lit(self, replicate: int, material: int | None = None) -> Deposit:
-        """Deposit with the light on the panes found, light from pane to pane included.
+        """Compute the light on the panes, including light from pane to pane.
 
         Light from one film to another, or from a diffusing pane to a film, is not followed.
 
@@ -133,12 +133,12 @@ class Deposit:
         ----------
         replicate : int
         material : int, optional
-            Of the tiles of a façade basis, each of which has random numbers of its own.
+            Index of a material of a façade basis; each has its own random numbers.
 
         Returns
         -------
         Deposit
-            The same with `faces` and `on_films`.
+            This deposit with `faces` and `on_films`.
         """
         key: Key = (Stream.PANES, replicate)
         of_films: Key = (Stream.FILMS, replicate)
@@ -180,7 +180,7 @@ class Deposit:
     def by_films(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance | None:
-        """Light by way of films; None where there are none."""
+        """D by way of films; None without films."""
         if self.films is None or self.on_films is None:
             return None
         rays, seed = self.accuracy.pane_points, self.seed(key, Draw.FILMS)
@@ -199,7 +199,7 @@ class Deposit:
     def scattered(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance | None:
-        """Light by way of panes that scatter; None where there are none."""
+        """D by way of scattering panes; None without such panes."""
         films = self.by_films(p, n, key, numbers)
         if self.faces is None:
             return films

@@ -1,4 +1,4 @@
-"""Films as they are mounted: which way they face, and what may reach them and see them."""
+"""Films as they are mounted: their orientation, and the sides that light and receivers reach."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ class Mount:
     frame : np.ndarray, shape (3, 3)
         Rows: the pane's x, y (up) and normal into the room.
     quads : np.ndarray, shape (pane, 4, 3)
+        Corners of the panes [m].
     exposed : bool
-        Nothing lies beyond the panes' plane and no light comes from the room's side: all of the
-        film sees the same.
+        Whether nothing lies beyond the panes' plane and no light comes from the room's side: all
+        of the film has the same view.
     sides : tuple of int
         Faces that receivers may see: 1 front, −1 back.
     """
@@ -37,7 +38,7 @@ class Mount:
 
     @property
     def rows(self) -> int:
-        """Outgoing cells of all sides."""
+        """Number of outgoing cells of all sides."""
         return len(self.sides) * self.bsdf.out_cells
 
     @property
@@ -60,7 +61,7 @@ class Mount:
         return self.bsdf.out_direction(row % cells, uv, front)
 
     def interaction(self, outgoing: mi.Vector3f) -> mi.SurfaceInteraction3f:
-        """What the BSDF needs to know of a point on the pane."""
+        """Interaction with the pane that the BSDF is evaluated at."""
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(outgoing))
         si.n = self.turn.n
         si.sh_frame = self.turn
@@ -78,7 +79,7 @@ def _frame(normal: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 def _lit_from_the_room(scene: Scene, pane: np.ndarray, normal: np.ndarray) -> bool:
-    """Whether straight light may reach the front: openings in other walls, or no known room."""
+    """Whether straight light may reach the front: through other walls' openings, or no room."""
     room = scene.enclosure
     if room is None:
         return True

@@ -1,11 +1,10 @@
-r"""Sunlight by the narrow peaks of films that other things shade.
+r"""Sunlight by the narrow peaks of films that other surfaces shade.
 
-A film may send the light of a sun into one or two outgoing cells. A receiver then sees it shine in
-a small part of the film only, and where some of that part lies in shadow, all the points of
-`panes.looks` may miss the rest together: the mean is right, but no replicate knows of the light,
-and their scatter says nothing of it. Here directions are drawn where a peak points: from the
-receiver back along its outgoing cell, and at the very point of the film that such a direction
-meets, shadow rays go to all suns of the peak:
+A film may send the light of a sun into one or two outgoing cells. A receiver then gets this light
+from a small part of the film only. Where some of that part lies in shadow, all points of
+`panes.looks` may miss the rest: the mean is unbiased, but the replicates' scatter shows no error.
+Here directions are drawn from the receiver back along a peak's outgoing cell, and from the point
+where such a direction meets the film shadow rays go to all suns of the peak:
 
 .. math:: D[r, b] = \sum_j w_{rj} \, f(\omega_b \to c_j) \, D_a[p_j, b], \quad
     w_{rj} = \frac{\cos\theta_r \, P}{n \cos\theta_p}
@@ -13,7 +12,7 @@ meets, shadow rays go to all suns of the peak:
 with n directions drawn evenly by projected solid angle from the cells of all peaks, P [sr] in
 sum. The peaks are taken out of the table that `Films.sent` uses.
 
-Limits: films with nothing before them, all of which see the same, are left to `panes.looks`.
+Limits: exposed films (`Mount.exposed`) are left to `panes.looks`.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ from drcmitsuba.transport.shadow_rays import LANES
 STANDS_OUT = 8.0
 """A cell is a peak where f is above this times the mean f of its side."""
 DIRECTIONS = 4
-"""Directions into a peak's cell, for each receiver and replicate."""
+"""Number of directions into a peak's cell per receiver and replicate."""
 
 
 class Peaks(NamedTuple):
@@ -48,17 +47,17 @@ class Peaks(NamedTuple):
     Parameters
     ----------
     owner : int
-        Number of the orientation among those of the films.
+        Index of the mount.
     rows : mi.UInt32
         Outgoing cells in which some sun has a peak.
-    size : np.ndarray
-        Projected solid angle of each [sr].
+    size : np.ndarray, shape (cell,)
+        Projected solid angles of these cells [sr].
     first : mi.UInt32
-        First entry of every cell in the two lists below, and their length.
+        First entry of every cell in `sun` and `f`, and last their length.
     sun : mi.UInt32
-        Number of each sun that has a peak there.
+        Indices of the suns that have a peak in the cell.
     f : mi.Float
-        BSDF from this sun into the cell [1/sr].
+        BSDF from these suns into the cell [1/sr].
     """
 
     owner: int
@@ -76,11 +75,11 @@ def take_out(mount: Mount, owner: int, f: np.ndarray, suns: np.ndarray) -> Peaks
     ----------
     mount : Mount
     owner : int
-        Number of the mount.
+        Index of the mount.
     f : np.ndarray, shape (row, sun)
         BSDF from every sun into every outgoing cell [1/sr]; set to 0 in the peaks.
     suns : np.ndarray of int, shape (sun,)
-        Numbers of the suns.
+        Indices of the suns.
 
     Returns
     -------
@@ -114,10 +113,10 @@ def peak_deposit(
     ----------
     scene : Scene
     patches : PanePatches
-        Of all films.
+        Patches of all films.
     mount : Mount
     peaks : Peaks
-        Of this mount.
+        Peaks of this mount.
     points, normals : mi.Float
         Receivers, three numbers each.
     suns : np.ndarray, shape (sun, 3)
@@ -125,7 +124,7 @@ def peak_deposit(
     diameter : float
         Angle across a sun [deg].
     most : int
-        Directions from a receiver, at most.
+        Largest number of directions from a receiver.
     seed : int
     numbers : mi.UInt32, optional
         As for `shadow_rays.sky_deposit`.

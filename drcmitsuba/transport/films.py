@@ -1,18 +1,17 @@
 r"""Deposit by way of films: light that a pane with a measured BSDF scatters once.
 
-Light leaves a film evenly within each outgoing cell of its BSDF. So the film's answer to every bin
-is tabulated once, by cell, and a receiver only needs to know which cells of which patches it looks
-into:
+Light leaves a film evenly within each outgoing cell of its BSDF. The film's answer to every bin is
+tabulated once, by cell; a receiver needs only the cells of the patches that it looks into:
 
 .. math:: D_b[r, b] = \sum_j w_{rj} \, f(\omega_b \to c_j) \, D_a[p_j, b]
 
 with w = cos θ / density of the j-th direction from receiver r to patch p_j, c_j the cell of the
-direction back, and D_a what reaches the patch straight. For the suns, f is taken at their exact
-directions. Within a patch of the sky f varies: there f · D_a is one integral, estimated by
+direction back, and D_a the straight irradiance of the patch. For the suns, f is taken at their
+exact directions. Within a patch of the sky f varies: there f · D_a is one integral, estimated by
 directions drawn from the BSDF.
 
-Limits: what one film, or a diffusing pane, sends to another film is not followed; nor is a film
-that is seen through the straight view of another.
+Limits: light from a film or a diffusing pane to another film is not followed; nor is a film that
+is seen through the straight view of another.
 """
 
 from __future__ import annotations
@@ -34,12 +33,12 @@ from drcmitsuba.transport.panes import OFFSET, PanePatches, looks
 from drcmitsuba.transport.shadow_rays import LANES, straight, sun_numbers
 
 SUN_SAMPLES = {"even": 8, "uneven": 16}
-"""Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate:
-where f is the same all over a cell, and where it is not (isotropic trees)."""
+"""Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate, for
+BSDFs that are constant over a cell and for those that are not (isotropic trees)."""
 
 
 class Lit(NamedTuple):
-    """What reaches films, and how they answer to it, in one replicate.
+    """Deposit on films and the radiance that they send on, in one replicate.
 
     Parameters
     ----------
@@ -47,12 +46,12 @@ class Lit(NamedTuple):
         D of the patches' faces [sr], straight from the suns.
     to_suns : mi.Float, shape (row · lit sun,)
         f [1/sr] from the suns that may shine on a film into every outgoing cell of every mount,
-        without the peaks below.
+        without `peaks`.
     to_sky : mi.TensorXf, shape (row, bin)
-        Radiance of every outgoing cell per unit radiance of ground and sky patches; the rows of
-        the first patch, and of every other one that has its own.
+        Radiance of every outgoing cell per unit radiance of ground and sky patches; for the first
+        row of each patch see `Films.first_sky_rows`.
     peaks : tuple of Peaks
-        Narrow peaks of films that other things shade, see `film_peaks`.
+        Narrow peaks of films that other surfaces shade, see `film_peaks`.
     """
 
     faces: mi.TensorXf
@@ -70,7 +69,7 @@ class Directions(NamedTuple):
     row : mi.UInt32
         Outgoing cell of the direction back, counted within the patch's mount.
     weight : mi.Float
-        cos θ / density.
+        cos θ / density [sr].
     """
 
     receiver: mi.UInt32
@@ -80,13 +79,13 @@ class Directions(NamedTuple):
 
 
 class Looked(NamedTuple):
-    """What some receivers see of films: directions of two kinds, see `panes.looks`."""
+    """Directions of two kinds from receivers to films, see `panes.looks`."""
 
     receivers: int
     kinds: tuple[Directions, ...]
 
     def of(self, patches: np.ndarray) -> Looked:
-        """Leave all patches but some, a mask (patch,), out of sight."""
+        """Keep the directions to some patches, a mask (patch,)."""
         wanted = mi.Bool(patches)
         kinds = []
         for kind in self.kinds:
@@ -106,9 +105,9 @@ class Films:
     scene : Scene
     mounts : tuple of Mount
     patches : PanePatches
-        Their owner is the mount.
-    suns : np.ndarray, shape (lit,)
-        Numbers of the suns that may shine on a film.
+        Patches, owned by their mount.
+    suns : np.ndarray of int, shape (lit,)
+        Indices of the suns that may shine on a film.
     """
 
     scene: Scene
@@ -138,9 +137,9 @@ class Films:
         return dr.concat(tables)
 
     def without_peaks(self, to_suns: mi.Float) -> tuple[mi.Float, tuple[Peaks, ...]]:
-        """Table of `answer_to_suns` without the peaks of films that other things shade, and these.
+        """Take the peaks of shaded films out of the table of `answer_to_suns`.
 
-        Peaks of films that all see the same are left in the table.
+        Peaks of exposed films stay in the table.
         """
         if not len(self.suns) or all(mount.exposed for mount in self.mounts):
             return to_suns, ()
@@ -154,9 +153,9 @@ class Films:
         return mi.Float(table.ravel()), tuple(one for one in peaks if one is not None)
 
     def first_sky_rows(self) -> np.ndarray:
-        """First row of every patch in the table of the sky, and the number of rows.
+        """First row of every patch in the table of the sky, and last the number of rows.
 
-        Patches of an exposed mount share their rows: they see the same.
+        Patches of an exposed mount share their rows: all have the same view.
         """
         first: list[int] = []
         rows = 0
@@ -201,7 +200,7 @@ class Films:
     def _from_sky(
         self, patch: int, row: mi.UInt32, index: mi.UInt32, samples: mi.UInt32, seed: int
     ) -> tuple[mi.Vector3f, mi.Float]:
-        """Directions to the sky whose light leaves a patch in the rows' cells, and its weight."""
+        """Directions to the sky whose light leaves a patch in the rows' cells, and weights."""
         mount = self.mounts[self.patches.owner[patch]]
         si = mount.interaction(mount.outgoing(row, even_numbers(index, row, seed, 1)))
         ctx = mi.BSDFContext()
@@ -226,7 +225,7 @@ class Films:
         return d, weight * straight(self.scene, None, mi.Point3f(p), d, (weight > 0) & wanted)
 
     def _rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
-        """Row within its mount of light that a patch sends along −d; whether there is one."""
+        """Row within the mount of light that a patch sends along −d, and whether it exists."""
         owner = dr.gather(mi.UInt32, mi.UInt32(self.patches.owner.astype(np.uint32)), patch)
         row, known = mi.UInt32(0), mi.Bool(False)
         for i, mount in enumerate(self.mounts):
@@ -239,17 +238,21 @@ class Films:
     def looked(
         self, p: mi.Float, n: mi.Float, *, rays: int, seed: int, numbers: mi.UInt32 | None = None
     ) -> Looked:
-        """Find which cells of which patches receivers look into.
+        """Draw directions from receivers to the films.
 
         Parameters
         ----------
         p, n : mi.Float
             Receivers, three numbers each.
         rays : int
-            Directions of each of two kinds from a receiver, see `looks`.
+            Directions of each of two kinds per receiver, see `looks`.
         seed : int
         numbers : mi.UInt32, optional
             As for `shadow_rays.sky_deposit`.
+
+        Returns
+        -------
+        Looked
         """
         kinds = []
         for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers):
@@ -307,7 +310,7 @@ class Films:
 
 
 def _first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:
-    """First entry of every row of a list sorted by rows, and the end of the last one."""
+    """First entry of every row of a list sorted by rows, and last the length of the list."""
     entries = dr.zeros(mi.UInt32, count + 1)
     dr.scatter_add(entries, mi.UInt32(1), row + 1)
     return dr.cumsum(entries)

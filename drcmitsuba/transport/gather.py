@@ -1,4 +1,4 @@
-"""Gather: paths from the sensors backward through the room, to every diffuse vertex they meet.
+"""Gather: paths from the sensors backward through the room to diffuse surfaces.
 
 With D[cell, bin] the irradiance that a bin of unit radiance puts on a cell before any diffuse
 reflection, the interreflected coefficient of a sensor is
@@ -7,7 +7,7 @@ reflection, the interreflected coefficient of a sensor is
 
 and G is estimated by paths whose directions follow the cosine law and the BSDFs: every diffuse
 vertex adds its throughput (1/paths × the product of the albedos up to and with it) to its cell.
-A source is never collected here; what leaves the room and meets nothing adds nothing.
+Sources are not collected: a path that leaves the scene adds nothing.
 """
 
 from __future__ import annotations
@@ -26,22 +26,21 @@ from drcmitsuba.transport.bsdf_lookup import absorption, number
 from drcmitsuba.transport.cells import Grid, Vertices
 
 ROULETTE_DEPTH = 3
+"""Depth from which paths undergo roulette."""
 ANY_DEPTH = 1 << 31
 MOST_SURVIVAL = 0.999
-"""Chance with which a path goes on, at most.
+"""Largest survival probability of a path.
 
-Every survivor weighs 1/chance more. Where a path keeps more than the root of the chance at a
-surface, the squares of the weights grow without end and so does the variance: at 0.95 that began
-with a reflectance of 0.975, and in a room of 0.999 four fifths of the light were missing with no
-sign of it in the standard error. √β stays below the reflectance, whose square over itself is below
-1; this bound is there for rooms of reflectance 1, which no path leaves.
+A survivor's weight is divided by the probability. Where the reflectance exceeds the root of the
+probability the variance grows without bound: at 0.95, rooms of a reflectance above 0.975 lost
+light, up to four fifths, with no sign of it in the standard error. The bound serves rooms of
+reflectance 1, which no path leaves.
 """
 USUAL = 5.0
-"""Vertices of a path that memory is first taken for: 1 / (1 − 0.8)."""
+"""Number of vertices per path that memory is reserved for first: 1 / (1 − 0.8)."""
 WHITE = 0.85
-"""Reflectance of a surface from which on the vertices of some sensors' paths are counted first."""
+"""Reflectance of a surface above which the vertices of `PILOT` sensors are counted first."""
 PILOT = 16
-"""Number of those sensors."""
 
 
 def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f:
@@ -50,7 +49,7 @@ def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f
 
 
 class Marks(Protocol):
-    """What a path remembers of the surfaces that it met, in one number; 0 at its start."""
+    """Marks: one number per path that stores the surfaces that it met; 0 at the start."""
 
     context: mi.BSDFContext
     """Lobes that are followed."""
@@ -64,19 +63,20 @@ class Marks(Protocol):
         ----------
         si : mi.SurfaceInteraction3f
         mark : mi.UInt32
-            Of the path so far.
+            Mark of the path so far.
         number : mi.Float
             Uniform in [0, 1).
 
         Returns
         -------
         bsdf : mi.BSDFPtr
-            That the path is scattered by.
+            BSDF that scatters the path.
         mark : mi.UInt32
+            Mark with this surface.
         weight : mi.Float
-            Factor for the path; 0 ends it.
+            Factor of the path's throughput; 0 ends the path.
         is_cell : mi.Bool
-            Whether the surface may be one that light is deposited on.
+            Whether light may be deposited on the surface.
         """
 
 
@@ -91,19 +91,20 @@ def gather(
     ----------
     scene : Scene
     points, normals : np.ndarray, shape (sensor, 3)
+        Positions [m] and unit normals of the sensors.
     replicates : int
         Independent repetitions; row r·sensors + s belongs to replicate r and sensor s.
     paths : int
-        Paths of a sensor in one replicate.
+        Paths per sensor and replicate.
     grid : Grid
-        Numbers the cells.
+        Grid of the cells.
     seed : int
     marks : Marks, optional
-        Has every vertex tell where its path has been.
+        Rule that marks every vertex with the surfaces of its path.
     bounces : float
-        Vertices of a path that are expected, see `expected_bounces`.
+        Expected vertices per path, see `expected_bounces`.
     first, among : int, optional
-        Number of the first of these sensors, and how many there are in all: paths are the same in
+        Index of the first of these sensors, and the number of all sensors: paths are the same in
         one launch and in several.
 
     Returns
@@ -127,9 +128,9 @@ def gather(
 def expected_bounces(
     scene: Scene, points: np.ndarray, normals: np.ndarray, paths: int, grid: Grid, seed: int
 ) -> float:
-    """Expect so many vertices of a path, `USUAL` at least; counted where a surface is very white.
+    """Expected vertices per path, at least `USUAL`; counted where a surface is very white.
 
-    In a closed room of reflectance ρ they are 1 / (1 − ρ), and each of them takes 40 bytes.
+    In a closed room of reflectance ρ their number is 1 / (1 − ρ); each takes 40 bytes.
     """
     if len(points) == 0 or max(map(reflectance_of, scene.parts), default=0.0) < WHITE:
         return USUAL
@@ -141,7 +142,7 @@ def expected_bounces(
 
 
 def reflectance_of(part: Part) -> float:
-    """Largest reflectance of a surface in any colour; 0 of what has none."""
+    """Largest reflectance of a surface in any colour; 0 without reflectance."""
     return max_reflectance(getattr(part.material, "reflectance", 0.0))
 
 
@@ -151,12 +152,12 @@ def _trace(
     lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
     first: int, among: int,
 ) -> tuple[Vertices, int]:  # fmt: skip
-    """Trace all lanes in one symbolic loop; returns the vertices and how many were met."""
+    """Trace all lanes in one symbolic loop: the vertices, and the number that were met."""
     lane = dr.arange(mi.UInt32, lanes)
-    here = dr.opaque(mi.UInt32, len(points))  # a literal: compiled anew
+    here = dr.opaque(mi.UInt32, len(points))  # a literal would be compiled anew
     row, index = lane // paths, lane % paths
     sensor = row % here
-    # Random numbers follow from the row that this is among all sensors.
+    # Random numbers follow from the row among all sensors.
     own = row // here * dr.opaque(mi.UInt32, among) + sensor + dr.opaque(mi.UInt32, first)
     random = streams(own, seed, index)
     p = dr.gather(mi.Point3f, mi.Float(points.astype(np.float32).ravel()), sensor)
@@ -206,7 +207,7 @@ def _trace(
             & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
         )
         if dr.hint(not scene.effects.beyond, mode="scalar"):
-            # Through a pane to where nothing stands: the ray would meet nothing.
+            # Nothing stands beyond the panes: transmitted rays would meet nothing.
             active &= bs.wo.z * si.wi.z > 0
         if dr.hint(solids is not None, mode="scalar"):
             crossed = active & (bs.eta != 1)

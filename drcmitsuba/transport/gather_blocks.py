@@ -1,8 +1,8 @@
 """Gather paths of any number of sensors, in blocks that fit in memory.
 
-The points that stand for a cell are drawn from the vertices of all sensors: all paths are traced
-before any light is deposited. The vertices are kept where there are not too many; else the paths,
-whose random numbers are those of their sensors, are traced once more when it is their turn.
+The points that stand for a cell are drawn from the vertices of all sensors, so that all paths are
+traced before any light is deposited. Up to `KEPT` vertices are stored; the paths of further blocks
+are traced again, with the same random numbers, when their turn comes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_points
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 
 KEPT = 1 << 24
-"""Largest number of vertices that are kept: 200 MB."""
+"""Largest number of vertices that are stored, 200 MB."""
 
 
 class Met(NamedTuple):
@@ -46,13 +46,13 @@ class Gathered:
     points, normals : np.ndarray, shape (sensor, 3)
     accuracy : Accuracy
     blocks : tuple of slice
-        Sensors that are gathered at once.
+        Sensors of each launch.
     cells : Cells
-        Cells that any sensor's paths meet.
+        Cells that the paths of all sensors meet.
     drawn : tuple of Drawn
-        Points that stand for the cells, in each replicate.
+        Points that stand for the cells, for each replicate.
     bounces : float
-        Vertices of a path that are expected.
+        Expected vertices per path.
     kept : dict of int to Met
         Vertices of some blocks, by their first sensor.
     """
@@ -72,7 +72,7 @@ class Gathered:
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, *,
         block: int, lanes: int,
     ) -> Gathered:  # fmt: skip
-        """Trace the paths of all sensors, of `block` sensors and some `lanes` paths at a time."""
+        """Trace all paths, at most `block` sensors and about `lanes` paths in one launch."""
         cells = Cells.none(Grid.of(scene, accuracy.cell_size))
         seed = launch_seed(accuracy.seed, Stream.PATH_LENGTHS)
         bounces = expected_bounces(scene, points, normals, accuracy.paths, cells.grid, seed)

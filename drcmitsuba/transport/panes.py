@@ -1,12 +1,12 @@
-"""Deposit through panes that scatter: light that meets exactly one of them, or several in turn.
+"""Deposit through scattering panes: light that meets one of them, or several in turn.
 
 A Lambertian pane turns the irradiance of its two faces into radiance, T·E of the far face and R·E
 of the near one, over π. The pane is cut into patches, so that
 
     D_b[receiver, bin] = Σ_face K[receiver, face] · E[face, bin],
 
-where K holds geometry, visibility and the pane's optics and E is found by shadow rays from the
-faces. Light from pane to pane is the geometric series E = D_a + K' E.
+where K holds geometry, visibility and the pane's optics, and shadow rays from the faces give E.
+Light from pane to pane is the geometric series E = D_a + K' E.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from drcmitsuba.scene.scene import Scene, quad_mesh
 from drcmitsuba.transport.gather import first_directions
 
 MOST_PATCHES = 1 << 19
-
+"""Largest number of patches."""
 OFFSET = 1e-4
 """Distance of a face's points from the pane [m]."""
 
@@ -40,9 +40,9 @@ class PanePatches:
     Parameters
     ----------
     corner, u, v : np.ndarray, shape (patch, 3)
-        Corner and edges [m].
-    owner : np.ndarray, shape (patch,)
-        Group of panes that a patch belongs to.
+        Corner and the two edges from it [m].
+    owner : np.ndarray of int, shape (patch,)
+        Group of panes that the patch belongs to.
     """
 
     corner: np.ndarray
@@ -57,7 +57,7 @@ class PanePatches:
         Raises
         ------
         InputError
-            There would be more than `MOST_PATCHES`.
+            The number of patches would exceed `MOST_PATCHES`.
         """
         parts, total = [], 0
         for owner, quads in enumerate(groups):
@@ -86,7 +86,7 @@ class PanePatches:
 
     @cached_property
     def scene(self) -> mi.Scene:
-        """The patches alone, two triangles each: the primitive that a ray hits names the patch."""
+        """Scene of the patches alone; primitives 2i and 2i + 1 are the triangles of patch i."""
         quads = np.stack(
             [
                 self.corner,
@@ -100,7 +100,7 @@ class PanePatches:
 
     @cached_property
     def area(self) -> np.ndarray:
-        """Area of every patch [m²]."""
+        """Area of every patch, shape (patch,) [m²]."""
         return np.linalg.norm(np.cross(self.u, self.v), axis=1)
 
     def face_points(self, rng: np.random.Generator) -> tuple[mi.Float, mi.Float]:
@@ -116,8 +116,8 @@ class PanePatches:
 class Look(NamedTuple):
     """Directions from receivers to panes, one lane each.
 
-    `weight` is cos θ / (π · density of the direction), summed over all ways to find it and divided
-    by their number, times the transmittance of clear panes in between; 0 where nothing is seen.
+    `weight` is cos θ / (π · p), with p the sum of the densities of both ways to draw the direction
+    times `rays`, times the transmittance of clear panes in between; 0 where no pane is seen.
     """
 
     row: mi.UInt32
@@ -131,10 +131,10 @@ def looks(
     scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
     rays: int, seed: int, numbers: mi.UInt32 | None = None,
 ) -> tuple[Look, Look]:  # fmt: skip
-    """Directions from receivers to the patches, found in two ways.
+    """Directions from receivers to the patches, drawn in two ways.
 
     Points on the panes and cosine-distributed directions are combined by the balance heuristic:
-    the first find small and far panes, the second keep the estimate bounded close to a pane.
+    the first suit small and far panes, the second keep the estimate bounded close to a pane.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def looks(
     points, normals : mi.Float
         Receivers, three numbers each.
     rays : int
-        Directions of each of the two kinds from a receiver.
+        Directions of each of the two kinds per receiver.
     seed : int
     numbers : mi.UInt32, optional
         As for `shadow_rays.sky_deposit`.
@@ -151,7 +151,7 @@ def looks(
     Returns
     -------
     tuple of Look
-        Lanes receiver · rays + index.
+        By points and by directions, lanes receiver · rays + index.
     """
     count = dr.width(points) // 3
     corner, along_u, along_v, normal = (
@@ -168,7 +168,7 @@ def looks(
     n = dr.gather(mi.Normal3f, normals, row)
 
     def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> Look:
-        """Weigh directions, whichever way they were found."""
+        """Weigh directions drawn in either way."""
         pane_normal = dr.gather(mi.Normal3f, normal, patch, seen)
         cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
         seen = seen & (cosine > 0) & (cos_pane != 0)
@@ -179,7 +179,7 @@ def looks(
         by_cosine = cosine * dr.inv_pi
         tau = mi.Float(1)
         if scene.clear is not None:
-            # Short of the pane itself: it may let straight light through as well.
+            # The ray ends before the pane, which may let straight light through as well.
             between = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
             tau = transmittance(scene.clear, between, seen)
         weight = dr.select(seen, by_cosine * tau / (rays * (by_area + by_cosine)), 0)
@@ -211,11 +211,11 @@ def pane_transfer(
     ----------
     scene : Scene
     patches : PanePatches
-        Of `scene.scattering`.
+        Patches of `scene.scattering`.
     points, normals : mi.Float
         Receivers, three numbers each.
     rays : int
-        Samples of each of two kinds from a receiver, see `looks`.
+        Directions of each of two kinds per receiver, see `looks`.
     seed : int
     numbers : mi.UInt32, optional
         As for `shadow_rays.sky_deposit`.
@@ -234,7 +234,7 @@ def pane_transfer(
     for look in looks(scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers):
         seen = look.weight > 0
         near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)
-        # The back is black to what it reflects, as in `materials.bsdf`.
+        # The back reflects nothing, as in `materials.bsdf`.
         for face, albedo, lit in ((near ^ 1, through, seen), (near, back, seen & look.front)):
             value = look.weight * dr.gather(mi.Float, albedo, look.patch, lit)
             dr.scatter_add(out, mi.Float64(value), look.row * faces + face, lit & (value > 0))
@@ -250,7 +250,12 @@ def neumann_series(between: mi.TensorXf, received: mi.TensorXf) -> mi.TensorXf:
     between : mi.TensorXf, shape (face, face)
         K' from the faces to the faces.
     received : mi.TensorXf, shape (face, bin)
-        D_a, straight from sky and suns.
+        D_a, straight from sky and suns [sr].
+
+    Returns
+    -------
+    mi.TensorXf, shape (face, bin)
+        E [sr].
     """
     result, term = received, received
     while float(dr.max(term.array)[0]) > 1e-7 * max(1e-30, float(dr.max(result.array)[0])):

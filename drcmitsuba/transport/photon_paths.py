@@ -1,4 +1,4 @@
-"""How a photon goes on: from surface to surface, and what is written down on its way."""
+"""Paths of photons from surface to surface, and the flux that they add to cells and sensors."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ from drcmitsuba.transport.ports import ComponentPorts, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 WEAK = 0.25
-"""Share of its first flux below which a photon goes on by chance, with this share."""
+"""Share of its initial flux below which a photon undergoes roulette; survivors get this share."""
 
 OFFSET = 64 * 2.0**-24
-"""Photons go on from a surface this times 1 + the largest coordinate off it [m].
+"""Distance off a surface at which a photon goes on, relative to 1 + its largest coordinate [m].
 
-Mitsuba takes 1500 in place of 64: of a duct a hundred times as long as it is wide that is 1.3 % of
-the width, and a photon that begins so far off one wall meets the next one too early: 2 % of the
-light were lost after 115 mirrors. Points are right to some 4 · 2⁻²⁴.
+Mitsuba takes 1500 in place of 64. In a duct a hundred times as long as wide that is 1.3 % of the
+width: photons meet the next wall too early, and 2 % of the light were lost after 115 mirrors.
+Points are exact to some 4 · 2⁻²⁴.
 """
 
 OWN, FILM, DIFFUSER, RECEIVES = 1, 2, 4, 8
-"""Traits of a surface: it belongs to the photon's component; to the room's films, or its diffusing
-panes; light is deposited on it."""
+"""Traits of a surface, as bits: it belongs to the photon's component; it is a film of the room; it
+is a diffusing pane of the room; light is deposited on it."""
 _STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
-"""What a photon's chain is so far."""
+"""Chain of a photon so far: undeviated, by panes only, deviated by its own component."""
 
 
 class FluxSums(NamedTuple):
-    """Flux per unit radiance [m² sr] of one kind of bins; single precision drifts with photons.
+    """Flux per unit radiance [m² sr] of one kind of bins, in double precision against drift.
 
     Parameters
     ----------
     cells : mi.Float64, shape (row · bin,)
-        On the rows of `CellAreas`.
+        Flux onto the rows of `CellAreas`.
     sensors : mi.Float64, shape (sensor · bin,)
-        Through the squares.
+        Flux through the squares.
     mirrored : mi.Float64, shape (sensor · bin,)
-        The part of it that nothing but smooth surfaces have deviated.
+        Part of `sensors` that only smooth surfaces have deviated.
     inner : mi.Float64, shape (sensor,)
-        Of all bins, through the middle quarter of the squares.
+        Flux of all bins through the middle quarter of the squares.
     """
 
     cells: mi.Float64
@@ -63,16 +63,16 @@ class FluxSums(NamedTuple):
 
 @dataclass(frozen=True)
 class Traits:
-    """What a photon needs to know of the surfaces that it meets, by number of their BSDF.
+    """Properties of surfaces that a photon needs, by the number of their BSDF.
 
     Parameters
     ----------
     bits : mi.UInt32
-        `OWN`, `FILM`, `DIFFUSER`, `RECEIVES`.
+        Sums of `OWN`, `FILM`, `DIFFUSER` and `RECEIVES`.
     absorption : mi.Float or None
-        Of a solid [1/m]; None where nothing absorbs.
+        Absorption of solids [1/m]; None where nothing absorbs.
     smooth : bool
-        Whether photons go on from no surface by chance, but for mirrored or refracted.
+        Whether no surface scatters at random, apart from the choice to mirror or to refract.
     """
 
     bits: mi.UInt32
@@ -81,7 +81,7 @@ class Traits:
 
     @classmethod
     def of(cls, ports: ComponentPorts) -> Traits:
-        """Traits of the parts of a scene, as photons from some ports see them."""
+        """Collect the traits of a scene's surfaces for photons from the given ports."""
         scene, parts = ports.scene, ports.scene.parts
         bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
         smooth = all(_is_smooth(part.material) for part in parts)
@@ -95,14 +95,14 @@ def _is_smooth(material: SurfaceMaterial) -> bool:
 
 
 def _bits(part: Part) -> int:
-    """Whether light is deposited on a part, and whether pane deposits know what it scatters."""
+    """Traits of a part without `OWN`."""
     if part.component or not isinstance(part.material, BsdfMaterial | DiffuserMaterial):
         return RECEIVES if is_diffuse(part.material) else 0
     return FILM if isinstance(part.material, BsdfMaterial) else DIFFUSER
 
 
 class Recorder:
-    """Squares around sensors as a kernel sees them."""
+    """Squares around sensors on the device, and the test of which of them photons cross."""
 
     def __init__(self, squares: Squares):
         self.centre = mi.Float(squares.centre.astype(np.float32).ravel())
@@ -123,7 +123,7 @@ class Recorder:
         self, p: mi.Point3f, d: mi.Vector3f, length: mi.Float, column: mi.UInt32,
         bins: mi.UInt32, flux: mi.Float, mirrored: mi.Bool, sums: FluxSums, active: mi.Bool,
     ) -> None:  # fmt: skip
-        """Add the flux of photons that fly from `p` for `length` to the squares they cross."""
+        """Add the flux of photons that fly from `p` over `length` to the squares they cross."""
         for origin, x, y, n, edge, count, layers in self.planes:
             down = dr.dot(d, n)
             t = dr.dot(origin - p, n) / down
@@ -164,8 +164,8 @@ def follow(
     Returns
     -------
     tuple of mi.Float
-        Flux of every lane by its fate [m² sr], in the order of `FluxLedger` from `landed` on, and
-        the number of its segments.
+        Flux of every lane by fate [m² sr], in the order of `FluxLedger` from `landed` on, and
+        the number of segments.
     """
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
@@ -185,21 +185,21 @@ def follow(
         squares.record(ray.o, ray.d, si.t, start.bin, bins, flux, mirrored, sums, active & counts)
         escaped += dr.select(active & ~met, flux, 0)
         if dr.hint(traits.absorption is not None, mode="scalar"):
-            # From surface to surface: the ray began a little off the last one.
+            # The path runs from surface to surface: the ray began a little off the last one.
             left = dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
             absorbed += dr.select(met, flux * (1 - left), 0)
             flux = dr.select(met, flux * left, flux)
 
         si.wi = si.to_local(-ray.d)
         bsdf = si.bsdf()
-        uv = mi.Point2f(0.5)  # random numbers are a seventh of the time
+        uv = mi.Point2f(0.5)  # random numbers take a seventh of the time
         if dr.hint(not traits.smooth, mode="scalar"):
             uv = mi.Point2f(random.next_float32(), random.next_float32())
         bs, weight = bsdf.sample(ctx, si, random.next_float32(), uv, met)
         index = number(bsdf)
         bits = dr.gather(mi.UInt32, traits.bits, index, met)
         receives = (bits & RECEIVES) != 0
-        # Outside of a solid, a facing normal tells the side that the photon comes from.
+        # The facing normal gives the side of the surface that the photon comes from.
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         row, known = areas.at(areas.grid.key(si.p, facing), receives & counts)
         dr.scatter_add(sums.cells, mi.Float64(flux), row * bins + start.bin, known)

@@ -1,16 +1,16 @@
 """Deposit by photons: light that comes by mirrors, prisms, pipes, or by several panes in turn.
 
-Photons start on the ports of components, from every sun, the sky and the ground, know their bin and
-are deposited in the cell of the first diffuse surface that they meet; nothing else is stored.
-Squares around the sensors record what crosses them. Per unit radiance of bin b,
+Photons of every sun, the sky and the ground start on the ports of components. Each has its bin and
+is deposited in the cell of the first diffuse surface that it meets. Squares around the sensors
+record the photons that cross them. Per unit radiance of bin b,
 
     D[cell, b] = Σ flux of the photons of b that land in it / area of the cell.
 
-Every path of light is counted once. A photon counts where its chain is one that no other estimator
-knows: it begins with a deviation (anything but going straight through a pane) by the component of
-its own port, and it is not a film followed by diffusing panes, which the pane deposits find. So
-straight light, and light that another component deviates first, end without a trace, and of two
-ports of one component that lie behind one another light counts from the first.
+Every path of light is counted once. A photon counts where no other estimator covers its chain: the
+chain begins with a deviation (anything but going straight through a pane) by the component of the
+photon's port, and it is not a film followed by diffusing panes, which the pane deposits cover. So
+straight light, and light that another component deviates first, does not count; where two ports of
+a component lie behind one another, light counts from the first.
 
 References
 ----------
@@ -39,14 +39,14 @@ from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 LANES = 1 << 21
-"""Number of photons of one launch; those of one source are never parted."""
+"""Number of photons in one launch; the photons of a source stay in one launch."""
 PATCH = 4
-"""Photons of a patch of the sky for each of a sun: a patch counts in every hour."""
+"""Number of photons of a sky patch per photon of a sun: a patch counts in every hour."""
 
 
 @dataclass(frozen=True)
 class FluxLedger:
-    """Where the flux of photons went, per unit radiance of all bins [m² sr].
+    """Flux of photons by fate, per unit radiance of all bins [m² sr].
 
     emitted + roulette = landed + absorbed + escaped + others + lost, to rounding; `roulette` is 0
     in the mean.
@@ -54,21 +54,21 @@ class FluxLedger:
     Parameters
     ----------
     emitted : float
-        What passed the ports.
+        Flux through the ports.
     landed : float
-        On diffuse surfaces.
+        Flux onto diffuse surfaces.
     absorbed : float
-        By mirrors, panes and solids.
+        Flux into mirrors, panes and solids.
     escaped : float
-        To the outside.
+        Flux to the outside.
     others : float
-        On chains that other estimators, or other ports, count.
+        Flux on chains that other estimators, or other ports, count.
     lost : float
-        Still under way after the last surface that was followed.
+        Flux still on its way after the largest number of surfaces.
     roulette : float
-        Added to photons that survived, less what was taken with those that did not.
+        Flux added to survivors of the roulette, less the flux of the photons that it ended.
     photons, segments : int
-        Photons that were followed, and the flights from surface to surface that they made.
+        Number of photons, and of their flights from surface to surface.
     """
 
     emitted: float = 0.0
@@ -82,7 +82,7 @@ class FluxLedger:
     segments: int = 0
 
     def plus(self, other: FluxLedger) -> FluxLedger:
-        """Sum with another one."""
+        """Sum of two ledgers."""
         names = (f.name for f in fields(self))
         return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
 
@@ -95,15 +95,15 @@ class Landed:
     ----------
     areas : CellAreas
     sky, sun : mi.TensorXf, shape (row, bin)
-        Of the cells, by ground and sky patches and by suns.
+        D of the cells, by ground and sky patches and by suns.
     sensors, mirrored : np.ndarray, shape (sensor, bin)
-        Of the sensors, by all bins; and the purely mirrored (or refracted) part of it.
+        D of the sensors, by all bins; and the purely mirrored (or refracted) part of it.
     smear : np.ndarray, shape (sensor,)
-        What the squares' size adds to D of the sensors, in the sum over all suns: D of a square of
-        edge h is off by c·h² where D is smooth, so that of the whole square is more by ¾ c·h² than
-        that of its inner quarter.
+        Error of D of the sensors by the size of the squares, summed over all suns. Where D is
+        smooth the error of a square of edge h is c·h²: D of the whole square exceeds D of its
+        inner quarter by ¾ c·h².
     ledgers : dict of str to FluxLedger
-        Of "NAME sky" and "NAME sun" for each component; its name is empty for the panes.
+        Flux by "NAME sky" and "NAME sun" for each component; the panes have an empty name.
     """
 
     areas: CellAreas
@@ -115,7 +115,7 @@ class Landed:
     ledgers: dict[str, FluxLedger]
 
     def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
-        """D of the cells with some keys, by sky and by suns; 0 where nothing can land."""
+        """D of the cells with the given keys, by sky and by suns; 0 where no photon can land."""
         row, known = self.areas.at(key)
         out = []
         for d in (self.sky, self.sun):
@@ -138,7 +138,7 @@ class PhotonTracer:
     Parameters
     ----------
     ports : tuple of ComponentPorts
-        Of the components, and of the panes.
+        Ports of the components, and of the panes.
     areas : CellAreas
     squares : Squares
     suns : np.ndarray, shape (sun, 3)
@@ -147,9 +147,9 @@ class PhotonTracer:
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
     count : int
-        Photons of a sun to each component, in one replicate; of a patch `PATCH` times as many.
+        Photons of a sun to each component in one replicate; a patch has `PATCH` times as many.
     surfaces : int
-        Followed at most.
+        Largest number of surfaces on a path.
     """
 
     ports: tuple[ComponentPorts, ...]
@@ -166,12 +166,12 @@ class PhotonTracer:
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
         diameter: float, subdivision: int | None, accuracy: Accuracy,
     ) -> PhotonTracer | None:  # fmt: skip
-        """Photons for sensors at points and for all cells; None where there are no ports.
+        """Prepare photons for sensors at points and for all cells; None without ports.
 
         Raises
         ------
         InputError
-            No light can come to a component.
+            No light can reach a component.
         """
         every_port = ComponentPorts.of(scene) if scene.followed else ()
         if not every_port:
@@ -234,11 +234,11 @@ class PhotonTracer:
         progress: Progress,
     ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[FluxLedger]]:
         """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
-        bins in the inner squares (sensor,); `wanted` (bin,) tells which bins are followed.
+        bins in the inner squares (sensor,), by the `wanted` bins, a mask (bin,); and the ledgers.
         """
         bins = len(wanted)
         rows, n, ledgers = len(self.areas), len(self.squares.edge), []
-        # One entry at least: a kernel takes no empty array.
+        # At least one entry: a kernel takes no empty array.
         sizes = (max(1, size) for size in (rows * bins, n * bins, n * bins, n))
         sums = FluxSums(*(dr.zeros(mi.Float64, size) for size in sizes))
         squares = Recorder(self.squares)
@@ -272,7 +272,7 @@ class PhotonTracer:
         self, scene: Scene, traits: Traits, squares: Recorder, sources: PhotonSources, start: Start,
         sums: FluxSums, bins: int, photons: int, seed: int,
     ) -> FluxLedger:  # fmt: skip
-        """Follow photons, so many of each source, and add what they bring to `sums`."""
+        """Follow `photons` photons of each source and add their flux to `sums`."""
         columns = start.p, start.d, start.flux, start.bin
         dr.eval(*columns)
         launched, lanes = dr.width(start.flux), dr.compress(start.flux > 0)

@@ -20,13 +20,12 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 OFFSET = 1e-4
-"""Of a port from a pane, and of photons from their port, for each metre of coordinates [m].
+"""Distance of a port from a pane, and of photons from their port, per metre of coordinates.
 
-Photons start so far before their port, on the way that they come: a pane in its plane is behind
-it, whatever is rounded.
+Photons start this far before their port, so that rounding leaves a pane in its plane behind them.
 """
 PILOT = 4096
-"""Rays from a port that tell whether it sees anything of the sky and the ground."""
+"""Number of rays from a port that test its view of sky and ground."""
 
 
 class PhotonSources(NamedTuple):
@@ -35,14 +34,16 @@ class PhotonSources(NamedTuple):
     Parameters
     ----------
     centre : np.ndarray, shape (source, 3)
+        Unit vectors to the centres.
     radius : np.ndarray, shape (source,)
-        Angle [rad] around the centre that the source lies within.
+        Angle around the centre that contains the source [rad].
     solid_angle : np.ndarray, shape (source,)
-        [sr].
+        Solid angle [sr].
     numbers : np.ndarray of uint32, shape (source,)
-        That random numbers follow from.
+        Seeds of the random numbers.
     draw : callable
-        Direction to a source, evenly in solid angle, by its index and two uniform numbers.
+        Gives a direction to a source, uniform in solid angle, from its index and two uniform
+        numbers.
     """
 
     centre: np.ndarray
@@ -91,8 +92,9 @@ class Start:
     d : mi.Vector3f
         Direction of travel.
     flux : mi.Float
-        Per unit radiance of the source [m² sr].
+        Flux per unit radiance of the source [m² sr].
     bin : mi.UInt32
+        Index of the source.
     """
 
     p: mi.Point3f
@@ -111,7 +113,7 @@ class ComponentPorts:
     quads : np.ndarray, shape (port, 4, 3)
         Parallelograms [m]; fronts face the way the light goes.
     name : str
-        Of the component; "" stands for the panes.
+        Name of the component; "" stands for the panes.
     """
 
     scene: Scene
@@ -120,7 +122,7 @@ class ComponentPorts:
 
     @classmethod
     def of(cls, scene: Scene) -> tuple[ComponentPorts, ...]:
-        """Ports of each component of a scene, and of the panes."""
+        """Collect the ports of each component of a scene, and of the panes."""
         quads: dict[str, list[np.ndarray]] = {}
         for port in [*scene.ports, *_pane_ports(scene)] if scene.followed else []:
             quads.setdefault(port.component, []).append(port.quad)
@@ -138,7 +140,7 @@ class ComponentPorts:
 
     @cached_property
     def area(self) -> np.ndarray:
-        """Of every port [m²]."""
+        """Area of every port, shape (port,) [m²]."""
         return np.linalg.norm(np.cross(*self.edges[1:]), axis=1)
 
     @cached_property
@@ -148,7 +150,7 @@ class ComponentPorts:
 
     @cached_property
     def exposed(self) -> bool:
-        """Whether nothing lies before any port: what it faces is sky or ground."""
+        """Whether nothing lies before any port, so that all ports face only sky and ground."""
         corners, least = self.scene.corners, -_offset(self.quads)
         planes = zip(self.quads[:, 0], self.normal, strict=True)
         return all(((corners - q) @ n > least).all() for q, n in planes)
@@ -162,13 +164,13 @@ class ComponentPorts:
         return bool((behind & (n @ n.T > 1e-6 - 1)).any())
 
     def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
-        """Point on a port and its normal."""
+        """Point on a port and the port's normal."""
         columns = (*self.edges, self.normal)
         at, u, v, n = (dr.gather(mi.Vector3f, _flat(column), port) for column in columns)
         return mi.Point3f(at + uv.x * u + uv.y * v), mi.Normal3f(n)
 
     def _visible(self, p: mi.Point3f, d: mi.Vector3f, flux: mi.Float) -> mi.Float:
-        """Flux that comes to points on ports from where they look."""
+        """Flux that reaches points on ports along directions d to the source."""
         if self.in_line:
             flux = dr.select(self._passed(p, d), 0, flux)
         if self.exposed:
@@ -176,19 +178,16 @@ class ComponentPorts:
         return flux * straight(self.scene, None, p, d, flux > 0)
 
     def _passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-        """Whether light that comes to points from directions has passed another port before."""
+        """Whether light from directions d passes another port before it reaches the points."""
         corner, u, v = self.edges
         n, area = self.normal, self.area[:, None]
-        # Edges of the parallelogram's dual: their products with a point are its coordinates.
+        # Products of a point with the dual edges are its coordinates in the parallelogram.
         columns = (corner, np.cross(v, n) / area, np.cross(n, u) / area, n)
         tables = [_flat(column) for column in columns]
         return _crossed(tables, dr.opaque(mi.UInt32, len(self)), p, d)
 
     def could(self, sources: PhotonSources) -> np.ndarray:
-        """Bound of the area [m²] that ports turn towards sources, shape (source, port).
-
-        0 where no light of the source can pass the port.
-        """
+        """Upper bound of the area [m²] that ports turn towards sources, shape (source, port)."""
         cosine = -sources.centre @ self.normal.T
         away = np.maximum(np.arccos(np.clip(cosine, -1, 1)) - sources.radius[:, None], 0)
         return self.area * np.clip(np.cos(away), 0, None)
@@ -196,10 +195,10 @@ class ComponentPorts:
     def start(
         self, sources: PhotonSources, seen: np.ndarray, could: np.ndarray, photons: int, seed: int
     ) -> Start:
-        """Photons from the sources `seen`, `photons` of each.
+        """Start `photons` photons from each of the sources `seen`.
 
-        A port is chosen by what it `could` get of the source, see there, shape (seen, port). The
-        points of one source are spread evenly over the ports and the source.
+        A port is chosen with a probability proportional to `could`, shape (seen, port). The points
+        of one source are spread evenly over the ports and the source.
         """
         lane = dr.arange(mi.UInt32, len(seen) * photons)
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
@@ -254,14 +253,14 @@ def _flat(a: np.ndarray) -> mi.Float:
 
 
 def _offset(points: np.ndarray) -> float:
-    """Distance that tells before from behind, in the world of some points (…, 3) [m]."""
+    """Offset that separates the two sides of a port, for coordinates (…, 3) [m]."""
     return OFFSET * (1 + float(abs(points).max()))
 
 
 def _pane_ports(scene: Scene) -> list[Port]:
-    """Both sides of the panes that may send light to a component.
+    """Sides of the panes that may send light to a component.
 
-    From inside a room only panes that face an opening get light that nothing has deviated.
+    Inside a room only panes that face an opening get light that no surface has deviated.
     """
     ports = []
     for part in scene.parts:

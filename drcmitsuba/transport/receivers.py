@@ -1,8 +1,8 @@
-"""What photons are counted on: the cells of diffuse surfaces, and squares around sensors.
+"""Areas that photons are counted on: the cells of diffuse surfaces, and squares around sensors.
 
-A photon map tells irradiance as flux per area. The area of a cell is all diffuse surface within it
-that light can reach; around a sensor it is a small square in the sensor's plane, a virtual surface
-that records what crosses it and lets it go on.
+A photon map gives irradiance as flux per area. The area of a cell is all diffuse surface within it
+that light can reach. Around a sensor it is a small square in the sensor's plane, a virtual surface
+that records the photons that cross it.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from drcmitsuba.transport.bsdf_lookup import number, table
 from drcmitsuba.transport.cells import Grid
 
 POINTS = 1024
-"""Points that measure the area of a whole face of a cell."""
+"""Number of points that measure the area of a whole face of a cell."""
 MOST_POINTS = 1 << 23
-"""Largest number of such points in all; areas in very large scenes are coarser."""
+"""Largest number of these points in a scene; areas in very large scenes are coarser."""
 OFFSET = 1e-4
-"""Distance from a surface at which it is looked at [m]."""
+"""Distance of these points from their surface [m]."""
 SMALLEST = 0.02
 """Least edge of a square [m]."""
 AROUND = 32
-"""Directions in which a sensor looks for what its square may not reach into."""
+"""Number of directions in which a sensor looks for surfaces that limit its square."""
 _NONE = 0xFFFFFFFF
 
 
@@ -41,9 +41,9 @@ class CellAreas:
     ----------
     grid : Grid
     row : mi.UInt32
-        Row of every key of the grid, or a mark for none.
+        Row of every key of the grid; `_NONE` without area.
     area : mi.Float
-        Of every row [m²].
+        Area of every row [m²].
     """
 
     grid: Grid
@@ -54,7 +54,7 @@ class CellAreas:
     def of(cls, scene: Scene, grid: Grid, seed: int) -> CellAreas:
         """Measure the areas by points spread evenly over both sides of all diffuse surfaces.
 
-        Points inside closed bodies do not count: looking along the normal they see a back.
+        Points inside closed bodies do not count: a ray along the normal meets a back.
         """
         area = dr.zeros(mi.Float64, len(grid))
         triangles = _triangles([p.quads for p in scene.parts if is_diffuse(p.material)])
@@ -79,13 +79,13 @@ class CellAreas:
         return dr.width(self.area)
 
     def at(self, key: mi.UInt32, active: mi.Bool | bool = True) -> tuple[mi.UInt32, mi.Bool]:
-        """Rows of keys, and whether there are such."""
+        """Rows of keys, and whether they exist."""
         row = dr.gather(mi.UInt32, self.row, key, active)
         return row, (row != _NONE) & active
 
 
 def _triangles(quads: list[np.ndarray]) -> np.ndarray:
-    """Triangles (triangle, 3, 3) of quadrilaterals (quad, 4, 3), without those of no area."""
+    """Triangles (triangle, 3, 3) of positive area that make up quadrilaterals (quad, 4, 3)."""
     q = np.concatenate([np.zeros((0, 4, 3)), *quads])
     triangles = q[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
     return triangles[_sizes(triangles) > 0]
@@ -98,7 +98,7 @@ def _sizes(triangles: np.ndarray) -> np.ndarray:
 
 
 def _spread(triangles: np.ndarray, count: int, seed: int) -> tuple[mi.Point3f, mi.Vector3f]:
-    """Points spread evenly over triangles (triangle, 3, 3), and the normals there."""
+    """Points spread evenly over triangles (triangle, 3, 3), and their normals."""
     corner = triangles[:, 0]
     u, v = triangles[:, 1] - corner, triangles[:, 2] - corner
     normal = np.cross(u, v)
@@ -129,7 +129,7 @@ def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
 
 @dataclass(frozen=True)
 class SensorPlane:
-    """Sensors in one plane, and a raster over it that names those near.
+    """Sensors in one plane, and a raster over it that lists the sensors near each field.
 
     Parameters
     ----------
@@ -138,11 +138,11 @@ class SensorPlane:
     axes : np.ndarray, shape (3, 3)
         Rows: x and y of the raster, and the sensors' normal.
     edge : float
-        Of the raster's fields [m].
+        Edge of the raster's fields [m].
     count : tuple of int
-        Fields along x and y.
-    sensors : np.ndarray, shape (layer, field)
-        Sensors whose square reaches into a field, −1 where there are no more.
+        Number of fields along x and y.
+    sensors : np.ndarray of int, shape (layer, field)
+        Sensors whose square reaches into a field; −1 for none.
     """
 
     origin: np.ndarray
@@ -160,9 +160,9 @@ class Squares:
     ----------
     planes : tuple of SensorPlane
     centre : np.ndarray, shape (sensor, 2)
-        In the raster's axes [m].
+        Centres in the raster's axes [m].
     edge : np.ndarray, shape (sensor,)
-        Of the squares [m].
+        Edges of the squares [m].
     """
 
     planes: tuple[SensorPlane, ...]
@@ -173,8 +173,8 @@ class Squares:
     def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, size: float) -> Squares:
         """Lay squares of at most `size` [m] around sensors.
 
-        None reaches beyond the room, into furniture, or to a neighbour's centre; sensors that are
-        closer than `SMALLEST` to something have it all the same.
+        No square reaches beyond the room, into furniture, or to a neighbour's centre, unless that
+        would make its edge smaller than `SMALLEST`.
         """
         near = 2 * np.minimum(_to_walls(scene, points), _to_things(scene, points, normals))
         if len(points) > 1:
@@ -238,7 +238,7 @@ def _to_walls(scene: Scene, points: np.ndarray) -> np.ndarray:
 
 
 def _to_things(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Distance to what stands in the sensors' planes, in `AROUND` directions [m]."""
+    """Distance to the nearest surface in the sensors' planes, in `AROUND` directions [m]."""
     turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
     lane = dr.arange(mi.UInt32, len(points) * AROUND)
     sensor, angle = lane // AROUND, mi.Float(lane % AROUND) * (2 * np.pi / AROUND)

@@ -1,7 +1,7 @@
 """Deposit by shadow rays: light that comes straight from sky and suns, through clear panes only.
 
-Receivers are points with a facing: sensors, cells, or the faces of scattering panes. For each one
-and every bin of unit radiance this gives the irradiance D [sr].
+Receivers are points with a normal: sensors, cells, or the faces of scattering panes. D [sr] is
+their irradiance per unit radiance of a bin.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
 
 LANES = 1 << 23
-"""Lanes of one launch: large enough to fill a GPU, small enough for memory."""
+"""Number of lanes in one launch: large enough to fill a GPU, small enough for memory."""
 RIM = 8
-"""Directions around a disk's edge: any straight edge that leaves or takes 1.5 % is noticed."""
+"""Directions around a disk's edge: they detect any straight edge that leaves or takes 1.5 %."""
 CLUSTER = 32
-"""Neighbouring suns that are taken or left together."""
+"""Number of neighbouring suns that are traced or skipped together."""
 
 
 @dataclass(frozen=True)
 class Openings:
-    """Where receivers in a room can see out: rectangles (opening, 4, 3), fronts inward [m].
+    """Openings of a room: rectangles (opening, 4, 3), fronts inward [m].
 
-    Rays that miss all of them need not be traced. Nothing is lost: they would meet a wall.
+    Rays that miss all openings are not traced: they would meet a wall.
     """
 
     quads: np.ndarray
 
     @classmethod
     def of(cls, scene: Scene, points: mi.Float) -> Openings | None:
-        """Openings that all points look through; None where that is not known."""
+        """Openings that all points look through; None where a point may lie outside the room."""
         room = scene.enclosure
         if room is None or not room.spares or not room.contains(points):
             return None
@@ -57,7 +57,7 @@ class Openings:
         return n / np.linalg.norm(n, axis=1, keepdims=True)
 
     def passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-        """Whether rays may leave the room; errs on the side of tracing."""
+        """Whether rays may leave the room; in doubt yes."""
         result = mi.Bool(False)
         for quad, normal in zip(self.quads, self.normals, strict=True):
             corner, n = mi.Point3f(*map(float, quad[0])), mi.Vector3f(*map(float, normal))
@@ -72,10 +72,10 @@ class Openings:
         return result
 
     def reached(self, points: np.ndarray, axes: np.ndarray, spread: np.ndarray) -> np.ndarray:
-        """Whether cones of directions may leave the room, shape (point, cone); errs towards yes.
+        """Whether cones of directions may leave the room, shape (point, cone); in doubt yes.
 
-        A ray at δ from an axis of incidence θ meets the wall, at distance h, within
-        h sin δ / (cos θ cos(θ + δ)) of the axis' own point.
+        A ray at angle δ to an axis of incidence θ meets the wall, at distance h, within
+        h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it.
         """
         result = np.zeros((len(points), len(axes)), bool)
         for quad, normal in zip(self.quads, self.normals, strict=True):
@@ -97,7 +97,7 @@ class Openings:
 
 
 def _clusters(directions: np.ndarray) -> np.ndarray:
-    """Cut directions into clusters of neighbours, shape (cluster, CLUSTER), −1 where none is."""
+    """Indices of neighbouring directions, shape (cluster, CLUSTER), padded with −1."""
 
     def sort(index: np.ndarray) -> list[np.ndarray]:
         if len(index) <= CLUSTER:
@@ -114,10 +114,7 @@ def _clusters(directions: np.ndarray) -> np.ndarray:
 def candidates(
     openings: Openings | None, p: np.ndarray, n: np.ndarray, suns: np.ndarray, radius: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pairs of receiver and cluster of suns that may see each other, and the clusters.
-
-    Most pairs of a receiver and a sun face away from each other or have a wall between them.
-    """
+    """Receivers and clusters of suns that may see each other, pair by pair, and the clusters."""
     clusters = _clusters(suns)
     members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
     axes = members.mean(axis=1)
@@ -132,9 +129,9 @@ def candidates(
 
 
 def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter: float) -> mi.Bool:
-    """Whether a slit may show the inside of a sun's disk and nothing of its edge, by point and sun.
+    """Whether a slit may show a sun's disk without its edge, flat (point, sun).
 
-    Where every opening is wider than a disk's image across the room, there is none.
+    There is no such slit where every opening is wider than a disk's image across the room.
     """
     room, radius = scene.enclosure, np.radians(diameter) / 2
     if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
@@ -145,7 +142,7 @@ def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter
 
 
 def sun_numbers(suns: np.ndarray) -> np.ndarray:
-    """Seeds of random numbers of suns (sun, 3), the same whichever others are simulated."""
+    """Seeds of the random numbers of suns (sun, 3); they depend on the direction only."""
     directions = np.ascontiguousarray(suns, np.float32)
     return np.array([crc32(direction.tobytes()) for direction in directions], np.uint32)
 
@@ -153,7 +150,7 @@ def sun_numbers(suns: np.ndarray) -> np.ndarray:
 def straight(
     scene: Scene, openings: Openings | None, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool
 ) -> mi.Float:
-    """Transmittance from points to the sky: 0 behind anything opaque, else the panes' product."""
+    """Transmittance from points to the sky: product over clear panes; 0 behind opaque surfaces."""
     if openings is not None:
         active = active & openings.passed(p, d)
     scene.ray_counter.add("shadow", active, dr.width(d))
@@ -174,15 +171,14 @@ def sky_deposit(
     ----------
     scene : Scene
     points, normals : mi.Float
-        Positions (off their surface) and normals, three numbers a point.
+        Positions (off their surface) [m] and normals, three numbers a point.
     subdivision : int
         Reinhart's factor MF.
     rays : int
-        Rays from a point, cosine-distributed and stratified.
+        Number of rays from a point, cosine-distributed and stratified.
     seed : int
     numbers : mi.UInt32, optional
-        Seeds of the points' random numbers, the same whatever else is in the launch; by default
-        0, 1, … .
+        Seeds of the points' random numbers, independent of the launch; by default 0, 1, … .
 
     Returns
     -------
@@ -222,7 +218,7 @@ def sun_deposit(
     ----------
     scene : Scene
     points, normals : mi.Float
-        Positions (off their surface) and normals, three numbers a point.
+        Positions (off their surface) [m] and normals, three numbers a point.
     suns : np.ndarray, shape (sun, 3)
         Unit vectors to the suns.
     diameter : float
@@ -231,7 +227,7 @@ def sun_deposit(
         Directions drawn from the disk for every point and sun.
     seed : int
     rim : int, optional
-        Take one direction instead, the rim-th of `RIM` around the disk's edge.
+        Index of the one direction to take instead, of `RIM` around the disk's edge.
     numbers : mi.UInt32, optional
         As for `sky_deposit`.
 
@@ -279,7 +275,7 @@ def _anywhere(
     centre: mi.Vector3f, diameter: float, number: mi.UInt32, place: mi.UInt32, samples: int,
     seed: int,
 ) -> list[mi.Vector3f]:  # fmt: skip
-    """Directions drawn from disks, for numbers of points and of suns."""
+    """Directions drawn from disks, by the seeds of points and of suns."""
     bits = (random_bits(number, seed + i, place) for i in range(samples))
     uv = (mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in each)) for each in bits)
     return [sample_disk(centre, diameter, each) for each in uv]
@@ -311,19 +307,19 @@ def pair_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, pairs: mi.UInt32, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
 ) -> mi.Float:  # fmt: skip
-    """`sun_deposit` of chosen entries only.
+    """Compute chosen entries of `sun_deposit`.
 
     Parameters
     ----------
     pairs : mi.UInt32
-        Entries, numbered point · suns + sun.
+        Entries point · suns + sun.
     scene, points, normals, suns, diameter, samples, seed, numbers
         As for `sun_deposit`.
 
     Returns
     -------
-    mi.Float
-        D [sr] of each pair.
+    mi.Float, shape (pair,)
+        D [sr].
     """
     openings = Openings.of(scene, points)
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())

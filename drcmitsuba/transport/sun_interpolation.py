@@ -1,10 +1,10 @@
 """Adaptive suns: straight light at every time stamp, all other light between suns of a mesh.
 
-Straight sun jumps at the edges of shadows, so it is traced for every time stamp. What films scatter
-and what the room interreflects changes slowly with the sun, mostly: there coefficients of a mesh of
-suns are interpolated. A triangle of the mesh is tested with suns half way along its edges; where
-the interpolation misses them by more than the tolerance, its children are tested in turn. The mesh
-covers all suns that the place can have and knows nothing of weather or time stamps.
+Straight sun jumps at the edges of shadows, so it is traced for every time stamp. Scattered and
+interreflected light mostly changes slowly with the sun: its coefficients are interpolated between
+suns of a mesh. A triangle of the mesh is tested with suns half way along its edges; where the
+interpolation errs by more than the tolerance, its children are tested in turn. The mesh covers all
+suns that are possible at the place, independent of weather and time stamps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drcmitsuba.sky.sun_models import Blend, Suns, mesh
 from drcmitsuba.transport.coefficients import compute, straight_suns
 
 HELD_OUT = 48
-"""Suns that the interpolation is checked with and that never serve it."""
+"""Number of suns that only check the interpolation."""
 
 
 class _Nodes:
@@ -31,7 +31,7 @@ class _Nodes:
         self.C, self.labels = C, mesh_of(C)
 
     def missing(self, nodes: np.ndarray) -> np.ndarray:
-        """Nodes of an array (…, 2) that are not known yet, each once."""
+        """Distinct nodes of an array (…, 2) that are not known yet."""
         each, known = np.unique(nodes.reshape(-1, 2), axis=0), set(self.labels)
         return each[[mesh.label(node) not in known for node in each]]
 
@@ -50,7 +50,7 @@ class _Nodes:
 
 
 def _scale(replicates: np.ndarray) -> float:
-    """RMS of coefficients (replicate, sensor, sun) over the sensors and the suns that give any."""
+    """RMS of coefficients (replicate, sensor, sun) over the sensors and the suns with light."""
     mean = replicates.mean(axis=0)
     lit = mean.any(axis=0)
     return float(np.sqrt((mean[:, lit] ** 2).mean())) if lit.any() else 0.0
@@ -76,16 +76,13 @@ def _held_out(accuracy: Accuracy, possible: np.ndarray, diameter: float) -> Suns
 
 
 def _squared_error(difference: np.ndarray, axis: int | None = None) -> np.ndarray:
-    """Mean over `axis` of squared differences, without what their noise adds.
-
-    The mean of n replicates has the variance s²/n, which is part of its square.
-    """
+    """Mean over `axis` of squared differences, less the variance s²/n of n replicates."""
     mean, noise = difference.mean(axis=0), difference.var(axis=0, ddof=1) / len(difference)
     return np.maximum((mean**2 - noise).mean(axis=axis), 0)
 
 
 def _miss(nodes: _Nodes, corners: np.ndarray) -> np.ndarray:
-    """RMS over the sensors by which triangles (n, 3, 2) miss the middles of their edges, (n,)."""
+    """RMS error over the sensors at the worst edge midpoint of triangles (n, 3, 2), (n,)."""
     worst = np.zeros(len(corners))
     for i, middle in enumerate(np.moveaxis(mesh.midpoints(corners), 1, 0)):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -113,22 +110,22 @@ def meshed(
     diameter : float
         Angle across the sun [deg].
     latitude : float
-        Of the place [deg north].
+        Latitude of the place [deg north].
     tolerance : float
-        Error that interpolation may make half way between two suns of the mesh: RMS over the
+        Largest error of interpolation half way between two suns of the mesh: RMS over the
         sensors, relative to the RMS over sensors and suns of the interpolated coefficients.
     finest : int
-        Level that the mesh is not refined beyond.
+        Finest level of the mesh.
     known : tuple of str
-        Suns of the mesh, as chosen for another state of the façade; none is added then.
+        Suns of the mesh for another state of the façade, which are taken without refinement.
 
     Returns
     -------
     xr.Dataset
-        As from `compute`, with the mesh's suns among the bins, all of them without straight light,
-        and `mesh_error` (sensor) [sr]: RMS error of interpolation at suns that are not of the mesh.
-        Attributes `mesh_suns`, their number, and `mesh_miss`, that error over all sensors relative
-        to the RMS of the coefficients.
+        As from `compute`, with the mesh's suns, without straight light, among the bins, and
+        `mesh_error` (sensor) [sr]: RMS error of interpolation at suns outside the mesh. Attributes:
+        `mesh_suns`, the number of suns, and `mesh_miss`, the error over all sensors relative to the
+        RMS of the coefficients.
     """
     possible = mesh.possible_suns(latitude)
     held_out = _held_out(accuracy, possible, diameter)
@@ -170,16 +167,21 @@ def with_straight(
     C: xr.Dataset, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns,
     accuracy: Accuracy,
 ) -> xr.Dataset:  # fmt: skip
-    """Add `sun_straight` and `sun_straight_se` (sensor, sun) [sr]: suns that sensors see straight.
+    """Add C of straight sun.
 
     Parameters
     ----------
     C : xr.Dataset
-        From `meshed`; suns that it has already are replaced.
+        Coefficients from `meshed`; the coordinate `sun` is replaced.
     suns : Suns
-        Those of the time stamps.
+        Suns of the time stamps.
     scene, points, normals, accuracy
         As for `coefficients.compute`.
+
+    Returns
+    -------
+    xr.Dataset
+        C with `sun_straight` and `sun_straight_se` (sensor, sun) [sr].
     """
     mean, error = straight_suns(scene, points, normals, suns, accuracy)
     C = C.drop_dims("sun", errors="ignore")

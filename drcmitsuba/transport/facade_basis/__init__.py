@@ -1,13 +1,13 @@
 """Façade basis: coefficients by tile and material, from which any composition is recombined.
 
 facade
-    Tiles, the materials that may fill them, and what paths remember of them.
+    Tiles, the materials that may fill them, and the marks of paths that met them.
 tiling
     How a façade is cut into tiles.
 views
-    What receivers see through one tile at a time.
+    Irradiance of receivers by way of one tile at a time.
 basis
-    What was computed, and the coefficients of a composition.
+    Result of a computation, and the coefficients of a composition.
 simulate
     From a room to its basis.
 year

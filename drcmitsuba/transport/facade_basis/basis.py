@@ -19,12 +19,13 @@ class Returned(NamedTuple):
     Parameters
     ----------
     row : np.ndarray of int
-        group · sensors + sensor.
+        Sensor and group of the path: group · sensors + sensor.
     block : np.ndarray of int
         Block of cells that the vertex lies in.
     mark : np.ndarray of int
-        The elements that the path met, see `facade.Meetings`.
+        Elements that the path met, see `facade.Meetings`.
     weight : np.ndarray of float
+        Throughput, to be multiplied by the shares of those elements.
     """
 
     row: np.ndarray
@@ -33,7 +34,7 @@ class Returned(NamedTuple):
     weight: np.ndarray
 
     def weighed(self, share: np.ndarray) -> np.ndarray:
-        """Weights for a composition: each times the shares of the elements that it met."""
+        """Weights times the shares of the elements that the paths met, shape (vertex,)."""
         factor = np.concatenate([[1.0], share.ravel()]).astype(np.float32)
         weight = self.weight
         for i in range(HITS):
@@ -50,24 +51,25 @@ class Basis:
     tiles : Tiles
     palette : Palette
     points : np.ndarray, shape (sensor, 3)
-        [m].
+        Positions of the sensors [m].
     labels : tuple of str
         Bins: ground, sky patches, and the suns before the façade.
     suns : tuple of str
-        All suns; those behind the façade have coefficients of 0.
+        All suns; C of the suns behind the façade is 0.
     elements : np.ndarray of int, shape (element,)
         tile · materials + material of every element that lets light in.
     straight_elements : np.ndarray of int
-        Those that straight light passes.
+        Elements that straight light passes.
     total : np.ndarray, shape (element, group, bin, sensor)
-        C of a tile filled with the material all over, without what the façade sends back [sr].
+        C of a tile filled with one material, without light that the façade sends back [sr].
     direct : np.ndarray or None
-        The part of it that met no diffuse surface; not kept where there is one group only.
+        Part of `total` that met no diffuse surface [sr]; None with a single group.
     straight : np.ndarray, shape (straight element, group, bin, sensor)
-        The part that comes straight [sr].
+        Part of `total` that comes straight [sr].
     grouped : np.ndarray, shape (element, group, bin, block)
         Mean D of blocks of cells [sr].
     returned : Returned
+        Vertices of paths that met the façade.
     """
 
     tiles: Tiles
@@ -85,7 +87,7 @@ class Basis:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes [bytes]."""
+        """Memory of the arrays [bytes]."""
         arrays = (self.total, self.direct, self.straight, self.grouped, *self.returned)
         return sum(a.nbytes for a in arrays if a is not None)
 
@@ -101,19 +103,24 @@ class Basis:
         return np.stack([d @ g.T for d, g in zip(D, G, strict=True)])
 
     def totals(self, share: np.ndarray) -> np.ndarray:
-        """C of a composition, shape (group, bin, sensor) [sr].
+        """Compute C of a composition.
 
         Parameters
         ----------
         share : np.ndarray, shape (tile, material)
             Shares of the tiles' area; rows sum to 1.
+
+        Returns
+        -------
+        np.ndarray, shape (group, bin, sensor)
+            C [sr].
         """
         return _mixed(share.ravel()[self.elements], self.total) + self.sent_back(share)
 
     def coefficients(self, share: np.ndarray) -> xr.Dataset:
         """Coefficients of one state of a composition, as from `coefficients.compute`.
 
-        Bins are all of the sky and all suns. A basis with one group has no standard errors.
+        The bins are ground, sky patches and all suns. A basis needs two groups or more.
         """
         total = self.totals(share)
         assert self.direct is not None, "kept with two groups or more"
@@ -125,7 +132,7 @@ class Basis:
         column = positions(labels, self.labels, missing=-1)
 
         def whole(values: np.ndarray) -> np.ndarray:
-            """(…, bin, sensor) to (…, sensor, all bins)."""
+            """Reorder (…, bin, sensor) to (…, sensor, all bins)."""
             out = np.moveaxis(values, -2, -1)[..., column]
             out[..., column < 0] = 0
             return out

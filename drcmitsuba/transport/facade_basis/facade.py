@@ -1,8 +1,8 @@
-"""Façade of a basis: tiles, the materials that may fill them, and what paths remember of them.
+"""Façade of a basis: tiles, the materials that may fill them, and the marks of paths.
 
-An *element* is one tile filled with one material. What comes in through the façade is a sum over
-elements; what the room sends back to it is weighed by the elements that it met, up to `HITS` of
-them in a row.
+An *element* is one tile filled with one material. Light that comes in through the façade is a sum
+over elements; light that the room sends back to the façade is weighed by the elements that it met,
+up to `HITS` of them in a row.
 """
 
 from __future__ import annotations
@@ -24,23 +24,24 @@ from drcmitsuba.scene.scene import quad_mesh
 FRAME = "(frame)"
 """Name of the opaque frame around panes among the materials of tiles."""
 HITS = 3
-"""Times that a path may meet the façade; what would meet it oftener, some 10⁻⁵ of E, is lost."""
+"""Times that a path may meet the façade; light that meets it oftener, some 10⁻⁵ of E, is lost."""
 BITS = 10
+"""Bits of a path's mark for each element that it met."""
 MOST_ELEMENTS = (1 << BITS) - 1
 
 
 @dataclass(frozen=True)
 class Tiles:
-    """Rectangles of a façade, grouped to tiles that are always of one composition.
+    """Rectangles of a façade, grouped into tiles; a tile has one composition.
 
     Parameters
     ----------
     rectangles : np.ndarray, shape (rectangle, 4)
-        Left, right, bottom and top on the façade, seen from outside where its foot begins [m].
+        Left, right, bottom and top on the façade, from the foot of the wall [m].
     tile : np.ndarray of int, shape (rectangle,)
-        Tile of each of them.
+        Tile of each rectangle.
     quads : np.ndarray, shape (rectangle, 4, 3)
-        The same in the world, fronts into the room [m].
+        Corners of the rectangles in the world, fronts into the room [m].
     """
 
     rectangles: np.ndarray
@@ -85,13 +86,13 @@ class Palette:
     Parameters
     ----------
     materials : dict
-        By name; `open`, a hole, is None.
+        Materials by name; `open`, a hole, is None.
     shade : str or None
-        The one that stands before clear tiles where the shade is closed.
+        Name of the material that stands before clear tiles while the shade is closed.
     allowed : np.ndarray of bool, shape (tile, material)
-        Which of them a tile may be filled with.
+        Materials that each tile may be filled with.
     own_shade : bool
-        Whether that material may fill a tile also where the shade is open.
+        Whether the shade's material may fill a tile also while the shade is open.
     """
 
     materials: Mapping[str, SurfaceMaterial | None]
@@ -136,7 +137,7 @@ class Palette:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Columns of a composition."""
+        """Names of the materials, the columns of a composition."""
         return tuple(self.materials)
 
     @cached_property
@@ -180,12 +181,12 @@ def _material(case: Case, name: str, frame: Reflectance) -> SurfaceMaterial | No
 
 
 def _is_clear(material: SurfaceMaterial | None) -> bool:
-    """Whether the shade covers a material: clear panes and holes."""
+    """Whether the shade covers a material: it covers clear panes and holes."""
     return material is None or isinstance(material, GlazingMaterial)
 
 
 def _mirrors(material: SurfaceMaterial | None) -> bool:
-    """Whether a material sends anything back into the room."""
+    """Whether a material sends light back into the room."""
     if isinstance(material, Lambertian):
         return np.max(material.reflectance) > 0
     if isinstance(material, GlazingMaterial | DiffuserMaterial):
@@ -194,23 +195,23 @@ def _mirrors(material: SurfaceMaterial | None) -> bool:
 
 
 class Meetings:
-    """Marks of paths that meet tiles whose material is open: `gather.Marks`.
+    """Marks of paths that meet tiles whose material is left open: a `gather.Marks`.
 
-    At a tile one of its materials is drawn, and its element is kept in the path's mark, `BITS` for
-    each of up to `HITS` meetings, so that the path can be weighed for any composition:
-    weight · Π share[element]. The weight has the inverse of the chance of the draw in it.
+    At a tile one of its materials is drawn, and the element is stored in the path's mark, `BITS`
+    for each of up to `HITS` meetings. The weight, which includes the inverse of the draw's
+    probability, times Π share[element] holds for any composition.
     """
 
     def __init__(self, tiles: Tiles, palette: Palette, channel: int = 0) -> None:
         self.mesh = quad_mesh("façade", tiles.quads)
         self.context = mi.BSDFContext()
-        reflected = mi.BSDFFlags.Reflection  # what leaves the room meets nothing
+        reflected = mi.BSDFFlags.Reflection  # a path that leaves the room meets nothing
         self.context.type_mask = +reflected
         self._facade = mi.ShapePtr(self.mesh)
         mirrors = np.array([_mirrors(m) for m in palette.materials.values()])
         choices = palette.allowed & mirrors
         self._count = mi.UInt32(choices.sum(axis=1).astype(np.uint32))
-        order = np.argsort(~choices, axis=1, kind="stable")  # those that can be chosen come first
+        order = np.argsort(~choices, axis=1, kind="stable")  # possible choices first
         self._choice = mi.UInt32(order.astype(np.uint32).ravel())
         self._tile = mi.UInt32(tiles.tile.astype(np.uint32))
         self._materials = len(mirrors)
@@ -239,5 +240,5 @@ class Meetings:
 
 
 def elements(mark: mi.UInt32) -> list[mi.UInt32]:
-    """Elements that a path met, one more than their number; 0 where it met none or no more."""
+    """Elements that a path met, counted from 1; 0 for no meeting."""
     return [(mark >> (BITS * i)) & MOST_ELEMENTS for i in range(HITS)]

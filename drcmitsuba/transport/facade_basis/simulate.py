@@ -2,11 +2,11 @@ r"""From a room to its façade basis: the coefficients of every element, in one 
 
 .. math:: C(a) = \sum_e a_e \, (S_e + G_0 D_e) + G_r(a) \sum_e a_e D_e
 
-with a the composition (the share that every element e, one tile filled with one material, has of
-its tile), S and D the deposit on sensors and cells that came in by the element, and G₀ the paths
-that never met the façade from inside. Those that did, G_r, know which elements they met, and their
-weight is a product of shares (`facade.Meetings`). They carry some per cent of the light, so they
-take D as the mean over blocks of cells of `BLOCK` edges.
+with a the composition (the share of its tile that every element e, one tile filled with one
+material, fills), S and D the deposit on sensors and cells that came in by the element, and G₀ the
+paths that never met the façade from inside. Paths G_r that did meet it store which elements they
+met; their weight is a product of shares (`facade.Meetings`). They carry some per cent of the light
+and take D as the mean over blocks of cells, `BLOCK` cells along each edge.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ from drcmitsuba.transport.facade_basis.views import Glow, Spread, Straight, Tile
 from drcmitsuba.transport.gather import gather
 
 BLOCK = 3
-"""Edge of the blocks of cells that light which the façade sends back is taken from."""
+"""Cells along an edge of the blocks that give D to light sent back by the façade."""
 MOST_BYTES = 8 << 30
+"""Largest memory of a basis [bytes]."""
 
 
 def compute(
@@ -56,19 +57,21 @@ def compute(
     wall : Wall
     tiles : Tiles
     palette : Palette
-        What the tiles may be filled with.
+        Materials that the tiles may be filled with.
     suns : Suns
     accuracy : Accuracy
     groups : int, optional
-        Independent results that are kept apart, for standard errors; a divisor of the replicates,
-        all of which are used. Without it each replicate is kept.
+        Number of independent results to keep, for standard errors; a divisor of the number of
+        replicates. By default each replicate is kept.
     subdivision : int
         Reinhart's factor MF.
     progress : callable
+        Takes the share of the work that is done.
 
     Returns
     -------
     Basis
+        Coefficients of every element [sr].
 
     Raises
     ------
@@ -78,7 +81,7 @@ def compute(
 
     Notes
     -----
-    Light that a film gets from the room's side is not in D (there is none behind one façade).
+    D leaves out light that a film gets from the room's side: behind one façade there is none.
     """
     case = wall.case
     groups = accuracy.replicates if groups is None else groups
@@ -90,7 +93,7 @@ def compute(
     bins = len(Patches(subdivision)) + len(reaching.labels)
     elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
     kinds = 3 if groups > 1 else 2  # total, direct, straight
-    paths_at_once = 12 * accuracy.replicates * accuracy.paths  # numbers kept of a sensor's paths
+    paths_at_once = 12 * accuracy.replicates * accuracy.paths  # numbers kept per sensor
     entries = len(points) * (kinds * len(elements) * groups * bins + 5 * paths_at_once)
     _check_size(case, entries)
     meetings = Meetings(tiles, palette)
@@ -157,7 +160,7 @@ def _check_size(case: Case, entries: int) -> None:
 
 
 def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[TiledRoom, scene.Scene]:
-    """The room without its tiles, for views, and as a scene."""
+    """Room without its tiles: for the views of `views`, and as a scene."""
     case, room = wall.case, wall.case.room
     assert room is not None
     case.refuse_components("a façade basis")
@@ -194,14 +197,14 @@ class _Receivers(NamedTuple):
 
 
 class _Paths:
-    """Gather paths of all groups, sorted into those that met the façade and those that did not."""
+    """Gather paths of all groups, split by whether they met the façade from inside."""
 
     def __init__(self, vertices: Vertices, cells: Cells, sensors: int, draws: int) -> None:
         self.vertices, self.cells, self.sensors, self.draws = vertices, cells, sensors, draws
         self.cell = cells.of(vertices)
         block, self.blocks = _blocks(cells)
         met = _marks(vertices) > 0
-        # How often paths that met the façade came to each cell tells how much of its block it is.
+        # A cell's share of its block: its share of the visits by paths that met the façade.
         visits = dr.zeros(mi.Float64, cells.count)
         dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, met)
         of_block = dr.zeros(mi.Float64, self.blocks)
@@ -243,7 +246,7 @@ def _marks(vertices: Vertices) -> mi.UInt32:
 
 
 def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
-    """Block of every cell, and their number."""
+    """Block of every cell, and the number of blocks."""
     grid = cells.grid
     key = dr.compress(cells.index < cells.count)
     nx, ny, _ = grid.count
@@ -266,7 +269,7 @@ def _elements(
     points: np.ndarray,
     normals: np.ndarray,
 ) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:
-    """Deposit of a group by way of every element: on sensors, straight first, and on cells."""
+    """Element, its deposit in one group on sensors (straight part first), and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
     p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
     on_sensors = _Receivers([p] * len(draws), [n] * len(draws))
@@ -294,7 +297,7 @@ def _straight(
     sensors: _Receivers,
     cells: _Receivers,
 ) -> Callable[[int], tuple[Irradiance, Irradiance]]:
-    """Straight light by one tile of a material, to sensors and cells."""
+    """Make the function that gives D on sensors and cells by straight light through a tile."""
     view, a = Straight.of(room, m, base), base.accuracy
 
     def of(tile: int) -> tuple[Irradiance, Irradiance]:
@@ -321,7 +324,7 @@ def _scattered(
     sensors: _Receivers,
     cells: _Receivers,
 ) -> Callable[[int], tuple[Irradiance, Irradiance]]:
-    """Light that one tile of a material scatters, to sensors and cells."""
+    """Make the function that gives D on sensors and cells by light that a tile scatters."""
     film = isinstance(tuple(room.palette.materials.values())[m], BsdfMaterial)
     view: type[Glow] | type[Spread] = Glow if film else Spread
     scene = view.scene(room, m)

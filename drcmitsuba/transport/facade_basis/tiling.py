@@ -1,4 +1,4 @@
-"""How façades are cut into tiles: by what some variants of a case have in common, or by a grid."""
+"""How façades are cut into tiles: along the edges of several variants of a case, or by a grid."""
 
 from __future__ import annotations
 
@@ -38,13 +38,7 @@ class Wall:
 
 
 def side_of(cases: Sequence[Case]) -> Side:
-    """The one side with windows.
-
-    Raises
-    ------
-    InputError
-        There is no room, no window, or windows in several sides.
-    """
+    """Name of the one side with windows; refuse none or several, and cases without a room."""
     first = cases[0]
     sides = {side for case in cases for side in case.glazed}
     if first.room is None or not sides:
@@ -56,15 +50,20 @@ def side_of(cases: Sequence[Case]) -> Side:
 
 
 def material_at(facade: Facade, length: float, x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Name of what fills a façade at points, shape (point,); `FRAME` for its frames.
+    """Name the material of a façade at points.
 
     Parameters
     ----------
     facade : Facade
     length : float
-        Of the wall [m].
+        Length of the wall [m].
     x, z : np.ndarray, shape (point,)
-        From the foot of the wall, and up [m].
+        Position along the wall from its foot, and height [m].
+
+    Returns
+    -------
+    np.ndarray of str, shape (point,)
+        `FRAME` on frames.
     """
     names = np.full(len(x), "wall", dtype=object)
     width, half = length / facade.segments, facade.frame / 2
@@ -83,20 +82,20 @@ def material_at(facade: Facade, length: float, x: np.ndarray, z: np.ndarray) -> 
 
 
 def _cut(edges: set[float], low: float, high: float) -> np.ndarray:
-    """Sorted edges within bounds; those closer than 10 µm are one."""
+    """Sorted edges within bounds; edges closer than 10 µm are merged."""
     all_edges = np.array(sorted({low, high, *(e for e in edges if low < e < high)}))
     return all_edges[np.r_[True, np.diff(all_edges) > 1e-5]]
 
 
 def _rectangles(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """All rectangles between edges, shape (rectangle, 4), rows of equal height one by one."""
+    """Rectangles between the edges x and z, shape (rectangle, 4), row by row from below."""
     left, bottom = (a.ravel() for a in np.meshgrid(x[:-1], z[:-1]))
     right, top = (a.ravel() for a in np.meshgrid(x[1:], z[1:]))
     return np.stack([left, right, bottom, top], axis=1)
 
 
 def _edges(facade: Facade, length: float) -> tuple[set[float], set[float]]:
-    """Edges along and up a façade at which its material may change."""
+    """Edges along and up a façade where its material may change [m]."""
     half = facade.frame / 2
     borders = np.arange(facade.segments + 1) * length / facade.segments
     x = {float(b + s) for b in borders for s in (-half, 0, half)}
@@ -110,21 +109,21 @@ def _edges(facade: Facade, length: float) -> tuple[set[float], set[float]]:
 
 
 def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.ndarray]]:
-    """Tiles that are of one material in each of some variants, and what the variants are made of.
+    """Cut a façade into tiles that have one material in each of several variants.
 
     Parameters
     ----------
     cases : sequence of Case
-        Alike but for their façades.
+        Variants that differ only in their façades.
 
     Returns
     -------
     wall : Wall
     tiles : Tiles
     palette : Palette
-        Every tile may be filled with what it is in some variant.
+        Every tile may be filled with the materials that it has in the variants.
     shares : list of np.ndarray, shape (tile, material)
-        Compositions of the variants, the shade open.
+        Compositions of the variants with the shade open.
 
     Raises
     ------
@@ -197,14 +196,16 @@ def of_grid(
     heights : np.ndarray
         Edges of the strips, from the lowest to the highest [m].
     segments : int
-        Equal parts that strips are cut into along the wall.
+        Number of equal parts that strips are cut into along the wall.
     materials : tuple of str
+        Names of the materials.
 
     Returns
     -------
     tiles : Tiles
-        Strip by strip from below, segments from the foot of the wall.
+        Tiles strip by strip from below, segments from the foot of the wall.
     palette : Palette
+        All materials for every tile.
     """
     length, _ = wall.size
     rectangles = _rectangles(np.linspace(0, length, segments + 1), np.asarray(heights, float))
@@ -215,7 +216,7 @@ def of_grid(
 
 
 def wall_around(wall: Wall, tiles: Tiles) -> np.ndarray:
-    """What the tiles leave of a wall, quadrilaterals (quad, 4, 3), fronts into the room [m]."""
+    """Rest of a wall beside the tiles, shape (quad, 4, 3), fronts into the room [m]."""
     length, height = wall.size
     left, right, bottom, top = tiles.rectangles.T
     x = _cut({*map(float, left), *map(float, right)}, 0.0, length)

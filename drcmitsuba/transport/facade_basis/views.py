@@ -1,7 +1,7 @@
-"""What receivers see through one tile of a façade at a time, filled with one material.
+"""Irradiance of receivers by way of one tile of a façade at a time, filled with one material.
 
-Light that comes in has crossed exactly one tile, so D splits by it. Each class here looks at the
-façade filled with one material throughout, in one replicate, and tells the part of each tile.
+Light that comes in has crossed exactly one tile, so D is a sum over tiles. Each class fills the
+façade with one material throughout, in one replicate, and gives the part of D of each tile.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from drcmitsuba.transport.panes import PanePatches
 
 
 class _AllWithin(Enclosure):
-    """Enclosure of receivers that are known to lie in the room."""
+    """Enclosure whose receivers are known to lie in the room."""
 
     def contains(self, points: mi.Float) -> bool:
-        """Spare the look at every point, which takes longer than the rays of one tile."""
+        """Skip the test of every point, which takes longer than the rays of one tile."""
         return True
 
 
@@ -39,14 +39,15 @@ class TiledRoom:
     Parameters
     ----------
     shapes : tuple of mi.Shape
-        All of the room but the tiles.
+        Surfaces of the room without the tiles.
     corners : np.ndarray, shape (corner, 3)
-        Of the room and the tiles [m].
+        Corners of the room and the tiles [m].
     enclosure : Enclosure
-        Without openings.
+        Enclosure without openings.
     tiles : Tiles
     palette : Palette
     channel : int
+        Colour channel.
     """
 
     shapes: tuple[mi.Shape, ...]
@@ -62,7 +63,7 @@ class TiledRoom:
         return mi.load_dict({"type": "scene", **shapes}, optimize=False)
 
     def with_openings(self, tiles: np.ndarray, clear: mi.Scene | None = None) -> Scene:
-        """Room closed but for some tiles, (tile,) of bool, which clear panes may cover."""
+        """Room whose openings are the `tiles`, a mask (tile,), which clear panes may cover."""
         is_open = tiles[self.tiles.tile]
         closed = self.tiles.quads[~is_open]
         opaque = self.scene(*([quad_mesh("closed", closed)] if len(closed) else []))
@@ -71,12 +72,12 @@ class TiledRoom:
         return Scene(opaque, opaque, clear, (), (), self.corners, enclosure)
 
     def with_panes(self, material: int) -> Scene:
-        """Room whose panes of a material hide nothing: they are what is looked at."""
+        """Room with openings in place of the panes of a material, so that they hide nothing."""
         scene = self.with_openings(self.palette.allowed[:, material])
         return replace(scene, enclosure=self.enclosure)
 
     def quads(self, material: int) -> np.ndarray:
-        """Rectangles that a material may fill, (rectangle, 4, 3)."""
+        """Rectangles that a material may fill, shape (rectangle, 4, 3) [m]."""
         return self.tiles.quads[self.palette.allowed[self.tiles.tile, material]]
 
     def tile_of(self, patches: PanePatches) -> np.ndarray:
@@ -104,14 +105,14 @@ def _subset(part: mi.TensorXf, columns: mi.UInt32) -> mi.TensorXf:
 
 @dataclass(frozen=True)
 class Straight:
-    """Straight light, through tiles of one clear material."""
+    """Straight light through tiles of one clear material."""
 
     base: Deposit
     scenes: dict[int, Scene]
 
     @classmethod
     def of(cls, room: TiledRoom, material: int, base: Deposit) -> Straight:
-        """Look through each of the tiles that the material may fill."""
+        """Make the scene of each tile that the material may fill."""
         kind = tuple(room.palette.materials.values())[material]
         pane = None if kind is None else mi.load_dict(bsdf(kind, room.channel))
         scenes = {}
@@ -127,14 +128,14 @@ class Straight:
     def part(
         self, tile: int, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, samples: int
     ) -> Irradiance:
-        """D of receivers by way of one tile."""
+        """D of receivers by way of one tile [sr]."""
         deposit = replace(self.base, scene=self.scenes[tile])
         return deposit.straight(p, n, key, sky_rays, samples)
 
 
 @dataclass(frozen=True)
 class Glow:
-    """Light of films that receivers look at, in one replicate."""
+    """Light that films send to receivers, in one replicate."""
 
     films: Films
     deposit: Deposit
@@ -152,21 +153,21 @@ class Glow:
 
     @classmethod
     def lit(cls, scene: Scene, base: Deposit, replicate: int, material: int) -> Deposit:
-        """Find what reaches the film."""
+        """Compute D on the film."""
         size = 2 * base.accuracy.cell_size
         films = Films.of(scene, size, base.suns, base.diameter)
         return replace(base, scene=scene, films=films).lit(replicate, material)
 
     @classmethod
     def seen(cls, room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Glow:
-        """Look at a film from receivers."""
+        """Draw directions from receivers to the film."""
         assert lit.films is not None
         rays = lit.accuracy.pane_points
         looked = lit.films.looked(p, n, rays=rays, seed=lit.seed(key, Draw.FILMS))
         return cls(lit.films, lit, looked, room.tile_of(lit.films.patches))
 
     def part(self, tile: int) -> Irradiance:
-        """D of the receivers by way of one tile."""
+        """D of the receivers by way of one tile [sr]."""
         assert self.deposit.on_films is not None
         directions = self.looked.of(self.tile_of == tile)
         return Irradiance(*self.films.sent(directions, self.deposit.on_films))
@@ -174,7 +175,7 @@ class Glow:
 
 @dataclass(frozen=True)
 class Spread:
-    """Light of panes that scatter evenly, in one replicate."""
+    """Light that diffusing panes send to receivers, in one replicate."""
 
     deposit: Deposit
     transfer: mi.TensorXf
@@ -191,19 +192,19 @@ class Spread:
 
     @classmethod
     def lit(cls, scene: Scene, base: Deposit, replicate: int, material: int) -> Deposit:
-        """Find what reaches the panes."""
+        """Compute D on the panes."""
         quads = [panes.quads for panes in scene.scattering]
         patches = PanePatches.of(quads, 2 * base.accuracy.cell_size)
         return replace(base, scene=scene, patches=patches).lit(replicate, material)
 
     @classmethod
     def seen(cls, room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Spread:
-        """Look at the panes from receivers."""
+        """Compute the transfer K from the panes to receivers."""
         assert lit.patches is not None
         return cls(lit, lit.transfer(p, n, key), room.tile_of(lit.patches))
 
     def part(self, tile: int) -> Irradiance:
-        """D of the receivers by way of one tile."""
+        """D of the receivers by way of one tile [sr]."""
         assert self.deposit.faces is not None
         patches = np.flatnonzero(self.tile_of == tile)
         columns = mi.UInt32(np.stack([2 * patches, 2 * patches + 1], axis=1).ravel())

@@ -1,6 +1,6 @@
 """A basis under a sky: the illuminance of a period by any composition, with gradients.
 
-The plain form of what happens here is `Basis.totals`, followed by `accumulate.by_source`.
+`Basis.totals`, followed by `accumulate.by_source`, gives the same without gradients.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from drcmitsuba.transport.facade_basis.facade import Palette, Tiles, elements
 Rows = tuple[Any, ...]
 """Arrays (mi.Float) of equal length, one for each element."""
 AT_ONCE = 64
-"""Arrays that one kernel reads."""
+"""Number of arrays that one kernel reads."""
 
 
 class Illuminances(NamedTuple):
@@ -31,9 +31,9 @@ class Illuminances(NamedTuple):
     Parameters
     ----------
     open, shaded : mi.TensorXf
-        With the shade open, and before all clear tiles.
+        E with the shade open, and with the shade before all clear tiles.
     direct : mi.TensorXf
-        By sun that comes straight, the shade open.
+        E by straight sun, the shade open.
     """
 
     open: mi.TensorXf
@@ -42,7 +42,7 @@ class Illuminances(NamedTuple):
 
 
 def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
-    """Σ weight · array, each of its own memory: read in one pass, as fast as that allows.
+    """Compute Σ weight · array in one pass over the arrays.
 
     A matrix product, or a loop over one long array, takes six times as long (Dr.Jit 1.5, LLVM).
     """
@@ -56,7 +56,7 @@ def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
 
 @dataclass(frozen=True)
 class _Part:
-    """Elements that are weighed together: C and block means of D of each, flat (bin, …)."""
+    """Elements that are weighed together, with C and block means of D of each, flat (bin, …)."""
 
     elements: np.ndarray
     total: Rows
@@ -64,13 +64,13 @@ class _Part:
 
     @classmethod
     def of(cls, basis: Basis, chosen: np.ndarray) -> _Part:
-        """Take some elements of a basis."""
+        """Select the `chosen` elements of a basis."""
         of = basis.total, basis.grouped
         return cls(basis.elements[chosen], *(_rows(a[i] for i in chosen) for a in of))
 
 
 def _rows(arrays: Iterable[np.ndarray]) -> Rows:
-    """Means over the groups (group, …) of some elements."""
+    """Mean over the groups of each array (group, …), flat."""
     return tuple(_flat(a.mean(axis=0)) for a in arrays)
 
 
@@ -87,20 +87,21 @@ class BasisYear:
     tiles : Tiles
     palette : Palette
     months : np.ndarray of int, shape (time,)
+        Month of each time stamp, 1 to 12.
     step_hours : float
-        What one time stamp stands for [h].
+        Duration of a time step [h].
     shape : tuple of int
-        Bins, blocks and sensors.
+        Numbers of bins, blocks and sensors.
     parts : dict of _Part
         `covered` by the shade, the `shade` itself, and all `other` elements.
     straight : tuple
-        Elements that straight light passes and the coefficients of each, flat (bin, sensor).
+        Elements that straight light passes and the coefficients of each, flat (bin, sensor) [sr].
     returned : tuple
         Sensor, block, mark and weight of paths that met the façade.
     sky : mi.TensorXf, shape (time, sky bin)
-        [cd/m²].
+        Luminance [cd/m²].
     suns : tuple of (mi.UInt32, mi.Float)
-        Bin and luminance [cd/m²] of what stands for the sun at each time stamp.
+        Bin and luminance [cd/m²] of each sun that is blended at a time stamp.
     """
 
     tiles: Tiles
@@ -158,7 +159,7 @@ class BasisYear:
 
     @property
     def materials(self) -> tuple[str, ...]:
-        """Columns of a composition."""
+        """Names of the materials, the columns of a composition."""
         return self.palette.names
 
     def illuminance(
@@ -171,29 +172,31 @@ class BasisYear:
         share : mi.TensorXf, shape (tile, material)
             Shares of the tiles' area, the shade open; rows sum to 1. Gradients flow through.
         scale : dict, optional
-            Factors of the light that comes in by a material, 1 where none is given. What it sends
-            back into the room is left as it is.
+            Factors of the light that comes in by a material, by default 1. Light that the
+            material sends back into the room keeps its weight.
 
         Returns
         -------
         Illuminances
+            E [lx].
         """
         is_open, shaded, straight = self.coefficients(share, scale)
         E = self._accumulated(is_open)
         E_shaded = E if self.palette.shade is None else self._accumulated(shaded)
         direct = self._by_sun(straight)
-        dr.eval(E, E_shaded, direct)  # or each of the metrics would compute them once more
+        dr.eval(E, E_shaded, direct)  # else each metric would compute them again
         return Illuminances(E, E_shaded, direct)
 
     def coefficients(
         self, share: mi.TensorXf, scale: Mapping[str, mi.Float] | None = None
     ) -> tuple[mi.Float, mi.Float, mi.Float]:
-        """Coefficients of a composition, flat (bin, sensor): open, shaded, straight and open [sr].
+        """Coefficients of a composition; parameters as for `illuminance`.
 
-        Parameters
-        ----------
-        share, scale
-            As for `illuminance`.
+        Returns
+        -------
+        open, shaded, straight : mi.Float
+            C with the shade open, C with it closed, and the straight part of the first, flat
+            (bin, sensor) [sr].
         """
         behind = share @ mi.TensorXf(self.palette.closing)
         factors = self._factors(scale or {})
@@ -231,12 +234,12 @@ class BasisYear:
         return mixed(part.total, weights), mixed(part.grouped, weights)
 
     def _with_returned(self, share: mi.TensorXf, total: mi.Float, grouped: mi.Float) -> mi.Float:
-        """C with what the façade sends back, flat (bin, sensor)."""
+        """C with light that the façade sends back, flat (bin, sensor)."""
         bins, blocks, sensors = self.shape
         row, block, mark, weight = self.returned
         if dr.width(weight) == 0 or blocks == 0:
             return total
-        met = mi.Float64(dr.concat((mi.Float(1), share.array)))  # whose gradient is a sum, too
+        met = mi.Float64(dr.concat((mi.Float(1), share.array)))  # its gradient is a sum, too
         for element in elements(mark):
             weight = weight * dr.gather(mi.Float64, met, element)
         G = dr.zeros(mi.Float64, blocks * sensors)
@@ -251,7 +254,7 @@ class BasisYear:
         return self.sky @ mi.TensorXf(of_sky, (patches, sensors)) + self._by_sun(coefficients)
 
     def _by_sun(self, coefficients: mi.Float) -> mi.TensorXf:
-        """E [lx] by the suns alone."""
+        """E [lx] by the suns alone, from C, flat (bin, sensor)."""
         times, sensors = len(self.months), dr.opaque(mi.UInt32, self.shape[2])
         at = dr.arange(mi.UInt32, times * self.shape[2])
         time, sensor = at // sensors, at % sensors
@@ -269,7 +272,7 @@ def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
 
 
 def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
-    """Bin and luminance of what stands for the sun, 0 where the façade does not see it."""
+    """Bin and luminance of each blended sun; 0 for suns behind the façade."""
     if "blend_bin" not in light.sky:
         raise InputError("case", "sun.model", "adaptive", "take another one for a façade basis")
     everywhere = {*basis.labels, *basis.suns, ""}
