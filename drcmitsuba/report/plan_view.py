@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator
 
 from drcmitsuba.report import tiles
 from drcmitsuba.report.style import GREY, INK, LINES, NAME
-from drcmitsuba.report.tiles import Tiles
+from drcmitsuba.report.tiles import SensorTiles
 from drcmitsuba.runtime.errors import InputError
 
 LEGIBLE = 0.5
@@ -84,7 +84,7 @@ def plan(
     x, y = _positions(values)
     numbers = np.ma.masked_invalid(np.asarray(values.values, dtype=float))
     norm = _scale(numbers, norm, limit)
-    grid = Tiles.of(x, y)
+    grid = SensorTiles.of(x, y)
     extent = tiles.around(x, y) if grid is None else grid.corners.reshape(-1, 2)
     lines = {
         "furniture": [_closed(outline) for outline in furniture],
@@ -194,9 +194,9 @@ def _sheet(
 
 def _draw_values(
     ax: Axes, x: np.ndarray, y: np.ndarray, shown: np.ma.MaskedArray, norm: Normalize,
-    grid: Tiles | None, inch: float,
+    grid: SensorTiles | None, inch: float,
 ) -> Any:  # fmt: skip
-    """Tiles of a grid, else discs; `inch` is the length of a metre on paper."""
+    """SensorTiles of a grid, else discs; `inch` is the length of a metre on paper."""
     colours: dict[str, Any] = {"cmap": "viridis", "norm": norm}
     if grid is not None:
         return ax.pcolormesh(*grid.corners.T, grid.grid(shown).T, **colours, rasterized=True)

@@ -28,8 +28,8 @@ def around(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Tiles:
-    """Tiles of a rectangular grid of sensors, turned or with gaps.
+class SensorTiles:
+    """SensorTiles of a rectangular grid of sensors, turned or with gaps.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ class Tiles:
     column: np.ndarray
 
     @classmethod
-    def of(cls, x: np.ndarray, y: np.ndarray) -> Tiles | None:
-        """Tiles that reach half way to the next sensor; None where the sensors form no grid.
+    def of(cls, x: np.ndarray, y: np.ndarray) -> SensorTiles | None:
+        """SensorTiles that reach half way to the next sensor; None where the sensors form no grid.
 
         A grid's axis is the direction from one sensor to its nearest neighbour.
         """

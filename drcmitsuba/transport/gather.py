@@ -146,6 +146,68 @@ def reflectance_of(part: Part) -> float:
     return max_reflectance(getattr(part.material, "reflectance", 0.0))
 
 
+class _VertexStore:
+    """Vertices of a launch, in the order in which its lanes meet them.
+
+    Parameters
+    ----------
+    capacity : int
+        Number of vertices that are kept; later ones are only counted.
+    marked : bool
+        Whether vertices carry the mark of their path.
+    """
+
+    def __init__(self, capacity: int, marked: bool):
+        self._capacity, self._marked = capacity, marked
+        self._room = dr.opaque(mi.UInt32, capacity)
+        self._counter = dr.zeros(mi.UInt32, 1)
+        self._row, self._key, self._tag = (dr.zeros(mi.UInt32, capacity) for _ in range(3))
+        self._mark = dr.zeros(mi.UInt32, capacity if marked else 1)
+        self._weight = dr.zeros(mi.Float, capacity)
+        self._p, self._n = (dr.zeros(mi.Float, 3 * capacity) for _ in range(2))
+        dr.make_opaque(  # a loop that is being recorded adds to them
+            self._counter, self._row, self._key, self._tag, self._mark, self._weight,
+            self._p, self._n,
+        )  # fmt: skip
+
+    def add(
+        self, active: mi.Bool, *, row: mi.UInt32, weight: mi.Float, key: mi.UInt32,
+        tag: mi.UInt32, mark: mi.UInt32, p: mi.Point3f, n: mi.Normal3f,
+    ) -> None:  # fmt: skip
+        """Add the vertices of the active lanes."""
+        slot = dr.scatter_inc(self._counter, mi.UInt32(0), active)
+        kept = active & (slot < self._room)
+        dr.scatter(self._row, row, slot, kept)
+        dr.scatter(self._weight, weight, slot, kept)
+        dr.scatter(self._key, key, slot, kept)
+        dr.scatter(self._tag, tag, slot, kept)
+        if self._marked:
+            dr.scatter(self._mark, mark, slot, kept)
+        for c in range(3):
+            dr.scatter(self._p, p[c], slot * 3 + c, kept)
+            dr.scatter(self._n, n[c], slot * 3 + c, kept)
+
+    def vertices(self) -> tuple[Vertices, int]:
+        """Vertices that were kept, and how many were met."""
+        dr.eval(self._counter, self._row, self._weight, self._key, self._tag, self._mark)
+        dr.eval(self._p, self._n)
+        met = int(self._counter[0])
+        size = min(met, self._capacity)
+        kept, three = dr.arange(mi.UInt32, size), dr.arange(mi.UInt32, 3 * size)
+        vertices = Vertices(
+            row=dr.gather(mi.UInt32, self._row, kept),
+            weight=dr.gather(mi.Float, self._weight, kept),
+            key=dr.gather(mi.UInt32, self._key, kept),
+            tag=dr.gather(mi.UInt32, self._tag, kept),
+            p=dr.gather(mi.Float, self._p, three),
+            n=dr.gather(mi.Float, self._n, three),
+            mark=dr.gather(mi.UInt32, self._mark, kept) if self._marked else None,
+        )
+        dr.eval(vertices.row, vertices.weight, vertices.key, vertices.tag, vertices.p, vertices.n)
+        dr.eval(vertices.mark)
+        return vertices, met
+
+
 @dr.syntax
 def _trace(
     scene: Scene, points: np.ndarray, normals: np.ndarray,
@@ -164,12 +226,7 @@ def _trace(
     n = dr.gather(mi.Normal3f, mi.Float(normals.astype(np.float32).ravel()), sensor)
     wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
 
-    counter = dr.zeros(mi.UInt32, 1)
-    row_of, key_of, tag_of = (dr.zeros(mi.UInt32, capacity) for _ in range(3))
-    mark_of = dr.zeros(mi.UInt32, 1 if marks is None else capacity)
-    weight_of = dr.zeros(mi.Float, capacity)
-    p_of, n_of = dr.zeros(mi.Float, 3 * capacity), dr.zeros(mi.Float, 3 * capacity)
-
+    store = _VertexStore(capacity, marks is not None)
     ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)
     beta = mi.Float(1)
@@ -179,10 +236,10 @@ def _trace(
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     every = lanes // len(points) * among
-    count, room = dr.opaque(mi.UInt32, every & 0xFFFFFFFF), dr.opaque(mi.UInt32, capacity)
+    count = dr.opaque(mi.UInt32, every & 0xFFFFFFFF)
     tag = own * paths + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
-    while dr.hint(active, exclude=[grid, scene, count, room, marks, solids, limit]):
+    while dr.hint(active, exclude=[grid, scene, count, store, marks, solids, limit]):
         scene.ray_counter.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
@@ -215,18 +272,10 @@ def _trace(
             inside = dr.select(crossed, into, inside)
             before = si.p
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
-        slot = dr.scatter_inc(counter, mi.UInt32(0), is_cell)
-        kept = is_cell & (slot < room)
-        dr.scatter(row_of, row, slot, kept)
-        dr.scatter(weight_of, beta * (1 / paths), slot, kept)
-        dr.scatter(key_of, grid.key(si.p, facing), slot, kept)
-        dr.scatter(tag_of, depth * count + tag, slot, kept)
-        if dr.hint(marks is not None, mode="scalar"):
-            dr.scatter(mark_of, mark, slot, kept)
-        origin = si.spawn_ray(facing).o
-        for c in range(3):
-            dr.scatter(p_of, origin[c], slot * 3 + c, kept)
-            dr.scatter(n_of, facing[c], slot * 3 + c, kept)
+        store.add(
+            is_cell, row=row, weight=beta * (1 / paths), key=grid.key(si.p, facing),
+            tag=depth * count + tag, mark=mark, p=si.spawn_ray(facing).o, n=facing,
+        )  # fmt: skip
         ray = si.spawn_ray(si.to_world(bs.wo))
         depth += 1
         active &= depth < limit
@@ -236,19 +285,4 @@ def _trace(
         survives = ~roulette | (random.next_float32() < survival)
         beta = dr.select(roulette, beta / survival, beta)
         active &= survives
-    dr.eval(counter, row_of, weight_of, key_of, tag_of, mark_of, p_of, n_of)
-    met = int(counter[0])
-    size = min(met, capacity)
-    kept, three = dr.arange(mi.UInt32, size), dr.arange(mi.UInt32, 3 * size)
-    vertices = Vertices(
-        row=dr.gather(mi.UInt32, row_of, kept),
-        weight=dr.gather(mi.Float, weight_of, kept),
-        key=dr.gather(mi.UInt32, key_of, kept),
-        tag=dr.gather(mi.UInt32, tag_of, kept),
-        p=dr.gather(mi.Float, p_of, three),
-        n=dr.gather(mi.Float, n_of, three),
-        mark=None if marks is None else dr.gather(mi.UInt32, mark_of, kept),
-    )
-    dr.eval(vertices.row, vertices.weight, vertices.key, vertices.tag, vertices.p, vertices.n)
-    dr.eval(vertices.mark)
-    return vertices, met
+    return store.vertices()
