@@ -196,7 +196,7 @@ def _draw_values(
     ax: Axes, x: np.ndarray, y: np.ndarray, shown: np.ma.MaskedArray, norm: Normalize,
     grid: SensorTiles | None, inch: float,
 ) -> Any:  # fmt: skip
-    """SensorTiles of a grid, else discs; `inch` is the length of a metre on paper."""
+    """Tiles of a grid, else discs; `inch` is the length of a metre on paper."""
     colours: dict[str, Any] = {"cmap": "viridis", "norm": norm}
     if grid is not None:
         return ax.pcolormesh(*grid.corners.T, grid.grid(shown).T, **colours, rasterized=True)

@@ -29,7 +29,7 @@ def around(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SensorTiles:
-    """SensorTiles of a rectangular grid of sensors, turned or with gaps.
+    """Tiles of a rectangular grid of sensors, turned or with gaps.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SensorTiles:
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray) -> SensorTiles | None:
-        """SensorTiles that reach half way to the next sensor; None where the sensors form no grid.
+        """Tiles that reach half way to the next sensor; None where the sensors form no grid.
 
         A grid's axis is the direction from one sensor to its nearest neighbour.
         """
