@@ -159,7 +159,7 @@ def test_a_coloured_case_has_a_mesh_as_well(tmp_path, model):
 
 def test_an_unknown_model_is_told(tmp_path):
     (tmp_path / "case.toml").write_text(CASE + '\n[sun]\nmodel = "true"\n')
-    with pytest.raises(InputError, match=r"sun: got .*'adaptive'"):
+    with pytest.raises(InputError, match=r'sun.model: got "true"; choose from: .*"adaptive"'):
         load_case(tmp_path / "case.toml")
 
 
