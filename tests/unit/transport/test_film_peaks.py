@@ -2,14 +2,12 @@
 
 import mitsuba as mi
 import numpy as np
-import pytest
 from drcmitsuba_plugins.klems_basis import BASES
 from drcmitsuba_plugins.sampling import disk_solid_angle
 from scipy.stats import t as student
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
@@ -20,11 +18,6 @@ from tests.unit.plugins.test_measured import xml
 SUN = np.array([[-0.3, -0.7, 0.65]]) / np.linalg.norm([0.3, 0.7, 0.65])
 LIT = 2.0
 """The film is lit up to this x [m], by a wall that stands before the rest."""
-
-
-@pytest.fixture(autouse=True)
-def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
 
 
 def shaded_film(folder):

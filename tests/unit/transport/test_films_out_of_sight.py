@@ -2,17 +2,10 @@
 
 import mitsuba as mi
 import numpy as np
-import pytest
 
 from drcmitsuba import load_case
-from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.transport.films import Films
-
-
-@pytest.fixture(autouse=True)
-def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
 
 
 def test_receivers_that_see_no_film():

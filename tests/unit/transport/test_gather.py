@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.materials import MirrorMaterial
-from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.materials import Lambertian
@@ -18,11 +17,6 @@ MATERIALS = {
 }
 POINT, NORMAL = np.array([0.3, -0.4, -0.2]), np.array([0, 0, 1.0])
 REPLICATES, PATHS = 12, 1 << 13
-
-
-@pytest.fixture(autouse=True)
-def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
 
 
 def box(wall):

@@ -9,7 +9,6 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import DielectricMaterial, MirrorMaterial
-from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Port, Surface
@@ -28,11 +27,6 @@ X, Y, Z = np.eye(3)
 DIRECTIONS = np.array([[0, -0.8, 0.6], [0.48, -0.64, 0.6], [0, -0.28, 0.96], [0, 0.8, 0.6]])
 WIDE = Suns(tuple(f"sun_{i}" for i in range(4)), DIRECTIONS, 30.0)
 """Suns that a path tracer without emitter sampling finds."""
-
-
-@pytest.fixture(autouse=True)
-def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
 
 
 def quad(corner, u, v):
@@ -216,7 +210,7 @@ def test_all_flux_is_accounted_for(name):
         assert fates == pytest.approx(ledger.emitted, rel=2e-3 if "rough" in name else 1e-3)
 
 
-def test_light_under_way_after_the_last_surface_is_told_as_lost():
+def test_light_under_way_after_the_last_surface_counts_as_lost():
     walls = [quad([0, 0, 0], X, 40 * Z), quad([0, 1, 0], X, 40 * Z),
              quad([0, 0, 0], Y, 40 * Z), quad([1, 0, 0], Y, 40 * Z)]  # fmt: skip
     pipe = Surface("pipe", mirror(0.99), np.array(walls), "pipe")
@@ -250,7 +244,7 @@ def test_light_that_two_components_deviate_is_counted_once():
     assert apart.sum() == pytest.approx(together.sum(), rel=5e-3)
 
 
-def test_a_sun_in_a_mirror_is_told_as_straight_and_sunlight_by_a_rough_one_is_not():
+def test_a_sun_in_a_mirror_counts_as_straight_and_sunlight_by_a_rough_one_is_not():
     sensors = [[0, 1.5, 0.0]]
     sun = np.array([[0, -np.cos(np.radians(70)), np.sin(np.radians(70))]])
     towards = np.array([0, 1.5, -1.0])

@@ -5,16 +5,10 @@ import pytest
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-
-
-@pytest.fixture(autouse=True)
-def _variant():
-    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
 
 
 @pytest.mark.parametrize("state", ["open", "shaded"])

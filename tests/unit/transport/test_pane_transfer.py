@@ -1,0 +1,111 @@
+"""K and the light between panes that scatter evenly: exact answers."""
+
+import numpy as np
+import pytest
+
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.transport.panes import PanePatches, neumann_series, pane_transfer
+from drcmitsuba.transport.shadow_rays import sky_deposit
+from tests.unit.transport.exact_scenes import (
+    DOWN,
+    ORIGIN,
+    SKY,
+    UP,
+    by_replicate,
+    closed_box,
+    diffuser,
+    flat,
+    glazing,
+    plane,
+    polygon_factor,
+    quad,
+    surface,
+)
+
+
+@pytest.mark.parametrize(
+    "pane",
+    [
+        quad([-0.4, 0.1, 1.0], [0, 2, 0], [3, 0, 0]),  # parallel to the receiver, front down
+        quad([-0.4, 0.5, 0.3], [2, 0, 0], [0, 0, 1]),  # upright, front to the south
+        quad([0.3, 0.2, 0.05], [0.5, 0, 0.1], [0, 0.5, 0.1]),  # close and tilted
+    ],
+    ids=["parallel", "upright", "close"],
+)
+def test_transfer_from_patches_is_t_times_the_form_factor(pane, same):
+    scene = scenes.build([surface(diffuser(0.4, 0.3), pane)])
+    patches = PanePatches.of([s.quads for s in scene.scattering], 0.5)
+    n = 32
+    k = by_replicate(
+        pane_transfer(scene, patches, flat(ORIGIN, n), flat(UP, n), rays=1 << 12, seed=7), n
+    )[:, 0]
+    a, u, v = patches.corner, patches.u, patches.v
+    corners = np.stack([a, a + u, a + u + v, a + v], axis=1)
+    factor = polygon_factor(np.zeros(3), corners)
+    same(k[:, 1::2], exact=0.4 * factor, within=0.003)  # through the pane, from its back
+    same(k[:, 0::2], exact=0.3 * factor, within=0.003)  # off the pane, from its front
+
+
+def test_pane_that_fills_the_view_transfers_t():
+    scene = scenes.build([plane(0.1, diffuser(0.7, 0.2), front=-1)])
+    patches = PanePatches.of([s.quads for s in scene.scattering], 300.0)
+    k = pane_transfer(scene, patches, flat(ORIGIN), flat(UP), rays=1 << 12, seed=8).numpy()[0]
+    assert k[1::2].sum() == pytest.approx(0.7, rel=0.01)
+    assert k[0::2].sum() == pytest.approx(0.2, rel=0.01)
+    away = pane_transfer(scene, patches, flat(ORIGIN), flat(DOWN), rays=1 << 10, seed=8)
+    assert np.all(away.numpy() == 0)
+
+
+def test_clear_pane_before_a_scattering_one_dims_it_by_its_angle(same):
+    # K = T × the diffuse transmittance of the glass, 2 ∫ τ(x) x dx over x = cos θ.
+    scene = scenes.build([plane(0.2, diffuser(0.7), front=-1), plane(0.1, glazing(0.8))])
+    patches = PanePatches.of([s.quads for s in scene.scattering], 300.0)
+    n = 32
+    k = pane_transfer(scene, patches, flat(ORIGIN, n), flat(UP, n), rays=1 << 11, seed=8)
+    same(by_replicate(k, n).sum(axis=-1), exact=0.7 * 0.8 * (1 - 2 / (5.5 * 6.5)), within=0.002)
+
+
+def faces(scene, size, replicates, rays, seed):
+    """Irradiance of the faces of all panes under the bare sky, one estimate per replicate."""
+    patches = PanePatches.of([s.quads for s in scene.scattering], size)
+    irradiances = []
+    for r in range(replicates):
+        p, n = patches.face_points(np.random.default_rng(seed + r))
+        received = sky_deposit(scene, p, n, subdivision=1, rays=rays, seed=seed + r)
+        between = pane_transfer(scene, patches, p, n, rays=rays, seed=seed + 1000 + r)
+        irradiances.append(neumann_series(between, received))
+    return patches, irradiances
+
+
+def test_light_between_two_panes_is_a_geometric_series(same):
+    # La = Ta + Ra Lb under the sky, Lb = Ra's light returned: between infinite panes
+    # sky: La = Ta / (1 − Ra Rb); ground: La = Ra Tb / (1 − Ra Rb).
+    Ta, Ra, Tb, Rb = 0.3, 0.6, 0.2, 0.7
+    above, below = (
+        plane(0.1, diffuser(Ta, Ra), half=50, front=-1),
+        plane(-0.1, diffuser(Tb, Rb), half=50),
+    )
+    scene = scenes.build([above, below])
+    patches, irradiances = faces(scene, 34.0, 32, 1 << 12, seed=9)
+    assert len(patches) == 18
+    c = [
+        (pane_transfer(scene, patches, flat(ORIGIN), flat(UP), rays=1 << 12, seed=500 + r) @ e)
+        .numpy()
+        for r, e in enumerate(irradiances)
+    ]  # fmt: skip
+    exact = SKY * Ta / (1 - Ra * Rb)
+    exact[0] = np.pi * Ra * Tb / (1 - Ra * Rb)
+    same(np.array(c)[:, 0], exact=exact, within=0.003)
+
+
+def test_inside_a_box_of_panes_it_is_pi_t_over_1_minus_r(same):
+    # With π on every outer face, L = T + R L is the same all over the inside.
+    scene = scenes.build([closed_box(2.0, diffuser(0.3, 0.6))])
+    patches, irradiances = faces(scene, 0.5, 16, 256, seed=20)
+    points, normals = np.array([[0, 0, 0], [0.8, 0.5, -0.9]]), np.array([[0, 0, 1], [-0.6, 0, 0.8]])
+    c = [
+        (pane_transfer(scene, patches, flat(points), flat(normals), rays=1 << 12, seed=r) @ e)
+        .numpy().sum(axis=1)
+        for r, e in enumerate(irradiances)
+    ]  # fmt: skip
+    same(c, exact=np.pi * 0.3 / (1 - 0.6), within=0.005)
