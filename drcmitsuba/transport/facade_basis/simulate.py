@@ -83,73 +83,67 @@ def compute(
     -----
     D leaves out light that a film gets from the room's side: behind one façade there is none.
     """
-    case = wall.case
     groups = accuracy.replicates if groups is None else groups
     assert accuracy.replicates % groups == 0
-    points, normals = sensor_points(case)
+    points, normals = sensor_points(wall.case)
     room, walls = _room(wall, tiles, palette)
-    facing = suns.directions @ -_inward(tiles) > -np.sin(np.radians(suns.diameter) / 2)
-    reaching = suns.only(np.array(suns.labels, dtype=object)[facing])
-    bins = len(Patches(subdivision)) + len(reaching.labels)
+    before = suns.where(_before_facade(tiles, suns))
+    labels = (*Patches(subdivision).labels, *before.labels)
     elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
     kinds = 3 if groups > 1 else 2  # total, direct, straight
     paths_at_once = 12 * accuracy.replicates * accuracy.paths  # numbers kept per sensor
-    entries = len(points) * (kinds * len(elements) * groups * bins + 5 * paths_at_once)
-    _check_size(case, entries)
-    meetings = Meetings(tiles, palette)
-    world = replace(walls, full=room.scene(meetings.mesh))
-    grid = Grid.of(world, accuracy.cell_size)
-    vertices = gather(
-        world, points, normals, replicates=accuracy.replicates, paths=accuracy.paths, grid=grid,
-        seed=launch_seed(accuracy.seed, Stream.PATHS), marks=meetings,
-    )  # fmt: skip
-    cells = Cells.none(grid).extended(vertices)
-    paths = _Paths(vertices, cells, len(points), accuracy.replicates // groups)
-    base = Deposit(walls, reaching.directions, suns.diameter, subdivision, accuracy, None)
-    shape = (len(elements), groups, bins, len(points))
-    straight = np.flatnonzero(palette.straight[elements % len(palette.names)])
-    total = np.empty(shape, np.float32)
-    directly = np.empty(shape, np.float32) if groups > 1 else None
-    straightly = np.empty((len(straight), *shape[1:]), np.float32)
-    grouped = np.empty((*shape[:3], paths.blocks), np.float32)
-    where = {int(e): i for i, e in enumerate(elements)}
-    where_straight = {int(elements[i]): j for j, i in enumerate(straight)}
-    done = 0
-    for group in range(groups):
-        matrix = paths.matrix(group)
-        for element, seen, lit in _elements(room, base, paths, group, points, normals):
-            i = where[element]
-            inner = np.concatenate([(matrix @ part).numpy() for part in lit], axis=1)
-            direct = seen[0] if len(seen) == 1 else seen[0].plus(seen[1])
-            total[i, group] = (direct.numpy() + inner[: len(points)]).T
-            grouped[i, group] = inner[len(points) :].T
-            if directly is not None:
-                directly[i, group] = direct.numpy().T
-            if element in where_straight:
-                straightly[where_straight[element], group] = seen[0].numpy().T
-            done += 1
-            progress(done / (groups * len(elements)))
-    return Basis(
+    entries = len(points) * (kinds * len(elements) * groups * len(labels) + 5 * paths_at_once)
+    _check_size(wall.case, entries)
+    paths = _Paths.of(room, walls, points, normals, accuracy, groups)
+    base = Deposit(walls, before.directions, suns.diameter, subdivision, accuracy, None)
+    straight_elements = elements[palette.straight[elements % len(palette.names)]]
+    shape = (len(elements), groups, len(labels), len(points))
+    basis = Basis(
         tiles=tiles,
         palette=palette,
         points=points,
-        labels=(*Patches(subdivision).labels, *reaching.labels),
+        labels=labels,
         suns=suns.labels,
         elements=elements,
-        straight_elements=elements[straight],
-        total=total,
-        direct=directly,
-        straight=straightly,
-        grouped=grouped,
+        straight_elements=straight_elements,
+        total=np.empty(shape, np.float32),
+        direct=np.empty(shape, np.float32) if groups > 1 else None,
+        straight=np.empty((len(straight_elements), *shape[1:]), np.float32),
+        grouped=np.empty((*shape[:3], paths.blocks), np.float32),
         returned=paths.returned(),
     )
+    for group in range(groups):
+        matrix = paths.matrix(group)
+        deposits = _elements(room, base, paths, group, points, normals)
+        for done, (element, on_sensors, on_cells) in enumerate(deposits, 1):
+            _fill(basis, group, element, matrix, on_sensors, on_cells)
+            progress((group + done / len(elements)) / groups)
+    return basis
 
 
-def _inward(tiles: Tiles) -> np.ndarray:
-    """Normal of the façade into the room."""
+def _fill(
+    basis: Basis, group: int, element: int, matrix: mi.TensorXf, on_sensors: list[Irradiance],
+    on_cells: Irradiance,
+) -> None:  # fmt: skip
+    """Write C and the block means of D of an element in one group into a basis."""
+    i, sensors = np.searchsorted(basis.elements, element), len(basis.points)
+    inner = np.concatenate([(matrix @ part).numpy() for part in on_cells], axis=1)
+    direct = on_sensors[0] if len(on_sensors) == 1 else on_sensors[0].plus(on_sensors[1])
+    basis.total[i, group] = (direct.numpy() + inner[:sensors]).T
+    basis.grouped[i, group] = inner[sensors:].T
+    if basis.direct is not None:
+        basis.direct[i, group] = direct.numpy().T
+    if element in basis.straight_elements:
+        at = np.searchsorted(basis.straight_elements, element)
+        basis.straight[at, group] = on_sensors[0].numpy().T
+
+
+def _before_facade(tiles: Tiles, suns: Suns) -> np.ndarray:
+    """Whether suns may shine on the façade from outside, shape (sun,)."""
     quad = tiles.quads[0]
     n = np.cross(quad[1] - quad[0], quad[3] - quad[0])
-    return n / np.linalg.norm(n)
+    n /= np.linalg.norm(n)
+    return suns.directions @ -n > -np.sin(np.radians(suns.diameter) / 2)
 
 
 def _check_size(case: Case, entries: int) -> None:
@@ -212,6 +206,22 @@ class _Paths:
         whole = dr.gather(mi.Float64, of_block, block)
         self.block = block
         self.share = mi.Float(dr.select(whole > 0, visits / whole, 0))
+
+    @classmethod
+    def of(
+        cls, room: TiledRoom, walls: scene.Scene, points: np.ndarray, normals: np.ndarray,
+        accuracy: Accuracy, groups: int,
+    ) -> _Paths:  # fmt: skip
+        """Trace the paths of all sensors."""
+        meetings = Meetings(room.tiles, room.palette)
+        world = replace(walls, full=room.scene(meetings.mesh))
+        grid = Grid.of(world, accuracy.cell_size)
+        vertices = gather(
+            world, points, normals, replicates=accuracy.replicates, paths=accuracy.paths,
+            grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS), marks=meetings,
+        )  # fmt: skip
+        cells = Cells.none(grid).extended(vertices)
+        return cls(vertices, cells, len(points), accuracy.replicates // groups)
 
     def matrix(self, group: int) -> mi.TensorXf:
         """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
