@@ -47,11 +47,11 @@ DIMS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("sun_bin", "clock"), ("time",)),
     **{n + s: _OF_E for n in ("total", "direct_sun") for s in ("", "_se")},
 }
-"""Dims of what lies on disk; `channel` comes first where there is one."""
+"""Dims of the arrays on disk; `channel` comes first where there is one."""
 
 TEXTS, DATES = ("state", "bin", "sun_bin", "blend_bin"), ("time", "clock")
 LARGEST = {"L": 1e13, "sun": 1e13, "total": 1e17, "direct_sun": 1e17}
-"""Values beyond the brightest sun (of 0.01°, [cd/m²]) and beyond what it lights [lx] are damage."""
+"""Larger values mark damage: no sun (of 0.01°) is as bright [cd/m²] or gives as much E [lx]."""
 LARGEST_OTHER = 1e6
 
 NUMBERS = {"latitude", "longitude", "timezone", "sun_diameter", "step_hours", "interval_factor"}
@@ -60,7 +60,7 @@ NUMBERS |= {"sda_threshold", "sda_fraction", "ase_threshold", "ase_hours"}
 """Attributes that are numbers."""
 
 MOST = 1e9
-"""Largest of them."""
+"""Largest magnitude of such an attribute."""
 
 LUMINANCE_WEIGHTS = {"red": 0.2126, "green": 0.7152, "blue": 0.0722}
 """Channels of a coloured case and their share of luminance (ITU-R BT.709 primaries)."""

@@ -1,9 +1,8 @@
 """Coefficients × luminances = illuminance: E[time, sensor] = Σ_bin C[sensor, bin] · L[time, bin].
 
-Bins are matched by label, exactly. The sun of a time stamp is one bin, or a few in place of it, so
-its part of the sum is a product for each; the sky's is a matrix product. Replicates of C are
-carried through, and their scatter is the standard error of E: entries of C share samples, so their
-errors do not simply add.
+Bins are matched by label, exactly. The sun of a time stamp is one bin, or a few bins that stand for
+it: the sun's part of the sum is a sparse product, the sky's a dense one. Every replicate of C gives
+its own E; their scatter is the standard error of E, as the entries of C share samples.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from drcmitsuba.schema import UnknownLabelsError, describe, positions
 from drcmitsuba.sky.sun_models import Blend, mesh
 
 BLOCK = 1 << 16
-"""Entries (time, sensor) that are taken at once: they stay in the cache from sum to sum."""
+"""Number of entries (time, sensor) in a block: they stay in the cache from sum to sum."""
 SAME_SUBDIVISION = "compute sky and coefficients with the same subdivision"
 
 
@@ -40,7 +39,7 @@ def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.
 
 
 def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
-    """Luminances (time, bin) of the bins that stand for the sun, after the sky's sun model."""
+    """Luminances (time, bin) [cd/m²] of the bins that stand for the sun in the sky's sun model."""
     times = np.flatnonzero(sky["sun"].values > 0)
     known = list(map(str, coefficients["bin"].values))
     if sky.attrs.get("sun_model") == "adaptive":
@@ -65,7 +64,7 @@ def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
 
 
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
-    """Refuse NaN: coefficients of the shaded state are known for the hours that close only."""
+    """Refuse NaN: the shaded state has coefficients only for the hours in which it closes."""
     gaps = np.flatnonzero(np.isnan(values).any(axis=-1))
     if len(gaps):
         first = np.datetime_as_string(sky["time"].values[gaps[0]], unit="m")
@@ -81,14 +80,14 @@ def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
 
 
 def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
-    """Illuminance by sun that comes straight, for ASE and the shade.
+    """Illuminance by direct sun, for ASE and the shade.
 
     Parameters
     ----------
     coefficients : xr.Dataset
-        Of the open state: `straight`, `straight_se` (sensor, bin) [sr].
+        C of the open state: `straight`, `straight_se` (sensor, bin) [sr].
     sky : xr.Dataset
-        Of `light.Daylight`: `sun`, `sun_bin`, `sun_direction` and its blend.
+        `Daylight.sky`: `sun` [cd/m²], `sun_bin`, `sun_direction` and the blend of the sun's bins.
 
     Returns
     -------
@@ -110,7 +109,7 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
 
 
 def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """`schema.mean_and_error` of arrays, in few passes; differences from the first keep digits."""
+    """Mean and standard error of arrays in few passes; differences from the first keep digits."""
     n, first = len(replicates), replicates[0]
     total, squares = np.zeros_like(first), np.zeros_like(first)
     for values in replicates[1:]:
@@ -125,16 +124,16 @@ def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.nd
 def by_source(
     coefficients: xr.Dataset, sky: xr.Dataset, direct: xr.Dataset | None = None
 ) -> xr.Dataset:
-    """Illuminance by the sky with the ground, by the sun, and in all.
+    """Illuminance E = C·L by the sky with the ground, by the sun, and in total.
 
     Parameters
     ----------
     coefficients : xr.Dataset
-        `replicates` (replicate, sensor, bin) [sr] of one state.
+        C of one state: `replicates` (replicate, sensor, bin) [sr].
     sky : xr.Dataset
-        From `sky.radiance`: `sky` (time, bin), `sun`, `sun_bin` (time) [cd/m²].
+        `Daylight.sky`: `sky` (time, bin) [cd/m²], `sun` (time) [cd/m²], `sun_bin` (time).
     direct : xr.Dataset, optional
-        From `direct_sun` of the same coefficients and sky; else it is accumulated where needed.
+        Direct sun from `direct_sun` of the same coefficients and sky; computed by default.
 
     Returns
     -------
@@ -144,7 +143,7 @@ def by_source(
     Raises
     ------
     InputError
-        A bin of the sky has no coefficients, or NaN.
+        A bin of the sky has no coefficients, or they are NaN.
     """
     patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = _suns(coefficients, sky)
@@ -174,10 +173,9 @@ def by_source(
 def _add_straight(
     out: dict[str, np.ndarray], coefficients: xr.Dataset, sky: xr.Dataset, straight: xr.Dataset
 ) -> None:
-    """Add the direct sun of every time stamp to the light that the mesh of suns is blended to.
+    """Add the direct sun of every time stamp to the scattered light of the mesh of suns.
 
-    Its errors, and those of interpolation between the suns of the mesh, are independent of the
-    replicates.
+    The errors of the direct sun and of interpolation in the mesh are independent of the replicates.
     """
     between = np.outer(sky["sun"].values, coefficients["mesh_error"].values).astype(np.float32)
     variance = straight["direct_sun_se"].values ** 2 + between**2
@@ -187,7 +185,7 @@ def _add_straight(
 
 
 def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -> np.ndarray:
-    """Illuminance in all of every replicate, at some sensors.
+    """Total illuminance E at some sensors, by each replicate of C.
 
     Parameters
     ----------
@@ -198,12 +196,12 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
     Returns
     -------
     np.ndarray, shape (replicate, time, sensor)
-        [lx].
+        E [lx].
 
     Raises
     ------
     InputError
-        As `by_source`.
+        A bin of the sky has no coefficients.
     """
     patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = _suns(coefficients, sky), sky["sky"].values.astype(np.float32)
@@ -218,18 +216,18 @@ def illuminance(
     is_open: xr.Dataset, shaded: xr.Dataset | None, sky: xr.Dataset, closed: xr.DataArray,
     direct: xr.Dataset | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """Illuminance of the year with the shade that opens and closes.
+    """Illuminance E of the period, each time stamp with its state of the shade.
 
     Parameters
     ----------
     is_open, shaded : xr.Dataset
-        Coefficients of the two states; `shaded` may be None where the shade never closes.
+        C of the two states [sr]; `shaded` may be None where the shade never closes.
     sky : xr.Dataset
-        From `sky.radiance`.
+        `Daylight.sky`.
     closed : xr.DataArray of bool, dim time
         Whether the shade is closed.
     direct : xr.Dataset, optional
-        From `direct_sun` of the open state, where it is known.
+        Direct sun from `direct_sun` of the open state; computed by default.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Coefficients C of both states of the shade, each with the suns that it was simulated for.
 
-In memory every state is a dataset of its own. On disk they lie along one dimension `state`; a sun
-that only the open state was simulated for is NaN in the shaded one, and is taken out by its label
-where the file is read.
+In memory every state is a dataset of its own. On disk the states lie along one dimension `state`: a
+sun that was simulated for the open state only is NaN in the shaded state, and reading the file
+drops its label there.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.surfaces import State
 
 SAMPLED = {"bin": "replicates", "sun": "sun_straight"}
-"""Dimensions of what is sampled, and a variable that tells whether a label was."""
+"""Sampled dimensions, each with a variable that is NaN for a label that was not simulated."""
 NOT_SIMULATED = {
     "not_simulated": "a sun is NaN in state shaded where the shade stays open whenever it shines; "
     'shaded_state = "all" in [effects] simulates all suns'
 }
-"""Attribute of the file."""
+"""Attribute of the file that explains its NaN."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class Coefficients:
     Parameters
     ----------
     open : xr.Dataset
-        As from `transport.coefficients.compute`, with all suns. Its attributes are those of both
-        states: the rule of the shade, the place of the suns, where C comes from.
+        C from `transport.coefficients.compute` for all suns. Its attributes hold for both states:
+        the rule of the shade, the place of the suns, the origin of C.
     shaded : xr.Dataset or None
-        The same with the suns of all hours in which the shade may close; None where there are none.
+        C for the suns of all hours in which the shade may close; None where it never closes.
     """
 
     open: xr.Dataset
@@ -45,12 +45,7 @@ class Coefficients:
 
     @classmethod
     def of(cls, joined: xr.Dataset) -> Coefficients:
-        """Take the states apart again.
-
-        Parameters
-        ----------
-        joined : xr.Dataset
-            From `joined`, or from `coefficients.zarr`.
+        """Split the dataset of `joined`, or of `coefficients.zarr`, into its states.
 
         Raises
         ------
@@ -89,7 +84,7 @@ class Coefficients:
         return xr.concat(self.parts(), "state", coords="minimal", compat="override", join="exact")
 
     def parts(self) -> Iterator[xr.Dataset]:
-        """`joined`, one state after another: what is written needs no copy of both."""
+        """Yield the parts of `joined`, one state each: writing them needs no copy of both."""
         labels = {name: self.open[name] for name in SAMPLED if name in self.open.coords}
         for state, data in self.states.items():
             part = data.reindex(labels).expand_dims(state=np.array([state], dtype=object))
@@ -97,7 +92,7 @@ class Coefficients:
 
 
 def _simulated(joined: xr.Dataset, state: str) -> xr.Dataset:
-    """One state with the labels that it was simulated for."""
+    """C of one state, with the labels that were simulated for it."""
     data = joined.sel(state=state, drop=True)
     for dim, name in SAMPLED.items():
         if dim in data.dims:

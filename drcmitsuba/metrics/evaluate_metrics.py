@@ -31,11 +31,11 @@ class EvaluatedMetrics:
     Parameters
     ----------
     illuminance : xr.Dataset
-        From `illuminance.illuminance`.
+        E from `illuminance.illuminance` [lx].
     draws : Draws
-        Of the metrics.
+        Draws of the metrics, from which the intervals follow.
     metrics : dict
-        From `summarise`.
+        Values and intervals from `summarise` [%].
     """
 
     illuminance: xr.Dataset
@@ -48,7 +48,7 @@ class EvaluatedMetrics:
 
 
 def rules(case: Case, step_hours: float) -> intervals.Rules:
-    """What the metrics of a case ask for; the shade's part plays no role where there is none."""
+    """Rules of the metrics of a case; those of the shade have no effect where there is none."""
     shading = case.shading
     return intervals.Rules(
         metrics=case.metrics,
@@ -109,12 +109,12 @@ def settings_of(
     Returns
     -------
     dict
-        As `settings` of an evaluation, without its notes.
+        The `settings` of an evaluation, without its notes.
 
     Raises
     ------
     InputError
-        The settings are no JSON object.
+        The settings are not a JSON object.
     """
     if "settings" not in attributes:
         return {}
@@ -134,10 +134,10 @@ def settings_of(
 
 
 def drawing(case: Case) -> dict[str, Any]:
-    """Rays to every sun in all replicates, and the seed of the draws.
+    """Arguments of the draws: number of `rays` to every sun in all replicates, and the `seed`.
 
-    None where rims were searched, or where patches stand for the sun. Rounds that were added are
-    not counted: their entries are taken to hide a little more than they do.
+    `rays` is None where the rims of suns were searched, or where patches stand for the sun. Rounds
+    of adaptive sampling are not counted, which widens the intervals a little.
     """
     a = case.accuracy
     without = isinstance(case.sun, Adaptive | ThreePhase)
@@ -146,7 +146,7 @@ def drawing(case: Case) -> dict[str, Any]:
 
 
 def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:
-    """Time stamps at which the shade may close, as far as direct sun is known.
+    """Time stamps at which the shade may close, within the errors of the direct sun.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:
     step_hours : float
         Length of the intervals [h].
     direct : xr.Dataset
-        From `illuminance.direct_sun`.
+        Direct sun from `illuminance.direct_sun` [lx].
 
     Returns
     -------
@@ -175,7 +175,7 @@ def evaluate_metrics(
     daylight : Daylight
     coefficients : Coefficients
     direct : xr.Dataset, optional
-        From `illuminance.direct_sun`, where it is known.
+        Direct sun from `illuminance.direct_sun` [lx]; computed by default.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def evaluate_metrics(
     Raises
     ------
     InputError
-        As `illuminance.illuminance`.
+        A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
     """
     E = illuminance(coefficients, daylight.sky, direct)
     E.attrs["step_hours"] = daylight.step_hours
@@ -204,7 +204,7 @@ def _monthly(
 
 
 def _undecided(illuminance: xr.Dataset, draws: Draws) -> list[dict[str, Any]]:
-    """Sensors whose passing is too close to call, with their probability of it."""
+    """Sensors that neither pass nor fail clearly, with their probability of passing."""
     x, y, z = (illuminance[axis].values for axis in "xyz")
     return [
         {
@@ -222,12 +222,12 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     Parameters
     ----------
     illuminance : xr.Dataset
-        As from `result.illuminance`.
+        E from `illuminance.illuminance` [lx].
     rules : Rules
-        What the metrics ask for.
+        Thresholds of the metrics and of the shade.
     draws : Draws, optional
-        From `intervals.draw`. Without replicates there are none, and the intervals are those of
-        `intervals.Bounds`: wider than 95 % calls for.
+        Draws from `intervals.draw`. Without them, as where E has no replicates, the intervals are
+        those of `intervals.Bounds`, wider than 95 % requires.
 
     Returns
     -------

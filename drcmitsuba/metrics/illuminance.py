@@ -1,4 +1,4 @@
-"""Illuminance of a case's period from its coefficients, the shade applied."""
+"""Illuminance E of a case's period from its coefficients C, the shade applied."""
 
 from __future__ import annotations
 
@@ -16,19 +16,23 @@ from drcmitsuba.runtime.errors import InputError
 
 
 def is_closed(attributes: Mapping[str, Any], direct: xr.Dataset) -> xr.DataArray:
-    """Whether the shade is closed, bool by time.
+    """Find the time stamps at which the shade is closed.
 
     Parameters
     ----------
     attributes : mapping
-        Of the coefficients: the rule of the shade; without a shade it never closes.
+        Attributes of the coefficients with the rule of the shade.
     direct : xr.Dataset
-        From `direct_sun`, state open.
+        Direct sun from `direct_sun`, shade open [lx].
+
+    Returns
+    -------
+    xr.DataArray of bool, dim time
 
     Raises
     ------
     InputError
-        There is a shade without the rule by which it closes.
+        The coefficients have a shade, but no rule by which it closes.
     """
     mean = schema.luminance(direct["direct_sun"])
     if not attributes.get("has_shade", 0):
@@ -42,16 +46,10 @@ def is_closed(attributes: Mapping[str, Any], direct: xr.Dataset) -> xr.DataArray
 def direct_sun(coefficients: Coefficients, sky: xr.Dataset) -> xr.Dataset:
     """Direct sun with the shade open, and its standard error.
 
-    Parameters
-    ----------
-    coefficients : Coefficients
-    sky : xr.Dataset
-        Of `Daylight`.
-
     Returns
     -------
     xr.Dataset
-        `direct_sun`, `direct_sun_se`, dims (time, sensor) [lx], by channel where C is.
+        `direct_sun`, `direct_sun_se`, dims (time, sensor) [lx], and channel where C has it.
     """
     return by_channel(accumulate.direct_sun, coefficients.open, sky)
 
@@ -78,29 +76,29 @@ def by_channel(function: Callable[..., xr.Dataset], *arrays: Array) -> xr.Datase
 
 
 SUN_OF = {"latitude": 0.5, "longitude": 0.5, "timezone": 0, "sun_diameter": 0, "sun_time": None}
-"""What a sun's place follows from beside its label, and how far C and L may differ in it [deg]."""
-
+"""Attributes that fix a sun's position beside its label, with the difference [deg] that C and L may
+have in each; 0 and None allow none."""
 
 KEPT = (
     "case", "has_shade", "shade_threshold", "shade_area", "sda_threshold", "sda_fraction",
     "ase_threshold", "ase_hours", "latitude", "longitude", "timezone", "weather", "version",
     "settings",
 )  # fmt: skip
-"""Attributes of C that E has as well."""
+"""Attributes of C that E keeps."""
 
 
 def check_suns(
     attributes: Mapping[str, Any], sky: xr.Dataset, names: Iterable[str] = tuple(SUN_OF)
 ) -> None:
-    """Refuse suns of another place, since labels tell only their time.
+    """Refuse suns of another place: the label of a sun states only its time.
 
     Parameters
     ----------
     attributes : mapping
-        Of the coefficients.
+        Attributes of the coefficients.
     sky : xr.Dataset
     names : iterable of str
-        Attributes that are compared.
+        Names of the attributes to compare.
 
     Raises
     ------
@@ -120,23 +118,23 @@ def check_suns(
 def illuminance(
     coefficients: Coefficients, sky: xr.Dataset, direct: xr.Dataset | None = None
 ) -> xr.Dataset:
-    """E = C·L, with the shade that the coefficients name.
+    """Illuminance E = C·L, the shade applied by the rule in the attributes of C.
 
-    The 95 % interval of an entry is ± `interval_factor` standard errors, an attribute: Student's
-    t with as many degrees of freedom as there are replicates, less one.
+    The 95 % interval of an entry is ± `interval_factor` (an attribute) standard errors: Student's
+    t with one degree of freedom less than there are replicates.
 
     Parameters
     ----------
     coefficients : Coefficients
     sky : xr.Dataset
-        Of `Daylight`, or from `daylight.from_luminances`.
+        `Daylight.sky`, or from `daylight.from_luminances`.
     direct : xr.Dataset, optional
-        From `direct_sun`, where it is known.
+        Direct sun from `direct_sun`; computed by default.
 
     Returns
     -------
     xr.Dataset
-        As from `accumulate.illuminance`, by channel where C is.
+        Variables of `accumulate.illuminance` [lx], with a dim `channel` where C has one.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """The reference: illuminance by the unbiased integrator `coefficient`, for some hours of the year.
 
-It shares no cells, no tables of films and no patches with what it is the reference for: every hour
-has its exact sun, the sky has Reinhart's subdivision 6. Sun that comes straight, for ASE and the
-shade, is taken from many shadow rays to every disk; these have no cells either.
+The reference shares no cells, tables of films or patches with the settings that it checks: every
+hour has its exact sun, the sky has Reinhart's subdivision 6. Direct sun, for ASE and the shade,
+comes from many shadow rays to every disk; these have no cells either.
 """
 
 from __future__ import annotations
@@ -30,38 +30,38 @@ from drcmitsuba.transport.shadow_rays import sun_deposit
 SUBDIVISION = 6
 """Reinhart's factor of the reference's sky: 5185 patches."""
 HOURS, MOST_SENSORS = 200, 600
-"""Time stamps and sensors of the reference, about and at most."""
+"""Approximate number of time stamps, and largest number of sensors, of the reference."""
 FEWEST_ROUNDS, ROUNDS = 4, 16
-"""Rounds that are made at least, and that the time is cut into at least."""
+"""Smallest number of rounds, and number of rounds that the time is divided into at least."""
 ENOUGH = 0.5
-"""RMS error [% of the mean E] of the reference below which it takes no more time."""
+"""RMS error of the reference [% of the mean E] below which it stops early."""
 LANES = 1 << 21
-"""Paths of one launch."""
+"""Largest number of paths in one launch."""
 PILOT = 1 << 16
-"""Paths of the launch that the speed is measured with."""
+"""Number of paths in the launch that measures the speed."""
 SUNS_PER_VERTEX = 8
-"""Suns sampled at every vertex; about the least noise in a given time for some hundred suns."""
+"""Number of suns sampled at every vertex: about the least noise in a given time."""
 DISK_SAMPLES, DISK_ROUNDS = 8, 32
-"""Directions to every sun's disk in one launch, and launches, for light that comes straight."""
+"""Number of directions to every sun's disk in one launch, and of launches, for direct sun."""
 
 
 def some_hours(times: np.ndarray, about: int = HOURS) -> np.ndarray:
-    """Every n-th time stamp, spread over the year and over the hours of the day.
+    """Choose every n-th time stamp, spread over the year and over the hours of the day.
 
     Parameters
     ----------
     times : np.ndarray of datetime64, shape (time,)
     about : int
-        How many are wanted.
+        Approximate number of time stamps to choose.
 
     Returns
     -------
-    np.ndarray of int
+    np.ndarray of int, shape (chosen time,)
         Positions in `times`.
 
     Notes
     -----
-    n has no factor in common with the time stamps of a day, so that all hours of the day come.
+    n has no factor in common with the number of time stamps in a day: every hour of the day comes.
     """
     _, of_day = np.unique(times.astype("datetime64[D]"), return_counts=True)
     per_day = int(np.median(of_day))
@@ -72,7 +72,7 @@ def some_hours(times: np.ndarray, about: int = HOURS) -> np.ndarray:
 
 
 def some_sensors(case: Case, most: int = MOST_SENSORS) -> np.ndarray:
-    """Every sensor, or every n-th in both directions; positions in the grid, x running fastest."""
+    """Positions in the grid, x fastest, of all sensors, or of every n-th along x and along y."""
     nx, ny = case.sensors.count
     step = 1
     while -(-nx // step) * -(-ny // step) > most:
@@ -93,12 +93,12 @@ class Reference:
     is_open : np.ndarray, shape (round, time, sensor)
         E of independent rounds, shade open [lx].
     shaded : np.ndarray, shape (round, closed time, sensor)
-        The same with the shade closed, for the time stamps that close.
+        E of the same rounds with the shade closed [lx], at the time stamps that `closed` marks.
     direct_sun : np.ndarray, shape (time, all sensors)
-        Sun that comes straight, shade open [lx].
+        Direct sun, shade open [lx].
     closed : np.ndarray of bool, shape (time,)
     paths : int
-        From every sensor, for each state, in all rounds.
+        Number of paths from every sensor in all rounds, for each state.
     seconds : float
     """
 
@@ -112,7 +112,7 @@ class Reference:
     seconds: float
 
     def rounds(self, closed: np.ndarray) -> np.ndarray:
-        """E of all rounds with the shade closed where both `closed` and the reference say so."""
+        """E (round, time, sensor) [lx], the shade closed where `closed` and the reference agree."""
         both = closed & self.closed
         E = self.is_open.copy()
         E[:, both] = self.shaded[:, both[self.closed]]
@@ -129,14 +129,14 @@ class ReferenceDaylight:
     diameter: float
 
     def only(self, hours: np.ndarray) -> ReferenceDaylight:
-        """Keep some hours."""
+        """Daylight of some hours only."""
         return ReferenceDaylight(
             self.sky[hours], self.sun[hours], self.directions[hours], self.diameter
         )
 
     @property
     def shining(self) -> np.ndarray:
-        """Hours with sun."""
+        """Positions of the hours with sun."""
         return np.flatnonzero(self.sun > 0)
 
 
@@ -160,7 +160,7 @@ class TraceReference:
     case : Case
     times : np.ndarray of datetime64, shape (time,)
     until : float
-        End by `time.monotonic` [s]; four rounds are traced in any case.
+        Time at which tracing ends, by `time.monotonic` [s]; four rounds are traced in any case.
     """
 
     case: Case
@@ -191,7 +191,7 @@ class TraceReference:
         )  # fmt: skip
 
     def _sampled(self, states: list[_TracedState]) -> tuple[int, list[list[np.ndarray]]]:
-        """Paths from a sensor in each round, and E of every round and state."""
+        """Number of paths from a sensor in each round, and E [lx] by round and state."""
         pilot = max(1, PILOT // states[0].size)
         for seed in (0, 1):  # the first one compiles
             begin = time.monotonic()
@@ -201,7 +201,7 @@ class TraceReference:
         spp = int(np.clip(left / pace, 1, max(1, LANES // states[0].size)))
         rounds: list[list[np.ndarray]] = []
         while len(rounds) < FEWEST_ROUNDS or time.monotonic() + spp * pace < self.until:
-            # Looked at now and then only, as it takes all rounds.
+            # The spread reads all rounds, so it is computed once in `ROUNDS` rounds only.
             if len(rounds) % ROUNDS == 0 and len(rounds) > 0 and _spread(rounds) < ENOUGH:
                 break
             rounds.append([state.illuminance(spp, 2 + len(rounds)) for state in states])
@@ -209,19 +209,19 @@ class TraceReference:
 
 
 def _spread(rounds: list[list[np.ndarray]]) -> float:
-    """RMS of the standard error of E with the shade open, over its mean [%]."""
+    """RMS of the standard error of E, shade open [% of the mean E]."""
     E = np.stack([is_open for is_open, *_ in rounds])
     return 100 * float(np.sqrt(E.var(axis=0, ddof=1).mean() / len(E)) / E.mean())
 
 
 def _channels(case: Case) -> Iterator[tuple[int, float]]:
-    """Colour channels and their weights; one for a grey case."""
+    """Index and weight of each colour channel; a grey case has one channel."""
     weights = list(schema.LUMINANCE_WEIGHTS.values()) if scene.is_coloured(case) else [1.0]
     yield from enumerate(weights)
 
 
 def direct_sun(case: Case, light: ReferenceDaylight) -> np.ndarray:
-    """Sun that comes straight to all sensors of a case, shape (time, sensor) [lx]."""
+    """Direct sun on all sensors of a case, shape (time, sensor) [lx]."""
     points, normals = (mi.Float(a.astype(np.float32).ravel()) for a in sensor_points(case))
     lit = light.shining
     E = np.zeros((len(light.sun), dr.width(points) // 3))
@@ -238,7 +238,7 @@ def direct_sun(case: Case, light: ReferenceDaylight) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _TracedState:
-    """What is traced for one state of the shade: a scene for every channel, and its light."""
+    """One state of the shade: a scene for every channel, the daylight and the sensors."""
 
     scenes: tuple[Any, ...]
     weights: tuple[float, ...]
@@ -281,7 +281,7 @@ class _TracedState:
 
 
 def _with_sources(walls: mi.Scene, light: ReferenceDaylight) -> mi.Scene:
-    """A scene with the fine sky, and the suns that shine."""
+    """Scene of the walls, the fine sky and the suns that shine."""
     world: dict[str, Any] = {f"shape{i}": shape for i, shape in enumerate(walls.shapes())}
     world["sky"] = {"type": "tregenza_sky", "subdivision": SUBDIVISION}
     if len(light.shining):

@@ -33,13 +33,13 @@ COLOURS = {
     "sky": "#56B4E9",
     "combination": "#E69F00",
 }
-"""Told apart by colour-blind readers, as in `plots`."""
+"""Colour of a setting by what varies in it; colour-blind readers tell them apart."""
 MARKED = {"default": ("*", 260), "yours": ("D", 80)}
-"""Marker and size [pt²] of the settings that are not one of many."""
+"""Marker and size [pt²] of the default setting and of the case's own."""
 OWN, HIDDEN = "#ECECEC", "#DADADA"
-"""Of the bands of the reference's error."""
+"""Colours of the band of the reference's own error, and of the band that its noise hides."""
 FEWEST = 3
-"""Settings that a choice is made from at least."""
+"""Smallest number of settings that allows a choice."""
 FONT = 8.0
 """Size of the labels [pt]."""
 
@@ -58,7 +58,7 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     Parameters
     ----------
     name : str
-        Of the case.
+        Name of the case.
     rows : sequence of Row
     own_rms : float
         RMS error of the reference itself [%].
@@ -66,8 +66,9 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     Returns
     -------
     Figure
-        Settings whose error the noise of the reference hides stand at its upper bound, with an
-        arrow down. The grey bands are the reference's own error, and how much of an error it hides.
+        A setting whose error the reference's noise hides stands at the upper bound of its error,
+        with an arrow down. The grey bands show the reference's own error, and the errors that its
+        noise hides.
     """
     figure = Figure(figsize=(9.0, 6.2), layout="constrained")
     ax = figure.add_subplot()
@@ -95,13 +96,13 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
 
 
 def _hidden(rows: Sequence[Row]) -> float:
-    """Smallest RMS error [%] that is not lost in the noise of the reference."""
+    """Smallest RMS error [%] that the noise of the reference does not hide."""
     spread = min(row.errors.square.error for row in rows if row.errors is not None)
     return 100 * float(np.sqrt(spread))
 
 
 def _shown(row: Row) -> float:
-    """Error of a row on the plot; its upper bound where the noise hides it."""
+    """RMS error [%] of a row on the plot; its upper bound where the noise hides it."""
     assert row.errors is not None
     return row.errors.rms_below if row.errors.is_hidden else row.errors.rms
 
@@ -141,11 +142,11 @@ def _point(ax: Axes, row: Row, x: float, y: float) -> None:
 def _labels(
     figure: Figure, ax: Axes, rows: Sequence[Row], points: np.ndarray, best: np.ndarray
 ) -> None:
-    """Label every point where nothing else lies, the frontier through `best` included.
+    """Label every point clear of other points, labels and the frontier through `best`.
 
-    A thin line leads from a label that is not close to its point.
+    A thin line joins a label to its point where the two are not close.
     """
-    figure.canvas.draw()  # sets the layout, which the places depend on
+    figure.canvas.draw()  # sets the layout, on which the places depend
     dots = ax.transData.transform(points)
     scale = figure.dpi / 72
     steps = np.linspace(0, 1, 60)[:, None, None]
@@ -215,7 +216,7 @@ def _legend(figure: Figure, rows: Sequence[Row], own_rms: float, hidden: float) 
     keys.append(Line2D([], [], color=GREY, linewidth=1.2, label="frontier"))
     own = f"own error of the reference, {own_rms:.1f} %"
     keys.append(Patch(color=OWN, label=own))
-    keys.append(Patch(color=HIDDEN, label=f"what of it cannot be taken off, {hidden:.1f} %"))
+    keys.append(Patch(color=HIDDEN, label=f"errors that its noise hides, to {hidden:.1f} %"))
     figure.legend(handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
 
 
@@ -233,14 +234,14 @@ class Tradeoff:
     mean : float
         Mean E of the reference [lx].
     sda, sda_error, ase : float
-        Of the reference, on its hours [%].
+        sDA with its standard error, and ASE, of the reference over its hours [%].
     paths, rounds : int
-        From every sensor, and the rounds that they were made in.
+        Number of paths of the reference from every sensor, and of its rounds.
     reference_seconds : float
     hours, year : int
-        Time stamps of the reference, and of the period.
+        Number of time stamps of the reference, and of the period.
     sensors : int
-        Of the reference.
+        Number of sensors of the reference.
     """
 
     name: str
@@ -281,7 +282,7 @@ class Tradeoff:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """All numbers; the reference with its own errors comes first."""
+        """Table of all numbers; its first row is the reference with its own errors."""
         reference = {
             "setting": "reference",
             "varied": "reference",
@@ -293,26 +294,26 @@ class Tradeoff:
         return pd.DataFrame([reference, *(row.as_dict() for row in self.rows)])
 
     def notes(self) -> list[str]:
-        """What a reader of the numbers has to know, a sentence each."""
+        """Notes for the reader of the numbers."""
         return [
             f"Reference: unbiased path tracing, {self.paths} paths from each of {self.sensors} "
             f"sensors in {self.rounds} rounds, {self.reference_seconds:.0f} s; its own error is "
             f"{self.own_rms:.1f} % RMS and {self.own_mean:.2f} % of the mean, {self.mean:.0f} lx. "
-            "Its noise is taken off the errors; '<' is an upper bound (95 %).",
-            f"Errors are those of {self.hours} of {self.year} time stamps, E in the same state of "
-            f"the shade. sDA ({self.sda:.1f} ± {1.96 * self.sda_error:.1f} %) and ASE "
-            f"({self.ase:.1f} %) are those of these hours, by the rules of the year.",
-            "Seconds are those of the whole period, without start-up and compilation.",
+            "Its noise is subtracted from the errors; '<' is an upper bound (95 %).",
+            f"Errors compare {self.hours} of {self.year} time stamps, E in the same state of the "
+            f"shade. The reference's sDA ({self.sda:.1f} ± {1.96 * self.sda_error:.1f} %) and ASE "
+            f"({self.ase:.1f} %) count these hours, by the rules of the year.",
+            "Seconds count the whole period, without start-up and compilation.",
             *self._doubts(),
         ]
 
     def _doubts(self) -> list[str]:
-        """Why the settings cannot be told apart, where that is so."""
+        """Reasons why the settings cannot be compared, if there are any."""
         errors = [row.errors for row in self.rows if row.is_on_plot and row.errors is not None]
         if len(errors) < FEWEST:
             return [f"Settings compared: {len(errors)}, too few for a choice; give more time."]
         if all(one.is_hidden for one in errors):
-            return ["The noise of the reference hides all errors: give more time, or take any."]
+            return ["The noise of the reference hides all errors: give it more time."]
         return []
 
     def save(self, folder: str | Path) -> None:
@@ -328,7 +329,7 @@ class Tradeoff:
         storage.save_text(text, Path(folder) / "tradeoff.csv")
 
     def figure(self) -> Figure:
-        """The frontier: seconds against the RMS error of E."""
+        """Draw the frontier: seconds against the RMS error of E."""
         return frontier(self.name, self.rows, self.own_rms)
 
     def _repr_html_(self) -> str:
