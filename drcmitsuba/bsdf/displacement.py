@@ -1,18 +1,18 @@
 """Interpolation between two distributions of light whose lobes move.
 
-A distribution is an array (m, m) of light over direction cosines x, y from −1 to 1. What two
-neighbouring distributions have in common after a shift is a lobe that moves by it; cross-fading
-them instead would show every lobe twice. Shifts are measured, not assumed: by the peak of the
-correlation, as often as there is something in common, so lobes that follow the mirror direction
-and lobes that are sent elsewhere each move their own way. The rest is cross-faded.
+A distribution is an array (m, m) of light over direction cosines x, y from −1 to 1. A lobe is
+light that two neighbouring distributions share after a shift, and it moves by this shift;
+cross-fading would show every lobe twice. The peak of the correlation gives the shift. The search is
+repeated while shared light remains, so mirrored and redirected lobes move independently. The rest
+is cross-faded.
 
-Light is conserved: at t the sum is (1 − t) · Σa + t · Σb, but for what a fractional shift carries
-over the edge of the array (at most one pixel).
+Light is conserved: at t the sum is (1 − t) · Σa + t · Σb, less the light that a fractional shift
+carries over the edge of the array (at most one pixel).
 
 References
 ----------
 .. [1] N. Bonneel, M. van de Panne, S. Paris, W. Heidrich, "Displacement interpolation using
-   Lagrangian mass transport", 2011: the exact transport that this greedy one stands for.
+   Lagrangian mass transport", 2011: the exact transport that this greedy search approximates.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDS = 4
-"""Shifts that are looked for: lobes that move each their own way."""
+"""Largest number of lobes, each with its own shift."""
 LIKE = 1.5
-"""A lobe may be so many times brighter in one distribution than in the other."""
+"""Largest ratio of a lobe's light in one distribution to that in the other."""
 LITTLE = 0.01
-"""Common light of less than this part ends the search."""
+"""Fraction of the darker distribution's light: if less is shared, the search ends."""
 
 
 @dataclass(frozen=True)
 class Passage:
-    """Way from a distribution to another.
+    """Moving lobes and resting light of two distributions a and b.
 
     Parameters
     ----------
     lobes : tuple of (array, array, (int, int))
-        Light of a and of b that belongs together, each where it is, and the shift [pixel].
+        Light of a lobe in a and in b, shape (m, m) each, and its shift from a to b [pixel].
     rest : (array, array)
-        Light of a and of b that stays where it is.
+        Remaining light of a and of b, shape (m, m) each, which is cross-faded in place.
     """
 
     lobes: tuple[tuple[np.ndarray, np.ndarray, tuple[int, int]], ...]
     rest: tuple[np.ndarray, np.ndarray]
 
     def at(self, t: float) -> np.ndarray:
-        """Distribution between a (t = 0) and b (t = 1)."""
+        """Distribution (m, m) between a (t = 0) and b (t = 1)."""
         total = (1 - t) * self.rest[0] + t * self.rest[1]
         for a, b, (dx, dy) in self.lobes:
             total = total + (1 - t) * moved(a, t * dx, t * dy)
@@ -54,14 +54,14 @@ class Passage:
 
 
 def passage(a: np.ndarray, b: np.ndarray, cover: np.ndarray, reach: float) -> Passage:
-    """Find what moves between two distributions.
+    """Separate the lobes that move between two distributions from the light that rests.
 
     Parameters
     ----------
     a, b : np.ndarray, shape (m, m)
         Light in each pixel.
     cover : np.ndarray, shape (m, m)
-        Part of each pixel that lies in the disk.
+        Fraction of each pixel that lies in the disk.
     reach : float
         Longest shift [pixel].
 
@@ -85,13 +85,13 @@ def passage(a: np.ndarray, b: np.ndarray, cover: np.ndarray, reach: float) -> Pa
 
 
 def _floor(g: np.ndarray, cover: np.ndarray) -> np.ndarray:
-    """Lambertian part: it has no lobe that could move."""
+    """Lambertian part (m, m) of a distribution: its least value inside the disk."""
     inside = cover > 0.99
     return float(g[inside].min()) * cover
 
 
 def _likely_shift(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[int, int]:
-    """Shift [pixel] that brings a onto b best."""
+    """Shift [pixel], at most `reach` long, at which a correlates best with b."""
     m = len(a)
     size = (2 * m, 2 * m)
     correlation = np.fft.irfft2(np.conj(np.fft.rfft2(a, size)) * np.fft.rfft2(b, size), size)
@@ -102,7 +102,7 @@ def _likely_shift(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[int, int]
 
 
 def moved(g: np.ndarray, dx: float, dy: float) -> np.ndarray:
-    """Shift an array by a fraction of pixels; what enters is 0."""
+    """Shift an array (m, m) by dx and dy pixels, fractions included; pixels that enter are 0."""
     out = np.zeros_like(g)
     fx, fy = int(np.floor(dx)), int(np.floor(dy))
     for i, wx in ((fx, 1 - (dx - fx)), (fx + 1, dx - fx)):
@@ -114,7 +114,7 @@ def moved(g: np.ndarray, dx: float, dy: float) -> np.ndarray:
 
 
 def _overlap(i: int, j: int, m: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Where an array shifted by whole pixels meets itself: there, and where that came from."""
+    """Slices of the part that a shift by i, j pixels keeps in an array: after and before it."""
     to = (slice(max(i, 0), max(m + min(i, 0), 0)), slice(max(j, 0), max(m + min(j, 0), 0)))
     source = (slice(max(-i, 0), max(m + min(-i, 0), 0)), slice(max(-j, 0), max(m + min(-j, 0), 0)))
     return to, source

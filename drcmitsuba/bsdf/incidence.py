@@ -1,4 +1,4 @@
-"""From the incidences that were measured to those that a tree asks for."""
+"""Interpolation from the measured incidences to those of a tree's cells."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SYMMETRIES = ("auto", "none", "bilateral", "quadrilateral")
 NORMAL = np.sin(np.radians(1.0))
 """Incidences nearer to the normal than this have no azimuth."""
 REACH = 1.5
-"""Lobes move at most so many times as far as the incidence does; 1 for a mirror or a window."""
+"""Largest shift of a lobe over that of the incidence; a mirror or a window has the ratio 1."""
 
 Light = tuple[np.ndarray, np.ndarray]
 """Direction cosines of an incidence, shape (2,), and its light in pixels, shape (m, m)."""
@@ -26,7 +26,7 @@ Cells = Callable[[np.ndarray], np.ndarray]
 
 
 def triangles(xy: np.ndarray, source: str) -> np.ndarray:
-    """Delaunay triangles of points (n, 2), shape (triangle, 3); flat ones left out."""
+    """Corner indices (triangle, 3) of Delaunay triangles of points (n, 2), without flat ones."""
     try:
         corners = Triangulation(*xy.T).triangles
     except (RuntimeError, ValueError):  # qhull finds no triangle in points on a line
@@ -45,7 +45,7 @@ def areas(corners: np.ndarray) -> np.ndarray:
 
 
 def at_one_azimuth(incident: list[np.ndarray]) -> bool:
-    """Whether all directions of incidence lie at one azimuth: the material is isotropic then."""
+    """Whether all directions of incidence lie at one azimuth, as for isotropic materials."""
     slanted = np.array([i[:2] for i in incident if np.hypot(*i[:2]) >= NORMAL]).reshape(-1, 2)
     if not len(slanted):
         return True
@@ -56,14 +56,14 @@ def at_one_azimuth(incident: list[np.ndarray]) -> bool:
 
 @dataclass(frozen=True)
 class Mirrored:
-    """Measurements, completed by their mirror images, and what was assumed."""
+    """Measurements with their mirror images, and notes on the assumed symmetry."""
 
     lights: list[Light]
     notes: tuple[str, ...]
 
 
 def mirrored(lights: list[Light], symmetry: str) -> Mirrored:
-    """Complete the incidences that symmetry spares the measurement."""
+    """Add the mirror images of measured incidences that a symmetry implies."""
     p = np.array([key for key, _ in lights])
     whole = [(p[:, a].max() > NORMAL) and (p[:, a].min() < -NORMAL) for a in (0, 1)]
     words = ("left and right", "top and bottom")
@@ -92,7 +92,7 @@ def isotropic(
 ) -> np.ndarray:
     """BSDF of a tree of rank 3, shape (n, n, n), from measurements at one azimuth.
 
-    Light comes from −x, as the tree has it. The material is its own mirror image.
+    Light comes from −x, as in the tree. The material is its own mirror image.
     """
     own: dict[float, np.ndarray] = {}
     for key, light in lights:
@@ -102,7 +102,7 @@ def isotropic(
         got = f"{len(own)} incidence"
         raise InputError("measurement", "incidences", got, "measure at least two")
     nearest = min(own)
-    if nearest > NORMAL:  # the normal lies between an incidence and the one across it
+    if nearest > NORMAL:  # the normal lies between an incidence and the opposite one
         own[-nearest] = np.flip(own[nearest], 0)
     r = sorted(own)
     between = cache(
@@ -138,7 +138,7 @@ def anisotropic(
     grid = np.zeros((n, n, n, n))
     at = (np.arange(n) + 0.5) / n
     for cell, (s, t) in enumerate(np.ndindex(n, n)):
-        wanted = -np.stack(to_disk(at[s], at[t]))  # the tree's square is that of −incident
+        wanted = -np.stack(to_disk(at[s], at[t]))  # the tree's square holds −incident
         which, weight = _weights(p, corners, wanted)
         order = np.argsort(-weight)
         (a, b, c), (u, v, w) = which[order].tolist(), weight[order].tolist()
@@ -153,16 +153,16 @@ def anisotropic(
 
 
 def _reach(distance: float, cover: np.ndarray) -> float:
-    """Longest shift [pixel] of lobes between incidences that are so far apart."""
+    """Longest shift [pixel] of lobes between incidences a distance (direction cosines) apart."""
     return REACH * distance * len(cover) / 2 + 2
 
 
 def _weights(
     p: np.ndarray, corners: np.ndarray, wanted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the triangle around a point, and barycentric weights.
+    """Corner indices of the triangle around a point and its barycentric weights, (3,) each.
 
-    A point outside of all triangles is drawn toward the normal until it meets one.
+    A point outside all triangles is moved toward the normal until it meets one.
     """
     a, b, c = (p[corners[:, i]] for i in range(3))
     det = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
@@ -179,7 +179,7 @@ def _weights(
 
 
 def _turned(light: np.ndarray, angle: float) -> np.ndarray:
-    """Light turned about the normal [rad], counter-clockwise; by quarters it stays exact."""
+    """Light (m, m) turned counter-clockwise by an angle [rad]; quarter turns are exact."""
     quarters = angle / (np.pi / 2)
     if abs(quarters - round(quarters)) < 1e-6:
         return np.rot90(light, round(quarters), axes=(0, 1))

@@ -1,13 +1,13 @@
 """From goniophotometer measurements to a tensor tree.
 
-1. Scattered points of one incidence are joined by triangles over direction cosines; f is linear in
-   each. Their light is summed into square pixels of direction cosines, half as wide as the cells of
-   the tree, so that a peak narrower than a pixel keeps its light. Beyond the measured directions f
-   is that of the nearest ones.
-2. Between incidences, lobes move (`drcmitsuba.bsdf.displacement`): one after the other along the
-   sides of the triangle of incidences. Beyond the measured incidences the nearest ones hold.
+1. Triangles over direction cosines join the scattered directions of one incidence; f is linear in
+   each triangle. Its light is summed into square pixels of direction cosines, half as wide as the
+   tree's cells, so that a peak narrower than a pixel keeps its light. Beyond the measured
+   directions f is that of the nearest pixel.
+2. Between the three incidences of a triangle lobes move (`drcmitsuba.bsdf.displacement`): from the
+   first to the second, then to the third. Beyond the measured incidences the nearest ones hold.
 3. Pixels are averaged into the cells of the square of Shirley and Chiu. The hemispherical total of
-   every incidence is that of steps 1 and 2.
+   every incidence stays as in step 2.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 
 FEWEST = 16
-"""Points that one incidence has at least."""
+"""Least number of scattered directions of one incidence."""
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,19 @@ class Pixels:
     Parameters
     ----------
     depth : int
-        Of the tree.
+        Number of levels of the tree.
     """
 
     depth: int
 
     @property
     def m(self) -> int:
-        """Pixels along either axis."""
+        """Number of pixels along either axis."""
         return 2 << self.depth
 
     @cached_property
     def _parts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pixel and cell of 4 × 4 points in each pixel, as far as they lie in the disk."""
+        """Pixel and cell index of 4 × 4 points in each pixel; points outside the disk left out."""
         fine = 4 * self.m
         u = (np.arange(fine) + 0.5) / fine * 2 - 1
         x, y = (g.ravel() for g in np.meshgrid(u, u, indexing="ij"))
@@ -60,18 +60,18 @@ class Pixels:
         return self.index(x, y), s * n + t
 
     def index(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Pixel of direction cosines."""
+        """Pixel index of direction cosines x and y."""
         i, j = (np.clip(((c + 1) / 2 * self.m).astype(int), 0, self.m - 1) for c in (x, y))
         return i * self.m + j
 
     @cached_property
     def cover(self) -> np.ndarray:
-        """Part of every pixel that lies in the disk, shape (m, m)."""
+        """Fraction of every pixel that lies in the unit disk, shape (m, m)."""
         return np.bincount(self._parts[0], minlength=self.m**2).reshape(self.m, self.m) / 16
 
     @property
     def area(self) -> float:
-        """Projected solid angle of a pixel [sr]; all in the disk together have π."""
+        """Projected solid angle of a whole pixel [sr]; the disk's pixels sum to π."""
         return np.pi / float(self.cover.sum())
 
     def cells(self, light: np.ndarray) -> np.ndarray:
@@ -86,21 +86,22 @@ class Pixels:
 
 
 def gathered(xy: np.ndarray, value: np.ndarray, pixels: Pixels, source: str) -> np.ndarray:
-    """Light in pixels, from f at scattered direction cosines.
+    """Light in pixels, summed from f at scattered directions.
 
     Parameters
     ----------
     xy : np.ndarray, shape (point, 2)
+        Direction cosines.
     value : np.ndarray, shape (point,)
         f [1/sr].
     pixels : Pixels
     source : str
-        File that an error names.
+        Name of the file for errors.
 
     Returns
     -------
     np.ndarray, shape (m, m)
-        Share of the incident light.
+        Share of the incident light that leaves through each pixel.
     """
     if len(xy) < FEWEST:
         raise InputError(source, "data", f"{len(xy)} points for an incidence", f"give {FEWEST}")
@@ -124,7 +125,7 @@ def gathered(xy: np.ndarray, value: np.ndarray, pixels: Pixels, source: str) -> 
 
 
 def _inner(k: int) -> np.ndarray:
-    """Barycentric centres of the k² triangles that a triangle is cut into."""
+    """Barycentric coordinates (k², 3) of the centres of k² equal parts of a triangle."""
     i, j = (g.ravel() for g in np.indices((k, k)))
     upright, turned = i + j < k, i + j < k - 1
     a = np.concatenate([i[upright] + 1 / 3, i[turned] + 2 / 3]) / k
@@ -133,7 +134,7 @@ def _inner(k: int) -> np.ndarray:
 
 
 def _filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Values with those that are not known taken from the nearest known ones."""
+    """Values (m, m), each unknown one replaced by the nearest known one."""
     have, lack = np.argwhere(known), np.argwhere(~known)
     out = values.copy()
     for part in np.array_split(lack, max(1, len(lack) // 256)):
@@ -151,23 +152,23 @@ def from_measurements(
     tolerance: float = 0.02,
     progress: Progress = lambda share: None,
 ) -> BsdfFile:
-    """Make a BSDF of goniophotometer measurements.
+    """Make a BSDF from goniophotometer measurements.
 
     Parameters
     ----------
     paths : iterable of path
-        Text by pab-opto, one or several incidences in each (`drcmitsuba.bsdf.pab_opto`).
+        Text files by pab-opto, each with one or several incidences (`drcmitsuba.bsdf.pab_opto`).
     depth : int
         Levels of the tree: 5 has cells of 3.6° at the normal, 6 of 1.8°.
     symmetry : str
         'none'; 'bilateral' (left and right, or up and down, whichever half is measured);
-        'quadrilateral'; 'auto': what the measured azimuths of incidence leave open.
+        'quadrilateral'; 'auto' mirrors along each axis with incidences on one side only.
     front : str
         Where the sample's front (theta 0) faces when mounted: 'room' or 'outside'.
     tolerance : float
-        Cells that differ by less than this part of their mean are joined.
+        Cells that differ by at most this fraction of their mean are merged.
     progress : callable
-        Called with the part that is done.
+        Called with the share of the work that is done, 0 to 1.
 
     Returns
     -------
@@ -177,14 +178,14 @@ def from_measurements(
     Raises
     ------
     InputError
-        Text that cannot be read, too few points or incidences, incidences in one plane only.
+        A file cannot be read, points or incidences are too few, or all incidences lie in a plane.
 
     Notes
     -----
     Limits: luminance only; no deconvolution of the lamp and detector; scattered directions within
     2° of grazing are left out; beyond the largest measured incidence lobes stay where they were;
-    an isotropic material is taken to be its own mirror image; a lobe that is found at only one of
-    two neighbouring incidences is faded, so incidences should be no farther apart than lobes live.
+    an isotropic material is taken to be its own mirror image; a lobe that only one of two
+    neighbouring incidences shows fades, so each lobe has to be measured at several incidences.
     """
     if not 1 <= depth <= min(6, MAX_DEPTH):
         raise InputError("measurement", "depth", str(depth), "give 1 to 6")
@@ -231,7 +232,7 @@ def from_measurements(
 def _components(
     measurements: list[Measurement], turned: np.ndarray
 ) -> dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
-    """Incidence, direction cosines and f by component; several files of one incidence joined."""
+    """Incidence (2,), direction cosines (n, 2) and f (n,) of each component, scans joined."""
     points: dict[str, dict[tuple[float, float], list[tuple[np.ndarray, np.ndarray]]]] = {}
     for m in measurements:
         incident, outgoing = m.incident * turned, m.outgoing * turned

@@ -10,11 +10,11 @@ import numpy as np
 from drcmitsuba_plugins.tensor import TensorTree
 
 SIGNIFICANT = 2.0
-"""Standard deviations above its mean at which χ² of siblings tells them apart."""
+"""Siblings differ where their χ² exceeds its mean by more than this many standard deviations."""
 
 
 def _alike(children: np.ndarray, mean: np.ndarray, unit: float, cells: int) -> np.ndarray:
-    """Whether siblings, each a mean over `cells` cells, differ no more than counts would.
+    """Whether siblings, each a mean over `cells` cells, differ no more than ray counts do.
 
     With one ray adding `unit` to a cell, a cell of mean m has the variance m·unit, and
     χ² = Σ (xᵢ − m)² · cells / (m · unit) is on average the number of siblings less one.
@@ -35,18 +35,18 @@ def merge(
     tree : TensorTree
         Full: all leaves at its depth (`TensorTree.of_grid`).
     percent : float
-        Part of all possible merges that is made at least [%]. The blocks of siblings whose
-        values, down to the finest cells, lie closest together go first, as in `rttree_reduce`.
+        Least part of all possible merges that is made [%]. Blocks of siblings with the smallest
+        range of values, down to the finest cells, merge first, as in `rttree_reduce`.
     unit : float
-        What one ray adds to a cell [1/sr]. Siblings that differ no more than the counts of rays
-        would by chance (χ²) are merged too; 0 leaves that out.
+        Value that one ray adds to a cell [1/sr]. Siblings that differ no more than counts of rays
+        do by chance (χ²) are merged, too; 0 omits this test.
     tolerance : float
-        Cells that differ by at most this part of their mean are merged, too.
+        Cells that differ by at most this fraction of their mean are merged, too.
 
     Returns
     -------
     TensorTree
-        With the same mean; of the same depth.
+        Tree of the same depth and the same mean.
     """
     siblings = 1 << tree.rank
     mean = low = high = tree.value

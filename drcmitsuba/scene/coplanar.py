@@ -1,7 +1,7 @@
-"""Surfaces that share a plane: which one a ray meets is a matter of rounding, so none may be left.
+"""Surfaces in one plane: rounding would decide which one a ray meets, so none may remain.
 
-What lies behind the room's walls, floor and ceiling is set back; what would be seen in two ways is
-refused. Faces that look opposite ways may share a plane: a cupboard stands against the wall.
+Outside faces in the plane of a wall, the floor or the ceiling are set back; overlapping faces of
+two reflectances are refused. Faces that look opposite ways may share a plane, as cupboard and wall.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import furniture, normals
 
 SAME_PLANE = 1e-5
-"""Planes closer than this are one [m]."""
+"""Distance below which two planes count as one [m]."""
 SET_BACK = 0.005
-"""Outside faces in the plane of a wall move this far into their body [m]."""
+"""Distance by which outside faces in the plane of a wall move into their body [m]."""
 OVERLAP = 1e-6
-"""Rectangles that overlap by less only touch [m]."""
+"""Rectangles that overlap by less than this only touch [m]."""
 
 _PLANES = ("west wall", "east wall", "south wall", "north wall", "floor", "ceiling")
 
@@ -53,9 +53,9 @@ class RoomPlane:
         return [i for i in range(3) if i != self.axis]
 
     def holds(self, faces: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Whether polygons (face, corner, 3) lie in it and overlap a room of `size` (3,) [m].
+        """Whether polygons (face, corner, 3) lie in the plane and overlap a room of `size` (3,).
 
-        Bounds decide on the overlap: a triangle beside a corner of the room counts as well.
+        Bounding rectangles decide, so a triangle beside a corner of the room overlaps it, too.
         """
         near = (abs(faces[:, :, self.axis] - self.at) < SAME_PLANE).all(axis=1)
         flat = faces[:, :, self.beside]
@@ -64,7 +64,7 @@ class RoomPlane:
 
 
 def planes(case: Case) -> list[RoomPlane]:
-    """Six planes of a case's room; none without a room."""
+    """The six planes of a case's room; an empty list without a room."""
     if case.room is None:
         return []
     ends = [(axis, end) for axis in range(3) for end in (0, 1)]
@@ -77,9 +77,8 @@ def planes(case: Case) -> list[RoomPlane]:
 def settled(case: Case) -> list[tuple[Furniture, np.ndarray]]:
     """Furniture of a recentred case with its faces (face, 4, 3), none of them in another's plane.
 
-    A face of a body outside that lies in the plane of a wall, such as that of a balcony, moves
-    into the body: nobody sees it but through the panes. So does a ground that reaches below the
-    room, down from the floor's plane.
+    A face of a body outside in the plane of a wall, such as a balcony's, moves into the body: it
+    is seen only through the panes. A ground plate that reaches below the room moves down.
 
     Raises
     ------
@@ -113,7 +112,7 @@ def _settle(case: Case, plane: RoomPlane, i: int, piece: Furniture, faces: np.nd
 
 
 def _check_pieces(case: Case, pieces: list[tuple[Furniture, np.ndarray]]) -> None:
-    """Refuse faces of different reflectance that look the same way from the same place."""
+    """Refuse faces of different reflectance that overlap in one plane and look the same way."""
     colours: dict[Reflectance, int] = {}
     for piece, _ in pieces:
         colours.setdefault(piece.reflectance, len(colours))

@@ -1,7 +1,7 @@
-"""Plain geometry: surfaces as quadrilaterals, and the room, its façades and its furniture as such.
+"""Plain geometry: room, façades and furniture as quadrilaterals in the room's frame [m].
 
-All is in the room's own frame [m]. Panes face the room: their normals point inward. Where there is
-no room, the frame begins near the sensors: see `recentred`.
+Panes face the room: their normals point inward. Without a room the frame's origin lies near the
+sensors (`recentred`).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ SIDES: tuple[Side, ...] = ("south", "east", "north", "west")
 class Surface:
     """Quadrilaterals of one material, shape (quad, 4, 3) [m], counter-clockwise from the front.
 
-    A triangle repeats its last corner. `component` names the component that it is a part of; ""
-    is the room, its panes and furniture. Nothing sees the backs of a `closed` body.
+    A triangle repeats its last corner. `component` is the name of the surface's component, "" for
+    the room, its panes and furniture. The backs of a `closed` body face its inside.
     """
 
     name: str
@@ -47,9 +47,9 @@ class Port:
     Parameters
     ----------
     component : str
-        "" are the panes of the room.
+        Name of the component; "" for panes of the room.
     quad : np.ndarray, shape (4, 3)
-        Its normal (q₁ − q₀) × (q₃ − q₀) points the way that the light goes.
+        Corners [m]; the normal (q₁ − q₀) × (q₃ − q₀) has the direction of the light.
     """
 
     component: str
@@ -57,13 +57,13 @@ class Port:
 
 
 def quad(corner: Any, u: Any, v: Any) -> np.ndarray:
-    """Quadrilateral with its front in the direction u × v."""
+    """Parallelogram (4, 3) that u and v span from a corner; its front has the direction u × v."""
     c, u, v = (np.asarray(x, float) for x in (corner, u, v))
     return np.array([c, c + u, c + u + v, c + v])
 
 
 def box(corner: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
-    """Faces of a box, fronts outward; a box without height is one plate."""
+    """Faces (4, 3) of a box, fronts outward; a box without height is one plate."""
     x, y, z = np.diag(size)
     top = quad(corner + z, x, y)
     if size[2] == 0:
@@ -79,7 +79,7 @@ def box(corner: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
 
 
 def boxes(furniture: Furniture) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Corner and size of every repetition of a piece of furniture."""
+    """Corner and size, (3,) [m] each, of every copy of a piece of furniture."""
     size = np.array(furniture.size)
     return [
         (np.array(furniture.corner) + [i * furniture.step[0], j * furniture.step[1], 0], size)
@@ -95,7 +95,7 @@ def normals(quads: np.ndarray) -> np.ndarray:
 
 
 def side_of(room: Room, side: Side) -> tuple[np.ndarray, np.ndarray]:
-    """Foot and direction of a wall, such that direction × up points out of the room."""
+    """Start and extent, (3,) [m] each, of a wall's foot; extent × up points out of the room."""
     width, depth, _ = room.size
     return {
         "south": (np.zeros(3), np.array([width, 0.0, 0.0])),
@@ -108,7 +108,7 @@ def side_of(room: Room, side: Side) -> tuple[np.ndarray, np.ndarray]:
 def wall(
     room: Room, side: Side, facade: Facade
 ) -> tuple[list[np.ndarray], list[np.ndarray], dict[str, list[np.ndarray]]]:
-    """Cut a side of the room into wall, frame and panes by material, fronts inward."""
+    """Cut a side into rectangles (4, 3) of wall, frame and, by material, panes; fronts inward."""
     foot, along = side_of(room, side)
     length = float(np.linalg.norm(along))
     along = along / length
@@ -148,7 +148,7 @@ def wall(
 
 
 def ceiling(room: Room, holes: list[np.ndarray]) -> list[np.ndarray]:
-    """Cut the ceiling about holes (lowest and highest x, lowest and highest y), fronts downward."""
+    """Cut the ceiling around holes (lowest and highest x, then y [m]), fronts downward."""
     width, depth, height = room.size
     x = np.unique([0.0, width, *(e for hole in holes for e in hole[:2])])
     y = np.unique([0.0, depth, *(e for hole in holes for e in hole[2:])])
@@ -162,14 +162,9 @@ def ceiling(room: Room, holes: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
-    """Quadrilaterals (rectangle, 4, 3) in the world of rectangles on a side, fronts inward [m].
+    """Corners (rectangle, 4, 3) of rectangles on a side, fronts inward, in the world frame [m].
 
-    Parameters
-    ----------
-    case : Case
-    side : {"south", "east", "north", "west"}
-    rectangles : np.ndarray, shape (rectangle, 4)
-        Left, right, bottom and top from the foot of the side [m].
+    Each row of `rectangles` (rectangle, 4) is left, right, bottom and top from the side's foot [m].
     """
     assert case.room is not None
     foot, along = side_of(case.room, side)
@@ -182,19 +177,19 @@ def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
 
 
 def origin(case: Case) -> np.ndarray:
-    """Where the frame that is traced has its origin, in the case's coordinates, shape (3,) [m].
+    """Origin of the traced frame in the case's coordinates, shape (3,) [m].
 
-    The room's corner, 0, or the corner of the sensors in whole metres: scenes without a room may
-    be given in coordinates of a map.
+    With a room it is the room's corner, 0. Without a room it is the corner of the sensors in whole
+    metres, because such a case may have the coordinates of a map.
     """
     return np.zeros(3) if case.room is not None else np.floor(case.sensors.corner)
 
 
 def recentred(case: Case) -> Case:
-    """Return the case with its coordinates counted from its `origin`.
+    """Return the case with its coordinates relative to its `origin`.
 
-    Mitsuba's numbers have 24 bits, and it starts rays off a surface by 9e-5 of the largest
-    coordinate: 400 m at the northing of Rome. So coordinates are subtracted before it sees them.
+    Mitsuba computes in single precision and starts rays off a surface by 9e-5 of the largest
+    coordinate: 400 m at the northing of Rome. Coordinates near 0 keep this distance small.
     """
     start = origin(case)
     if not start.any():
@@ -219,17 +214,17 @@ def recentred(case: Case) -> Case:
 
 
 def around(case: Case) -> str:
-    """What the coordinates of a recentred case are counted from, in words."""
+    """Origin of a recentred case's coordinates, in words for messages."""
     return "the room's corner" if case.room is not None else "the sensors"
 
 
 def furniture(case: Case) -> list[tuple[Furniture, list[np.ndarray]]]:
-    """Furniture of a recentred case with its faces (4, 3), fronts outward.
+    """Furniture of a recentred case with its faces (4, 3) [m], fronts outward.
 
     Raises
     ------
     InputError
-        A piece lies on the other side of the map.
+        A piece lies too far from the origin.
     """
     pieces = []
     for i, piece in enumerate(case.furniture):
@@ -241,7 +236,7 @@ def furniture(case: Case) -> list[tuple[Furniture, list[np.ndarray]]]:
 
 
 def rotation(case: Case) -> np.ndarray:
-    """Matrix that turns the room's frame into the world's."""
+    """Matrix (3, 3) from the room's frame to the world frame."""
     angle = np.radians(case.room.rotation) if case.room else 0.0
     s, c = np.sin(angle), np.cos(angle)
     return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])

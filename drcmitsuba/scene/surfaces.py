@@ -46,7 +46,7 @@ class Enclosure:
         Matrix from the room's frame to the world's.
     openings : np.ndarray, shape (opening, 4, 3)
         Rectangles in the walls, fronts inward, world frame [m]: everything outside them is closed.
-        There are none where panes that scatter cover every opening.
+        The array is empty where scattering panes cover every opening.
     narrowest : float
         Least width or height of a pane or hole that lets straight light in [m].
     spares : bool
@@ -68,7 +68,7 @@ class Enclosure:
 def surfaces_of(
     case: Case, state: State = "open", effects: EnabledEffects = ALL_EFFECTS
 ) -> list[Surface]:
-    """List the surfaces of a case in the world frame, about the case's `geometry.origin`.
+    """List the surfaces of a case in the world frame [m], relative to its `geometry.origin`.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def surfaces_of(
         Shaded: the shade's material stands in place of every clear pane and open hole, so its
         transmittance has to be that of glass and shade together. Components stay uncovered.
     effects : EnabledEffects
-        Panes that are not enabled become black sheets; obstructions that are not are left out.
+        Panes of a disabled kind become black sheets; disabled obstructions are left out.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def surfaces_of(
 def geometry_of(
     case: Case, state: State, effects: EnabledEffects
 ) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
-    """Build surfaces, enclosure and ports of a case, about its `geometry.origin`, world frame [m].
+    """Build surfaces, enclosure and ports of a case in the world frame, as `surfaces_of`.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def geometry_of(
 def _surfaces(
     case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
 ) -> list[Surface]:
-    """Surfaces of a case whose components are placed."""
+    """Surfaces of a case and of its placed components, in the world frame."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
     turn, room = rotation(case), case.room
     if room is not None:
@@ -142,7 +142,7 @@ def _surfaces(
 def _pane_material(
     case: Case, name: str, state: State, effects: EnabledEffects
 ) -> SurfaceMaterial | None:
-    """Material of a façade strip in a state; None for an open hole, or one for a component."""
+    """Material of a façade strip in a state; None where the strip is open or holds a component."""
     material = case.materials.get(name)
     clear = case.is_clear(name)
     if state == "shaded" and case.shading is not None and clear:
@@ -161,7 +161,7 @@ def _pane_material(
 def _enclosure(
     case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
 ) -> Enclosure | None:
-    """The room with a rectangle around all openings of each façade, and holes of the ceiling."""
+    """Enclosure with a rectangle around the openings of each façade, and the ceiling's holes."""
     if case.room is None:
         return None
     openings, narrowest = [], np.inf
@@ -190,7 +190,7 @@ def _enclosure(
 
 
 def _is_opening(case: Case, name: str, state: State, effects: EnabledEffects) -> bool:
-    """Whether straight light may come in by a strip of a façade; structures have gaps."""
+    """Whether straight light may enter by a strip of a façade; a structure's gaps let it in."""
     if name == "wall":
         return False
     material = _pane_material(case, name, state, effects)
