@@ -3,8 +3,8 @@ r"""Sunlight by the narrow peaks of films that other surfaces shade.
 A film may send the light of a sun into one or two outgoing cells. A receiver then gets this light
 from a small part of the film only. Where some of that part lies in shadow, all points of
 `panes.looks` may miss the rest: the mean is unbiased, but the replicates' scatter shows no error.
-Here directions are drawn from the receiver back along a peak's outgoing cell, and from the point
-where such a direction meets the film shadow rays go to all suns of the peak:
+Here directions are drawn from the receiver back along a peak's outgoing cell; from the points where
+they meet the film, shadow rays go to all suns of the peak:
 
 .. math:: D[r, b] = \sum_j w_{rj} \, f(\omega_b \to c_j) \, D_a[p_j, b], \quad
     w_{rj} = \frac{\cos\theta_r \, P}{n \cos\theta_p}
@@ -33,7 +33,7 @@ from drcmitsuba_plugins.sampling import (
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.panes import OFFSET, PanePatches
-from drcmitsuba.transport.shadow_rays import LANES
+from drcmitsuba.transport.shadow_rays import LANES, to_sky
 
 STANDS_OUT = 8.0
 """A cell is a peak where f is above this times the mean f of its side."""
@@ -197,16 +197,7 @@ def _add_suns(
         cosine = dr.dot(normal, d)
         origin = mi.Point3f(q + dr.mulsign(mi.Float(OFFSET), cosine) * normal)
         scene.ray_counter.add("shadow", mi.Bool(True))
-        tau = _reaches_sky(scene, origin, d)
+        tau = to_sky(scene, origin, d, mi.Bool(True))
         value = weight * dr.gather(mi.Float, peaks.f, entry) * tau * dr.abs(cosine) * omega
         dr.scatter_add(out, mi.Float64(value), receiver * stride + sun, value > 0)
         entry += 1
-
-
-def _reaches_sky(scene: Scene, p: mi.Point3f, d: mi.Vector3f) -> mi.Float:
-    """Transmittance from points to the sky, within a symbolic loop."""
-    ray = mi.Ray3f(p, d)
-    lit = ~scene.opaque.ray_test(ray, coherent=False)
-    if scene.clear is None:
-        return dr.select(lit, mi.Float(1), 0)
-    return transmittance(scene.clear, ray, lit)

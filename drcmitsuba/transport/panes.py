@@ -87,15 +87,8 @@ class PanePatches:
     @cached_property
     def scene(self) -> mi.Scene:
         """Scene of the patches alone; primitives 2i and 2i + 1 are the triangles of patch i."""
-        quads = np.stack(
-            [
-                self.corner,
-                self.corner + self.u,
-                self.corner + self.u + self.v,
-                self.corner + self.v,
-            ],
-            axis=1,
-        )
+        c, u, v = self.corner, self.u, self.v
+        quads = np.stack([c, c + u, c + u + v, c + v], axis=1)
         return mi.load_dict({"type": "scene", "patches": quad_mesh("patches", quads)})
 
     @cached_property

@@ -225,14 +225,9 @@ class PhotonTracer:
         return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
 
     def _landed(
-        self,
-        sources: PhotonSources,
-        draw: Draw,
-        wanted: np.ndarray,
-        photons: int,
-        seed: int,
+        self, sources: PhotonSources, draw: Draw, wanted: np.ndarray, photons: int, seed: int,
         progress: Progress,
-    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[FluxLedger]]:
+    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[FluxLedger]]:  # fmt: skip
         """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
         bins in the inner squares (sensor,), by the `wanted` bins, a mask (bin,); and the ledgers.
         """

@@ -154,6 +154,11 @@ def straight(
     if openings is not None:
         active = active & openings.passed(p, d)
     scene.ray_counter.add("shadow", active, dr.width(d))
+    return to_sky(scene, p, d, active)
+
+
+def to_sky(scene: Scene, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> mi.Float:
+    """`straight` without openings and the count of rays: it may stand in a symbolic loop."""
     ray = mi.Ray3f(p, d)
     lit = active & ~scene.opaque.ray_test(ray, coherent=False, active=active)
     if scene.clear is None:

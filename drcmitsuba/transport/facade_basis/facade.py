@@ -61,22 +61,13 @@ class Tiles:
     @cached_property
     def bounds(self) -> np.ndarray:
         """Left, right, bottom and top of every tile, shape (tile, 4) [m]."""
-        return np.array(
-            [
-                [
-                    of(column[self.tile == t])
-                    for of, column in zip(_OUTER, self.rectangles.T, strict=True)
-                ]
-                for t in range(len(self))
-            ]
-        )
+        own = [self.rectangles[self.tile == t] for t in range(len(self))]
+        low, high = (np.array([of(r, axis=0) for r in own]) for of in (np.min, np.max))
+        return np.stack([low[:, 0], high[:, 1], low[:, 2], high[:, 3]], axis=1)
 
     def of(self, tile: int) -> np.ndarray:
         """Rectangles of a tile, shape (rectangle, 4, 3) [m]."""
         return self.quads[self.tile == tile]
-
-
-_OUTER = (np.min, np.max, np.min, np.max)
 
 
 @dataclass(frozen=True)

@@ -272,13 +272,9 @@ def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
 
 
 def _elements(
-    room: TiledRoom,
-    base: Deposit,
-    paths: _Paths,
-    group: int,
-    points: np.ndarray,
+    room: TiledRoom, base: Deposit, paths: _Paths, group: int, points: np.ndarray,
     normals: np.ndarray,
-) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:
+) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:  # fmt: skip
     """Element, its deposit in one group on sensors (straight part first), and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
     p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
@@ -300,12 +296,7 @@ def _elements(
 
 
 def _straight(
-    room: TiledRoom,
-    m: int,
-    base: Deposit,
-    draws: range,
-    sensors: _Receivers,
-    cells: _Receivers,
+    room: TiledRoom, m: int, base: Deposit, draws: range, sensors: _Receivers, cells: _Receivers
 ) -> Callable[[int], tuple[Irradiance, Irradiance]]:
     """Make the function that gives D on sensors and cells by straight light through a tile."""
     view, a = Straight.of(room, m, base), base.accuracy
@@ -327,12 +318,7 @@ def _straight(
 
 
 def _scattered(
-    room: TiledRoom,
-    m: int,
-    base: Deposit,
-    draws: range,
-    sensors: _Receivers,
-    cells: _Receivers,
+    room: TiledRoom, m: int, base: Deposit, draws: range, sensors: _Receivers, cells: _Receivers
 ) -> Callable[[int], tuple[Irradiance, Irradiance]]:
     """Make the function that gives D on sensors and cells by light that a tile scatters."""
     film = isinstance(tuple(room.palette.materials.values())[m], BsdfMaterial)

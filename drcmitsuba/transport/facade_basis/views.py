@@ -83,12 +83,9 @@ class TiledRoom:
     def tile_of(self, patches: PanePatches) -> np.ndarray:
         """Tile that each patch of a pane lies in, shape (patch,)."""
         centre = patches.corner + (patches.u + patches.v) / 2
-        corner, u, v = (
-            self.tiles.quads[:, 0],
-            *(self.tiles.quads[:, i] - self.tiles.quads[:, 0] for i in (1, 3)),
-        )
+        corner, u, _, v = np.moveaxis(self.tiles.quads, 1, 0)
         inside = np.ones((len(centre), len(corner)), bool)
-        for edge in (u, v):
+        for edge in (u - corner, v - corner):
             along = ((centre[:, None] - corner) * edge).sum(-1) / (edge * edge).sum(-1)
             inside &= (along > 0) & (along < 1)
         return self.tiles.tile[inside.argmax(axis=1)]
