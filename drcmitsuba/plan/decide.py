@@ -19,12 +19,12 @@ from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns, outside
 from drcmitsuba.sky.daylight import Daylight
 
 NEGLIGIBLE = 1e-3
-"""Part of the light in a room that deep interreflections may leave out, without a target."""
+"""Part of the light in a room that may be lost by cutting paths, where the case has no target."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What the decisions rest on.
+    """Facts about a case that decide on its effects.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class Facts:
     light : Daylight
     components : tuple of PlacedComponent
     reach : SunVisibility or None
-        None where there is no room.
+        Openings and obstructions of the room; None where there is no room.
     reached : VisibleSuns
-        Of `light.suns`.
+        Suns of `light.suns` that can get in.
     """
 
     case: Case
@@ -55,12 +55,12 @@ class Facts:
 
     @property
     def surrounded(self) -> bool:
-        """Whether anything stands outside that light may come back from."""
+        """Whether anything outside may send light back."""
         return bool(outside(self.case)) or bool(self.case.standing)
 
 
 def sky(facts: Facts) -> Effect:
-    """Patches that are seen, and have a luminance at some time."""
+    """Patches of the sky: on where the room has an opening and some patch has a luminance."""
     L = facts.light.sky
     is_bright = (L["sky"].values[:, 1:] > 0).any(axis=1)
     if isinstance(facts.case.sun, ThreePhase):  # the sun is among the patches
@@ -74,7 +74,7 @@ def sky(facts: Facts) -> Effect:
 
 
 def ground(facts: Facts) -> Effect:
-    """Light from below the horizon."""
+    """Light of the ground below the horizon."""
     reflectance = facts.case.outside.ground_reflectance
     if reflectance == 0:
         return Effect(False, "its reflectance is 0")
@@ -116,7 +116,7 @@ def suns(facts: Facts) -> Effect:
 
 
 def _stand_for(case: Case) -> str:
-    """What stands for the suns of a period."""
+    """Name the suns that stand for those of the period."""
     return {
         "true_sun": "of the time stamps",
         "adaptive": "of the time stamps (straight; all other light is between suns of a mesh)",
@@ -126,7 +126,7 @@ def _stand_for(case: Case) -> str:
 
 
 def dark_hours(facts: Facts) -> Effect:
-    """Time stamps whose sun is up and gives nothing, or that have no light at all."""
+    """Time stamps whose sun is up without radiance, or that have no light at all."""
     L = facts.light.sky
     up = facts.light.sun["solar_zenith"].values < 90
     without = int((up & (L["sun"].values == 0)).sum())
@@ -139,7 +139,7 @@ def dark_hours(facts: Facts) -> Effect:
 
 
 def _power(names: dict[str, float], what: str) -> Effect:
-    """Materials of one kind that send light on."""
+    """Decide by the share of light [–] that each material of one kind sends on."""
     sending = [name for name, share in names.items() if share > 0]
     if sending:
         return Effect(True, f"{what}: {', '.join(sending)}")
@@ -156,7 +156,7 @@ def clear_panes(facts: Facts) -> Effect:
 
 
 def scattering_panes(facts: Facts) -> Effect:
-    """Panes and shades that scatter evenly."""
+    """Panes and shades that scatter evenly (Lambertian)."""
     names = {name: albedo(m) for name, m in panes.of(facts.case, DiffuserMaterial).items()}
     return _power(names, "diffusing panes")
 
@@ -168,7 +168,7 @@ def films(facts: Facts) -> Effect:
 
 
 def straight_through(facts: Facts) -> Effect:
-    """Whether anything is seen through films."""
+    """Views straight through films."""
     reasons, views = [], False
     for name, material in panes.of(facts.case, BsdfMaterial).items():
         measured, seen = film(material.file), lets_through(material)
@@ -181,7 +181,7 @@ def straight_through(facts: Facts) -> Effect:
 
 
 def components(facts: Facts) -> Effect:
-    """Mirrors, solids and pipes that photons are followed through."""
+    """Mirrors, solids and pipes, through which photons are followed."""
     if not facts.components:
         return Effect(False, "no component that is geometry")
     mirroring = [c.name for c in facts.components if _mirrors(c)]
@@ -192,7 +192,7 @@ def components(facts: Facts) -> Effect:
 
 
 def _mirrors(component: PlacedComponent) -> bool:
-    """Whether a component deviates light; what is only black casts shadows."""
+    """Whether a component sends light on; a black component only casts shadows."""
     return any(albedo(s.material) > 0 for s in component.surfaces)
 
 
@@ -222,8 +222,7 @@ def pane_to_pane(facts: Facts) -> Effect:
     if isinstance(case.sun, Adaptive):
         return Effect(
             False,
-            f"{'; '.join(reasons)}: what panes send to each other is not simulated with an "
-            "adaptive sun",
+            f"{'; '.join(reasons)}: light from pane to pane is not simulated with an adaptive sun",
             missing=True,
         )
     return Effect(True, f"{'; '.join(reasons)}: photons follow it")
@@ -239,7 +238,7 @@ def obstructions(facts: Facts) -> Effect:
 
 
 def shaded_state(facts: Facts) -> Effect:
-    """Whether the shade may close: a bound of the direct sun on the sensors tells."""
+    """Whether the shade may close, by an upper bound of the direct sun on the sensors."""
     case = facts.case
     if case.shading is None:
         return Effect(False, "no [shading] in the case")
@@ -249,7 +248,7 @@ def shaded_state(facts: Facts) -> Effect:
     if not isinstance(case.sun, TrueSun | Adaptive):
         hours = int((facts.light.sky["sun"].values > 0).sum())
         reason = (
-            f"the sun shines in {hours} of {facts.hours} time stamps, from where its model has it"
+            f"the sun shines in {hours} of {facts.hours} time stamps, where its model places it"
         )
         return Effect(hours > 0, reason, {"may_close": hours})
     most, hours = most_direct(facts)
@@ -262,7 +261,7 @@ def shaded_state(facts: Facts) -> Effect:
 
 
 def most_direct(facts: Facts) -> tuple[float, int]:
-    """Bound of the direct sun on horizontal sensors [lx], and time stamps that may close."""
+    """Bound of the direct sun on horizontal sensors [lx], and number of hours that may close."""
     case = facts.case
     through = [1.0 if n == "open" else albedo(case.materials[n]) for n in panes.used(case)
                if n == "open" or n in case.materials]  # fmt: skip
@@ -281,7 +280,7 @@ def most_direct(facts: Facts) -> tuple[float, int]:
 
 
 def interreflection(facts: Facts) -> tuple[Effect, int | None]:
-    """Surfaces that paths are followed over, from the reflectances and the target."""
+    """Decide on interreflection, and on the largest number of surfaces of a path, None without."""
     case = facts.case
     goal = case.accuracy.goal
     part = 0.1 * goal.value / 100 if goal is not None and goal.unit == "%" else NEGLIGIBLE
@@ -300,18 +299,18 @@ def interreflection(facts: Facts) -> tuple[Effect, int | None]:
 
 
 def colour(facts: Facts) -> Effect:
-    """Channels that differ."""
+    """Colour channels."""
     if is_coloured(facts.case):
         return Effect(True, "a reflectance differs between channels: three channels")
     return Effect(False, "all reflectances are grey: one channel")
 
 
 def pictures(facts: Facts) -> Effect:
-    """Plots of the results."""
+    """Pictures of the results."""
     return Effect(True, "plans and monthly plots; a case has no views for HDR pictures")
 
 
 def gradients(facts: Facts) -> Effect:
-    """Derivatives."""
+    """Derivatives of the metrics."""
     whose = "; [design] is for optimise" if facts.case.design is not None else ""
     return Effect(False, f"an evaluation asks for no derivative{whose}")

@@ -1,4 +1,4 @@
-"""One effect of light, or of the work on it: simulated or not, and why."""
+"""Decision on one effect of light, or on one piece of work: simulated or not, and why."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ class Effect:
     Parameters
     ----------
     on : bool
-        It is simulated.
+        The effect is simulated.
     reason : str
-        In words, with what was computed.
+        Reason of the decision, with the quantity that decides.
     quantities : dict
-        What was computed, by name.
+        Quantities that decide, by name.
     missing : bool
-        It is called for, and the program cannot do it here.
+        The scene calls for the effect, but the program cannot simulate it here.
     overruled : bool
-        The case decided, not the scene.
+        A choice of the case decided, not the scene.
     """
 
     on: bool

@@ -1,4 +1,4 @@
-"""What a user should know of a result, in words."""
+"""Notes for the user on films, shade and photons."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from drcmitsuba.plan import panes
 from drcmitsuba.scene.materials import film
 
 MOST_LOST = 1e-3
-"""Part of the photons' flux that may be given up without a note."""
+"""Part of the photons' flux that may be lost without a note."""
 MOST_SMEARED = 0.1
 
 
 def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
-    """What is to be known of the photons, from the attributes of C, for the notes of a result."""
+    """Notes on lost and smeared photons, from the attributes of C."""
     remarks, ledgers = [], json.loads(coefficients.get("photons", "{}"))
     for name, ledger in ledgers.items():
         component, kind = name.rsplit(" ", 1)
@@ -53,7 +53,7 @@ def shade_notes(case: Case) -> list[str]:
 
 
 def notes(case: Case) -> list[str]:
-    """What was done to the films' files and with the shade, for the notes of a result."""
+    """Notes on the shade, and on films whose BSDF was scaled down."""
     remarks = shade_notes(case)
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)

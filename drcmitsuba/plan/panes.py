@@ -1,4 +1,4 @@
-"""Panes of a case by what they do to light, and how much the surfaces of a room send back."""
+"""Panes of a case by kind, and the largest albedo of the surfaces that light meets."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
 
 
 def used(case: Case) -> dict[str, tuple[str, ...]]:
-    """Sides that each material of the façades, the hole "open" and the shade are found on."""
+    """Sides of the room that have each material: panes, the hole "open" and the shade, by name."""
     sides_of: dict[str, tuple[str, ...]] = {}
     for side, facade in case.facade.items():
         for name in dict.fromkeys(s.material for s in facade.strips if s.material != "wall"):
@@ -36,14 +36,10 @@ def of(case: Case, kind: type[M]) -> dict[str, M]:
 def most_reflecting(
     case: Case, components: tuple[PlacedComponent, ...], beyond: bool
 ) -> tuple[float, str]:
-    """Largest albedo of what light may meet in a room, and of which surface.
+    """Largest albedo [–] of the surfaces that light may meet, and the name of that surface.
 
-    Parameters
-    ----------
-    case : Case
-    components : tuple of PlacedComponent
-    beyond : bool
-        Light that leaves by a pane may come back; else panes count with what they reflect.
+    With `beyond`, light that leaves by a pane may come back, and a pane counts with its albedo;
+    without it, clear and diffusing panes count with their reflectance.
     """
     reflectances: list[tuple[float, str]] = []
     if case.room is not None:
@@ -67,10 +63,9 @@ def most_reflecting(
 
 
 def depth(albedo: float, part: float) -> int | None:
-    """Surfaces after which less than `part` of the light in the room is still under way.
+    """Number of surfaces after which less than `part` of the light in the room is left.
 
-    After n surfaces at most ρⁿ of it is left, with ρ the largest albedo of them; None where that
-    tells nothing.
+    After n surfaces at most ρⁿ of the light is left, with ρ the largest albedo; None for ρ ≥ 1.
     """
     if albedo <= 0:
         return 0

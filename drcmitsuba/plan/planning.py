@@ -21,14 +21,15 @@ from drcmitsuba.sky.daylight import Daylight
 
 @dataclass(frozen=True)
 class Plan:
-    """What is simulated of a case.
+    """Decisions on all effects of a case.
 
     Parameters
     ----------
     facts : Facts
     effects : dict of str to Effect
+        Decision on each effect, by name.
     scope : EnabledEffects
-        The same, as transport reads it.
+        The same decisions, as transport reads them.
     """
 
     facts: Facts
@@ -42,17 +43,14 @@ class Plan:
         return case if self.scope.shade else case.without_shading()
 
     def notes(self) -> list[str]:
-        """What is called for and left out, in words."""
+        """Reasons of the effects that are left out though the scene calls for them."""
         left_out = (e for e in self.effects.values() if e.missing or (e.overruled and not e.on))
         return [effect.reason for effect in left_out]
 
     def to_dict(self, coefficients: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
         """Plain values for plan.json: {effect: {"on": bool, "reason": str, …}}.
 
-        Parameters
-        ----------
-        coefficients : mapping
-            Attributes of C, where it is known: what a mesh of suns came to is told with them.
+        The attributes of C, where it is known, add size and error of a mesh of suns.
         """
         entries = {name: effect.to_dict() for name, effect in self.effects.items()}
         if "mesh_miss" in coefficients:
@@ -65,13 +63,7 @@ class Plan:
 
 
 def plan(case: Case, light: Daylight) -> Plan:
-    """Decide what is simulated.
-
-    Parameters
-    ----------
-    case : Case
-    light : Daylight
-        Of its time stamps.
+    """Decide which effects of a case are simulated in the daylight of its time stamps.
 
     Raises
     ------
@@ -113,7 +105,7 @@ def plan(case: Case, light: Daylight) -> Plan:
 def _scope(
     facts: Facts, effects: dict[str, Effect], chosen: dict[str, str], depth: int | None
 ) -> EnabledEffects:
-    """Tell transport what was decided."""
+    """Translate the decisions for transport."""
 
     def on(name: str) -> bool:
         return effects[name].on

@@ -1,17 +1,17 @@
 """Runtime: services that every room uses and that know nothing of light.
 
 errors
-    `InputError`, the one line that a user's mistake is answered with; `BackendError`.
+    `InputError`, which describes a user's mistake in one line; `BackendError`.
 backend
     The compiler backend: LLVM on the processor, CUDA on a GPU.
 progress
     Progress of long work.
 storage
-    Files of results, written whole or not at all; reading as untrusted input.
+    Files of results: written whole or not at all, read as untrusted input.
 process
     A job in a process of its own.
 ray_counter
-    Number of rays traced, by kind.
+    Number of rays by kind and purpose.
 random_streams
     Seeds of random numbers, one for each purpose and replicate; evenly spread sequences.
 """

@@ -1,8 +1,8 @@
 """The compiler backend that runs the kernels: LLVM on the processor, CUDA on a GPU.
 
-Dr.Jit takes the newest LLVM it finds; versions 15 and 16 abort the whole process at the first
-maximum or minimum, older ones are refused with a traceback. So the version is looked at before any
-kernel runs, and an unfit one is refused in one line that says what to install.
+Dr.Jit loads the newest LLVM on the machine. Versions 15 and 16 abort the whole process at the first
+maximum or minimum; Dr.Jit refuses older ones with a traceback. So the program checks the version
+before any kernel runs, and refuses an unfit one in one line that says which to install.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ REMEDY = (
 
 
 def cuda_available() -> bool:
-    """Whether Dr.Jit finds a GPU."""
+    """Whether Dr.Jit can use a GPU."""
     return bool(dr.has_backend(dr.JitBackend.CUDA))
 
 
 def llvm_version() -> tuple[int, ...] | None:
-    """Version of the LLVM that Dr.Jit loads, None where it finds none."""
+    """Version of the LLVM that Dr.Jit loads; None where there is no LLVM."""
     if not dr.has_backend(dr.JitBackend.LLVM):
         return None
     version = dr.detail.llvm_version()
@@ -64,12 +64,12 @@ def select(variant: str | None = None) -> str:
     Returns
     -------
     str
-        The variant that is now set.
+        Name of the variant that is now set.
 
     Raises
     ------
     BackendError
-        The variant is unknown, is no JIT variant, or its backend is missing or unfit.
+        The variant is unknown or no JIT variant, or its backend is missing or unfit.
     """
     current = mi.variant()
     if current is not None and current.startswith("scalar"):
@@ -89,7 +89,7 @@ def select(variant: str | None = None) -> str:
 
 
 def report() -> dict[str, str]:
-    """Describe the backends and the versions of what matters, for `drcmitsuba doctor`."""
+    """Backends, number of threads and versions of packages by name, for `drcmitsuba doctor`."""
     version = llvm_version()
     out = {
         "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",

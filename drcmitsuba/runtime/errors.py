@@ -1,21 +1,21 @@
-"""The one error that a user's input raises: a line that says where, what came, and what to do."""
+"""Errors for users: one line that names the place, the value and the remedy."""
 
 from __future__ import annotations
 
 
 class InputError(ValueError):
-    """Bad input, told in one line.
+    """Bad input, described in one line.
 
     Parameters
     ----------
     source : str
-        File, or the part of the input, that is wrong.
+        File or part of the input with the mistake.
     field : str
-        Key, column, row or argument within it.
+        Key, column, row or argument in the source.
     got : str
-        What came.
+        Value or state that the program met.
     remedy : str
-        What to do about it.
+        Advice to the user.
     """
 
     def __init__(self, source: object, field: str, got: str, remedy: str) -> None:
@@ -25,11 +25,11 @@ class InputError(ValueError):
 
 
 LONGEST = 300
-"""Characters of a part of the line: names and values come from files that somebody else wrote."""
+"""Largest number of characters of a part of the line: names and values may come from any file."""
 
 
 def on_a_line(text: str) -> str:
-    """Text in printable characters and single spaces, its middle left out where it is long."""
+    """Text in printable characters and single spaces, without its middle where it is long."""
     text = " ".join(text.split())
     if len(text) > LONGEST:
         text = f"{text[: LONGEST // 2]}…{text[-LONGEST // 2 :]}"
@@ -41,7 +41,7 @@ class BackendError(RuntimeError):
 
 
 def was_stopped(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: within a loop Dr.Jit makes a RuntimeError of it."""
+    """Whether Ctrl-C caused an error: Dr.Jit's loops turn KeyboardInterrupt into RuntimeError."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None

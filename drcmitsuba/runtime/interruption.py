@@ -1,8 +1,8 @@
 """Ctrl-C and SIGTERM of the command line: one line on stderr and exit code 130.
 
-Before the work begins nothing is written, so the process ends at once: an exception within an
-import may get lost there. During the work KeyboardInterrupt is raised, so that files are whole and
-a search keeps its best so far.
+Before the work begins nothing is written, so the process ends at once: an import may swallow an
+exception. During the work KeyboardInterrupt is raised, so that files are whole and a search keeps
+its best design so far.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ STOPPED = 130
 LINE = "drcmitsuba: stopped\n"
 
 descriptor = 2
-"""File descriptor that the line goes to, while stderr leads elsewhere."""
+"""File descriptor for the line, also while stderr is redirected."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -35,7 +35,7 @@ def _raise(number: int, frame: FrameType | None) -> None:
 def exit_at_once() -> None:
     """End the process at Ctrl-C or SIGTERM, from now on until the work begins."""
     for number in _SIGNALS:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as a shell starts what is behind it
+        if signal.getsignal(number) is not signal.SIG_IGN:  # a shell's background job ignores it
             signal.signal(number, _exit_at_once)
 
 

@@ -1,4 +1,4 @@
-"""Names of a package that are imported when they are first asked for."""
+"""Names of a package that are imported at their first use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def submodule(package: str, name: str) -> ModuleType:
     Parameters
     ----------
     package, name : str
-        Full name of the package, and the module's name in it.
+        Full name of the package, and name of the module in it.
 
     Returns
     -------
@@ -43,13 +43,13 @@ def attributes(package: str, names: Mapping[str, str]) -> Callable[[str], object
     package : str
         Full name of the package.
     names : mapping of str to str
-        Public names, and the modules of the package that have them: "room.module" for a module
-        under another name, "room.module:name" for a class or function.
+        Places of the public names in the package: "room.module" for a module under another name,
+        "room.module:name" for a class or function.
 
     Returns
     -------
     callable
-        Resolves these names, and every module of the package.
+        Function that imports one of these names, or any module of the package.
     """
 
     def resolve(name: str) -> object:

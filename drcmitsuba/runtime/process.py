@@ -1,7 +1,6 @@
-"""A job in a process of its own, with its own memory, whose failure leaves the caller alone.
+"""A job in a process of its own, with its own memory, whose failure does not touch the caller.
 
-Processes are started by the interpreter's name rather than by `multiprocessing`, which would run
-the user's own script once more.
+The interpreter starts the process: `multiprocessing` would run the user's own script once more.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ POLL = 0.05
 
 
 class Job(Protocol[T_co]):
-    """Work that can be pickled, and so can what it returns."""
+    """Work that can be pickled, with a result that can be pickled."""
 
     def __call__(self) -> T_co:
-        """Do it."""
+        """Do the work."""
 
 
 class JobError(RuntimeError):
-    """A process ended without a result; the message says how in a few words."""
+    """A process ended without a result; the message names its signal or exit code."""
 
 
 def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -> T:
@@ -43,14 +42,14 @@ def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -
     ----------
     job : Job
     deadline : float
-        By `time.monotonic`; a job that is not done by then is stopped.
+        Time by `time.monotonic` [s] at which an unfinished job is stopped.
     progress : callable
-        Called with the share of the time until the deadline that is over.
+        Called with the share [–] of the time until the deadline that has passed.
 
     Returns
     -------
     object
-        What the job returned.
+        Result of the job.
 
     Raises
     ------
@@ -67,7 +66,7 @@ def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -
         (folder / "job").write_bytes(pickle.dumps(job))
         code = f"from {__name__} import work; work({name!r})"
         with (folder / "stderr").open("wb") as stderr:
-            # In a session of its own: Ctrl-C is ours to handle.
+            # In a session of its own, so that Ctrl-C reaches this process only.
             process = subprocess.Popen(
                 [sys.executable, "-c", code], start_new_session=True,
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr,
@@ -86,7 +85,7 @@ def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -
 
 
 def _result(folder: Path, code: int) -> Any:
-    """What a process has left behind."""
+    """Result that a process has left in the folder; raises the error that it left instead."""
     file = folder / "result"
     if not file.is_file():
         lines = (folder / "stderr").read_text(errors="replace").strip().splitlines()
@@ -101,7 +100,7 @@ def _result(folder: Path, code: int) -> Any:
 
 
 def work(name: str) -> None:
-    """Do the job in a folder and leave the result there; the other process' side of `run`."""
+    """Do the job in a folder and leave the result there; the other process of `run` calls this."""
     folder = Path(name)
     job = pickle.loads((folder / "job").read_bytes())
     result: tuple[str, object]

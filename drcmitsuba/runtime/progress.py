@@ -1,4 +1,4 @@
-"""How long work tells how far it has come."""
+"""Progress of long work, and the seconds of its stages."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
 Progress = Callable[[float], None]
-"""Called with the share of the work that is done, 0 to 1."""
+"""Function that is called with the share of the work that is done, 0 to 1."""
 Stage = Callable[[str], AbstractContextManager[Progress]]
-"""Opens a named stage of the work; what it yields is told the share that is done."""
+"""Function that opens a named stage of the work, and yields the stage's `Progress`."""
 
 
 def part(progress: Progress, begin: float, end: float) -> Progress:
-    """Progress of a part of the work, between two shares of the whole."""
+    """Progress of a part of the work, which spans two shares of the whole."""
     return lambda share: progress(begin + share * (end - begin))
 
 
@@ -25,7 +25,7 @@ def silent(name: str) -> Iterator[Progress]:
 
 @contextmanager
 def timed(stage: Stage, name: str, seconds: dict[str, float]) -> Iterator[Progress]:
-    """Show a stage and note its seconds."""
+    """Show a stage and write its seconds into `seconds`."""
     start = time.perf_counter()
     with stage(name) as done:
         yield done

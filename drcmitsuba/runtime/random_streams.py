@@ -27,9 +27,9 @@ class Stream(Enum):
     CELL_AREAS = (5,)
     """Points that measure the areas of cells."""
     PATH_LENGTHS = (7,)
-    """Paths whose vertices are counted, to find out how many there are."""
+    """Paths that measure the mean number of vertices."""
     FRESH_SEED = (9,)
-    """Seed of a second evaluation, of what a search with the first seed has chosen."""
+    """Seed of a second evaluation of the design that a search with the first seed has chosen."""
     SUN_RIMS = (0, 2)
     """Directions around the rim of each sun."""
     PATHS = (0, 4)
@@ -60,7 +60,7 @@ class Stream(Enum):
     """Straight light on the receivers of a basis; replicate, material, kind, tile, `Draw`."""
 
     def key(self, *indices: int) -> tuple[int, ...]:
-        """Key of a launch: the form with its indices put in.
+        """Key of a launch: the form, with the indices in their places.
 
         Raises
         ------
@@ -75,7 +75,7 @@ class Stream(Enum):
 
 
 class Draw(IntEnum):
-    """What is drawn for light on receivers: the last index of the streams that it belongs to."""
+    """Directions or points drawn for light on receivers: the last index of a stream."""
 
     SKY = 0
     """Rays to the sky; on films, directions to the sky."""
@@ -106,12 +106,12 @@ def launch_seed(base: int, stream: Stream, *indices: int) -> int:
         Seed of the case.
     stream : Stream
     indices : int
-        What the stream's form asks for: replicate, material, … .
+        Indices of the stream's form: replicate, material, … .
 
     Returns
     -------
     int
-        Below 2³².
+        Seed below 2³².
     """
     key = stream.key(*indices)
     return int(np.random.SeedSequence(base, spawn_key=key).generate_state(1)[0])
@@ -141,10 +141,10 @@ def even_numbers(
     index : mi.UInt32
         Number of the point in the sequence.
     row : mi.UInt32
-        Number of the sequence: of the sensor, cell, sun … that the points are for.
+        Number of the sequence: that of a sensor, cell, sun … .
     seed : int
     pair : {0, 1}
-        Pair of the four dimensions.
+        First or second pair of the four dimensions.
     place : mi.UInt32 or int
         Second number of the sequence.
 

@@ -1,4 +1,4 @@
-"""Rays that were traced, by kind and by purpose."""
+"""Number of rays, by kind and by purpose."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import drjit as dr
 import mitsuba as mi
 
 KINDS = ("shadow", "path", "pane", "photon")
-"""Towards sky and suns; of the gather, from surface to surface; towards panes that scatter; of
-photons, from surface to surface."""
+"""Kinds of rays: shadow rays towards sky and suns; paths of the gather G from surface to surface;
+rays towards panes that scatter; photons from surface to surface."""
 Kind = Literal["shadow", "path", "pane", "photon"]
 Purpose = tuple[str, ...]
 
@@ -36,12 +36,12 @@ class RayCounter:
         """Begin the counts of the present purpose."""
         if self._purpose not in self._counts:
             counts = dr.zeros(mi.UInt64, len(KINDS))
-            dr.make_opaque(counts)  # kernels that are being recorded add to it
+            dr.make_opaque(counts)  # kernels that are being recorded add to these counts
             self._counts[self._purpose] = counts
 
     @contextmanager
     def purpose(self, *names: str) -> Iterator[None]:
-        """Count rays that are traced meanwhile under further names, as well as in the whole."""
+        """Count the rays of a block under further names of the purpose."""
         before = self._purpose
         self._purpose = (*before, *names)
         self._open()
@@ -51,19 +51,19 @@ class RayCounter:
             self._purpose = before
 
     def add(self, kind: Kind, active: mi.Bool, width: int = 1) -> None:
-        """Count the rays of lanes that are active; `width` lanes outside of a loop."""
+        """Count one ray for each active lane; a launch outside of a loop has `width` lanes."""
         index = dr.full(mi.UInt32, KINDS.index(kind), width)
         dr.scatter_add(self._counts[self._purpose], mi.UInt64(1), index, active)
         self.lanes[self._purpose, kind] += width
 
     def take(self, kind: Kind, number: int, lanes: int = 0) -> None:
-        """Count rays whose number is known."""
+        """Count `number` rays, traced by `lanes` lanes."""
         counts = self._counts[self._purpose]
         dr.scatter_add(counts, mi.UInt64(number), mi.UInt32(KINDS.index(kind)))
         self.lanes[self._purpose, kind] += lanes
 
     def by_purpose(self) -> dict[Purpose, dict[str, int]]:
-        """Number of rays by kind, for each purpose by its names."""
+        """Number of rays by purpose and kind."""
         return {
             purpose: dict(zip(KINDS, map(int, counts.numpy()), strict=True))
             for purpose, counts in self._counts.items()

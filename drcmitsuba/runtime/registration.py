@@ -1,7 +1,7 @@
-"""Registration of the plugins as soon as Mitsuba is imported, by whomever.
+"""Registration of the plugins as soon as any module imports Mitsuba.
 
-Importing Mitsuba takes seconds and looks for LLVM. So `import drcmitsuba` does not import it: where
-Mitsuba is there already the plugins are registered at once, else right after its import.
+Importing Mitsuba takes seconds and searches LLVM, so `import drcmitsuba` does not import it. The
+plugins are registered at once where Mitsuba is imported already, else right after its import.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from types import ModuleType
 
 
 class _AfterMitsuba(MetaPathFinder):
-    """Finds Mitsuba as all others do, and imports the plugins after it."""
+    """Finder that leaves Mitsuba to the other finders, and imports the plugins after it."""
 
     def __init__(self) -> None:
         self._is_searching = False

@@ -20,10 +20,11 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import DATES, DIMS, LARGEST, LARGEST_OTHER, MOST, NUMBERS, TEXTS
 
 HOLLOW = 1000
-"""A file may stand for so many times the bytes that it has, beyond `SMALL`."""
+"""Largest ratio of an array's bytes in memory to the bytes of its file."""
 SMALL = 1 << 28
+"""Number of bytes up to which an array may have any ratio."""
 SPARE = 1 << 20
-"""Bytes of a NetCDF file beyond its arrays, at most."""
+"""Largest number of bytes of a NetCDF file beyond its arrays."""
 
 
 def _replace(temporary: Path, path: Path) -> None:
@@ -39,10 +40,7 @@ def _temporary(path: Path) -> Path:
 
 
 def _refuse_full_disk(path: Path, size: int) -> None:
-    """Raise OSError where a file of `size` bytes has no room; leaves nothing behind.
-
-    HDF5 crashes the process where it comes upon a full disk by itself.
-    """
+    """Raise OSError where the disk has no room for `size` bytes: HDF5 would crash the process."""
     try:
         with path.open("wb") as file:
             if hasattr(os, "posix_fallocate"):
@@ -58,7 +56,7 @@ def _refuse_full_disk(path: Path, size: int) -> None:
 def save_netcdf(data: xr.Dataset, path: Path) -> None:
     """Write a dataset as NetCDF; never leaves half a file at `path`.
 
-    It is not compressed: that takes ten times as long and saves a third.
+    The file is not compressed: compression takes ten times as long and saves a third.
 
     Raises
     ------
@@ -77,10 +75,10 @@ def save_netcdf(data: xr.Dataset, path: Path) -> None:
 def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path, along: str = "time") -> None:
     """Write a dataset as a zarr folder; never leaves half a folder at `path`.
 
-    A dataset that would not fit in memory is given in parts, one after another along a dim.
+    A dataset that would not fit in memory comes in parts, one after another along the dim `along`.
 
-    Format 2, whose consolidated metadata and strings are standard: `xarray.open_zarr` warns of
-    format 3 without them, `to_zarr` of format 3 with them.
+    The format is zarr 2, whose consolidated metadata and strings are standard; with format 3 xarray
+    warns where the file has them, and where it has not.
     """
     temporary = _temporary(path)
     try:
@@ -94,7 +92,7 @@ def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path, along: str = 
 
 
 def save_json(data: object, path: Path) -> None:
-    """Write JSON; never leaves half a file at `path`. NaN has no place in it and raises."""
+    """Write JSON; never leaves half a file at `path`. NaN raises ValueError."""
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=str)
     save_text(text + "\n", path)
 
@@ -115,8 +113,8 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
     Raises
     ------
     InputError
-        The path does not exist, is not readable, or lacks a variable; where variables are asked
-        for, also one of other dims or types than `DIMS` has.
+        The path does not exist, is not readable, or lacks a variable. Where variables are named,
+        also: a variable has other dims or types than `schema.DIMS` says.
     """
     path = Path(path)
     if not path.exists():
@@ -137,7 +135,7 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
 
 
 def _with_plain_labels(data: xr.Dataset) -> xr.Dataset:
-    """Labels come back as NumPy's variable-width strings, which few of its functions take."""
+    """Turn labels from NumPy's variable-width strings, which few functions take, into objects."""
     texts = {k: v.astype(object) for k, v in data.variables.items() if v.dtype.kind in "TU"}
     return data.assign({k: v for k, v in texts.items() if k in data.data_vars}).assign_coords(
         {k: v for k, v in texts.items() if k in data.coords}
@@ -148,9 +146,9 @@ REMEDY = "give a file of this program"
 
 
 def _attempt(path: Path, read: Callable[[], xr.Dataset]) -> xr.Dataset:
-    """Read, and tell in one line what the readers of zarr and HDF5 make of a damaged file.
+    """Read, and describe in one line any error that zarr or HDF5 raises for a damaged file.
 
-    That may be any error, and h5netcdf complains a second time when the half-open file is dropped.
+    The hook is silent because h5netcdf complains again when the half-open file is dropped.
     """
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
@@ -165,7 +163,7 @@ def _attempt(path: Path, read: Callable[[], xr.Dataset]) -> xr.Dataset:
 
 
 def _refuse_hollow(path: Path, data: xr.Dataset) -> None:
-    """Refuse arrays that are declared far larger than their file: they would fill the memory."""
+    """Refuse arrays declared far larger than their file: they would fill the memory."""
     files = path.rglob("*") if path.is_dir() else [path]
     held = sum(file.stat().st_size for file in files if file.is_file())
     for name, v in data.variables.items():
@@ -177,11 +175,11 @@ def _refuse_hollow(path: Path, data: xr.Dataset) -> None:
 
 
 def _ordered(path: Path, data: xr.Dataset) -> xr.Dataset:
-    """Known variables with their dims in order; others or other types are refused."""
+    """Put the dims of known variables in order; refuse other dims and other types."""
     changed = {}
     if ("blend_bin" in data) != ("blend_weight" in data):
         raise InputError(path, "results", "half of the sun's blend is missing", REMEDY)
-    # Where there is a dim `sun`, this is its labels; beside L it is the sun's luminance.
+    # Where there is a dim `sun`, `sun` holds its labels; beside L it is the sun's luminance.
     sun_dims = ("sun",) if "sun" in data.dims else ("time",)
     for name, v in data.variables.items():
         dims = sun_dims if name == "sun" else DIMS.get(str(name))
@@ -204,12 +202,12 @@ def _ordered(path: Path, data: xr.Dataset) -> xr.Dataset:
 
 
 def loaded(path: Path, data: xr.Dataset) -> xr.Dataset:
-    """Load what `open_dataset` opened.
+    """Load a dataset from `open_dataset` into memory.
 
     Raises
     ------
     InputError
-        It cannot be read, or holds numbers that no light makes. NaN is what was not computed.
+        The file is damaged, or holds numbers beyond any light; NaN marks values not computed.
     """
     data = _attempt(path, data.load)
     for attribute in sorted(NUMBERS & data.attrs.keys()):
@@ -217,13 +215,13 @@ def loaded(path: Path, data: xr.Dataset) -> xr.Dataset:
         if not isinstance(number, int | float | np.number) or not abs(number) <= MOST:
             raise InputError(path, f"results, {attribute}", repr(number)[:60], "give a number")
     for name, v in data.variables.items():
-        # They go with coordinates into what is written, and not all that zarr takes fits NetCDF.
+        # Attributes go with coordinates into NetCDF, which takes fewer types than zarr.
         v.attrs = {k: a for k, a in v.attrs.items() if k and type(a) in (str, int, float)}
         if name in DATES and v.isnull().any():
             raise InputError(path, "results", f"{name} is not known everywhere", REMEDY)
         if v.dtype.kind == "f":
             most = LARGEST.get(str(name).removesuffix("_se"), LARGEST_OTHER)
-            # These pass over NaN, and copy nothing.
+            # fmin and fmax ignore NaN, and copy nothing.
             low, high = (float(f.reduce(v.values, axis=None)) for f in (np.fmin, np.fmax))
             if low < -most or high > most:
                 raise InputError(path, "results", f"{name} is beyond {most:g}", REMEDY)

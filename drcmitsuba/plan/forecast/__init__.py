@@ -1,13 +1,13 @@
-"""What an evaluation will cost: rays, seconds, memory, disk, and the share of every effect.
+"""Cost of an evaluation in advance: rays, seconds, memory, disk, and the share of every effect.
 
 pilot
     Transport itself on few sensors, suns and photons, with its rays counted.
 work
-    Amounts of work, by effect and unit.
+    Amounts of work by effect and unit.
 cost
     Seconds of a unit of work, and the forecast.
 machine
-    How fast this machine is.
+    Speed of this machine.
 size
     Bytes on disk and in memory.
 """

@@ -1,4 +1,4 @@
-"""Seconds of units of work on the reference machine, and the forecast of an evaluation on this."""
+"""Seconds of each unit of work on the reference machine, and the forecast for this machine."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from drcmitsuba.plan.forecast.machine import Speed
 from drcmitsuba.plan.forecast.work import count
 
 REST = "rest"
-"""Share of what no effect can be left out of: weather, sky, accumulation, metrics, files."""
+"""Share of the work that no effect saves: weather, sky, accumulation, metrics, files."""
 
 
 class Unit(NamedTuple):
-    """Seconds of one unit of work on the reference machine; by NumPy and Python, or by kernels."""
+    """Seconds of one unit of work on the reference machine, in kernels or in NumPy and Python."""
 
     seconds: float
     kernel: bool = True
@@ -53,30 +53,31 @@ UNITS: Mapping[str, Unit] = {
     "byte": Unit(6e-9, kernel=False),
     "picture": Unit(1.0, kernel=False),
 }
-"""Fitted by `python -m tests.bench.forecast --fit` to processor seconds, those of kernels halved
-for the two threads of the reference."""
+"""Units of work, fitted by `python -m tests.bench.forecast --fit` to processor seconds; those of
+kernels are halved for the two threads of the reference machine."""
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What an evaluation will cost.
+    """Forecast of the cost of an evaluation.
 
     Parameters
     ----------
     seconds : float
-        Of all stages, as `seconds` of metrics.json add up; start-up is not in them.
+        Sum of the `seconds` of all stages in metrics.json, without start-up.
     memory_bytes : int
-        Largest number of bytes that the process will hold.
+        Largest number of bytes that the process holds.
     disk_bytes : int
+        Number of bytes of all files.
     rays : dict of str to int
-        Number of rays, by `ray_counter.KINDS`.
+        Number of rays by kind, see `ray_counter.KINDS`.
     items : dict of str to float
-        Work by unit, see `UNITS`.
+        Amount of work by unit, see `UNITS`.
     files : dict of str to int
-        Bytes of files.
+        Number of bytes by file.
     shares : dict of str to float
-        Shares of the seconds by effect; "rest" is what no effect can be left out of. The share of
-        the shaded state, and of the second and third colour channel, is all of their work.
+        Shares of the seconds by effect [–]; "rest" is the share that no effect saves. All work for
+        the closed shade is "shaded_state", all work for the second and third channel "colour".
     """
 
     seconds: float
@@ -88,7 +89,7 @@ class Forecast:
     shares: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values without the shares, which stand with the effects."""
+        """Plain values without the shares, which plan.json has beside the effects."""
         values = {name: value for name, value in asdict(self).items() if name != "shares"}
         items = {name: float(f"{amount:.4g}") for name, amount in self.items.items()}
         return values | {"items": items, "seconds": round(self.seconds, 3)}
@@ -102,7 +103,7 @@ class Forecast:
 
 
 def _figure(value: float) -> str:
-    """Two figures, and all before the point."""
+    """Write a number with two significant digits, or as a whole number."""
     return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
 
 
@@ -121,7 +122,7 @@ def to_dict(
     Returns
     -------
     dict
-        By effect; the entry "cost" has the share of "rest", and the forecast.
+        Entries by effect; the entry "cost" has the share of "rest", and the forecast.
     """
     entries = plan.to_dict(coefficients or {})
     entries["cost"] = {"on": True, "reason": "no forecast"}
@@ -139,7 +140,7 @@ def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
     ----------
     plan : Plan
     on : Speed, optional
-        Speed of the machine; by default of this one, measured once.
+        Speed of the machine; by default the speed of this machine, measured once.
 
     Returns
     -------
@@ -147,9 +148,9 @@ def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
 
     Notes
     -----
-    seconds = Σ work × seconds of a unit / speed. Kernels are taken to be compiled and cached, as
-    they are after the first evaluation of a kind; the pilot compiles those of transport. Samples
-    that are added toward a target are not in it; `time_limit` bounds them.
+    seconds = Σ amount of work × seconds of its unit / speed. The forecast assumes that kernels are
+    compiled and cached, as they are after the first evaluation of a kind. It leaves out the samples
+    that adaptive sampling adds toward a target; `time_limit` bounds these.
     """
     here = machine.speed() if on is None else on
     counted = count(plan)

@@ -1,4 +1,4 @@
-"""How fast this machine is beside the one that units of work were measured on."""
+"""Speed of this machine relative to the reference machine, where the units were measured."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from drcmitsuba.scene.scene import quad_mesh
 
 RAYS, NUMBERS = 1 << 19, 1 << 18
 TIMES, LIMIT = 9, 0.12
-"""Repetitions, and seconds after which there are no more of them."""
+"""Largest number of repetitions, and seconds after which no repetition begins."""
 RAYS_PER_SECOND, NUMBERS_PER_SECOND = 41e6, 21.8e6
-"""Closest hits in a box, and numbers sorted, on the reference: 2 cores with AVX-512, LLVM 19."""
+"""Closest hits in a box, and sorted numbers, on the reference: 2 cores with AVX-512, LLVM 19."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ REFERENCE = Speed()
 
 @lru_cache(maxsize=1)
 def speed() -> Speed:
-    """Measure this machine as it is, with whatever else it has to do; takes 0.3 s."""
+    """Measure the speed of this machine under its present load, in 0.3 s."""
     quads = np.array(box(np.zeros(3), np.ones(3)))
     walls = mi.load_dict({"type": "scene", "quads": quad_mesh("quads", quads)})
     random = mi.PCG32(RAYS)
@@ -47,7 +47,7 @@ def speed() -> Speed:
         dr.sync_thread()
 
     numbers = np.random.default_rng(0).random(NUMBERS)
-    rays()  # compiles, or loads what was compiled before
+    rays()  # compiles the kernel, or loads it from the cache
     return Speed(
         RAYS / _mean(rays) / RAYS_PER_SECOND,
         NUMBERS / _mean(lambda: np.sort(numbers)) / NUMBERS_PER_SECOND,
@@ -55,7 +55,7 @@ def speed() -> Speed:
 
 
 def _mean(work: Callable[[], object]) -> float:
-    """Seconds of a run, in the mean of some."""
+    """Mean seconds of some runs."""
     taken: list[float] = []
     while len(taken) < TIMES and sum(taken) < LIMIT:
         start = perf_counter()

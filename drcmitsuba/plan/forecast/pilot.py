@@ -1,7 +1,7 @@
 """A pilot of one state of a case: transport itself, on few sensors, suns and photons.
 
-Only this module of the forecast calls transport. The kernels are those of the evaluation, so none
-is compiled in vain; the scene's counter tells the rays, which are scaled by what they grow with.
+Only this module of the forecast calls transport. The evaluation uses the same kernels, so none is
+compiled in vain. The scene counts the rays, which are scaled to all sensors, suns and photons.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from drcmitsuba.transport.photons import PATCH
 from drcmitsuba.transport.shadow_rays import sun_deposit
 
 REPLICATES = 2
-"""Replicates of a pilot: the least that have a standard error."""
+"""Number of replicates of a pilot: the smallest that has a standard error."""
 SENSORS, RAYS, VERTICES = 48, 1 << 20, 1 << 16
-"""Sensors at most, their rays to the sky at most, vertices of their paths, about."""
+"""Largest numbers of sensors and of their rays to the sky; approximate number of vertices."""
 SUNS, PHOTONS, FILM_SAMPLES = 128, 1 << 14, 8
-"""Suns at most; photons of a replicate, about; directions from an outgoing cell of a film."""
+"""Largest number of suns; approximate photons of a replicate; directions from a film's cell."""
 ANSWERED = 0.9
-"""Part of the rays to films that meet nothing before."""
+"""Part of the rays to films that reach the film."""
 
 Amount = tuple[str, str, float]
 """Effect, unit of work, number of units."""
@@ -53,13 +53,13 @@ class Paths(NamedTuple):
     Parameters
     ----------
     rays, vertices : float
-        Rays and diffuse vertices of one path.
+        Mean number of rays and of diffuse vertices of one path.
     before : int
-        Rays that count the vertices first, where surfaces are white.
+        Number of rays that measure the length of paths first, where surfaces are white.
     bounces : float
-        Vertices of one path for which there is room.
+        Number of vertices of one path for which memory is reserved.
     times : np.ndarray, shape (cell,)
-        Vertices in each cell that the pilot met.
+        Number of vertices in each cell that the pilot met.
     """
 
     rays: float = 0.0
@@ -89,7 +89,7 @@ class Paths(NamedTuple):
         return cls(rays / traced, len(vertices) / traced, before - start, bounces, times)
 
     def cells(self, vertices: float) -> float:
-        """Number of cells that so many vertices meet, by Chao's estimator [1]_.
+        """Number of cells that this number of vertices meets, by Chao's estimator [1]_.
 
         References
         ----------
@@ -109,20 +109,20 @@ class Pilot:
     ----------
     scene : Scene
     points, normals : np.ndarray, shape (sensor, 3)
-        All sensors [m].
+        Positions [m] and normals of all sensors.
     suns : Suns
-        All suns that are followed.
+        All suns that the evaluation simulates.
     bins : tuple of int
         Number of bins of sky and ground, and of suns.
     accuracy : Accuracy
-        As the case has it.
+        Accuracy of the case.
     paths : Paths
     coefficients : xr.Dataset
-        Coefficients of the pilot's sensors for the sky and the pilot's suns.
+        C of the pilot's sensors for the sky and the pilot's suns [sr].
     rays : dict of Purpose to dict of str to int
-        Rays of the pilot by purpose and kind.
+        Number of rays of the pilot by purpose and kind.
     scale : dict of str to float
-        Factors of the rays, by the names of their purpose.
+        Factors from the rays of the pilot to those of the evaluation, by names of the purpose.
     """
 
     scene: Scene
@@ -191,7 +191,7 @@ class Pilot:
 
     @property
     def film_rows(self) -> tuple[float, float, float]:
-        """Rows of the films' tables: by sky bins, by suns; values of f for each sun."""
+        """Number of rows of the films' tables, by sky and by suns; values of f for each sun."""
         if self.films is None:
             return 0, 0, 0
         mounts = self.films.mounts
@@ -206,13 +206,13 @@ class Pilot:
 
     @property
     def scatters(self) -> bool:
-        """Whether light comes other than straight."""
+        """Whether a pane or component sends light on in new directions."""
         return bool(self.faces) or self.films is not None or self.scene.followed
 
     @cached_property
     def seen(self) -> tuple[float, float, float]:
-        """Shares of the pairs of sensor and sky bin, and of sensor and sun, that see each other;
-        the ground's share of the light of sky and ground."""  # noqa: D209
+        """Shares [–] of pairs of sensor and sky bin, and of sensor and sun, that see each other;
+        share of the ground in the light of sky and ground."""  # noqa: D209
         D = np.split(self.coefficients["straight"].values, [-min(self.bins[1], SUNS)], axis=1)
         sky, sun = (part if part.size else np.zeros((1, 1)) for part in D)
         ground = float(sky[:, 0].sum() / max(sky.sum(), 1e-30))
@@ -222,7 +222,7 @@ class Pilot:
         """Rays and lanes of the evaluation, by effect."""
         lanes, paths = self.scene.ray_counter.lanes, self.paths
         vertices = self.count * paths.vertices
-        again = 2 - KEPT / max(KEPT, vertices)  # paths that there is no room for are traced twice
+        again = 2 - KEPT / max(KEPT, vertices)  # paths beyond the memory are traced twice
         yield "interreflection", "path", again * self.count * paths.rays + paths.before
         for purpose, rays in self.rays.items():
             stream, draw = (*purpose, "", "")[:2]
@@ -247,7 +247,7 @@ class Pilot:
                     yield effect, "pierced", some * shadow * (self.scene.clear is not None)
 
     def _effects(self, purpose: Purpose) -> list[tuple[str, float]]:
-        """Effects that rays of a purpose serve, with their shares."""
+        """Effects that the rays of a purpose serve, each with its share [–]."""
         stream, draw, *port = (*purpose, "", "")
         if stream in ("", Stream.PHOTONS.name):
             return [("components" if not purpose or port[0] else "pane_to_pane", 1.0)]
@@ -261,7 +261,7 @@ class Pilot:
         return [("sky", 1 - ground), ("ground", ground)]
 
     def straight(self, suns: Suns) -> float:
-        """Shadow rays of all sensors to suns of which only the straight light is followed."""
+        """Number of shadow rays of all sensors to suns that give straight light only."""
         few = suns.where(np.isin(np.arange(len(suns.labels)), spread(len(suns.labels), SUNS)))
         some = pilot_sensors(len(self.points), self.accuracy, USUAL)
         before = self.scene.ray_counter.counted()["shadow"]
@@ -270,7 +270,7 @@ class Pilot:
         return rays * len(self.points) / len(some) * len(suns.labels) / max(1, len(few.labels))
 
     def sunlit(self, directions: np.ndarray) -> np.ndarray:
-        """Share of the normal illuminance of suns that sensors get, shape (sensor, direction)."""
+        """Share [–] of a sun's normal illuminance on each sensor, shape (sensor, direction)."""
         some = spread(len(self.points), 2 * SENSORS)
         p, n = (mi.Float(x[some].astype(np.float32).ravel()) for x in (self.points, self.normals))
         D = sun_deposit(
@@ -281,11 +281,11 @@ class Pilot:
 
 
 def spread(count: int, most: int) -> np.ndarray:
-    """Indices of at most `most` of some things, and of one at least, spread evenly."""
+    """Evenly spread indices below `count`: at most `most`, and at least one."""
     return np.linspace(0, count - 1, min(count, max(1, most))).round().astype(int)
 
 
 def pilot_sensors(count: int, a: Accuracy, bounces: float) -> np.ndarray:
-    """Indices of the pilot's sensors among all."""
+    """Indices of the pilot's sensors among all `count` sensors."""
     by_paths = int(VERTICES / (REPLICATES * a.paths * bounces))
     return spread(count, min(SENSORS, RAYS // a.sensor_sky_rays, by_paths))

@@ -1,4 +1,4 @@
-"""Bytes of an evaluation: of its files, and of the arrays that are held at once."""
+"""Bytes of an evaluation: its files, and the arrays that it holds at once."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from drcmitsuba.plan.forecast.work import Counted
 
 FLOAT, DOUBLE = 4, 8
 VARIABLES = 10
-"""Of illuminance.nc: five, and their standard errors."""
+"""Number of variables of illuminance.nc: five, and their standard errors."""
 PARTS = 6
-"""Straight, direct, interreflected, and their standard errors."""
+"""Number of parts of C: straight, direct, interreflected, and their standard errors."""
 KEPT = 0.93
-"""What zarr's compression leaves of numbers that are not 0; of zeros it leaves nothing."""
+"""Part of the bytes of numbers other than 0 that zarr's compression keeps; zeros cost nothing."""
 LABEL = 45
-"""Bytes of a time stamp in all of its labels and coordinates."""
+"""Bytes of all labels and coordinates of a time stamp."""
 PICTURES = 4 * 48_000 + 118_000
-"""Bytes of the plans, one of points that are too close to call among them, and of the months."""
+"""Bytes of the four plans, and of the months."""
 TEXTS = 15_000
 """Bytes of metrics.json and plan.json."""
 VERTEX = 40
-"""Bytes of a vertex of a path: row, key, tag, weight, position, normal."""
+"""Bytes of one vertex of a path: row, key, tag, weight, position, normal."""
 BASE = 290 << 20
-"""Bytes of the program itself: libraries, kernels, weather."""
+"""Bytes of the program: libraries, kernels, weather."""
 PHOTONS = 135 << 20
 """Bytes of the photons of one launch, from their ports on."""
 HELD = {
     "vertices": 4.0, "deposit": 1.8, "films": 2.5, "landed": 3.5, "coefficients": 1.6,
     "luminance": 2.0, "illuminance": 1.5,
 }  # fmt: skip
-"""How often arrays are held where most is held at once, copies and what was freed and not given
-back included; fitted to the shipped cases, a coloured one, and one of 5184 sensors."""
+"""Number of times that memory holds each array at its peak, with copies and freed memory that is
+not returned; fitted to the shipped cases, a coloured one, and one of 5184 sensors."""
 
 
 def disk(counted: Counted) -> dict[str, int]:
-    """Bytes of the files that an evaluation writes, by name."""
+    """Number of bytes of the files that an evaluation writes, by name."""
     stamps, channels = counted.plan.facts.hours, counted.channels
     coefficients = sum(_numbers(pilot, counted) for pilot in counted.pilots.values())
     files = {
@@ -61,7 +61,7 @@ def _numbers(pilot: Pilot, counted: Counted) -> float:
 
 
 def memory(counted: Counted) -> int:
-    """Bytes that the process holds where it holds most."""
+    """Largest number of bytes that the process holds at once."""
     a, pilots = counted.plan.facts.case.accuracy, counted.pilots.values()
     deposits = [a.replicates * p.cells * sum(p.bins) for p in pilots]
     landed = [d for d, p in zip(deposits, pilots, strict=True) if p.scene.followed]

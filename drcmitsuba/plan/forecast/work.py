@@ -1,4 +1,4 @@
-"""The work of an evaluation, counted by effect and by unit before it is done."""
+"""Work of an evaluation by effect and unit, counted in advance."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from drcmitsuba.sky.sun_models import Suns, mesh
 from drcmitsuba.transport.sun_interpolation import HELD_OUT
 
 MESH_SUNS = 500
-"""Suns that an adaptive mesh ends with, more or less."""
+"""Approximate number of suns of an adaptive mesh at its end."""
 REFLECTIONS = 4
-"""Reflections from pane to pane."""
+"""Number of reflections from pane to pane."""
 LIT = 0.7
-"""Part of the cells that get any light straight."""
+"""Part of the cells that a bin lights directly."""
 METRICS = 2
-"""How often illuminances are accumulated: for E, and for their draws."""
+"""Number of accumulations of E: once for E itself, once for the draws of the metrics."""
 
 
 @dataclass
@@ -35,7 +35,7 @@ class Work:
     amounts: dict[tuple[str, str], float] = field(default_factory=lambda: defaultdict(float))
 
     def add(self, amounts: Iterable[Amount], times: float = 1.0, effect: str | None = None) -> None:
-        """Add amounts, under the name of one effect if it is given."""
+        """Add amounts, all to one effect where it is given."""
         for name, unit, amount in amounts:
             if amount:
                 self.amounts[effect or name, unit] += times * amount
@@ -50,21 +50,21 @@ class Work:
 
     @property
     def rays(self) -> dict[str, int]:
-        """Rays by kind, as `RayCounter` counts them."""
+        """Number of rays by kind, as `RayCounter` counts them."""
         units = self.by_unit
         return {kind: round(units.get(kind, 0)) for kind in KINDS}
 
 
 @dataclass(frozen=True)
 class Counted:
-    """What is known of an evaluation before it is made.
+    """Work of an evaluation, with the pilots from which it follows.
 
     Parameters
     ----------
     plan : Plan
     work : Work
     pilots : dict of State to Pilot
-        Pilots of the states that are simulated.
+        Pilot of each simulated state of the shade.
     """
 
     plan: Plan
@@ -88,19 +88,9 @@ class Counted:
 
 
 def count(plan: Plan) -> Counted:
-    """Count the work that a plan asks for.
+    """Count the work of a plan.
 
-    Parameters
-    ----------
-    plan : Plan
-
-    Returns
-    -------
-    Counted
-
-    Notes
-    -----
-    How far a mesh of suns is refined is left at its mean. Rounds toward a target are not counted.
+    A mesh of suns counts with a typical number of suns. Rounds toward a target are not counted.
     """
     counted = Counted(plan, Work(), {})
     suns: Suns | None = plan.facts.light.suns
@@ -121,7 +111,7 @@ def count(plan: Plan) -> Counted:
 
 
 def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
-    """Suns of the time stamps at which the pilot's sensors have the shade close; None of none."""
+    """Suns of the time stamps at which the pilot's sensors close the shade; None without any."""
     facts, shading = plan.facts, plan.simulated.shading
     if shading is None:
         return None
@@ -136,7 +126,7 @@ def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
 
 
 def _followed(plan: Plan, suns: Suns) -> Suns:
-    """Suns whose light is followed; those of a mesh where the sun is adaptive."""
+    """Suns that are simulated; typical suns of a mesh where the sun is adaptive."""
     if isinstance(plan.facts.case.sun, Adaptive):
         possible = mesh.possible_suns(plan.facts.light.sky.attrs["latitude"])
         at = spread(len(possible), MESH_SUNS + HELD_OUT)
@@ -146,7 +136,7 @@ def _followed(plan: Plan, suns: Suns) -> Suns:
 
 
 def _adaptive(plan: Plan, pilot: Pilot, state: State, suns: Suns) -> Iterator[Amount]:
-    """What an adaptive sun adds: paths for each level of the mesh; straight light of all suns."""
+    """Work of an adaptive sun: paths for each level of the mesh; straight light of all suns."""
     levels = plan.simulated.sun.finest - mesh.COARSEST if state == "open" else 0  # type: ignore[union-attr]
     yield "suns", "path", levels * pilot.count * pilot.paths.rays
     yield "suns", "shadow", pilot.straight(suns)
@@ -154,7 +144,7 @@ def _adaptive(plan: Plan, pilot: Pilot, state: State, suns: Suns) -> Iterator[Am
 
 
 def _transport(pilot: Pilot) -> Iterator[Amount]:
-    """One call of `coefficients.compute`."""
+    """Work of one call of `coefficients.compute`."""
     yield "rest", "state", 1
     if not any(pilot.bins):
         return
@@ -174,7 +164,7 @@ def _transport(pilot: Pilot) -> Iterator[Amount]:
 
 
 def _around(counted: Counted) -> Iterator[Amount]:
-    """All but transport: sky, accumulation, metrics, pictures, writing."""
+    """Work outside of transport: sky, accumulation, metrics, pictures, files."""
     hours, replicates = counted.plan.facts.hours, counted.plan.facts.case.accuracy.replicates
     patches = [pilot.bins[0] for pilot in counted.pilots.values()]
     yield "rest", "evaluation", 1
