@@ -9,14 +9,14 @@ import mitsuba as mi
 class BinSums:
     """Sums in Float64 for every row (a sensor or a pixel) and bin.
 
-    Light that met no diffuse surface and light that met one are kept apart: a lane adds from `base`
-    on, its row's first entry, and from `base + part` on after its first diffuse surface.
+    Light that met no diffuse surface and light that met one are kept apart: a lane adds at `base`
+    plus the bin, and after its first diffuse surface at `base + part` plus the bin.
 
     Parameters
     ----------
     rows, bins : int
     factor : float or mi.Float, one for each lane
-        Multiplies what the lane adds: paths have positive weights, a film's filter may not.
+        Multiplies the lane's light; may be negative, as a reconstruction filter may be.
     """
 
     def __init__(self, rows: int, bins: int, factor=1.0):
@@ -25,7 +25,7 @@ class BinSums:
         self.values = dr.zeros(mi.Float64, 2 * self.part)
 
     def base(self, row):
-        """First entry of a row, before any diffuse surface."""
+        """Index of a row's first entry, for light before any diffuse surface."""
         return row * self.bins
 
     def add(self, base, bin, light, active):
@@ -33,7 +33,7 @@ class BinSums:
         dr.scatter_add(self.values, mi.Float64(light * self.factor), base + bin, active)
 
     def tensor(self):
-        """Sums, mi.TensorXd of shape (2, row, bin): before and after a diffuse surface."""
+        """Sums as mi.TensorXd, shape (2, row, bin): light before and after a diffuse surface."""
         return mi.TensorXd(self.values, (2, self.rows, self.bins))
 
 

@@ -17,7 +17,7 @@ def read(text: str, rank: int) -> TensorTree:
     Raises
     ------
     ValueError
-        Braces, counts or characters are wrong; the message says what came.
+        Braces, counts or characters are wrong.
     """
     raw = text.encode("ascii", "replace")
     alien = set(raw) - _CHARACTERS
@@ -37,7 +37,7 @@ def read(text: str, rank: int) -> TensorTree:
         raise ValueError("something that is no number among the numbers") from None
     blank = np.isin(data, np.frombuffer(b" \t\r\n,{}", np.uint8))
     starts = np.cumsum(~blank & np.concatenate([[True], blank[:-1]]))
-    before = starts[at]  # numbers that begin before each brace
+    before = starts[at]  # count of numbers that begin before each brace
     is_leaf = opens & np.append(~opens[1:], False)
     inside = np.diff(np.append(before, before[-1]))
     if before[0] != 0 or (inside[~is_leaf] != 0).any() or len(numbers) != before[-1]:
@@ -48,7 +48,7 @@ def read(text: str, rank: int) -> TensorTree:
 def _paths(
     rank: int, opens: np.ndarray, depth: np.ndarray, is_leaf: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Brace, Morton code and level of every block of numbers."""
+    """Index of the brace, Morton code and level of every block of numbers, shape (block,) each."""
     blocks, codes, levels = [], [], []
     level, node, code = 0, np.zeros(1, np.int64), np.zeros(1, np.int64)
     while True:
@@ -77,7 +77,7 @@ def _assemble(
     rank: int, numbers: np.ndarray, block: np.ndarray, code: np.ndarray, level: np.ndarray,
     before: np.ndarray, inside: np.ndarray,
 ) -> TensorTree:  # fmt: skip
-    """Put the numbers of all blocks in Morton order at the depth of the finest."""
+    """Tree of the numbers of all blocks, in Morton order at the depth of the finest block."""
     count = inside[block]
     sizes = {1 << rank * k: k for k in range(MAX_DEPTH + 1)}
     if not set(np.unique(count).tolist()) <= set(sizes):
@@ -103,11 +103,11 @@ def _assemble(
 
 
 def write(tree: TensorTree, digits: int = 5) -> str:
-    """Text of a tree, one line for each leaf."""
+    """Text of a tree in nested braces, one line per leaf."""
     shown = [f"{v:.{digits}g}" for v in tree.value]
     first = tree.start
     lines = []
-    # A leaf opens a brace for each level at which its code has only zeros from there on.
+    # A leaf opens a brace for each level from which on its code has only zeros.
     for i, (code, level) in enumerate(zip(first.tolist(), tree.level.tolist(), strict=True)):
         tail = tree.rank * tree.depth
         opened = next(

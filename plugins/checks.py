@@ -12,7 +12,7 @@ def required(plugin: str, props, name: str, wanted: str):
     Raises
     ------
     ValueError
-        The parameter is missing; one line that says what is wanted.
+        The parameter is missing.
     """
     if name not in props:
         raise ValueError(f"{plugin}: {name}: missing; give {wanted}")
@@ -27,7 +27,7 @@ def checked_whole(plugin: str, name: str, value, low: int, high: float = np.inf)
 
 
 def checked(plugin: str, name: str, value, low: float, high: float = np.inf):
-    """Check that all of a value is finite and lies between `low` and `high`.
+    """Check that all numbers of a value are finite and between `low` and `high`.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def checked(plugin: str, name: str, value, low: float, high: float = np.inf):
     Raises
     ------
     ValueError
-        No number, NaN, infinite, or out of the range.
+        The value holds no number, or one that is NaN, infinite or out of the range.
     """
     want = f"give numbers from {low:g}" + (f" to {high:g}" if np.isfinite(high) else "")
     try:

@@ -9,7 +9,7 @@ from drcmitsuba_plugins.sampling import valid_directions
 
 
 class CoatedMirror(mi.BSDF):
-    r"""Smooth clear layer on a smooth mirror; what comes back is all in the mirrored direction.
+    r"""Smooth clear layer on a smooth mirror; all reflected light leaves in the mirrored direction.
 
     ===============  ======  =====================================================================
     parameter        type    meaning
@@ -18,8 +18,8 @@ class CoatedMirror(mi.BSDF):
     `ior`            float   refractive index of the layer, at least 1; air outside
     ===============  ======  =====================================================================
 
-    Light bounces between the layer's surface, of Fresnel's unpolarised reflectance r(θ), and the
-    mirror; the orders add up without interference:
+    Light bounces between the mirror and the layer's surface, whose reflectance r(θ) is Fresnel's
+    for unpolarised light; the orders add up without interference:
 
     .. math:: R(θ) = r + \frac{(1 - r)^2 ρ}{1 - r ρ}
 
@@ -39,7 +39,7 @@ class CoatedMirror(mi.BSDF):
     def _coated(self, cos_theta):
         """R(θ)."""
         r = mi.fresnel(cos_theta, self.ior)[0]
-        # The denominator vanishes only where nothing enters the layer, r = ρ = 1.
+        # The denominator vanishes only where no light enters the layer, r = ρ = 1.
         inside = dr.maximum(1 - r * self.reflectance, 1e-6)
         return r + dr.square(1 - r) * self.reflectance / inside
 

@@ -1,4 +1,4 @@
-"""`coefficient`: unbiased path tracing of daylight coefficients, one per light source and bin."""
+"""`coefficient`: unbiased path tracing of daylight coefficients C, one per bin of sky and suns."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _NO_GRADIENTS = (
 
 
 class Coefficient(mi.ad.integrators.common.ADIntegrator):
-    r"""Path tracer that keeps the light of every bin of the scene's sky and suns apart.
+    r"""Path tracer that sums the light of every bin of the scene's sky and suns separately.
 
     The bins are those of the scene's `tregenza_sky` followed by those of its `sun_disks`, each
-    with unit radiance; the radiances of these emitters play no part. Any other environment (such as
-    `envmap` with a continuous sky) is one bin with the radiance that it has.
+    with unit radiance; the radiances of these emitters are not used. Any other environment (such as
+    `envmap` with a continuous sky) is one bin and keeps its radiance.
 
     ===================  ======  ==================================================================
     parameter            type    meaning
@@ -41,12 +41,12 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
 
     Sky: emitter sampling (uniform over the sphere) and BSDF sampling, combined by the balance
     heuristic. Suns: emitter sampling; after a perfectly specular event the disks themselves are
-    tested. By way of a pane that scatters, they are sought from points on the panes and by BSDF
-    sampling, combined likewise. Shadow rays pass panes with a `Null` component by their
+    tested. Behind a pane that scatters, points on the panes and BSDF sampling are combined
+    likewise. Shadow rays pass panes with a `Null` component and are weighted by their
     transmittance. Every estimate is unbiased; sums are kept in Float64.
 
-    Gradients: C *is* the derivative of radiance and illuminance by the bins' radiances. Others are
-    not offered and raise, as the loops would give 0 without a word: `sensors` in a scene with a
+    Gradients: C *is* the derivative of radiance and illuminance by the bins' radiances. Other
+    derivatives raise an error, as the loops would silently give 0: `sensors` in a scene with a
     parameter that tracks gradients, `sample` in any mode but `Primal`, and the derivative of
     `mi.render`. For derivatives by materials, take Mitsuba's `prb` with the bins' radiances.
 
@@ -67,7 +67,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
 
     @staticmethod
     def _sources(scene):
-        """The scene's environment and suns; either may be None."""
+        """Environment and suns of the scene; either may be None."""
         suns = [e for e in scene.emitters() if type(e).__name__ == "SunDisks"]
         sky = scene.environment()
         if sky is None and not suns:
@@ -76,7 +76,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
 
     @staticmethod
     def _sky_bins(sky) -> int:
-        """Bins of the environment: those of a `tregenza_sky`, one of any other, none of none."""
+        """Number of the environment's bins: 1 if it is no `tregenza_sky`, 0 without environment."""
         return 0 if sky is None else getattr(sky, "bin_count", 1)
 
     @staticmethod
@@ -90,7 +90,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
 
     @classmethod
     def bin_count(cls, scene) -> int:
-        """Number of bins of a scene: those of the sky, then the suns."""
+        """Number of bins of the scene's sky and suns."""
         sky, suns = cls._sources(scene)
         return cls._sky_bins(sky) + (0 if suns is None else suns.bin_count)
 
@@ -109,7 +109,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         Returns
         -------
         mi.TensorXd, shape (2, sensor, bin)
-            C [sr]: light that met no diffuse surface (panes are none), and light that met one.
+            C [sr] of light that met no diffuse surface (a pane is not one), and of light that did.
 
         Raises
         ------
@@ -125,10 +125,10 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, rows * spp)
         lane = dr.arange(mi.UInt32, rows * spp)
-        row = lane // dr.opaque(mi.UInt32, spp)  # other counts need no other kernel
+        row = lane // dr.opaque(mi.UInt32, spp)  # opaque: one kernel for all counts
         p = dr.gather(mi.Point3f, mi.Float(np.asarray(points, np.float32).ravel()), row)
         n = dr.gather(mi.Normal3f, mi.Float(np.asarray(normals, np.float32).ravel()), row)
-        # The sensor is a white Lambertian vertex: E = π L of what it would reflect.
+        # The sensor is a white Lambertian vertex: E = π L, with L the radiance it would reflect.
         si = dr.zeros(mi.SurfaceInteraction3f, rows * spp)
         si.p, si.n, si.sh_frame = p, n, mi.Frame3f(n)
         wo = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
@@ -160,7 +160,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         L : mi.Spectrum
             [1], the same in all channels.
         valid : mi.Bool
-            Whether the ray meets a surface.
+            True where the ray meets a surface.
         aovs, state : list, None
             Empty.
         """
@@ -174,7 +174,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         return mi.Spectrum(light), scene.ray_test(mi.Ray3f(ray), active), [], None
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
-        """Picture of ∂L/∂L_bin [1] in the crop window: mi.TensorXf, shape (height, width, bin)."""
+        """∂L/∂L_bin [1] of the crop window's pixels: mi.TensorXf, shape (height, width, bin)."""
         if not develop:
             raise ValueError("coefficient: develop=False; its picture is a tensor, not a film's")
         if isinstance(sensor, int):
@@ -195,7 +195,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         raise RuntimeError(f"coefficient: {_NO_GRADIENTS}")
 
     def sample_rays(self, scene, sensor, sampler):
-        """Rays of all pixels of the crop window, as many for each as the sampler has samples.
+        """Rays of all pixels of the crop window, one per sample of the sampler and pixel.
 
         Returns
         -------
@@ -205,7 +205,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         share : mi.Float
             Weight of the sample in its pixel, mean 1; negative in a negative lobe of the filter.
         pixel : mi.UInt32
-            Number of the pixel that the ray belongs to, by rows.
+            Number of the ray's pixel, row by row.
         """
         film = sensor.film()
         width, height = map(int, film.crop_size())
@@ -223,7 +223,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         return ray, weight, share, pixel
 
     def _trace_from_camera(self, scene, sampler, ray, beta, row, sums):
-        """Follow rays at whose origin no source was looked for."""
+        """Follow rays from the camera, whose origin has no emitter sampling."""
         self._trace(
             scene, PanePoints(scene), sampler, mi.Ray3f(ray), beta, mi.Float(1), mi.Bool(True),
             sums.base(row), sums,
@@ -246,8 +246,8 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
     def _sun_sampling(self, scene, sampler, si, bsdf, beta, sums, base, active, turn=None):
         """Add the light that reaches a vertex straight from sampled suns.
 
-        They are drawn at random, or, from a number `turn` on that is random itself, in turn: then
-        each of them has its share of the lanes.
+        Suns are drawn at random; or, from the random number `turn` on, one after the other, so that
+        each has its share of the lanes.
         """
         sky, suns = self._sources(scene)
         if suns is None:
@@ -271,7 +271,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
     def _pane_sampling(self, scene, panes, sampler, si, bsdf, beta, sums, base, active):
         """Add the suns' light that reaches a diffuse vertex from a point on the panes.
 
-        BSDF sampling finds the panes too: each counts by its share of both densities.
+        BSDF sampling meets the panes too: the balance heuristic weights both.
         """
         if not panes or self._sources(scene)[1] is None:
             return
@@ -292,8 +292,8 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
     def _suns_on_pane(self, scene, sampler, si, bsdf, beta, sums, base, active):
         """Add the suns' light that a pane scatters at a vertex on it.
 
-        A pane may send a sun into few directions only: suns are drawn in proportion to what they
-        send into this one, so that what is added is the sum over all suns, or nothing in shadow.
+        A pane may scatter a sun into few directions only: suns are drawn in proportion to their
+        light in this direction, so each lane adds the sum over all suns, or 0 in shadow.
         """
         sky, suns = self._sources(scene)
         ctx, first = mi.BSDFContext(), self._sky_bins(sky)
@@ -320,7 +320,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
     @staticmethod
     @dr.syntax
     def _add_suns_seen(suns, first, d, beta, sums, base, active):
-        """Add to every sun whose disk holds direction `d`; the suns of a year overlap."""
+        """Add light to every sun whose disk holds direction `d`; the suns of a year overlap."""
         sun = mi.UInt32(0)
         searching = mi.Bool(active)
         while searching & (sun < suns.bin_count):
@@ -332,9 +332,9 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
     def _trace(self, scene, panes, sampler, ray, beta, pdf, delta, base, sums):
         """Follow paths and add the light that they collect to `sums`.
 
-        `pdf` is the density of the ray's direction at the last vertex that scatters, `delta` says
-        that no emitter sampling could have found it; `base` is the first entry of the lane's row.
-        `origin` is that vertex, and `looked` says whether points on the panes were sampled from it.
+        `pdf` is the density of the ray's direction at the last vertex that scatters, `origin` that
+        vertex. `delta` is true where emitter sampling cannot draw this direction, `looked` where
+        points on the panes were sampled from `origin`; `base` is the row's first entry in `sums`.
         """
         sky, suns = self._sources(scene)
         ctx = mi.BSDFContext()
@@ -378,14 +378,14 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
             ray = si.spawn_ray(si.to_world(bs.wo))
             null = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
             mirrored = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
-            # A pane crossed straight leaves the last vertex's sampling as it was; a mirrored path
-            # is out of reach of emitter sampling.
+            # A pane crossed straight does not change the last vertex's sampling; emitter sampling
+            # does not cover a mirrored path.
             pdf = dr.select(null | mirrored, pdf, bs.pdf)
             delta = dr.select(null, delta, mirrored)
             origin = dr.select(null | mirrored, origin, si.p)
             looked = dr.select(null, looked, meets_diffuse & ~mirrored)
             depth += 1
-            # Below 0.95 whatever the reflectance, the variance had no end in white rooms.
+            # A roulette limit of 0.95 for any reflectance gave unbounded variance in white rooms.
             survival = dr.clip(beta / start, 0.05, 0.999)
             roulette = depth >= self.rr_depth
             survives = ~roulette | (sampler.next_1d(active) < survival)

@@ -28,20 +28,20 @@ def channel_of(
     chromaticity: dict[str, TensorTree | KlemsMatrix],
     channel: int,
 ) -> TensorTree | KlemsMatrix:
-    """One of red, green, blue (0, 1, 2) of a component.
+    """Channel 0, 1 or 2 (red, green, blue) of a component.
 
     Parameters
     ----------
     luminance : TensorTree or KlemsMatrix
     chromaticity : dict
-        CIE 1976 u′ and v′ as 'u', 'v' (trees), or the values X and Z (Klems). Neutral where a
-        part of it is missing.
+        CIE 1976 u′ and v′ as 'u', 'v' (trees), or the values X and Z (Klems); a missing one counts
+        as neutral.
     channel : int
 
     Returns
     -------
     TensorTree or KlemsMatrix
-        Values relative to the white of the light: a neutral material has the same in all channels.
+        f [1/sr] relative to the light's white: a neutral material has the same in all channels.
     """
     if isinstance(luminance, KlemsMatrix):
         if not {"X", "Z"} <= chromaticity.keys():
@@ -58,12 +58,12 @@ def channel_of(
 
 
 def _mixed(channel: int, xyz: list[np.ndarray]) -> np.ndarray:
-    """Linear channel; colours outside the gamut are clipped to it."""
+    """Linear channel of X, Y, Z; colours outside the gamut are clipped to it."""
     return np.maximum(sum(w * part for w, part in zip(_RGB[channel], xyz, strict=True)), 0)
 
 
 def refined(trees: list[TensorTree]) -> list[TensorTree]:
-    """The same trees over their common refinement: all with the same leaves."""
+    """Trees of equal values over their common refinement: all have the same leaves."""
     rank, depth = trees[0].rank, max(t.depth for t in trees)
     starts = [t.start << rank * (depth - t.depth) for t in trees]
     start = np.unique(np.concatenate(starts))

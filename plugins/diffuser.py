@@ -9,18 +9,18 @@ from drcmitsuba_plugins.sampling import valid_directions
 
 
 class Diffuser(mi.BSDF):
-    """Thin pane that scatters what it lets through and what it reflects evenly.
+    """Thin pane whose transmitted and reflected light is Lambertian.
 
     ====================  ==========  =============================================================
     parameter             type        meaning
     ====================  ==========  =============================================================
     `transmittance`       float       diffuse transmittance T: f = T/π across the pane
     `reflectance_front`   float       diffuse reflectance seen from the room (+z), default 0
-    `reflectance_back`    float       seen from outside (−z); default: as in front
+    `reflectance_back`    float       seen from outside (−z); default `reflectance_front`
     ====================  ==========  =============================================================
 
-    All three are exposed through `traverse` and differentiable. Limits: T + R ≤ 1 is the caller's
-    to keep; one value for all channels.
+    All three are exposed through `traverse` and differentiable. Limits: after loading, the caller
+    keeps T + R ≤ 1; one value for all channels.
     """
 
     def __init__(self, props: mi.Properties):

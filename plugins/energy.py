@@ -1,4 +1,4 @@
-"""Energy of measured BSDFs: what sends out more light than it gets is scaled down or refused."""
+"""Energy of measured BSDFs: values with T + R above 1 are scaled down or refused."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile, Swapped
 
 EXCESS = 0.05
-"""Energy above 1 that is put down to measurement: more is refused."""
+"""Largest T + R − 1 that counts as measurement error; a file with more is refused."""
 
 
 def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
-    """Scale down what sends out more light than it gets, by at most 5 %.
+    """Scale down the leaves of incidences where T + R exceeds 1, by at most 5 %.
 
     Returns
     -------
     BsdfFile
-        Where T + R of an incidence exceeds 1, all of its leaves scaled to reach just 1.
+        The file with T + R ≤ 1 at every incidence.
     float
-        Largest T + R that came.
+        Largest T + R of the given file.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
     largest = 0.0
     for side in ("f", "b"):
         of_side = {n: file.component(n) for n in (f"t{side}", f"r{side}")}
-        # A transmission that the file lacks is the other one reversed, and counts as well.
+        # A missing transmission is the reverse of the other one, and counts as well.
         of_side = {n: _listed(c) for n, c in of_side.items() if c is not None}
         if not of_side:
             continue
@@ -45,14 +45,14 @@ def scaled_to_conserve(file: BsdfFile) -> tuple[BsdfFile, float]:
         if total.max() > 1:
             scale = 1 / np.maximum(total, 1)
             if any(isinstance(c, _Ring) for c in of_side.values()):
-                # No leaf of its own to scale: the whole file takes the factor.
+                # A reversed tree has no leaves to scale: the whole file takes the factor.
                 of_side, scale = file.components, np.full(1, scale.min())
             components |= {n: _scaled(components.get(n, c), scale) for n, c in of_side.items()}
     return replace(file, components=components), largest
 
 
 def _listed(component):
-    """A component as one whose albedos are listed by incident cell."""
+    """Component whose method `albedos` lists one value per incident cell."""
     if not isinstance(component, Swapped):
         return component
     if component.tree.rank == 4:
@@ -61,7 +61,7 @@ def _listed(component):
 
 
 class _Ring:
-    """Isotropic tree reversed: its albedos, by rings of equal width of the incident radius."""
+    """Albedos of a reversed isotropic tree, one per ring of equal width of the incident radius."""
 
     def __init__(self, component: Swapped):
         self.component = component
@@ -74,14 +74,14 @@ class _Ring:
 
 
 def sum_of_albedos(components: list) -> np.ndarray:
-    """T + R for every finest incident cell of components of one kind."""
+    """T + R of the components of one side, shape (finest incident cell,)."""
     albedos = [c.albedos() for c in components]
     size = max(map(len, albedos))
     return np.sum([np.repeat(a, size // len(a)) for a in albedos], axis=0)
 
 
 def _scaled(component, scale: np.ndarray):
-    """Scale a component by factors for incident cells; a leaf takes the least of its cells."""
+    """Component times one factor per incident cell; a leaf takes the least factor of its cells."""
     if len(scale) == 1 or not hasattr(component, "rank"):
         return replace(component, value=component.value * scale)
     axes = component.rank - 2

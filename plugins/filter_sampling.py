@@ -47,13 +47,13 @@ class FilterSampling:
         offset : mi.Point2f
             [pixels].
         share : mi.Float
-            Its mean is 1; 1 everywhere for a filter without negative lobes.
+            Weight with mean 1; 1 everywhere for a filter without negative lobes.
         """
         (x, share_x), (y, share_y) = (self._along(u) for u in (uv.x, uv.y))
         return mi.Point2f(x, y), share_x * share_y
 
     def _along(self, u):
-        """Offset along an axis, and its weight."""
+        """Offset along an axis [pixels], and the sample's weight."""
         if self.steps == 1:
             return u - 0.5, mi.Float(1)
         u = mi.Float64(u)

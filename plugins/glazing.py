@@ -10,22 +10,22 @@ from drcmitsuba_plugins.sampling import clamped_index, valid_directions
 
 
 class Glazing(mi.BSDF):
-    """Thin clear pane: light goes straight through, or is mirrored.
+    """Thin clear pane: light goes straight through or is mirrored.
 
     ====================  ==============  ========================================================
     parameter             type            meaning
     ====================  ==============  ========================================================
     `transmittance`       float, tensor   at normal incidence, then τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ];
                                           or a table over cos θ = 0 … 1 in equal steps
-    `exponent`            float           p of that formula, default 4.5
+    `exponent`            float           exponent p of τ(θ), default 4.5
     `reflectance_front`   float, tensor   seen from the room (+z), then Schlick's
                                           ρ(θ) = ρ₀ + (1 − ρ₀)(1 − cos θ)⁵ where ρ₀ > 0; or a table
-    `reflectance_back`    float, tensor   seen from outside (−z); default: as in front
+    `reflectance_back`    float, tensor   seen from outside (−z); default `reflectance_front`
     ====================  ==============  ========================================================
 
     The tables (`transmittance`, …) are exposed through `traverse` and differentiable. Both
     components are delta distributions: `eval` and `pdf` are 0. Limits: no thickness, no offset,
-    one value for all channels; τ + ρ ≤ 1 is the caller's to keep.
+    one value for all channels; after loading, the caller keeps τ + ρ ≤ 1.
     """
 
     SIZE = 1025  # a table from a formula is exact to 1e-6 with linear interpolation

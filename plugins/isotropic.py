@@ -11,18 +11,18 @@ from drcmitsuba_plugins.sampling import clamped_index
 from drcmitsuba_plugins.tensor import TensorTree, morton
 
 OUT_DEPTH = 6
-"""The lobes turn with the incident direction: outgoing cells are this fine a grid [levels]."""
+"""Depth of the grid of outgoing cells, 2ᵈᵉᵖᵗʰ a side; lobes turn with the incident direction."""
 
 
 def azimuth(xy):
-    """Cosine and sine of the azimuth of points."""
+    """Cosine and sine of the azimuth of points of the disk."""
     r = dr.norm(xy)
     inverse = 1 / dr.select(r > 0, r, 1)
     return dr.select(r > 0, xy.x * inverse, 1), xy.y * inverse
 
 
 class IsotropicLobes(SquareLobes):
-    """Lobes of tensor trees of rank 3, given the incident direction: drawing is exact.
+    """Lobes of trees of rank 3 for a given incident direction, drawn in proportion to f cos θ.
 
     The squares of the outgoing direction are turned with the azimuth of the incident one.
     """
@@ -48,7 +48,7 @@ class IsotropicLobes(SquareLobes):
         return self.value_at(leaves, component, given, code, active)
 
     def value_at(self, leaves, component, given, code, active):
-        """BSDF f [1/sr] in a square of the outgoing direction."""
+        """BSDF f [1/sr] in the outgoing square with the Morton code `code`."""
         entry, filled = self.rows.find(self.row(component, given), code, active)
         leaf = dr.gather(mi.UInt32, self.rows.leaf, entry, filled)
         return dr.gather(mi.Float, leaves, leaf, filled)
@@ -60,21 +60,21 @@ class IsotropicLobes(SquareLobes):
 
 
 class TurnedLobes(OutSquares):
-    """Lobes of tensor trees of rank 3 where some are given by the outgoing direction.
+    """Lobes of tensor trees of rank 3, some of which have the outgoing direction given.
 
-    Seen from there, incident directions of one radius put the outgoing one on a circle in the
-    tree's disk, which the map to the square turns into the perimeter of a square: four sides a
-    from the centre, with t from −a to a along each. It runs through the same cells for all
-    outgoing radii within one cell, except that it ends somewhere within the cell at each corner.
-    So rows list (incident radius, side, cell along it), and only what falls into a corner is
-    drawn by a weight that varies, between 0 and 2.
+    For a given outgoing direction, the incident directions of one radius lie on a circle of the
+    disk, which the map to the square turns into the perimeter of a square: four sides at distance
+    a from the centre, with t from −a to a along each. The perimeter crosses the same cells for all
+    outgoing radii of one cell, except that it ends within the cell at each corner. A row therefore
+    lists (incident radius, side, cell along the side); only directions in a corner are drawn with
+    a weight other than 1, between 0 and 2.
 
     Parameters
     ----------
     trees : list of TensorTree or None
-        One for each component, their values the numbers of the leaves.
+        One tree per component, None where missing; its values are the numbers of the leaves.
     turned : list of bool
-        Components whose trees' outgoing direction is the one that is given.
+        True for the components whose given direction is the tree's outgoing one.
     """
 
     out_depth = OUT_DEPTH
@@ -95,7 +95,7 @@ class TurnedLobes(OutSquares):
             x, y = np.choose(side, [a, -t, -a, t]), np.choose(side, [t, a, -t, -a])
             code = morton([(i + 0.5) / n, (x + 1) / 2, (y + 1) / 2], tree.depth)
             leaf = tree.value[np.searchsorted(tree.start, code, "right") - 1]
-            covered = np.clip(a - np.abs(t) + 1 / n, 0, 2 / n)  # of t, at the middle of the cell
+            covered = np.clip(a - np.abs(t) + 1 / n, 0, 2 / n)  # length of t in the cell
             low, high = 1 - 2 * (i + 1) / n, 1 - 2 * i / n
             weight = (high**2 - low**2) / 2 * np.pi / 4 * covered / a
             row, number = component * half + k, (i * 4 + side) * n + j
@@ -104,32 +104,32 @@ class TurnedLobes(OutSquares):
         self.rows = Rows.of(*joined, rows=len(trees) * half)
 
     def update(self, values: np.ndarray) -> None:
-        """Take over new values of the leaves."""
+        """Set the values f [1/sr] of the leaves, shape (leaf,)."""
         self.exact.update(values)
         self.rows.update(values)
 
     def row(self, component, given):
-        """Row of a component and a direction that is given; those of turned trees come last."""
+        """Number of the row of a component and a given direction; turned trees' rows come last."""
         turned = dr.gather(mi.Bool, self.turned, component)
         row = self.first_turned + component * (self.n // 2) + self._cell(given)
         return dr.select(turned, row, self.exact.row(component, given))
 
     def _split(self, row, active):
-        """Mask of the rows that belong to turned trees, and the rows' numbers there."""
+        """Mask of the rows that belong to turned trees, and their numbers among these rows."""
         turned = row >= self.first_turned
         return turned & active, dr.select(turned, row - self.first_turned, 0)
 
     def albedo(self, row, active):
-        """Integral of f cos θ over the other direction, at the middle of the row's cell."""
+        """Integral of f cos θ over the other direction [1], at the middle of the row's cell."""
         turned, own = self._split(row, active)
         straight = self.exact.albedo(dr.select(turned, 0, row), active & ~turned)
         return dr.select(turned, dr.gather(mi.Float, self.rows.albedo, own, turned), straight)
 
     def value(self, leaves, component, given, other, active):
-        """BSDF f [1/sr]; `component` names which."""
+        """BSDF f [1/sr] of a component for the given and the other direction."""
         turned = dr.gather(mi.Bool, self.turned, component)
         straight = self.exact.value(leaves, component, given, other, active & ~turned)
-        # By the row's own cell, so that rounding cannot put value and row on two sides of a border.
+        # The row's own cell: rounding cannot put value and row on two sides of a border.
         a, side, t = self._perimeter(given, other)
         x = dr.select(side == 0, a, dr.select(side == 1, -t, dr.select(side == 2, -a, t)))
         y = dr.select(side == 0, t, dr.select(side == 1, a, dr.select(side == 2, -t, -a)))
@@ -140,12 +140,12 @@ class TurnedLobes(OutSquares):
         return dr.select(turned, back, straight)
 
     def _cell(self, given):
-        """Cell of the outgoing radius."""
+        """Number of the cell that holds the outgoing radius."""
         half = self.n // 2
         return clamped_index(dr.norm(given.xy) * half, half)
 
     def _perimeter(self, given, other):
-        """Middle of the row's cell, side, and way along it."""
+        """Middle of the row's cell (a), number of the side, and position t along the side."""
         middle = (2 * mi.Float(self._cell(given)) + 1) / self.n
         c, s = azimuth(-other.xy)
         phi = dr.atan2(c * given.y - s * given.x, c * given.x + s * given.y) / (dr.pi / 2)
@@ -154,7 +154,7 @@ class TurnedLobes(OutSquares):
         return middle, mi.UInt32(mi.Int32(side) + 4) % 4, t
 
     def draw(self, row, given, u, uv, active):
-        """Other direction (its z positive), drawn from a row."""
+        """Other direction (z ≥ 0), drawn from a row."""
         turned, own = self._split(row, active)
         straight = self.exact.draw(dr.select(turned, 0, row), given, u, uv, active & ~turned)
         entry, filled = self.rows.draw(own, u, turned)
@@ -173,16 +173,16 @@ class TurnedLobes(OutSquares):
 
     @staticmethod
     def _angle(side, t, a):
-        """Azimuth of a point of the perimeter."""
+        """Azimuth [rad] of the perimeter's point at t along a side."""
         return dr.pi / 2 * side + dr.pi / 4 * t / dr.maximum(a, 1e-9)
 
     def density(self, row, given, other, value, active):
-        """Probability of the other direction per projected solid angle [1/sr]."""
+        """Probability density of the other direction per projected solid angle [1/sr]."""
         turned, _ = self._split(row, active)
         a = dr.norm(given.xy)
         middle, _, t = self._perimeter(given, other)
         corner = middle - 1 / self.n
-        # In the corner, the way along is as long as the radius has come into the cell.
+        # In a corner cell, the side is as long as the part of the cell within the radius.
         covered = dr.select(dr.abs(t) > corner, 1 / (self.n * dr.maximum(a - corner, 1e-6)), 1)
         scale = dr.select(turned, covered * a / middle, 1)
         albedo = self.albedo(row, active)

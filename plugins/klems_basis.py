@@ -36,12 +36,12 @@ class KlemsBasis:
 
     @cached_property
     def first(self) -> np.ndarray:
-        """First patch of every ring."""
+        """Number of every ring's first patch, shape (ring,)."""
         return np.cumsum((0, *self.counts))[:-1]
 
     @cached_property
     def projected_solid_angle(self) -> np.ndarray:
-        """Projected solid angle of every patch [sr]; their sum is π."""
+        """Projected solid angle of every patch [sr], shape (patch,); the sum is π."""
         c2 = np.cos(np.radians(self.limits)) ** 2
         return (np.pi * (c2[:-1] - c2[1:]) / self.counts)[self.ring]
 
@@ -58,13 +58,13 @@ class KlemsBasis:
 
     @cached_property
     def opposite(self) -> np.ndarray:
-        """Patch that each becomes when turned by 180° about the normal."""
+        """Number of the patch opposite in azimuth (a turn by 180°), shape (patch,)."""
         counts = np.array(self.counts)[self.ring]
         first = self.first[self.ring]
         return first + (np.arange(len(self)) - first + counts // 2) % counts
 
     def patch(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Patch of directions.
+        """Number of the patch that holds a direction.
 
         A limit between rings belongs to the inner one on the side +z, to the outer one on the
         side −z, as Radiance rounds.
@@ -114,7 +114,7 @@ class KlemsMatrix:
         return self.value[self.outgoing.patch(*np.moveaxis(outgoing, -1, 0)), i]
 
     def albedos(self) -> np.ndarray:
-        """Hemispherical value of every incident patch."""
+        """Directional-hemispherical value of every incident patch, shape (patch,)."""
         return self.outgoing.projected_solid_angle @ self.value
 
     def hemispherical(self, incident: np.ndarray) -> np.ndarray:
@@ -128,5 +128,5 @@ class KlemsMatrix:
         return KlemsMatrix(self.outgoing, self.incident, value)
 
     def lambertian(self) -> float:
-        """Albedo of the part that is the same for all directions: π · the smallest value."""
+        """Albedo of the Lambertian part: π · the smallest value of f."""
         return float(np.pi * self.value.min())

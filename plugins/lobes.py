@@ -1,8 +1,8 @@
 """Lobes of a measured BSDF: values, and directions drawn in proportion to f cos θ.
 
-One of the two directions is given. The classes differ in how directions are cut into cells: squares
-of a tensor tree of rank 4, Klems' patches, or, for isotropic trees, radius and relative azimuth.
-All take directions in the file's frame (+z to the room, +y up), pointing away from the pane.
+One of the two directions is given. The classes differ in their cells of directions: squares of a
+tensor tree of rank 4, Klems' patches, or, for isotropic trees, radius and relative azimuth. All
+directions are unit vectors of the file's frame (+z to the room, +y up) that leave the pane.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from drcmitsuba_plugins.tensor import TensorTree
 
 
 def spread(x):
-    """Put zeros between the bits of numbers below 2⁸."""
+    """Put a zero between neighbouring bits of numbers below 2⁸."""
     x = (x | (x << 4)) & 0x0F0F
     x = (x | (x << 2)) & 0x3333
     return (x | (x << 1)) & 0x5555
@@ -32,7 +32,7 @@ def gathered(x):
 
 
 def square_code(xy, depth: int):
-    """Morton code of points of the disk at 2ᵈᵉᵖᵗʰ cells along a side of the square."""
+    """Morton code of the cell that holds a point of the disk; a side of the square has 2ᵈᵉᵖᵗʰ."""
     n = 1 << depth
     s = mi.warp.uniform_disk_to_square_concentric(xy)
     i, j = (clamped_index(c * n, n) for c in (s.x, s.y))
@@ -40,14 +40,14 @@ def square_code(xy, depth: int):
 
 
 def upper(xy):
-    """Direction above a point of the disk."""
+    """Unit vector, z ≥ 0, whose projection is a point of the disk."""
     return mi.Vector3f(xy.x, xy.y, dr.safe_sqrt(1 - dr.squared_norm(xy)))
 
 
 class OutSquares:
-    """Cells of outgoing directions: squares, 2ᵈᵉᵖᵗʰ along a side.
+    """Cells of outgoing directions: squares of the unit square, 2ᵈᵉᵖᵗʰ along a side.
 
-    `out_even` tells whether light leaves evenly within each.
+    `out_even` is true where f is constant within each cell.
     """
 
     out_depth: int
@@ -59,11 +59,11 @@ class OutSquares:
         return 1 << 2 * self.out_depth
 
     def out_cell(self, w):
-        """Cell of outgoing directions."""
+        """Morton code of the cell that holds an outgoing direction."""
         return square_code(w.xy, self.out_depth)
 
     def out_direction(self, cell, uv):
-        """Direction in a cell, evenly by projected solid angle."""
+        """Direction drawn from a cell, uniformly by projected solid angle."""
         corner = mi.Point2f(mi.Float(gathered(cell)), mi.Float(gathered(cell >> 1)))
         s = (corner + uv) * 0.5**self.out_depth
         return upper(mi.warp.square_to_uniform_disk_concentric(s))
@@ -75,7 +75,7 @@ class SquareLobes(OutSquares):
     Parameters
     ----------
     trees : list of TensorTree or None
-        One for each component, their values the numbers of the leaves.
+        One tree per component, None where missing; its values are the numbers of the leaves.
     fixed : {'incident', 'outgoing'}
         Direction that is given.
     """
@@ -91,37 +91,37 @@ class SquareLobes(OutSquares):
 
     @staticmethod
     def _sides(trees: list[TensorTree]):
-        """Side of every leaf's square."""
+        """Side of every leaf's outgoing square as a fraction of the unit square, shape (leaf,)."""
         side = np.ones(1 + max(int(t.value.max()) for t in trees), np.float32)
         for tree in trees:
             side[tree.value.astype(int)] = 0.5**tree.level
         return mi.Float(side)
 
     def update(self, values: np.ndarray) -> None:
-        """Take over new values of the leaves."""
+        """Set the values f [1/sr] of the leaves, shape (leaf,)."""
         self.rows.update(values)
 
     def row(self, component, given):
-        """Row of a component and a direction that is given."""
+        """Number of the row that lists a component's cells for a given direction."""
         return component * self.cells + square_code(self.sign * given.xy, self.depth)
 
     def albedo(self, row, active):
-        """Integral of f cos θ over the other direction."""
+        """Integral of f cos θ over the other direction [1], one per row number."""
         return dr.gather(mi.Float, self.rows.albedo, row, active)
 
     def value(self, leaves, component, given, other, active):
-        """BSDF f [1/sr]; `component` names which."""
+        """BSDF f [1/sr] of a component for the given and the other direction."""
         code = square_code(-self.sign * other.xy, self.depth)
         entry, filled = self.rows.find(self.row(component, given), code, active)
         leaf = dr.gather(mi.UInt32, self.rows.leaf, entry, filled)
         return dr.gather(mi.Float, leaves, leaf, filled)
 
     def draw(self, row, given, u, uv, active):
-        """Other direction (its z positive), drawn from a row."""
+        """Other direction (z ≥ 0), drawn from a row in proportion to f cos θ."""
         return upper(-self.sign * self._point(row, u, uv, active))
 
     def _point(self, row, u, uv, active):
-        """Point of the disk within a cell that is drawn from a row."""
+        """Point of the disk, drawn from a row in proportion to f."""
         entry, filled = self.rows.draw(row, u, active)
         code = dr.gather(mi.UInt32, self.rows.code, entry, filled)
         side = dr.gather(mi.Float, self.side, dr.gather(mi.UInt32, self.rows.leaf, entry, filled))
@@ -130,7 +130,7 @@ class SquareLobes(OutSquares):
         return mi.warp.square_to_uniform_disk_concentric(s)
 
     def density(self, row, given, other, value, active):
-        """Probability of the other direction per projected solid angle [1/sr]."""
+        """Probability density of the other direction per projected solid angle [1/sr]."""
         albedo = self.albedo(row, active)
         return dr.select(albedo > 0, value / albedo, 0)
 
@@ -150,7 +150,7 @@ class KlemsLobes(SquareLobes):
         self.ring = mi.UInt32(self.basis.ring.astype(np.uint32))
 
     def patch(self, xy):
-        """Patch of points of the disk."""
+        """Number of the patch that holds a point of the disk."""
         r2 = dr.squared_norm(xy)
         ring = mi.UInt32(0)
         for limit in np.sin(np.radians(self.basis.limits[1:-1])) ** 2:
@@ -158,7 +158,7 @@ class KlemsLobes(SquareLobes):
         count = dr.gather(mi.UInt32, self.count, ring)
         turn = dr.atan2(xy.y, xy.x) * dr.inv_two_pi
         turn = dr.select(turn < 0, turn + 1, turn)
-        # Lanes that a call leaves out see a count of 0, and its remainder would stop the process.
+        # Inactive lanes read a count of 0, and a remainder by 0 would stop the process.
         nearest = mi.UInt32(turn * mi.Float(count) + 0.5) % dr.maximum(count, 1)
         return dr.gather(mi.UInt32, self.first, ring) + nearest
 
@@ -169,7 +169,7 @@ class KlemsLobes(SquareLobes):
         patch = self.patch(-self.sign * other.xy)
         first = dr.gather(mi.UInt32, self.rows.first, self.row(component, given), active)
         following = dr.gather(mi.UInt32, self.rows.first, self.row(component, given) + 1, active)
-        filled = active & (following > first)  # rows are whole or empty
+        filled = active & (following > first)  # a row lists every patch or none
         leaf = dr.gather(mi.UInt32, self.rows.leaf, first + patch, filled)
         return dr.gather(mi.Float, leaves, leaf, filled)
 
@@ -179,7 +179,7 @@ class KlemsLobes(SquareLobes):
         return upper(-self.sign * self._within(patch, uv))
 
     def _within(self, patch, uv):
-        """Point of the disk in a patch, evenly by projected solid angle."""
+        """Point of the disk, drawn uniformly from a patch."""
         ring = dr.gather(mi.UInt32, self.ring, patch)
         count = dr.gather(mi.UInt32, self.count, ring)
         within = mi.Float(patch - dr.gather(mi.UInt32, self.first, ring))

@@ -18,7 +18,7 @@ COMPONENTS = ("tf", "tb", "rf", "rb")
 
 
 class Measured(mi.BSDF):
-    """BSDF of a file; a subclass with `MeasuredHooks` knows how its directions are cut into cells.
+    """BSDF of a file; subclasses provide `MeasuredHooks`, the methods for their kind of file.
 
     ====================  =======  ================================================================
     parameter             type     meaning
@@ -26,11 +26,11 @@ class Measured(mi.BSDF):
     `filename`            string   LBNL BSDF XML
     `up`                  vector   world direction of the file's y axis, default +z; it is
                                    projected on the pane (+y for a horizontal one)
-    `straight_through`    string   'auto' (default): treat a straight-through peak as a view
-                                   through where the file has one; 'on': wherever a cell stands
-                                   out at all; 'off': never
+    `straight_through`    string   'auto' (default): a straight-through peak above noise becomes
+                                   a view through the pane; 'on': any cell above its neighbours
+                                   does; 'off': none does
     `flip`                bool     the file's front faces the room (turned about the y axis);
-                                   default false: its back does, as the format has it
+                                   default false: its back does, as the format defines
     `turn`                bool     upside down (turned by 180° about the normal), default false
     `channel`             int      −1 (default): luminance; 0, 1, 2: red, green, blue of a file
                                    with chromaticity
@@ -38,10 +38,10 @@ class Measured(mi.BSDF):
 
     The shading normal points into the room. `leaves` [1/sr] and `through` are exposed through
     `traverse` and differentiable. Sampling is exactly proportional to f cos θ: the weight is the
-    albedo (for isotropic trees in `Radiance` mode between 0 and 2 of it). Files need not be
+    albedo (for isotropic trees in `Radiance` mode 0 to 2 times the albedo). Files need not be
     reciprocal: in `TransportMode.Radiance` light enters along `wo`, in `Importance` along `wi`. A
     missing transmission follows from the other by reciprocity.
-    Energy above 1 by at most 5 % is scaled down; `largest_albedo` is the largest T + R of the file.
+    T + R of 1 to 1.05 is scaled down to 1; `largest_albedo` is the largest T + R of the file.
 
     Limits: one value for all channels of the variant.
     """
@@ -56,13 +56,13 @@ class Measured(mi.BSDF):
         mode = props.get("straight_through", "auto")
         if mode not in ("auto", "on", "off"):
             raise ValueError(f"{self.plugin}: straight_through: {mode!r}; give auto, on or off")
-        # Mounting turns by 180°: signs of the axes, their own inverse.
+        # Mounting turns by 180°, so it is three signs of the axes and its own inverse.
         flip, turn = (-1.0 if props.get(name, False) else 1.0 for name in ("flip", "turn"))
         self.signs = (flip * turn, turn, flip)
         channel = checked_whole(self.plugin, "channel", props.get("channel", -1), -1, 2)
         filename = required(self.plugin, props, "filename", "the path of a BSDF file")
         try:
-            # A relative path is sought beside the file of the scene, too.
+            # A relative path may also start at the scene file's folder.
             file = bsdf_file.read(str(mi.file_resolver().resolve(filename))).of_channel(channel)
             file, self.largest_albedo = energy.scaled_to_conserve(file)
             self._load(file, mode)
@@ -112,7 +112,7 @@ class Measured(mi.BSDF):
         self._make(mi.TransportMode.Radiance)
 
     def _make(self, mode) -> Lobes:
-        """Lobes of a transport mode; made when first asked for."""
+        """Lobes of a transport mode; made at the first call."""
         if mode not in self._lobes:
             fixed = "outgoing" if mode == mi.TransportMode.Radiance else "incident"
             lobes = self._lobes_of(self._numbered, self._swapped, fixed)
@@ -136,7 +136,7 @@ class Measured(mi.BSDF):
             raise ValueError(f"{self.plugin}: {error}") from None
 
     def mounted(self, w):
-        """Direction of the pane's frame (+z into the room, +y up) in the file's; or back again."""
+        """Direction of the pane's frame (+z into the room, +y up) in the file's, or the reverse."""
         return mi.Vector3f(w.x * self.signs[0], w.y * self.signs[1], w.z * self.signs[2])
 
     def _seen(self, w, axes):
@@ -154,15 +154,15 @@ class Measured(mi.BSDF):
 
     @property
     def out_even(self) -> bool:
-        """True where light leaves evenly within each outgoing cell."""
+        """True where f is constant within each outgoing cell."""
         return self._make(mi.TransportMode.Radiance).out_even
 
     def out_cell(self, w):
-        """Cell of directions of the pane's frame."""
+        """Number of the cell that holds a direction of the pane's frame."""
         return self._make(mi.TransportMode.Radiance).out_cell(self.mounted(w))
 
     def out_direction(self, cell, uv, front):
-        """Direction of the pane's frame in a cell, evenly by projected solid angle."""
+        """Direction of the pane's frame, drawn from a cell, uniformly by projected solid angle."""
         w = self.mounted(self._make(mi.TransportMode.Radiance).out_direction(cell, uv))
         return mi.Vector3f(w.x, w.y, dr.select(front, 1, -1) * dr.abs(w.z))
 
@@ -178,7 +178,7 @@ class Measured(mi.BSDF):
         Returns
         -------
         mi.UInt32
-            Number from 1; 0 where no leaf does, as for a straight-through peak that is a view.
+            Number of the leaf from 1; 0 where there is none, as for a peak that is a view.
 
         Notes
         -----
@@ -186,7 +186,7 @@ class Measured(mi.BSDF):
         """
         axes = self._to_file(si)
         wi, wo = self._seen(si.wi, axes), self._seen(wo, axes)
-        # Looked up like values; as numbers they are exact in float32 up to 2²⁴.
+        # Leaf numbers are looked up like values: float32 is exact up to 2²⁴.
         numbers = dr.arange(mi.Float, dr.width(self.leaves)) + 1
         component = self._component(mi.BSDFContext(), wi, wo)
         lobes = self._make(mi.TransportMode.Radiance)

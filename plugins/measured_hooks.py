@@ -1,8 +1,8 @@
 """Protocols of a kind of measured BSDF: hooks of the plugin, and lobes by cells.
 
-`measured.Measured` does all that kinds have in common. A new kind of file is a subclass with the
+`measured.Measured` is the part common to all kinds. A new kind of file is a subclass with the
 methods of `MeasuredHooks`, whose `_lobes_of` returns an object with the methods of `Lobes`;
-`tensor_tree.py` and `klems.py` are the two that exist.
+`tensor_tree.py` and `klems.py` are examples.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ class Lobes(Protocol):
     """
 
     out_even: bool
-    """True where light leaves evenly within each outgoing cell."""
+    """True where f is constant within each outgoing cell."""
 
     @property
     def out_cells(self) -> int:
         """Number of cells that a hemisphere of outgoing directions is cut into."""
 
     def out_cell(self, w: Any) -> Any:
-        """Cell of outgoing directions, mi.UInt32 below `out_cells`."""
+        """Number of the cell that holds an outgoing direction, mi.UInt32 below `out_cells`."""
 
     def out_direction(self, cell: Any, uv: Any) -> Any:
-        """Outgoing direction (z ≥ 0) in a cell, evenly by projected solid angle."""
+        """Outgoing direction (z ≥ 0), drawn from a cell, uniformly by projected solid angle."""
 
     def update(self, values: np.ndarray) -> None:
-        """Take over new values f [1/sr] of the leaves, shape (leaf,)."""
+        """Set the values f [1/sr] of the leaves, shape (leaf,)."""
 
     def row(self, component: Any, given: Any) -> Any:
         """Row of a component and a given direction, mi.UInt32."""
 
     def albedo(self, row: Any, active: Any) -> Any:
-        """Integral of f cos θ over the other direction."""
+        """Integral of f cos θ over the other direction [1], one per row number."""
 
     def value(self, leaves: Any, component: Any, given: Any, other: Any, active: Any) -> Any:
         """BSDF f [1/sr] of a pair of directions, from the values of the leaves."""
@@ -64,16 +64,16 @@ class MeasuredHooks(Protocol):
         """Raise ValueError if the file is of another kind; keep what the other hooks need."""
 
     def _reversed(self, component: Any) -> tuple[Any, bool]:
-        """Component with both directions exchanged; or as it is, and True: to be looked up so."""
+        """Component with exchanged directions, and False; or unchanged, and True: swap look-ups."""
 
     def _reversed_view(self, table: np.ndarray) -> np.ndarray:
-        """Straight transmittances of the reversed component, shape (incident cell,)."""
+        """Straight-through transmittances of the reversed component, shape (incident cell,)."""
 
     def _lobes_of(self, components: list, swapped: list[bool], fixed: str) -> Lobes:
         """Lobes of four components (None where missing) whose values are the leaves' numbers.
 
-        `swapped` says which are to be looked up with both directions exchanged, `fixed` which
-        direction is given: 'incident' or 'outgoing'.
+        `swapped` is true for components that are looked up with both directions exchanged; `fixed`
+        is the given direction, 'incident' or 'outgoing'.
         """
 
     def _view_cell(self, light: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 
 
 class PanePoints:
-    """All panes with a smooth transmission lobe, as one area to draw points on.
+    """All panes with a smooth transmission lobe, as one area from which points are drawn.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class PanePoints:
 
         shapes = [s for s in scene.shapes() if s.bsdf() is not None and scatters(s.bsdf().flags())]
         self.shapes = [mi.ShapePtr(shape) for shape in shapes]
-        # Asked for here, as a mesh makes its table of areas at the first call.
+        # Called here, as a mesh builds its table of areas at the first call.
         areas = [float(np.ravel(shape.surface_area())[0]) for shape in shapes]
         self.area = sum(areas)
         self.cumulated = np.cumsum(areas) / (self.area or 1)
@@ -38,7 +38,7 @@ class PanePoints:
         return bool(self.shapes)
 
     def sample(self, u, uv, active):
-        """Pane and point on it, evenly by area.
+        """Pane and point on it, drawn uniformly by area.
 
         Parameters
         ----------

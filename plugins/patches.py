@@ -68,7 +68,7 @@ class Patches:
 
     @cached_property
     def bounds(self) -> np.ndarray:
-        """Altitude from and to, azimuth from and to [rad], shape (bin, 4)."""
+        """Lowest and highest altitude, first and last azimuth of bins [rad], shape (bin, 4)."""
         out = [(-np.pi / 2, 0.0, 0.0, 2 * np.pi)]
         for row, n in enumerate(self.rows):
             low = row * self.row_height
@@ -106,7 +106,7 @@ class Patches:
 
 
 def patch_index(d, subdivision: int = 1):
-    """Bin that a direction falls in.
+    """Number of the bin that holds a direction.
 
     Parameters
     ----------
@@ -118,13 +118,13 @@ def patch_index(d, subdivision: int = 1):
     Returns
     -------
     drjit UInt32
-        0 below the horizon, otherwise the patch.
+        Number of the patch; 0 (the ground) below the horizon.
     """
     patches = Patches(subdivision)
     UInt32, Float = dr.uint32_array_t(type(d.x)), type(d.x)
-    # The float32 zenith cap needs asin away from 1: atan2 stays exact at both ends.
+    # In float32, asin is inexact near 1 (the zenith cap); atan2 is exact at both ends.
     altitude = dr.atan2(d.z, dr.sqrt(dr.fma(d.x, d.x, d.y * d.y)))
-    # NaN, which a clip would let through, falls into the first row.
+    # NaN, which `dr.clip` would keep, counts as the first row.
     row = UInt32(dr.fmin(dr.fmax(altitude * (1 / patches.row_height), 0), len(patches.rows) - 1))
     count = dr.gather(Float, Float(patches.rows.astype(np.float32)), row)
     start = dr.gather(UInt32, UInt32(patches.row_start.astype(np.uint32)), row)

@@ -1,9 +1,8 @@
-"""Straight-through peaks: the share of a BSDF that is a view through the pane.
+"""Straight-through peaks: the part of a BSDF that is a view through the pane.
 
-A file of finite resolution spreads what goes straight through over the cell that holds the
-direction. Where that cell stands out from its neighbours, the excess is taken out of the BSDF and
-becomes a transmittance of the undeviated ray, as Radiance's aBSDF does, so that sun and view stay
-sharp.
+A file of finite resolution spreads undeviated light over the cell that holds its direction. Where
+that cell stands out from its neighbours, the excess is taken out of the BSDF and becomes a
+transmittance of the undeviated ray, as Radiance's aBSDF does, so that sun and view stay sharp.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ from drcmitsuba_plugins.klems_basis import KlemsMatrix
 from drcmitsuba_plugins.tensor import TensorTree, morton, unpack
 
 RATIO = 1.5
-"""A cell is a peak if it is this much brighter than its neighbours, as in Radiance."""
+"""A cell is a peak if its value exceeds this many times its neighbours' mean, as in Radiance."""
 LEAST_SHARE = 0.02
-"""Peaks of less than this share of the transmitted light are noise or the flank of a lobe."""
+"""A peak with less than this share of the transmitted light is noise or the flank of a lobe."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Split:
     through : np.ndarray, shape (incident cell,)
         Transmittance of the undeviated ray for every finest incident cell or patch.
     share : float
-        Part of the transmitted light that goes straight through, all incidences together.
+        Fraction of the transmitted light that goes straight through, mean over all incidences.
     """
 
     rest: TensorTree | KlemsMatrix
@@ -41,7 +40,7 @@ class Split:
 
     @property
     def stands_out(self) -> bool:
-        """True if the peak is more than noise."""
+        """True if the peak's share is above noise."""
         return self.share >= LEAST_SHARE
 
 
@@ -64,7 +63,7 @@ def split(component: TensorTree | KlemsMatrix) -> Split:
         weight = np.ones(len(through))
     else:
         rest, through = _of_isotropic_tree(component)
-        # Rings of equal width: their area grows with the radius, the dead half has none.
+        # Rings of equal width: their area grows with the radius; the unused half has no area.
         radius = 1 - 2 * (np.arange(len(through)) + 0.5) / max(len(through), 2)
         weight = np.maximum(radius, 0)
     total = float(weight @ component.albedos())
@@ -72,13 +71,13 @@ def split(component: TensorTree | KlemsMatrix) -> Split:
 
 
 def _excess(value: np.ndarray, around: np.ndarray) -> np.ndarray:
-    """Value of cells above that of their neighbours; 0 where a cell does not stand out."""
+    """Difference f − neighbours' f [1/sr] of cells; 0 where a cell does not stand out."""
     above = value > RATIO * around
     return np.where(above, value - np.where(above, around, 0), 0.0)
 
 
 def _of_matrix(matrix: KlemsMatrix) -> tuple[KlemsMatrix, np.ndarray]:
-    """A patch sends what goes straight through to the patch of the same number."""
+    """Rest and straight transmittance of a matrix; undeviated light keeps its patch number."""
     basis = matrix.outgoing
     if matrix.incident is not basis:
         return matrix, np.zeros(len(matrix.incident))
@@ -101,7 +100,7 @@ def _of_matrix(matrix: KlemsMatrix) -> tuple[KlemsMatrix, np.ndarray]:
 
 
 def _around(tree: TensorTree, points: list[np.ndarray], steps: Sequence[tuple[float, ...]]):
-    """Mean value at neighbours of points, those outside the cube left out; ∞ without any."""
+    """Mean f [1/sr] of the neighbours of points inside the cube; ∞ where there are none."""
     total, count = np.zeros(len(points[0])), np.zeros(len(points[0]))
     for step in steps:
         q = [p + s for p, s in zip(points, step, strict=True)]
@@ -116,7 +115,7 @@ _RING = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
 
 
 def _of_tree(tree: TensorTree) -> tuple[TensorTree, np.ndarray]:
-    """Rank 4: straight through lies on the diagonal, where both cells are the same."""
+    """Rest and straight transmittance, rank 4: undeviated light keeps its cell (the diagonal)."""
     cells = tree.incident_cells()
     through = np.zeros(1 << 2 * tree.depth)
     value = tree.value.copy()
@@ -136,7 +135,7 @@ def _of_tree(tree: TensorTree) -> tuple[TensorTree, np.ndarray]:
 
 
 def _of_isotropic_tree(tree: TensorTree) -> tuple[TensorTree, np.ndarray]:
-    """Rank 3: straight through lies on the border of two cells, at the incident radius."""
+    """Rest and straight transmittance, rank 3: undeviated light lies on the border of two cells."""
     n = 1 << tree.depth
     through = np.zeros(n)
     value = tree.value.copy()
@@ -154,7 +153,7 @@ def _of_isotropic_tree(tree: TensorTree) -> tuple[TensorTree, np.ndarray]:
         excesses += [
             (cell, i, e) for i, e in zip(leaves, _excess(value[leaves], around), strict=True)
         ]
-    # A leaf that spans several incident cells gives up the same to each.
+    # A leaf that spans several incident cells loses the same amount to each.
     if not excesses:
         return tree, through
     cells, leaf, excess = (np.array(a) for a in zip(*excesses, strict=True))

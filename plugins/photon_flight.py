@@ -1,4 +1,4 @@
-"""Photons on their way: from the sources to the diffuse surfaces they meet, and their ledger."""
+"""Flight of photons from the sources to the diffuse surfaces they meet, and their ledger."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Ledger:
 
     @classmethod
     def mean(cls, ledgers):
-        """The mean of several."""
+        """Mean of several ledgers."""
         return cls(*(np.mean([getattr(x, f.name) for x in ledgers]).item() for f in fields(cls)))
 
 
@@ -42,7 +42,7 @@ class Receivers:
 
     @dr.syntax
     def record(self, ray, t, flux, bin, met, active):
-        """Add the flux of a photon that flies from `ray.o` for `t` to the disks it crosses."""
+        """Add the flux of a photon to the disks that it crosses within distance `t` [m]."""
         base = bin + dr.select(met, self.count * self.bins, 0)
         k = mi.UInt32(0)
         while active & (k < self.count):
@@ -75,7 +75,7 @@ class Photons:
         self.max_depth, self.rr_depth = max_depth, rr_depth
 
     def send(self, photons: int, seed: int, receivers=None):
-        """Send photons out; once more, the same ones, if the store was too small for them.
+        """Send photons out; if the store was too small for them, send the same photons again.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ class Photons:
             chance = dr.select(roulette, dr.minimum(share, 1), 1)
             kept = dr.select(sampler.next_1d(active) < chance, kept / chance, 0)
             absorbed += dr.select(active, _total(flux) - _total(kept), 0)
-            flux = dr.select(active, kept, 0)  # what is left at the end was cut short
+            flux = dr.select(active, kept, 0)  # flux left after the loop was lost to `max_depth`
             specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             met |= lands & ~specular
             ray = si.spawn_ray(onward)
@@ -142,23 +142,23 @@ class Photons:
             if dr.hint(self.max_depth >= 0, mode="scalar"):
                 active &= depth < self.max_depth
         sums = (_total(emitted), stored, absorbed, escaped, _total(flux))
-        dr.eval(sums)  # at once: the loop runs anew for each evaluation of its results
+        dr.eval(sums)  # together: each later evaluation would run the loop anew
         return Ledger(*(float(dr.sum(x)[0]) for x in sums))
 
 
 def _total(flux):
-    """Flux of all channels as one number."""
+    """Mean flux of the channels."""
     return mi.Float64(dr.mean(flux))
 
 
 def is_diffuse(bsdf):
-    """True where photons stay: an opaque BSDF with a diffuse lobe."""
+    """True where photons are stored: an opaque BSDF with a diffuse lobe."""
     diffuse = mi.has_flag(bsdf.flags(), mi.BSDFFlags.DiffuseReflection)
     return diffuse & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
 
 
 def facing(si):
-    """Geometric normal on the side that the ray came to."""
+    """Geometric normal on the side from which the ray arrives."""
     return si.n * dr.sign(dr.dot(si.n, si.to_world(si.wi)))
 
 

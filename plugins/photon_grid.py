@@ -1,4 +1,4 @@
-"""Photons that landed, sorted into a grid of cells, and sums over those near a point."""
+"""Stored photons, sorted into a grid of cells, and sums over the photons near a point."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ KERNELS = ("epanechnikov", "constant")
 
 
 def kernel_density(kernel: str, distance2, radius2):
-    """Density [1/m²] of a kernel of unit integral over a disk, K(d) = 2 (1 − d²/r²) / (π r²).
+    """Kernel K(d) = 2 (1 − d²/r²) / (π r²), whose integral over the disk is 1.
 
     Parameters
     ----------
     kernel : str
         "epanechnikov" as above, or "constant", 1 / (π r²).
     distance2, radius2 : mi.Float
-        Squares of the distance from the middle and of the disk's radius [m²].
+        Squares of the distance d from the centre and of the disk's radius r [m²].
 
     Returns
     -------
@@ -30,24 +30,24 @@ def kernel_density(kernel: str, distance2, radius2):
 
 
 class Store:
-    """Room for photons; `count` is how many wanted to be kept, which may be more than it holds.
+    """Stored photons; `count` is the number of photons offered, which may exceed `capacity`.
 
     Attributes
     ----------
     position, towards, normal : mi.Point3f, mi.Vector3f, mi.Normal3f
-        Where a photon landed [m], the direction it came from, the normal on the side it landed on.
+        Point where a photon landed [m], direction to its origin, normal on the side of arrival.
     flux : mi.Spectrum
-        [W or lm]; [m² sr] per unit radiance.
+        Flux [W or lm]; [m² sr] per unit radiance.
     bin : mi.UInt32
-        Bin of its source.
+        Bin of the photon's source.
     met : mi.Bool
-        Whether it had met a diffuse surface before.
+        True where the photon had met a diffuse surface before.
     """
 
     FIELDS = ("position", "towards", "normal", "flux", "bin", "met")
 
     def __init__(self, capacity: int):
-        self.capacity = dr.opaque(mi.UInt32, capacity)  # other sizes need no other kernel
+        self.capacity = dr.opaque(mi.UInt32, capacity)  # opaque: one kernel for all sizes
         self.position = dr.zeros(mi.Point3f, capacity)
         self.towards = dr.zeros(mi.Vector3f, capacity)
         self.normal = dr.zeros(mi.Normal3f, capacity)
@@ -69,11 +69,11 @@ class Store:
 
 
 class PhotonGrid:
-    """Photons in the order of the cells of a regular grid, so that neighbours are found in rows.
+    """Photons sorted by the cells of a regular grid.
 
-    Cells have the radius as their edge: what lies within it of a point is in nine rows of three
-    cells, each a run in the sorted list, found by bisection. No table of cells is kept, so that a
-    small radius in a large scene costs nothing.
+    The cells' edge is the radius: photons within the radius of a point lie in nine rows of three
+    cells, and each row is a run of the sorted list, located by bisection. There is no table of
+    cells, so a small radius in a large scene needs no memory.
 
     Parameters
     ----------
@@ -86,9 +86,9 @@ class PhotonGrid:
     """
 
     COMPATIBLE = 0.9
-    """Least cosine between the normals of a photon and of the point where it counts."""
+    """Least cosine between the normals of a photon and of a point for which it counts."""
     FLAT = 0.2
-    """Largest distance from the tangent plane, in radii: a table is not the floor below it."""
+    """Largest distance from the tangent plane [radii]: a table is not the floor below it."""
     MOST_CELLS = 1 << 31
 
     def __init__(self, store: Store, radius: float, kernel: str):
@@ -108,11 +108,11 @@ class PhotonGrid:
             edge *= 1.3
         self.low = mi.Point3f(*(dr.opaque(mi.Float, float(x)) for x in low))
         self.edge = dr.opaque(mi.Float, edge)
-        # A cell more on each side: neighbours of a cell exist without asking.
+        # One more cell on each side: every photon's cell has neighbours.
         self.size = [dr.opaque(mi.UInt32, int(n)) for n in np.floor(extent / edge) + 3]
         keys = self._key(*self._cell(position))
         order = dr.argsort(keys)
-        # Filled up to a power of two by keys beyond all: other counts need no other kernel.
+        # Filled up to a power of two with the largest key: one kernel for similar counts.
         self.keys = dr.full(mi.UInt32, 0xFFFFFFFF, 1 << self.count.bit_length())
         dr.scatter(self.keys, dr.gather(mi.UInt32, keys, order), photons)
         for name in Store.FIELDS:
@@ -121,7 +121,7 @@ class PhotonGrid:
         dr.eval(self.keys, *(getattr(self, name) for name in Store.FIELDS))
 
     def _cell(self, p):
-        """Indices of the cell that holds a point, of the nearest one where it lies outside."""
+        """Indices of the cell that holds a point; for a point outside, of the nearest cell."""
         x = (p - self.low) / self.edge + 1
         return [mi.UInt32(dr.clip(c, 1, n - 2)) for c, n in zip(x, self.size, strict=True)]
 
@@ -129,23 +129,23 @@ class PhotonGrid:
         return x + self.size[0] * (y + self.size[1] * z)
 
     def _first_from(self, key, last):
-        """Place of the first photon whose cell is `key` or a later one."""
+        """Index of the first photon whose cell is `key` or a later one."""
         return mi.UInt32(
             dr.binary_search(0, last, lambda k: dr.gather(mi.UInt32, self.keys, k) < key)
         )
 
     @dr.syntax
     def sum(self, p, n, active, light):
-        """Sum over the photons near a point on the same side of the same surface, by the kernel.
+        """Kernel-weighted sum over the photons near a point, on the same side of its surface.
 
         Parameters
         ----------
         p, n : mi.Point3f, mi.Normal3f
-            Point and normal of its surface, on the side in question.
+            Point [m] and normal of its surface, on the side that is asked for.
         active : mi.Bool
         light : callable
-            `light(index, density, near)` gives what a photon adds, a spectrum; `density` is the
-            kernel's [1/m²], zero where not `near`.
+            `light(index, density, near)` returns a photon's summand, a spectrum; `density` is the
+            kernel's value [1/m²], zero where not `near`.
 
         Returns
         -------

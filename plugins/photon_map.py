@@ -1,4 +1,4 @@
-"""`photon_map`: photons from sky and suns, stored where they land and asked by density."""
+"""`photon_map`: photons from sky and suns, stored where they land; radiance is their density."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drcmitsuba_plugins.tables import table_of
 
 
 class PhotonMap(mi.ad.integrators.common.ADIntegrator):
-    r"""Photon map: flux carried from the sources to diffuse surfaces, radiance by its density.
+    r"""Photon map: photons carry flux to diffuse surfaces, whose radiance follows from its density.
 
     ===================  =======  =================================================================
     parameter            type     meaning
@@ -45,13 +45,13 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
 
     Only photons on the same side of the same surface count: normals within 26°, no further than
     r/5 off the tangent plane. With `gather`, the sum takes the photons that met no diffuse surface
-    before, and sampled rays, followed to the next diffuse surface and answered by all photons
-    there, bring the rest; what these rays get straight from a source is left out, as photons have
-    brought it. So each path of light is counted once. The mirror image in a diffuse surface with a
-    coat is followed like a mirror's; its photons have met no diffuse surface by that.
+    before; the rest comes by sampled rays, followed to the next diffuse surface, where all photons
+    count. Light that these rays receive straight from a source is left out, as photons have brought
+    it. So each path of light is counted once. The reflection in a coated diffuse surface is
+    followed as in a mirror; photons reflected by the coat have met no diffuse surface there.
 
-    The ledger of the last call is in `ledger`. Roulette keeps a photon with the probability of its
-    weight at the event, so that stored photons have much the same flux; it loses none in the mean.
+    `ledger` holds the ledger of the last call. Roulette keeps a photon with a probability equal to
+    its weight at the event: stored photons have similar flux, and the mean flux is unchanged.
 
     Bias: light is spread by r, and an edge of a surface is too dark within r of it; both shrink
     with the passes (Knaus and Zwicker 2011): variance as N^−α, bias of light as N^(α−1). Limits:
@@ -112,7 +112,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         return radii
 
     def shoot(self, scene, photons: int, seed: int = 0):
-        """Photons with the radiances of the scene's sources, where they landed.
+        """Send photons with the radiances of the scene's sources.
 
         Parameters
         ----------
@@ -122,11 +122,12 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         Returns
         -------
         Store, Ledger
+            Photons where they landed, and the balance of their flux.
 
         Raises
         ------
         ValueError
-            The scene is empty, has no source of light, or one that sends no photons.
+            The scene is empty, has no light source, or has one that sends no photons.
         """
         sources = Sources(scene)
         return self._photons(scene, sources, []).send(photons, seed)
@@ -137,10 +138,10 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         return Photons(scene, sources, aim, self.max_depth, self.rr_depth)
 
     def sensors(self, scene, points, normals, photons: int, seed: int = 0):
-        """Coefficients of illuminance at points, of photons that cross a disk round each.
+        """Coefficients C of illuminance at points, from photons that cross a disk round each.
 
         Every bin has unit radiance and an equal share of the photons. With `gather`, light that met
-        a diffuse surface comes by rays from the points and the photons where they end instead.
+        a diffuse surface comes instead from the photons at the ends of rays from the points.
 
         Parameters
         ----------
@@ -148,8 +149,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         points, normals : array_like, shape (sensor, 3)
             Positions [m] and unit normals.
         photons : int
-            Number of photons of all passes together. The time goes with it and with the number of
-            sensors.
+            Number of photons of all passes together; time is proportional to photons times sensors.
         seed : int
 
         Returns
@@ -176,7 +176,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         return mi.TensorXd(total / self.passes, shape)
 
     def _gather_at(self, scene, receivers, grid, seed):
-        """Replace what met a diffuse surface by what rays from the sensors find."""
+        """Replace the light that met a diffuse surface by the light at rays from the sensors."""
         part, rows = receivers.count * receivers.bins, receivers.count * self.gather
         later = dr.arange(mi.UInt32, 2 * part) >= part
         receivers.out = dr.select(later, 0, receivers.out)
@@ -235,7 +235,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
 
     @dr.syntax
     def _at_diffuse(self, scene, sampler, grid, si, bsdf, beta, active):
-        """Light that a diffuse surface sends along rays, by all photons or by final gather."""
+        """Radiance of a diffuse surface times the rays' weight, by all photons or final gather."""
         undiffused = self.kind == "caustic" or self.gather > 0
         light = _density(grid, si, bsdf, beta, active, undiffused)
 
@@ -256,14 +256,14 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
 
     @dr.syntax
     def _follow(self, scene, sampler, ray, beta, at_diffuse, sources, active):
-        """Light along rays from the first diffuse surface that they come to.
+        """Radiance along rays from the first diffuse surface that they meet, times their weight.
 
         Parameters
         ----------
         beta : mi.Spectrum
             Weight of the rays.
         at_diffuse : callable
-            `at_diffuse(si, bsdf, beta, active)` gives the light from a diffuse surface.
+            `at_diffuse(si, bsdf, beta, active)` returns the weighted radiance of a diffuse surface.
         sources : Sources or None
             Sources that rays see where they leave the scene.
 
@@ -298,12 +298,12 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         return light
 
     def _report(self, ledgers):
-        """Keep the ledger, and say so where flux was lost."""
+        """Keep the mean ledger, and warn where flux was lost."""
         self.ledger = ledger = Ledger.mean(ledgers)
         if ledger.lost > 1e-3 * ledger.emitted:
             share = ledger.lost / ledger.emitted
             message = f"photon_map: {share:.1%} of the flux lost; raise max_depth"
-            # Mitsuba's own log would not reach a notebook, nor anyone who lowered its level.
+            # Mitsuba's log reaches neither a notebook nor a user who lowered its level.
             warnings.warn(message, RuntimeWarning, stacklevel=3)
 
     def to_string(self):
@@ -320,7 +320,7 @@ def _reflected(grid, si, bsdf, i, active):
 
 
 def _density(grid, si, bsdf, beta, active, undiffused):
-    """Light by the density of photons, of those only that met no diffuse surface if so asked."""
+    """Weighted radiance by photon density; `undiffused`: photons that met no diffuse surface."""
 
     def light(i, density, near):
         if undiffused:

@@ -1,7 +1,7 @@
-"""Start of photons: a direction of the sky or of a sun, aimed at a port or at the whole scene.
+"""Start of photons: directions to sky or suns, and origins before a port or the whole scene.
 
 A photon that carries flux from radiance L starts with Φ = L Ω A / (N p), where Ω is the solid angle
-of its bin, A the area it is aimed at (normal to its direction), N the number of photons and p the
+of its bin [sr], A the target's area normal to its direction [m²], N the number of photons and p the
 probability of its bin.
 """
 
@@ -18,7 +18,7 @@ from drcmitsuba_plugins.sampling import on_disk, radiance_of, sample_disk, trans
 class Sources:
     """The bins of a scene's environment, followed by those of its suns, with their radiances.
 
-    An environment other than `tregenza_sky` is one bin with the radiance that it has.
+    An environment other than `tregenza_sky` is one bin and keeps its radiance.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Sources:
     Raises
     ------
     ValueError
-        No source, or an emitter that is neither an environment nor `sun_disks`.
+        The scene has no source, or an emitter that is neither an environment nor `sun_disks`.
     """
 
     def __init__(self, scene):
@@ -57,7 +57,7 @@ class Sources:
         return radiance_of(self.suns.radiance, index, active) * self.suns.solid_angle
 
     def _probabilities(self) -> np.ndarray:
-        """Share of the photons that every bin gets: that of the normal irradiance it gives."""
+        """Fraction of the photons for every bin, in proportion to its normal irradiance."""
         power: list = []
         if self.has_patches:
             patches = dr.arange(mi.UInt32, self.sky_bins)
@@ -80,7 +80,7 @@ class Sources:
         ----------
         sampler : mi.Sampler
         photons : int
-            Number of photons, the sampler's width; every bin gets its share of them exactly.
+            Number of photons, the sampler's width; every bin gets exactly its fraction of them.
 
         Returns
         -------
@@ -88,7 +88,7 @@ class Sources:
         towards : mi.Vector3f
             Unit vector to the source.
         irradiance : mi.Spectrum
-            Irradiance that the photon stands for, normal to its direction [W/m² or lx].
+            Irradiance that the photon represents, normal to its direction [W/m² or lx].
         """
         p = self._probabilities()
         shares, cumulated = mi.Float64(p), mi.Float64(np.cumsum(p))
@@ -118,7 +118,7 @@ class Sources:
 
     @dr.syntax
     def seen(self, d, active):
-        """Radiance of the environment and of all suns in world directions `d`."""
+        """Radiance of environment and suns in world directions `d` [W/(m² sr) or cd/m²]."""
         light = mi.Spectrum(0)
         if dr.hint(self.sky is not None, mode="scalar"):
             si = dr.zeros(mi.SurfaceInteraction3f)
@@ -135,10 +135,10 @@ class Sources:
 
 
 class UnitSources(Sources):
-    """The same bins, each with unit radiance.
+    """The bins of `Sources`, each with unit radiance.
 
-    Half of the photons are shared out equally, half by solid angle: no bin is forgotten, and the
-    ground, half of all directions, is not carried by a few of them.
+    Half of the photons are distributed equally, half by solid angle: every bin has photons, and the
+    ground, half of all directions, has more than a few.
     """
 
     def _patch(self, index, active):
@@ -153,7 +153,7 @@ class UnitSources(Sources):
 
 
 class Ports:
-    """Rectangles that light goes in through, straight from its source.
+    """Rectangles through which light enters, straight from its source.
 
     A photon counts if nothing but panes with a straight-through (`Null`) component lies between its
     port and the source; they attenuate it by their transmittance (first channel).
@@ -161,7 +161,7 @@ class Ports:
     Parameters
     ----------
     quads : array, shape (port, 4, 3)
-        Corners q0 … q3 [m]; the normal (q1 − q0) × (q3 − q0) points the way light goes in.
+        Corners q0 … q3 [m]; light enters along the normal (q1 − q0) × (q3 − q0).
     """
 
     def __init__(self, quads):
@@ -202,7 +202,7 @@ class Ports:
         uv = sampler.next_2d()
         p = mi.Point3f(corner + uv.x * across + uv.y * along)
         cosine = dr.maximum(-dr.dot(normal, towards), 0)
-        # Just outside: what lies in the plane of the port belongs to what is behind it.
+        # Just outside: surfaces in the port's plane count as behind the port.
         p += towards * ((1 + dr.max(dr.abs(p))) * 2 * mi.math.RayEpsilon / dr.maximum(cosine, 0.01))
         seen = transmittance(scene, mi.Ray3f(p, towards), cosine > 0)
         return p, cosine * seen * self.area
@@ -215,7 +215,7 @@ class Surroundings:
     ----------
     scene : mi.Scene
     points : array, shape (n, 3)
-        Points [m] that must lie inside, too.
+        Further points [m] that the disk holds.
     """
 
     def __init__(self, scene, points):

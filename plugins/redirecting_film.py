@@ -16,7 +16,7 @@ from drcmitsuba_plugins.redirection import (
 from drcmitsuba_plugins.sampling import pane_axes, pane_to_local, to_pane, valid_directions
 
 LEAST_SPREAD = 0.25
-"""Narrower lobes would be lost in float32 [deg]."""
+"""Least spread σ [deg]: float32 does not resolve narrower lobes."""
 
 RANGES = {
     "transmittance": (0.0, 1.0),
@@ -25,16 +25,16 @@ RANGES = {
     "spread": (LEAST_SPREAD, 90.0),
     "reflectance_front": (0.0, 1.0),
 }
-"""Least and largest value of every parameter."""
+"""Least and largest value of every parameter, in its unit."""
 
 
 def _mirrored(w):
-    """Direction on the side z ≥ 0."""
+    """Direction with |z| in place of z."""
     return mi.Vector3f(w.x, w.y, dr.abs(w.z))
 
 
 class RedirectingFilm(mi.BSDF):
-    r"""Thin pane that sends a share of the light into a lobe about the redirected direction.
+    r"""Thin pane that transmits a fraction of the light in a lobe about the redirected direction.
 
     =====================  ========  ===============================================================
     parameter              type      meaning
@@ -58,19 +58,18 @@ class RedirectingFilm(mi.BSDF):
     .. math:: f \cos\theta_o = T \, [r \, (v(o, \mu) + v(o', \mu)) + (1 - r) \cos\theta_o / \pi],
 
     where v is the density of von Mises and Fisher with :math:`\kappa = 1/\sigma^2`, for small σ a
-    Gaussian of standard deviation σ in each plane [1]_, and o' is o with its z reversed: what would
-    leave behind the pane is folded back into the room. So exactly T of the light leaves, whatever
-    its direction, tilt and spread.
+    Gaussian of standard deviation σ in each plane [1]_, and o' is o with its z reversed: light
+    behind the pane is folded back into the room. So exactly T of the light leaves for every
+    direction, tilt and spread.
 
     The five numbers are exposed through `traverse` and differentiable, at the ends of their ranges
     too. `eval`, `pdf` and `sample` are closed forms. In `TransportMode.Radiance` light enters along
     `wo`, in `Importance` along `wi`; in `Importance` the weight of a sample is the albedo.
 
-    Limits: T + `reflectance_front` ≤ 1 is asked for when loaded, then the caller's to keep. Not
-    reciprocal when tilted, and the radiance at grazing directions grows as 1/cos θ: light is
-    conserved, its étendue only where the lobe is narrow and not tilted. A share of exactly 0 is
-    never drawn, so gradients by `sample` miss it; those of `eval` do not. One value for all
-    channels.
+    Limits: T + `reflectance_front` ≤ 1 is checked at loading only; later the caller keeps it. A
+    tilted film is not reciprocal, and its radiance at grazing directions grows as 1/cos θ: flux is
+    conserved, étendue only where the lobe is narrow and not tilted. A share of exactly 0 is never
+    drawn, so gradients by `sample` miss it; those of `eval` do not. One value for all channels.
 
     References
     ----------
@@ -128,7 +127,7 @@ class RedirectingFilm(mi.BSDF):
         )
 
     def _probabilities(self, ctx, wi):
-        """Probabilities of the three kinds."""
+        """Probabilities of drawing reflection, lobe and even transmission."""
         albedos = [dr.detach(a) for a in self._albedos(ctx, wi)]
         total = albedos[0] + albedos[1] + albedos[2]
         return [dr.select(total > 0, a / dr.select(total > 0, total, 1), 0) for a in albedos]
@@ -140,13 +139,13 @@ class RedirectingFilm(mi.BSDF):
             centre = redirected(known, tilt)
             return centre, centre, mi.Float(1)
         centres = redirected_from(known, tilt), redirected_from(folded(known), tilt)
-        # The part of each that lies before the pane, where it is not folded.
+        # Fraction of each lobe before the pane, where it is not folded.
         width = dr.sqrt(0.5 * concentration(dr.detach(self.spread)))
         before, second = (1e-3 + 0.5 + 0.5 * dr.erf(c.z * width) for c in centres)
         return *centres, before / (before + second)
 
     def _lobe_density(self, mode, wi, wo):
-        """Density [1/sr] with which `_draw` finds directions."""
+        """Density [1/sr] of the directions of `_draw`."""
         first, second, share = self._centres(mode, wi)
         kappa, wo = concentration(dr.detach(self.spread)), _mirrored(wo)
         a, b = (
@@ -160,7 +159,7 @@ class RedirectingFilm(mi.BSDF):
         first, second, share = self._centres(mode, wi)
         kappa = concentration(dr.detach(self.spread))
         centre = dr.select(u < share, first, second)
-        # 1 − cos θ itself keeps its digits in narrow lobes [1].
+        # 1 − cos θ, not cos θ, is drawn: it keeps its digits in narrow lobes [1].
         q = -dr.log(dr.maximum(1 - uv.x * (1 - dr.exp(-2 * kappa)), 1e-30)) / kappa
         q = dr.minimum(q, 2)
         s, c = dr.sincos(dr.two_pi * uv.y)

@@ -1,10 +1,9 @@
 """Conditional distributions of a measured BSDF, one row for each cell of the fixed direction.
 
-For a pair of directions one is given (the row) and the other is looked up or drawn. A row lists
-the cells of the other direction with their leaf of the file and the running sum of f times
-projected solid angle, so that drawing from it is one binary search and its density is exactly
-f cos θ / albedo. Rows of all components (transmission and reflection, both sides) follow each
-other.
+One direction of a pair is given and selects the row; the other is looked up or drawn. A row lists
+the cells of the other direction, the file's leaf of each, and the running sum of f times projected
+solid angle. A draw is one binary search, and its density is exactly f cos θ / albedo. The rows of
+all components (transmission and reflection, both sides) follow each other.
 """
 
 from __future__ import annotations
@@ -18,29 +17,29 @@ from drcmitsuba_plugins.klems_basis import KlemsBasis, KlemsMatrix
 from drcmitsuba_plugins.tensor import TensorTree
 
 MOST_ENTRIES = 1 << 25
-"""Cells in all rows together: two full trees of rank 4 and depth 6."""
+"""Largest number of cells in all rows together: two full trees of rank 4 and depth 6."""
 
 
 @dataclass
 class Rows:
-    """Rows of cells.
+    """Rows of cells, stored one after the other.
 
     Parameters
     ----------
     first : mi.UInt32, shape (row + 1,)
         First entry of every row.
     leaf : mi.UInt32, shape (entry,)
-        Leaf of the file.
+        Number of the cell's leaf in the file.
     code : mi.UInt32, shape (entry,)
-        Cell of the other direction, ascending in a row.
+        Morton code or number of the other direction's cell, ascending in a row.
     weight : np.ndarray, shape (entry,)
         Projected solid angle of every cell [sr].
     steps : int
-        Halvings that a search of the longest row takes.
+        Number of halvings of a binary search in the longest row.
     sum : mi.Float, shape (entry,)
-        Running sum of f · weight in a row.
+        Running sum of f · weight [1] in a row.
     albedo : mi.Float, shape (row,)
-        Its end.
+        Sum of f · weight [1] of the whole row.
     """
 
     first: mi.UInt32
@@ -55,7 +54,7 @@ class Rows:
     def of(
         cls, row: np.ndarray, leaf: np.ndarray, code: np.ndarray, weight: np.ndarray, rows: int
     ) -> Rows:
-        """Sort entries into rows."""
+        """Rows of unsorted entries; the first four arrays have one value per entry."""
         order = np.lexsort((code, row))
         first = np.searchsorted(row[order], np.arange(rows + 1))
         longest = int(np.diff(first).max(initial=1))
@@ -68,7 +67,7 @@ class Rows:
         )
 
     def update(self, values: np.ndarray) -> None:
-        """Sum up anew after the leaves' values changed."""
+        """Sum the rows anew for values f [1/sr] of the leaves, shape (leaf,)."""
         first = self.first.numpy()
         running = np.concatenate([[0], np.cumsum(values[self.leaf.numpy()] * self.weight)])
         start = running[first[:-1]]
@@ -91,17 +90,17 @@ class Rows:
         return low, active
 
     def find(self, row, code, active):
-        """Entry of a row that holds the cell with Morton code (or number) `code`."""
+        """Entry that holds the cell with Morton code (or number) `code`; mask of filled rows."""
 
         def above(entry, active):
-            # The entry before the first one that begins beyond the code holds it.
+            # The last entry whose code is not above `code` holds it.
             following = dr.minimum(entry + 1, dr.width(self.code) - 1)
             return dr.gather(mi.UInt32, self.code, following, active) > code
 
         return self._search(row, above, active)
 
     def draw(self, row, u, active):
-        """Entry of a row with probability f · weight / albedo."""
+        """Entry of a row, drawn with probability f · weight / albedo; mask of filled rows."""
         target = u * dr.gather(mi.Float, self.albedo, row, active)
         return self._search(
             row, lambda entry, on: dr.gather(mi.Float, self.sum, entry, on) > target, active
@@ -111,13 +110,13 @@ class Rows:
 def of_trees(trees: list[TensorTree | None], fixed: str, depth: int) -> Rows:
     """Rows of trees of rank 4 (either direction fixed) or 3 (the incident one).
 
-    Row c · cells + k belongs to component c and to the finest cell k of the fixed direction. The
-    trees' values are the numbers of their leaves.
+    Row c · cells + k belongs to component c and to the finest cell k of the fixed direction. A
+    tree's values are the numbers of its leaves.
 
     Raises
     ------
     ValueError
-        The rows would be too long together.
+        The rows have more than `MOST_ENTRIES` cells together.
     """
     axes = max((t.rank for t in trees if t is not None), default=4) - 2
     cells = 1 << axes * depth
@@ -145,10 +144,7 @@ def of_trees(trees: list[TensorTree | None], fixed: str, depth: int) -> Rows:
 
 
 def of_matrices(matrices: list[KlemsMatrix | None], fixed: str, basis: KlemsBasis) -> Rows:
-    """Rows of matrices over one basis: every row has one entry for each patch.
-
-    The matrices' values are the numbers of their leaves.
-    """
+    """Rows of matrices over one basis, one entry per patch; the values are the leaves' numbers."""
     n = len(basis)
     parts = []
     for component, matrix in enumerate(matrices):

@@ -41,8 +41,8 @@ def valid_directions(*directions):
     Returns
     -------
     mi.Bool
-        All are of unit length (±5 %) and none lies in the surface's plane. False for NaN, and for
-        what became of a direction where the interaction has no shading frame.
+        True where all are of unit length (±5 %) and none lies in the surface's plane; false for
+        NaN, and for directions of an interaction without a shading frame.
     """
     valid = mi.Bool(True)
     for w in directions:
@@ -83,7 +83,7 @@ def radiances(plugin: str, table, count: int, sources: str):
         One number serves for all sources.
     count : int
     sources : str
-        How an error speaks of them.
+        Words for the sources in the error.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def pane_axes(si, up):
     Parameters
     ----------
     si : mi.SurfaceInteraction3f
-        Its shading frame tells how the pane stands in the world.
+        Interaction whose shading frame is the pane's orientation in the world.
     up : mi.Vector3f
         World direction whose projection on the pane is y; +y where the pane is horizontal.
 

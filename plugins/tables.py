@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 MAX_BYTES = 1 << 26
-"""Largest file of numbers that is read."""
+"""Size of the largest file of numbers that is read [bytes]."""
 _FILES = (".npy", ".csv", ".txt")
 _WANTED = "give a tensor, a text of numbers (rows end with ';'), or a .npy or .csv file"
 

@@ -25,7 +25,7 @@ MAX_DEPTH = 8
 
 
 def to_square(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Map the unit disk to the unit square, area-preserving [1]."""
+    """Coordinates in the unit square of points of the unit disk, area-preserving [1]."""
     q = np.pi / 4
     r = np.minimum(np.hypot(x, y), 1)
     phi = np.arctan2(y, x)
@@ -45,7 +45,7 @@ def _halves(a: np.ndarray, sign: np.ndarray) -> np.ndarray:
 
 
 def to_disk(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Map the unit square to the unit disk, the inverse of `to_square`."""
+    """Coordinates in the unit disk of points of the unit square, the inverse of `to_square`."""
     a, b = 2 * np.asarray(s, float) - 1, 2 * np.asarray(t, float) - 1
     wide = np.abs(a) > np.abs(b)
     r = np.where(wide, a, b)
@@ -56,14 +56,14 @@ def to_disk(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def to_direction(s: np.ndarray, t: np.ndarray, side: float = 1.0) -> np.ndarray:
-    """Unit vectors (…, 3) of points of the square, on the side +z or −z."""
+    """Unit vectors (…, 3) of points of the square; `side` is the sign of their z."""
     x, y = to_disk(s, t)
     z = np.sqrt(np.maximum(0, 1 - x * x - y * y))
     return np.stack([x, y, side * z], axis=-1)
 
 
 def morton(coordinates: list[np.ndarray], depth: int) -> np.ndarray:
-    """Code of points in the unit cube: at each level coordinate i gives bit i of a digit."""
+    """Morton code of points of the unit cube: coordinate i gives bit i of each level's digit."""
     rank = len(coordinates)
     n = 1 << depth
     whole = [np.clip((c * n).astype(np.int64), 0, n - 1) for c in coordinates]
@@ -85,7 +85,7 @@ def unpack(code: np.ndarray, rank: int, depth: int) -> list[np.ndarray]:
 
 
 def _repack(code: np.ndarray, rank: int, depth: int, axes: tuple[int, ...]) -> np.ndarray:
-    """Morton code over some of the axes of a code."""
+    """Morton code over the given axes of a Morton code of rank `rank`."""
     out = np.zeros(np.shape(code), np.int64)
     for level in range(depth):
         for i, axis in enumerate(axes):
@@ -137,14 +137,14 @@ class TensorTree:
 
     @property
     def live(self) -> np.ndarray:
-        """Leaves that some pair of directions meets; rank 3 uses half of its first axis."""
+        """Mask of the leaves that directions reach; rank 3 uses half of its first axis."""
         if self.rank == 4 or self.depth == 0:
             return np.ones(len(self), bool)
         s0 = _repack(self.start, 3, self.depth, (0,))
         return s0 < (1 << self.depth) // 2
 
     def at(self, incident: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
-        """Leaf of pairs of directions (…, 3), both pointing away from the surface."""
+        """Index of the leaf of pairs of directions (…, 3) that leave the surface, shape (…)."""
         if self.rank == 4:
             points = [
                 *to_square(-incident[..., 0], -incident[..., 1]),
@@ -160,19 +160,19 @@ class TensorTree:
         return np.searchsorted(self.start, morton(points, self.depth), "right") - 1
 
     def values(self, incident: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
-        """BSDF f [1/sr] of pairs of directions (…, 3)."""
+        """BSDF f [1/sr] of pairs of directions (…, 3), shape (…)."""
         return self.value[self.at(incident, outgoing)]
 
     def incident_cells(self) -> np.ndarray:
-        """First incident cell of every leaf; codes of a square (rank 4) or of a line (rank 3)."""
+        """Code of every leaf's first incident cell, in a square (rank 4) or on a line (rank 3)."""
         return _repack(self.start, self.rank, self.depth, (0, 1) if self.rank == 4 else (0,))
 
     def outgoing_cells(self) -> np.ndarray:
-        """First outgoing cell of every leaf: Morton codes of the square."""
+        """Morton code in the square of every leaf's first outgoing cell."""
         return _repack(self.start, self.rank, self.depth, (2, 3) if self.rank == 4 else (1, 2))
 
     def hemispherical(self, incident: np.ndarray) -> np.ndarray:
-        """Directional-hemispherical transmittance or reflectance of directions (n, 3)."""
+        """Directional-hemispherical transmittance or reflectance of directions (n, 3), (n,)."""
         if self.rank == 4:
             point = list(to_square(-incident[:, 0], -incident[:, 1]))
         else:
@@ -181,11 +181,11 @@ class TensorTree:
         return self.albedos()[morton(point, self.depth)]
 
     def albedos(self) -> np.ndarray:
-        """Hemispherical value of every finest incident cell."""
+        """Directional-hemispherical value of every finest incident cell, shape (incident cell,)."""
         return self._sums(self.incident_cells(), self.rank - 2)
 
     def _sums(self, cells: np.ndarray, axes: int) -> np.ndarray:
-        """π · mean over the outgoing (or incident) square, for every cell over the other axes."""
+        """∫ f cos θ dω over one direction, for every finest cell (`cells`) of the other."""
         total = np.zeros((1 << axes * self.depth) + 1)
         power = np.pi * self.value / 4.0**self.level
         np.add.at(total, cells, power)
@@ -193,7 +193,7 @@ class TensorTree:
         return np.cumsum(total)[:-1]
 
     def collected(self, outgoing: np.ndarray) -> np.ndarray:
-        """Integral of f over incident directions, cosine included, at directions (n, 3)."""
+        """∫ f cos θ dω over the incident directions, for outgoing directions (n, 3), shape (n,)."""
         assert self.rank == 4
         sums = self._sums(self.outgoing_cells(), 2)
         return sums[morton(list(to_square(outgoing[:, 0], outgoing[:, 1])), self.depth)]
@@ -201,7 +201,7 @@ class TensorTree:
     def reversed(self) -> TensorTree:
         """Tree with incident and outgoing directions exchanged (rank 4 only)."""
         assert self.rank == 4
-        # A direction's two cells, as incident and as outgoing, are each other's complements.
+        # A direction's incident cell is the complement of its outgoing cell.
         mask = (1 << 4 * self.depth) - 1
         size = np.int64(1) << 4 * (self.depth - self.level)
         flipped = (self.start + size - 1) ^ mask
@@ -213,5 +213,5 @@ class TensorTree:
         return replace(self, start=code[order], level=self.level[order], value=self.value[order])
 
     def lambertian(self) -> float:
-        """Albedo of the part that is the same for all directions: π · the smallest value."""
+        """Albedo of the Lambertian part: π · the smallest value of f."""
         return float(np.pi * self.value[self.live].min())

@@ -24,7 +24,7 @@ class TensorTreeBsdf(Measured):
         return (tree, True) if self.rank == 3 else (tree.reversed(), False)
 
     def _reversed_view(self, table):
-        # Turned by 180°, a cell of the square has the complement of its code.
+        # A turn by 180° maps a cell's code to its complement.
         return table if self.rank == 3 else table[::-1]
 
     def _lobes_of(self, trees, swapped, fixed):

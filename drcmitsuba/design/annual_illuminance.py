@@ -1,4 +1,4 @@
-"""E = D·L: illuminance of receivers through a year, from their deposits D and the luminances L."""
+"""E = D·L: illuminance E of receivers over a year, from their deposits D and luminances L."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from drcmitsuba.transport.deposit import Irradiance
 
 @dataclass(frozen=True)
 class AnnualIlluminance:
-    """Luminances L of the time stamps, and the bins of their suns.
+    """Luminances L of every time stamp, and the bins of its suns.
 
     Parameters
     ----------
     sky : np.ndarray, shape (time, bin)
-        [cd/m²]; suns have the bins that follow.
+        L of sky patches and ground [cd/m²]; the suns' bins follow.
     sun, column : np.ndarray, shape (time, k)
         Luminances of up to k suns [cd/m²], and their bins.
     """
@@ -33,9 +33,9 @@ class AnnualIlluminance:
 
     @classmethod
     def of(cls, daylight: Daylight) -> AnnualIlluminance:
-        """Take L and the suns of a case's daylight."""
+        """L and the suns of a case's daylight."""
         sky = daylight.sky
-        # An adaptive sun has no blend; the time stamps' own suns are at hand in its place.
+        # An adaptive sun model has no blend: each time stamp's own sun takes its place.
         known = "blend_bin" in sky
         blend = lights.blended(sky) if known else Blend.own(sky["sun_bin"].values)
         labels = [*map(str, sky["bin"].values), *daylight.suns.labels]
@@ -44,7 +44,7 @@ class AnnualIlluminance:
         return cls(sky["sky"].values.astype(np.float32), sun.astype(np.float32), column)
 
     def by_sun(self, d: Irradiance) -> mi.TensorXf:
-        """Illuminance by the suns, (time, receiver) [lx]."""
+        """Illuminance E by the suns [lx], shape (time, receiver)."""
         shape = len(self.sky), d.sky.shape[0]
         entry, width = dr.arange(mi.UInt32, shape[0] * shape[1]), dr.opaque(mi.UInt32, shape[1])
         time, receiver = entry // width, entry % width
@@ -62,7 +62,7 @@ class AnnualIlluminance:
         return mi.TensorXf(out, shape)
 
     def by_all(self, d: Irradiance) -> mi.TensorXf:
-        """Illuminance by sky and suns, (time, receiver) [lx]."""
+        """Illuminance E by sky and suns [lx], shape (time, receiver)."""
         E = mi.TensorXf(self.sky) @ _transposed(d.sky) + self.by_sun(d)
         dr.eval(E)
         return E

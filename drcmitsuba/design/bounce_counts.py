@@ -22,9 +22,8 @@ FRAMES = tuple(name.replace("wall", "frame") for name in WALLS)
 class Hits:
     """Marks of paths that count how often a path met each kind of surface: `gather.Marks`.
 
-    Every kind has the same number of bits of the mark. A full count stays full, and later hits keep
-    the weight with which they were traced: with six kinds after 31 hits on one of them, with eight
-    after 15.
+    Every kind has the same number of bits of the mark. A full count stays full (31 hits with six
+    kinds, 15 with eight); later hits on this kind keep their traced weight.
 
     Parameters
     ----------
@@ -40,7 +39,7 @@ class Hits:
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
     ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool]:
-        """Count the surface; see `gather.Marks.meet`."""
+        """Count a hit on the surface; see `gather.Marks.meet`."""
         most = (1 << self.bits) - 1
         counted = mi.UInt32(mark)
         for k, shape in enumerate(self.shapes):
@@ -52,7 +51,7 @@ class Hits:
         return si.bsdf(), counted, mi.Float(1), mi.Bool(True)
 
     def digits(self, marks: mi.UInt32) -> list[list[mi.Bool]]:
-        """Binary digits of the counts in `marks`, for each kind, the lowest digit first."""
+        """Binary digits of every kind's count in `marks`, the lowest digit first."""
         digits = []
         for k in range(len(self.shapes)):
             n = (marks >> (k * self.bits)) & ((1 << self.bits) - 1)
@@ -63,7 +62,7 @@ class Hits:
 
 
 def numbered(marks: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
-    """Number the marks: the distinct ones, sorted, and the position of each mark among them."""
+    """Distinct marks, sorted, shape (distinct,), and the index of every mark among them."""
     if dr.width(marks) == 0:
         return marks, marks
     order = dr.argsort(marks)
@@ -79,7 +78,7 @@ def numbered(marks: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
 
 
 def powers(ratios: list[mi.Float], digits: list[list[mi.Bool]]) -> mi.Float:
-    """Π ratioⁿ for every mark, by squaring: exact and finite, as are its gradients, at 0."""
+    """Π ratioⁿ for every mark, by squaring: value and gradient are exact and finite at 0."""
     product = mi.Float(1)
     for ratio, of_count in zip(ratios, digits, strict=True):
         power = mi.Float(ratio)
@@ -90,7 +89,7 @@ def powers(ratios: list[mi.Float], digits: list[list[mi.Bool]]) -> mi.Float:
 
 
 def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene, Hits]:
-    """Build the scene with one mesh for every kind of surface, and the counter of their hits.
+    """Scene with one mesh for every kind of surface, and the counter of hits on them.
 
     Parameters
     ----------
@@ -114,7 +113,7 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
     meshes = [
         scene.quad_mesh(key, np.concatenate(of_kind), mi.load_dict(bsdf(Lambertian(values[key]))))
         if of_kind
-        else None  # walls that are all glass
+        else None  # walls entirely of glass
         for key, of_kind in quads.items()
     ]
     shapes = [*scene.build(others).full.shapes(), *(mesh for mesh in meshes if mesh is not None)]
@@ -125,16 +124,16 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
 
 @dataclass(frozen=True)
 class Sums:
-    """Path weights at the traced reflectances, to be added up by place.
+    """Path weights at the traced reflectances, and the place to which each is added.
 
     Parameters
     ----------
     place : mi.UInt32, shape (entry,)
         Place to which an entry is added, 0 … size − 1.
     mark : mi.UInt32, shape (entry,)
-        Number of its mark.
+        Number of the entry's mark.
     value : mi.Float, shape (entry,)
-        Weight.
+        Weight of the entry.
     size : int
         Number of places.
     """
@@ -146,7 +145,7 @@ class Sums:
 
     @classmethod
     def of(cls, place: mi.UInt32, mark: mi.UInt32, value: mi.Float, size: int) -> Sums:
-        """Sort entries by their places: adding them up is then faster."""
+        """Entries sorted by place, so that sums are faster."""
         order = dr.argsort(place)
         place, mark = (dr.gather(mi.UInt32, x, order) for x in (place, mark))
         value = dr.gather(mi.Float, value, order)
@@ -154,9 +153,9 @@ class Sums:
         return cls(place, mark, value, size)
 
     def weighed(self, factor: mi.Float) -> mi.Float:
-        """Add up the entries by place, each times the factor of its mark; shape (size,)."""
+        """Sum of the entries of every place, each times the factor of its mark; shape (size,)."""
         out = dr.zeros(mi.Float64, self.size)
-        # The gradient of the factor is such a sum, too.
+        # The factor's gradient is a sum of this kind, too.
         value = self.value * dr.gather(mi.Float64, mi.Float64(factor), self.mark)
         dr.scatter_add(out, value, self.place)
         return mi.Float(out)

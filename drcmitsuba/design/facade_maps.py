@@ -1,10 +1,10 @@
-"""Maps from parameters to façades: a window by heights, by ratios, or every tile of its own.
+"""Maps from parameters to façades: a window by heights, a window by ratios, or single tiles.
 
 A map turns a dictionary of `mi.Float` by parameter into the composition of the façade, `share`
 (tile, material), and keeps gradients. The overlap of a strip with a tile is piecewise linear in the
 strip's edges, so the composition has a kink where an edge crosses from one tile into the next.
-There the gradient is that of the upper tile; at a bound of a parameter it is the one towards the
-inside, the only one that an optimiser can follow.
+There the gradient is that of the upper tile; at a bound of a parameter it is the gradient towards
+the inside of the range, the only one that an optimiser can follow.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from drcmitsuba.transport.facade_basis import BasisYear, Tiles
 
 @dataclass(frozen=True)
 class Panes:
-    """Tiles, and the materials that a design puts there.
+    """Tiles, and the materials that a design puts into them.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ class Panes:
     materials : tuple of str
         Columns of a composition.
     clear, film : str
-        Material that the shade covers, and the one that it does not.
+        Material that the shade covers, and material that it does not cover.
 
     Raises
     ------
     InputError
-        A material is none of the columns.
+        `clear` or `film` is not in `materials`.
     """
 
     tiles: Tiles
@@ -54,7 +54,7 @@ class Panes:
 
     @classmethod
     def of(cls, year: BasisYear, clear: str, film: str) -> Panes:
-        """Take tiles and materials of a year."""
+        """Tiles and materials of a year."""
         return cls(year.tiles, year.materials, clear, film)
 
     @property
@@ -63,7 +63,7 @@ class Panes:
         return len(self.tiles.area)
 
     def composition(self, window: mi.Float, film: mi.Float) -> mi.TensorXf:
-        """Compose the tiles from their shares (tile,) of window, and of film within it."""
+        """Composition (tile, material) from shares (tile,) of window, and of film within it."""
         columns = len(self.materials)
         flat = dr.zeros(mi.Float, self.count * columns)
         row = dr.arange(mi.UInt32, self.count) * columns
@@ -73,14 +73,14 @@ class Panes:
         return mi.TensorXf(flat, (self.count, columns))
 
     def between(self, edges: Edges, at: Edges) -> mi.TensorXf:
-        """Compose a window and a film between heights.
+        """Composition of a façade with a window and a film between heights.
 
         Parameters
         ----------
         edges : Edges
             Heights with gradients [m].
         at : Edges
-            The same heights, moved inward and without gradients: they choose the tiles.
+            Heights moved inward, without gradients [m]: they select the tiles.
 
         Returns
         -------
@@ -89,7 +89,7 @@ class Panes:
         bottom, top = (mi.Float(self.tiles.bounds[:, i].astype(np.float32)) for i in (2, 3))
 
         def below(z: mi.Float, chosen: mi.Float) -> mi.Float:
-            """Share of each tile that lies below a height."""
+            """Fraction of each tile's height below z, shape (tile,)."""
             inside = (chosen >= bottom) & (chosen < top)
             return dr.select(inside, (z - bottom) / (top - bottom), mi.Float(chosen >= top))
 
@@ -114,7 +114,7 @@ class Edges(NamedTuple):
 
 @dataclass(frozen=True)
 class Heights:
-    """Window by the heights of its edges, over the whole width of the tiles.
+    """Window given by the heights of its edges, over the whole width of the tiles.
 
     Film outside the window counts as wall; where an upper edge is not above its lower one, there is
     no window or no film.
@@ -146,7 +146,7 @@ class Heights:
 
 @dataclass(frozen=True)
 class Window:
-    """Window by its ratios, over the whole width of the tiles.
+    """Window given by its ratios, over the whole width of the tiles.
 
     height = WWR · wall / width, film = DWR · height,
     film's bottom = sill + position · (height − film)
@@ -160,10 +160,9 @@ class Window:
     sill : Parameter
         Height of the window's foot [m].
     wwr : Parameter
-        Area of all panes over that of the façade; a window that would end above the highest tile
-        ends there.
+        Area of all panes over the façade's area; a window ends no higher than the highest tile.
     dwr : Parameter
-        Area of the film over that of all panes.
+        Area of the film over the area of all panes.
     position : Parameter
         Position of the film in the window: 0 at its foot, 1 at its top.
     """
@@ -182,7 +181,7 @@ class Window:
 
     @cached_property
     def width(self) -> float:
-        """Width: area of all tiles over their height [m]."""
+        """Area of all tiles over their height [m]."""
         bounds = self.panes.tiles.bounds
         return float(self.panes.tiles.area.sum() / (bounds[:, 3].max() - bounds[:, 2].min()))
 
@@ -201,7 +200,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Strips:
-    """Every tile has its own share of window, and its own share of film within it.
+    """Every tile with its own share of window, and of film within the window.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-r"""Films as design variables: their answer to daylight as a function of a few numbers, or of many.
+r"""Films as design variables: their answer A to daylight as a function of few or many parameters.
 
-The answer of a film is the radiance that leaves it in each outgoing cell per unit radiance of each
-bin of ground, sky and suns,
+The answer A [1] is the radiance that leaves a film in each outgoing cell o per unit radiance of
+each bin b of ground, sky and suns,
 
 .. math:: A_{o,b} = \int_b \bar f(\omega \to o) \cos\theta \, d\omega
 
@@ -27,7 +27,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import materials
 
 LANES = 1 << 23
-"""Number of pairs of directions that are looked up in a file at once."""
+"""Largest number of pairs of directions that are looked up in a file at once."""
 WITHIN = 4
 """Integration points of a lobe along each side of an outgoing cell and of a sky patch."""
 LEAST_SPREAD = 2.0
@@ -35,7 +35,7 @@ LEAST_SPREAD = 2.0
 
 
 class Film(Protocol):
-    """A film of which a `FilmYear` can tell the illuminances."""
+    """A film for which a `FilmYear` computes illuminances."""
 
     def answer(self, bins: Bins) -> mi.TensorXf:
         """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
@@ -50,12 +50,12 @@ def _indices(a: np.ndarray) -> mi.UInt32:
 
 
 def _parameter(name: str, value: Any, low: float, high: float) -> mi.Float:
-    """Check the value of a parameter, and return it attached to its gradient where it was."""
+    """Value of a parameter as mi.Float, with its gradient; refused outside low … high."""
     number = mi.Float(value)
     if dr.width(number) != 1 or not low <= float(dr.detach(number)[0]) <= high:
         got = str(dr.detach(number))
         raise InputError("film", name, got, f"give one number from {low:g} to {high:g}")
-    dr.make_opaque(number)  # kernels would be compiled anew for each value of a literal
+    dr.make_opaque(number)  # each value of a literal would need its own kernel
     return number
 
 
@@ -66,7 +66,7 @@ class ParametricFilm:
     Parameters
     ----------
     transmittance : mi.Float or float
-        Transmitted share of the light, 0 … 1.
+        Transmittance T, 0 … 1.
     redirected : mi.Float or float
         Share of the transmitted light that is in the lobe, 0 … 1; the rest leaves evenly.
     tilt : mi.Float or float
@@ -101,10 +101,10 @@ class ParametricFilm:
         arriving, leaving = bins.arriving(WITHIN, 1), bins.parts(WITHIN)
         x, y, z = (_floats(c) for c in (arriving.d * [1, 1, -1]).T)
         centre = redirected(mi.Vector3f(x, y, z), tilt)
-        # A centre behind the pane has the same lobe as its fold, which is the nearer one.
+        # A lobe behind the pane is folded: its mirror image, the nearer centre, has the same lobe.
         centre.z = dr.abs(centre.z)
         kappa = concentration(spread)
-        # By direction first, then by cell, so that sums over the cells run over neighbours.
+        # Ordered by direction, then by cell: sums over the cells run over neighbours.
         lane = dr.arange(mi.UInt32, len(arriving.d) * cells)
         direction, cell = lane // cells, lane % cells
         mu = dr.gather(mi.Vector3f, centre, direction)
@@ -115,7 +115,7 @@ class ParametricFilm:
             at = cell * WITHIN**2 + k
             o = dr.gather(mi.Vector3f, points, at)
             near = dr.exp(-0.5 * kappa * dr.squared_norm(o - mu))
-            # Its fold: the chord to the direction with z reversed is longer by 4 z z'.
+            # Folded lobe: the squared chord to the direction with z reversed is longer by 4 z z'.
             near += near * dr.exp(-2 * kappa * o.z * mu.z)
             lobe += dr.gather(mi.Float, solid_angle, at) * near
         whole = dr.gather(mi.Float, dr.block_sum(lobe, cells), direction)
@@ -131,7 +131,7 @@ class ParametricFilm:
 
 @dataclass(frozen=True)
 class MeasuredFilm:
-    """A film by its BSDF file.
+    """A film given by its BSDF file.
 
     Parameters
     ----------
@@ -142,8 +142,7 @@ class MeasuredFilm:
 
     Notes
     -----
-    A straight-through peak counts as scattered light within its cells, not as a view. A file is
-    read once.
+    A straight-through peak counts as light scattered within its cells. A file is read once.
     """
 
     file: Path
@@ -152,12 +151,12 @@ class MeasuredFilm:
 
     @property
     def bsdf(self) -> Any:
-        """The plugin `tensor_tree` or `klems`."""
+        """Plugin `tensor_tree` or `klems` with the film's file."""
         return _bsdf(self, mi.variant())
 
     @property
     def values(self) -> mi.Float:
-        """Values f of all leaves [1/sr]; a copy, since NumPy's view of an array can change it."""
+        """Values f [1/sr] of all leaves, shape (leaf,); a copy, as a NumPy view could change it."""
         return mi.Float(self.bsdf.leaves.numpy().copy())
 
     def answer(self, bins: Bins) -> mi.TensorXf:
@@ -186,7 +185,7 @@ def _answer_once(film: MeasuredFilm, bins: Bins) -> mi.TensorXf:
 
 @dataclass(frozen=True)
 class Mix:
-    """Two films side by side in patches that are small beside the room.
+    """Two films side by side, in patches that are small in comparison with the room.
 
     Parameters
     ----------
@@ -208,7 +207,7 @@ class Mix:
 
 @dataclass(frozen=True)
 class Leaves:
-    """A measured film with other values of its leaves; the answer is linear in them.
+    """A measured film with other values of its leaves; the answer A is linear in these values.
 
     Parameters
     ----------
@@ -236,7 +235,7 @@ class Leaves:
 
 @dataclass(frozen=True)
 class LeavesOfAnswer:
-    """Leaves of which an answer is composed.
+    """Leaves whose values add up to an answer A.
 
     Parameters
     ----------
@@ -259,7 +258,7 @@ class LeavesOfAnswer:
     shape: tuple[int, int]
 
     def answer(self, values: mi.Float) -> mi.TensorXf:
-        """Return the answer (cell, bin) by the values (leaf,) of the leaves [1/sr]."""
+        """Answer A [1], shape (cell, bin), for values f [1/sr] of the leaves, shape (leaf,)."""
         cells, count = self.shape
         lane = dr.arange(mi.UInt32, dr.width(self.leaf))
         direction = lane // (cells * self.points)
@@ -274,10 +273,10 @@ class LeavesOfAnswer:
 
 @lru_cache(maxsize=2)  # some 50 to 200 MB for a year of hours
 def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
-    """Look up the leaves of which a film's answer is composed, once for all their values.
+    """Leaves whose values add up to a film's answer; the look-up is made once for all values.
 
-    An outgoing cell that lies whole within a cell of the file has 1 point, a sky patch then has 64
-    directions, a sun 4 on its disk; for other files the numbers are 16, 16 and 1.
+    If outgoing cells lie entirely within cells of the file, a cell has 1 point, a sky patch 64
+    directions and a sun 4 on its disk; for other files the numbers are 16, 16 and 1.
     """
     bsdf = film.bsdf
     fits = bsdf.out_even and bsdf.out_cells in [1 << 2 * k for k in range(bins.depth + 1)]

@@ -1,4 +1,4 @@
-"""Bins from which light reaches a film, and cells of directions in which it leaves.
+"""Bins from which light reaches a film, and cells of directions in which light leaves the film.
 
 Radiance is constant within an outgoing cell. The cells are the squares of Shirley and Chiu's map of
 the hemisphere, 32 × 32 at depth 5, all of one projected solid angle. Tensor trees have the same
@@ -27,7 +27,7 @@ class Arriving(NamedTuple):
     d : np.ndarray, shape (direction, 3)
         Unit vectors to the source, z < 0.
     weight : np.ndarray, shape (direction,)
-        ∫ cos θ dΩ over the part of the bin that the direction represents [sr].
+        ∫ cos θ dΩ [sr] over the part of the bin that the direction represents.
     bin : np.ndarray, shape (direction,)
         Number of the bin.
     """
@@ -38,14 +38,14 @@ class Arriving(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Parts of the outgoing cells, equally many for each, cell by cell.
+    """Parts of the outgoing cells, the same number for each, cell by cell.
 
     Parameters
     ----------
     d : np.ndarray, shape (cell · part, 3)
-        Unit vectors to their middles, into the room, in the pane's frame.
+        Unit vectors to the parts' middles, into the room, in the pane's frame.
     solid_angle : np.ndarray, shape (cell · part,)
-        Solid angle [sr].
+        Solid angle of the parts [sr].
     """
 
     d: np.ndarray
@@ -88,13 +88,13 @@ class Bins:
         return np.bincount(arriving.bin, arriving.weight, len(self))
 
     def arriving(self, per_side: int, per_sun: int) -> Arriving:
-        """Represent all bins before the pane by directions.
+        """Directions that represent all bins before the pane.
 
         Parameters
         ----------
         per_side : int
-            Number of directions along the side of one of Tregenza's patches: per_side² a patch, 32
-            times as many for the ground, fewer for the smaller patches of a finer sky.
+            Number n of directions along the side of a Tregenza patch: n² in the patch, 32 n² on the
+            ground, fewer in the smaller patches of a finer sky.
         per_sun : int
             Number of directions on a sun's disk: 1 at its centre, more on a ring of half its area.
 
@@ -113,22 +113,22 @@ class Bins:
         return Arriving(d[kept] @ self.frame.T, weight[kept], bins[kept])
 
     def points(self, count: int) -> np.ndarray:
-        """Return `count` points of each outgoing cell, (cell · point, 3); for 1 its middle.
+        """Return `count` points of each outgoing cell, shape (cell · point, 3); for 1 its middle.
 
-        Even by projected solid angle; unit vectors into the room, in the pane's frame.
+        Unit vectors into the room, in the pane's frame, uniform by projected solid angle.
         """
         return _points(self.depth, count)
 
     def parts(self, per_side: int) -> Parts:
-        """Cut the outgoing cells into per_side² parts each, even by angle from the normal."""
+        """Cut each outgoing cell into per_side² parts, even in the angle from the normal."""
         return _parts(self.depth, per_side)
 
 
 @lru_cache(maxsize=8)
 def _points(depth: int, count: int) -> np.ndarray:
     cells = 1 << 2 * depth
-    # Points of Roberts' sequence, shifted in each cell: rows of a lattice would have one radius and
-    # fall on one side of a border all around.
+    # Points of Roberts' sequence, shifted in each cell: all points of a lattice's row would have
+    # one radius and lie on the same side of a border.
     steps = np.outer(np.arange(count), [0.7548776662466927, 0.5698402909980532])
     shift = np.random.default_rng(0).random((cells, 1, 2)) if count > 1 else np.full((1, 1, 2), 0.5)
     within = (steps + shift) % 1
@@ -139,9 +139,9 @@ def _points(depth: int, count: int) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _parts(depth: int, per_side: int) -> Parts:
-    # The larger of a square's coordinates a, b in [−1, 1] is the radius, the other one, times
-    # π/4 / a, the azimuth: dΩ = r dr dφ / cos θ is π/4 db d(asin a). So the radius is cut evenly in
-    # its angle; 1/cos θ is infinite at the rim, this is not.
+    # For coordinates a > b of the square [−1, 1]², a is the radius and π/4 b/a the azimuth, so that
+    # dΩ = r dr dφ / cos θ = π/4 db d(asin a). The cuts are even in asin a: 1/cos θ, infinite at the
+    # rim, does not occur.
     low = np.stack(unpack(np.arange(1 << 2 * depth), 2, depth)) / (1 << depth) * 2 - 1
     high = low + 2 * 0.5**depth
     part = np.arange(2 * per_side + 1)[:, None, None] / (2 * per_side)
@@ -161,9 +161,9 @@ def _parts(depth: int, per_side: int) -> Parts:
 
 @lru_cache(maxsize=8)
 def _sky(subdivision: int, per_side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cut the bins into parts of equal solid angle: middles, ∫ω dΩ (part, 3), and their bins.
+    """Parts of the bins, of equal solid angle: middles, ∫ω dΩ, both (part, 3), and bins (part,).
 
-    Directions are those of the world's frame.
+    Directions are in the world's frame.
     """
     d, vector, number = [], [], []
     for b, (low, high, west, east) in enumerate(Patches(subdivision).bounds):
@@ -184,7 +184,7 @@ def _sky(subdivision: int, per_side: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _stacked(*components: np.ndarray) -> np.ndarray:
-    """Broadcast components to vectors (vector, 3)."""
+    """Vectors (vector, 3) of components that are broadcast."""
     return np.stack([a.ravel() for a in np.broadcast_arrays(*components)], axis=-1)
 
 
@@ -198,6 +198,6 @@ def _on_disks(suns: Suns, count: int) -> np.ndarray:
     turn = 2 * np.pi * np.arange(count)[:, None] / count
     other = np.cross(z, across)
     ring = np.cos(turn) * across[:, None] + np.sin(turn) * other[:, None]
-    # Half of the disk's area lies within: the ring has the disk's second moment.
+    # The ring encloses half of the disk's area and has the disk's second moment.
     r = np.radians(suns.diameter) / 2 / np.sqrt(2)
     return (np.cos(r) * z[:, None] + np.sin(r) * ring).reshape(-1, 3)
