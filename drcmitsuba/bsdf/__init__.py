@@ -5,7 +5,7 @@ reader, xml
 lobes, balance
     Lobes of the light from one direction; energy and reciprocity.
 check, check_report, advice, pictures
-    A check of a file, in numbers, words and pictures.
+    Check of a file, in numbers, words and pictures.
 pab_opto, measured, incidence, displacement, merge
     From goniophotometer measurements to a tensor tree of variable resolution.
 """

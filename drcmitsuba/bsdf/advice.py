@@ -1,4 +1,4 @@
-"""What the numbers of a check mean to a designer, in words."""
+"""Meaning of a check's numbers to a designer, in words."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from drcmitsuba.bsdf.check_report import SUN, Width
 from drcmitsuba.bsdf.lobes import StraightThrough
 
 NEARLY_LAMBERTIAN = 0.9
-"""Part of the transmitted light that is the same for all directions."""
+"""Least share of the transmitted light that is the same for all directions."""
 SHARP = 2.0
-"""Peaks wider than this [deg] are not blurred much by a cell of a fine tree."""
+"""Width [deg] above which a cell of a fine tree hardly blurs a peak."""
 MUCH = 0.05
-"""Part of the sun's light that has to be at stake for a hint about the mounting."""
+"""Least share of the sun's light at stake for a hint about the mounting."""
 
 Advice = tuple[str, tuple[str, ...]]
 
@@ -26,7 +26,7 @@ def model(
     energy: tuple[Energy, ...],
     refused: bool,
 ) -> Advice:
-    """Name the model to simulate with, and the reasons, one sentence for each model.
+    """Choose the model for a simulation, with one sentence of reason for each model.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def model(
     if even >= NEARLY_LAMBERTIAN:
         why = f"any: {100 * min(even, 1):.0f} % of the transmitted light is Lambertian"
         return "any", (why,)
-    # Deciding is the narrowest peak, measured by the cell that it lies in.
+    # The peak that is narrowest against its cell decides.
     sharpest = min(widths, key=lambda w: w.half_maximum / w.resolution)
     resolved = all(w.is_resolved for w in widths)
     view = straight.stands_out and straight.share > 0.5 * max(w.share for w in widths)
@@ -97,7 +97,7 @@ def _tensor_tree(kind: str, w: Width, view: bool, blurred: bool) -> str:
 
 
 def mounting(parts: dict[str, float]) -> str:
-    """Hint at a file that may be mounted the wrong way; empty where nothing speaks for it."""
+    """Hint at a film that may be mounted the wrong way; empty without evidence."""
     if not parts:
         return ""
     best = max(parts, key=lambda name: parts[name])
@@ -106,13 +106,13 @@ def mounting(parts: dict[str, float]) -> str:
         return ""
     return (
         f"hint: as the file says, {100 * own:.0f} % of the light of suns 25–60° high goes up into "
-        f"the room; mounted {best if best != 'both' else 'both ways turned'} it were "
+        f"the room; mounted {best if best != 'both' else 'both ways turned'}, it is "
         f"{100 * parts[best]:.0f} %: if this film redirects light, check how it was measured"
     )
 
 
 def gaps(file: BsdfFile) -> tuple[str, ...]:
-    """Say what the file lacks, and what else it holds."""
+    """Sentences on missing components and on chromaticity in the file."""
     names = {
         "tb": "transmission from outside",
         "tf": "transmission from the room",

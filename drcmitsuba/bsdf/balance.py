@@ -12,25 +12,25 @@ from drcmitsuba_plugins.klems_basis import KlemsMatrix
 from drcmitsuba_plugins.tensor import TensorTree, to_direction, unpack
 
 ROUNDING = 1e-3
-"""Energy above 1 that is put down to the digits of the file."""
+"""Excess of T + R over 1 that the rounding of a file's digits explains."""
 SIDES = {"outside": ("tb", "rb", -1.0), "room": ("tf", "rf", 1.0)}
 
 
 @dataclass(frozen=True)
 class Energy:
-    """Totals for light from one side.
+    """Energy of the light from one side.
 
     Parameters
     ----------
     side : str
         'outside' or 'room'.
     transmittance, reflectance : float
-        For diffuse light.
+        T and R of diffuse light.
     largest : float
         Largest T + R over all incidences of the file.
     theta, phi : float
-        Direction of that incidence [deg]; θ from the normal of that side, φ from the right, up at
-        90°.
+        Direction of the incidence with the largest T + R [deg]; θ from that side's normal, φ from
+        the right, up at 90°.
     """
 
     side: str
@@ -42,7 +42,7 @@ class Energy:
 
     @property
     def verdict(self) -> str:
-        """'ok', 'scaled' (at most 5 % too much, the plugins scale it down) or 'refused'."""
+        """'ok', 'scaled' (at most 5 % too large, the plugins scale it down) or 'refused'."""
         if self.largest <= 1 + ROUNDING:
             return "ok"
         return "scaled" if self.largest <= 1 + EXCESS else "refused"
@@ -54,9 +54,9 @@ def incidences(component: Component, side: float) -> tuple[np.ndarray, np.ndarra
     Returns
     -------
     directions : np.ndarray, shape (cell, 3)
-        Away from the surface, on the side `side` (±1).
+        Unit vectors away from the surface, on the side `side` (±1).
     weights : np.ndarray, shape (cell,)
-        Parts of the light of a uniform hemisphere; their sum is 1.
+        Shares of the light of a uniform hemisphere; their sum is 1.
     """
     if isinstance(component, KlemsMatrix):
         basis = component.incident
@@ -75,7 +75,7 @@ def incidences(component: Component, side: float) -> tuple[np.ndarray, np.ndarra
 
 
 def energy(file: BsdfFile, side: str) -> Energy:
-    """Totals of T and R for light from one side; what the file lacks counts as 0."""
+    """Energy of the light from one side; a missing component counts as 0."""
     transmission, reflection, z = SIDES[side]
     present = [c for c in map(file.component, (transmission, reflection)) if c is not None]
     if not present:
@@ -96,7 +96,7 @@ def energy(file: BsdfFile, side: str) -> Energy:
 
 
 def reciprocity(file: BsdfFile) -> dict[str, float | None]:
-    """Relative errors of reciprocity, for "transmission", "rb" and "rf"; None without both ways."""
+    """Relative errors of reciprocity, of "transmission", "rb" and "rf"; None if one is missing."""
     pairs = {"transmission": ("tb", "tf"), "rb": ("rb", "rb"), "rf": ("rf", "rf")}
     c = file.components
     return {
@@ -105,7 +105,7 @@ def reciprocity(file: BsdfFile) -> dict[str, float | None]:
 
 
 def _asymmetry(one: TensorTree | KlemsMatrix, other: TensorTree | KlemsMatrix) -> float:
-    """∫|f − f'| / ½∫(f + f') with f' the other component, directions exchanged."""
+    """∫|f − f'| / ½∫(f + f') with f' the other component at exchanged directions."""
     if isinstance(one, KlemsMatrix):
         a, b = one.value, other.reversed().value
         weight = np.outer(one.outgoing.projected_solid_angle, one.incident.projected_solid_angle)
@@ -121,14 +121,14 @@ def _asymmetry(one: TensorTree | KlemsMatrix, other: TensorTree | KlemsMatrix) -
 def _sampled(one: TensorTree, other: TensorTree) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values of two trees of rank 3 at pairs of directions of equal projected solid angle."""
     r = np.sqrt((np.arange(16) + 0.5) / 16)
-    turn = np.arange(16) * 2.4  # any azimuth will do: the material is isotropic
+    turn = np.arange(16) * 2.4  # azimuths are arbitrary for an isotropic material
     z = np.sqrt(1 - r * r)
     incident = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)[:, None]
     u = (np.arange(64) + 0.5) / 64
     outgoing = to_direction(*(g.ravel() for g in np.meshgrid(u, u)))[None]
     incident, outgoing = np.broadcast_arrays(incident, outgoing)
-    # An isotropic material is its own mirror image; files often put a peak that lies on the border
-    # of two cells into one of them, and only the mirror image of the reverse has it there.
+    # An isotropic material is its own mirror image. Files often put a peak on the border of two
+    # cells into one of them, and only the mirror image of the reverse has it in the same cell.
     mirror = np.array([-1, 1, 1])
     a, b = one.values(incident, outgoing), other.values(outgoing * mirror, incident * mirror)
     return a, b, np.ones(a.shape)

@@ -1,4 +1,4 @@
-"""Check of a BSDF file: energy, reciprocity, lobes of the sun's light, and what it is good for.
+"""Check of a BSDF file: energy, reciprocity, lobes of the sun's light, and a fit model.
 
 Directions are as in `drcmitsuba_plugins.bsdf_file`: away from the surface, +z into the room, +y up.
 """
@@ -18,24 +18,24 @@ from drcmitsuba.bsdf.lobes import around, cells_at, lobe, resolution, straight_t
 from drcmitsuba.bsdf.reader import read
 
 THETAS = tuple(map(float, range(0, 90, 5)))
-"""Incidences of the curves [deg]; of a Klems matrix the centres of its rings are taken."""
+"""Incidences of the curves [deg]; a Klems matrix has the centres of its rings instead."""
 PLANES = {"above": 90.0, "below": 270.0, "right": 0.0, "left": 180.0}
 """Azimuth [deg] of the light's origin; right and left as seen from the room."""
 ELEVATIONS = tuple(range(10, 90, 10))
-"""Elevations of the sun whose light is summed [deg]."""
+"""Elevations [deg] of the suns in `CheckReport.sunlight`."""
 PEAK_ELEVATIONS = (15.0, 30.0, 45.0, 60.0)
-"""Elevations of the sun whose peak is measured [deg]; in a Klems matrix those of the next rings."""
+"""Elevations [deg] of the suns in `CheckReport.widths`; for Klems those of the nearest rings."""
 REDIRECTED = tuple(range(25, 65, 5))
-"""Elevations [deg] of the sun that a redirecting film is meant for."""
+"""Elevations [deg] of the suns whose light a redirecting film is to send up."""
 
 
 def check(file: BsdfFile | str | Path) -> CheckReport:
-    """Check a BSDF file and say what it is good for.
+    """Check a BSDF file and choose a model for it.
 
     Parameters
     ----------
     file : BsdfFile, str or Path
-        File as read by `bsdf.read`, or its path.
+        Content from `bsdf.read`, or the file's path.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def check(file: BsdfFile | str | Path) -> CheckReport:
         `curves`: T and R over θ = 0 … 85° (Klems: the centres of the rings) from four azimuths,
         both sides. `energy`: diffuse T and R, largest T + R. `reciprocity`: ∫|f(i, o) − f(o, i)|
         over the mean of both integrals, for 'transmission', 'rb', 'rf'; None where a direction is
-        missing. `sunlight`, `widths`: where the sun's light goes. `mounting`: part of the light of
+        missing. `sunlight`, `widths`: where the sun's light goes. `mounting`: share of the light of
         suns 25–60° high that goes up, for the four ways to mount the film. `model`: 'klems',
         'tensor_tree', 'any', 'geometry', 'none'.
 
@@ -54,10 +54,10 @@ def check(file: BsdfFile | str | Path) -> CheckReport:
 
     Notes
     -----
-    Lobes are taken at 256² directions; on a border of the file's cells all numbers but `widths`
-    are means over the cells that meet there, widths are those of one cell. Reciprocity is exact for
-    trees of rank 4 and Klems, by 16 × 64² pairs of directions for rank 3. A vertical façade is
-    assumed. All is for luminance.
+    Lobes have 256² directions. On a border of the file's cells `widths` are those of one cell, all
+    other numbers are means over the cells that meet there. Reciprocity is exact for trees of rank 4
+    and for Klems; rank 3 is sampled at 16 × 64² pairs of directions. The façade is vertical. All
+    values are for luminance.
     """
     if not isinstance(file, BsdfFile):
         file = read(file)
@@ -92,13 +92,13 @@ def check(file: BsdfFile | str | Path) -> CheckReport:
 
 
 def _from(theta: np.ndarray, phi: float | np.ndarray, side: float) -> np.ndarray:
-    """Directions at angles [deg] from the normal of a side."""
+    """Unit vectors (…, 3) at θ and φ [deg] on one side, θ from that side's normal."""
     t, p = np.broadcast_arrays(np.radians(theta), np.radians(phi))
     return np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), side * np.cos(t)], axis=-1)
 
 
 def _rings(file: BsdfFile) -> np.ndarray:
-    """Angles from the normal [deg] of the rings' centres, shape (ring,); none but of Klems."""
+    """Angles from the normal [deg] of Klems rings' centres, (ring,); empty for other files."""
     matrices = [c for c in file.components.values() if isinstance(c, KlemsMatrix)]
     if not matrices:
         return np.zeros(0)
@@ -120,7 +120,7 @@ def _curves(file: BsdfFile) -> tuple[Curve, ...]:
 
 
 def _sunlight(file: BsdfFile) -> tuple[Sunlight, ...]:
-    """Transmittance and upward part of the light of suns at `ELEVATIONS`."""
+    """Transmittance and upward share of the light of suns at `ELEVATIONS`."""
     component = file.component("tb")
     if component is None:
         return ()
@@ -133,7 +133,7 @@ def _sunlight(file: BsdfFile) -> tuple[Sunlight, ...]:
 
 
 def _peak_elevations(file: BsdfFile) -> tuple[float, ...]:
-    """Elevations of the sun [deg] at which peaks are measured: within cells, not between them."""
+    """Elevations of the sun [deg] for the widths of peaks, inside cells and not on borders."""
     rings = _rings(file)
     if not len(rings):
         return PEAK_ELEVATIONS
@@ -164,7 +164,7 @@ def _widths(file: BsdfFile) -> tuple[Width, ...]:
 
 
 def _mounting(file: BsdfFile) -> dict[str, float]:
-    """Part of the light of high suns that goes up, for the four ways to mount the film."""
+    """Share of the light of `REDIRECTED` suns that goes up, for four ways to mount the film."""
     upward = {}
     for name, transmission, turned, swapped in (
         ("as the file says", "tb", 1, 1),

@@ -1,4 +1,4 @@
-"""Report of a check of a BSDF file: its values, and the same as a table."""
+"""Report of a check of a BSDF file: its values, and a table of them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Sunlight:
     elevation : float
         Elevation of the sun [deg].
     transmittance, upward : float
-        T, and the part of the transmitted light that goes up.
+        T, and the share of the transmitted light that goes up.
     """
 
     elevation: float
@@ -55,9 +55,9 @@ class Width:
         Full openings [deg] of the cones with the solid angle of the directions above half of the
         largest f, and of the brightest directions that hold half of the light.
     share : float
-        Part of the transmitted light above half of the largest f.
+        Share of the transmitted light in directions above half of the largest f.
     resolution : float
-        Full opening [deg] of the cone as large as the file's cell there.
+        Full opening [deg] of the cone with the solid angle of the file's cell at the peak.
     """
 
     elevation: float
@@ -69,13 +69,13 @@ class Width:
 
     @property
     def is_resolved(self) -> bool:
-        """Whether the peak is wider than the cell that it lies in."""
+        """Whether the peak is more than 1.5 times as wide as its cell."""
         return self.half_maximum > 1.5 * self.resolution
 
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Result of `check`, where the fields are described."""
+    """Result of `check`, which describes the fields."""
 
     source: str
     name: str

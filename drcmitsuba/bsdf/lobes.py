@@ -1,12 +1,12 @@
-"""Lobes of a BSDF component: where light from one direction goes, how narrow its peak is.
+"""Lobes of a BSDF component: the light from one direction, and the width of its peak.
 
 Directions point away from the surface, +z into the room, +y up, +x to the right as seen from the
 room. Outgoing directions are the centres of a grid over the square of Shirley and Chiu, each of
 the same projected solid angle, so that sums over the grid are sums of light.
 
-A file holds one value a cell. Many directions of interest lie on a border of cells: the plane
-normal to the façade in every tree, 15° and 45° from the normal in a Klems matrix. There the mean
-of the cells on both sides is taken, so that no side of the border is favoured.
+A file holds one value for each cell. Many directions of interest lie on a border of cells: the
+plane normal to the façade in every tree, 15° and 45° from the normal in a Klems matrix. Values on a
+border are means over the cells on both sides, so that no side is favoured.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drcmitsuba_plugins.klems_basis import KlemsMatrix
 from drcmitsuba_plugins.tensor import TensorTree, to_direction, to_square
 
 GRID = 256
-"""Directions of a lobe along either axis: as fine as the finest tree."""
+"""Number of directions of a lobe along either axis, as fine as the finest tree."""
 ASIDE = 1e-6
 """Sine of the angle by which directions are moved off the borders of cells."""
 
@@ -32,10 +32,10 @@ def sun(elevation: float, azimuth: float = 0.0) -> np.ndarray:
     Parameters
     ----------
     elevation : float
-        Above the horizon [deg].
+        Angle above the horizon [deg].
     azimuth : float
-        From the façade's normal, clockwise as seen from above [deg]: to the right as seen from
-        the room.
+        Angle from the façade's normal, clockwise as seen from above [deg]: to the right as seen
+        from the room.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def sun(elevation: float, azimuth: float = 0.0) -> np.ndarray:
 
 
 def cone_width(solid_angle: float | np.ndarray) -> np.ndarray:
-    """Full opening angle [deg] of the cone of a solid angle [sr]."""
+    """Full opening angle [deg] of the cone with a solid angle [sr]."""
     return np.degrees(2 * np.arccos(np.clip(1 - np.asarray(solid_angle) / (2 * np.pi), -1, 1)))
 
 
@@ -59,6 +59,7 @@ class Lobe:
     incident : np.ndarray, shape (3,)
         Direction to the source of the light.
     outgoing : np.ndarray, shape (grid², 3)
+        Directions in which the light leaves.
     value : np.ndarray, shape (grid²,)
         f [1/sr].
     """
@@ -78,12 +79,12 @@ class Lobe:
         return np.pi / len(self.value) / np.abs(self.outgoing[:, 2])
 
     def share(self, where: np.ndarray) -> float:
-        """Part of the outgoing light in some of the directions; 0 where there is no light."""
+        """Share of the outgoing light in the directions `where`; 0 without light."""
         total = self.power.sum()
         return float(self.power[where].sum() / total) if total > 0 else 0.0
 
     def upward(self) -> float:
-        """Part of the outgoing light that goes up."""
+        """Share of the outgoing light that goes up."""
         return self.share(self.outgoing[:, 1] > 0)
 
     @cached_property
@@ -92,21 +93,21 @@ class Lobe:
         return np.where(np.abs(self.outgoing[:, 2]) > np.cos(np.radians(85)), self.value, 0)
 
     def brightest(self) -> np.ndarray:
-        """Direction of the largest f; of equal ones around it their middle."""
+        """Direction (3,) of the largest f; the middle of neighbouring directions with equal f."""
         best = self.outgoing[self._steep >= self._steep.max() * (1 - 1e-9)]
         middle = best[best @ best[0] > np.cos(np.radians(20))].mean(axis=0)
         return middle / np.linalg.norm(middle)
 
     def half_maximum(self) -> np.ndarray:
-        """Which directions have at least half of the largest f."""
+        """Whether each direction has at least half of the largest f, shape (grid²,)."""
         return self._steep >= max(self._steep.max() / 2, np.finfo(float).tiny)
 
     def width_at_half_maximum(self) -> float:
-        """Full opening [deg] of the cone as large as the directions above half of the maximum."""
+        """Full opening [deg] of a cone with the solid angle of f above half of its maximum."""
         return float(cone_width(self.solid_angle[self.half_maximum()].sum()))
 
     def width_of_half_the_light(self) -> float:
-        """Full opening [deg] of the cone as large as the brightest directions with half the light.
+        """Full opening [deg] of a cone as large as the brightest directions with half the light.
 
         A Lambertian surface gives 90°.
         """
@@ -128,12 +129,12 @@ def around(directions: np.ndarray) -> np.ndarray:
 
 
 def cells_at(component: Component, incident: np.ndarray) -> np.ndarray:
-    """Directions, one in each incident cell that a direction (3,) lies in or on the border of.
+    """Directions, one for each incident cell that meets at a direction (3,).
 
     Returns
     -------
     np.ndarray, shape (cell, 3)
-        One direction, but two or four on a border.
+        One direction within a cell, two or four on a border.
     """
     near = around(incident)
     if isinstance(component, KlemsMatrix):
@@ -155,13 +156,13 @@ def lobe(
     ----------
     component : Component
     incident : np.ndarray, shape (3,)
-        On a border of cells f is the mean over the cells that meet there.
+        Direction to the source; on a border f is the mean over the cells that meet there.
     side : float
         1 for the room's side, −1 for the outside.
     grid : int
-        Directions along either axis of the outgoing square.
+        Number of directions along either axis of the outgoing square.
     one_cell : bool
-        Take only the first of the cells that meet there: a mean would widen the lobe.
+        Whether f is that of the first cell at a border: a mean would widen the lobe.
 
     Returns
     -------
@@ -175,9 +176,9 @@ def lobe(
 
 
 def resolution(component: Component, incident: np.ndarray, outgoing: np.ndarray) -> float:
-    """Full opening [deg] of the cone as large as the component's cell of a pair of directions."""
+    """Full opening [deg] of a cone as large as the outgoing cell at a pair of directions."""
     if isinstance(component, Swapped):
-        # The light leaves within the cell that the tree keeps for what arrives.
+        # The light leaves within the tree's incident cell.
         tree = component.tree
         level = tree.level[tree.at(outgoing, incident)]
         projected = np.pi / 4.0**level
@@ -191,18 +192,18 @@ def resolution(component: Component, incident: np.ndarray, outgoing: np.ndarray)
 
 @dataclass(frozen=True)
 class StraightThrough:
-    """The view through a pane.
+    """View through a pane.
 
     Parameters
     ----------
     stands_out : bool
         Whether the straight-through cells stand out enough to be simulated as a view through.
     share : float
-        Part of the transmitted light that goes straight through, all incidences together.
+        Share of the transmitted light that goes straight through, all incidences together.
     normal : float
         Transmittance of the undeviated ray at normal incidence.
     ratio : float or None
-        Straight-through f against its neighbours at normal incidence; None where they are dark.
+        Straight-through f over that of its neighbours at normal incidence; None if they are 0.
     """
 
     stands_out: bool
@@ -212,7 +213,7 @@ class StraightThrough:
 
 
 def straight_through(component: Component) -> StraightThrough:
-    """Look for a peak of undeviated light, as the plugins do."""
+    """Measure the peak of undeviated light, as the plugins do."""
     if isinstance(component, Swapped):
         component = component.tree  # its peak is the same from the other side
     split = peak.split(component)
@@ -223,7 +224,7 @@ def straight_through(component: Component) -> StraightThrough:
     else:
         cell = -1 if component.rank == 4 else len(split.through) // 2 - 1
         if component.rank == 4 and component.depth:
-            # The axis is the corner of four cells: the one with both coordinates from ½ on.
+            # Four cells meet on the axis; this one has both coordinates from ½ on.
             cell = 3 << 2 * (component.depth - 1)
     return StraightThrough(
         stands_out=bool(split.stands_out),

@@ -1,4 +1,4 @@
-"""Reader of goniophotometer text by pab-opto (program Mountain), as `pabopto2bsdf` takes it.
+"""Reader of goniophotometer text by pab-opto (program Mountain), the input of `pabopto2bsdf`.
 
 A file has a header of lines that begin with #, then lines `theta phi value`::
 
@@ -8,10 +8,10 @@ A file has a header of lines that begin with #, then lines `theta phi value`::
     #upphi 90
     0.5 12.0 0.0231
 
-Angles [deg] are the same for light that arrives and leaves: theta 0 … 180 from the normal of the
-sample's front, phi counter-clockwise as seen from there. `format` is DSF (f · cos θ) or BSDF, BRDF,
-BTDF (f, in 1/sr). `#intheta` and `#inphi` may stand for `#incident_angle`. `#upphi` is the phi of
-the sample's top, 0 by default. `#colorimetry: CIE-XYZ` has three values a line; Y is taken.
+Incident and outgoing directions have the same angles [deg]: theta 0 … 180 from the normal of the
+sample's front, phi counter-clockwise as seen from the front. `format` is DSF (f · cos θ) or one of
+BSDF, BRDF and BTDF (f, in 1/sr). `#intheta` and `#inphi` may replace `#incident_angle`. `#upphi` is
+the phi of the sample's top (default 0). Lines of `#colorimetry: CIE-XYZ` hold X, Y, Z; Y is read.
 
 References
 ----------
@@ -30,11 +30,11 @@ import numpy as np
 from drcmitsuba.runtime.errors import InputError
 
 MAX_BYTES = 1 << 28
-"""Largest amount of text that is read, all files together."""
+"""Largest size of all files together [byte]."""
 GRAZING = 88.0
-"""Outgoing directions nearer to grazing [deg] are left out: noise divided by a small cosine."""
+"""Largest outgoing angle from the normal [deg]; beyond it a small cosine magnifies noise."""
 NOISE = 0.01
-"""Negative values above −NOISE · the largest are the instrument's noise and count as 0."""
+"""Negative values down to −NOISE · the largest value are noise and count as 0."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,11 @@ class Measurement:
     Parameters
     ----------
     source, name : str
-        File, and the sample's name.
+        Path of the file, and the sample's name.
     incident : np.ndarray, shape (3,)
-        Away from the surface, +z the sample's front, +y its top.
+        Direction away from the surface, +z the sample's front, +y its top.
     outgoing : np.ndarray, shape (n, 3)
+        Directions in which the light leaves.
     value : np.ndarray, shape (n,)
         f [1/sr] without the cosine.
     """
@@ -70,7 +71,7 @@ class _Header:
 
 
 def read(paths: Iterable[str | Path]) -> list[Measurement]:
-    """Read measurement files; a file may hold several, each with its header.
+    """Read measurement files; a file may hold several measurements, each with its header.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def read(paths: Iterable[str | Path]) -> list[Measurement]:
     Returns
     -------
     list of Measurement
-        In the order of the files.
+        Measurements in the order of the files.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def _blocks(path: Path, text: str) -> Iterator[Measurement]:
                 yield _measurement(path, header, rows, lines)
                 count += 1
                 rows, lines = [], []
-                # What lights the sample has to be said anew, all else is kept.
+                # Each measurement names its own incidence; the rest of the header stays.
                 changed = _header(path, number, line, replace(header, theta=None, phi=None))
             header = changed or header
             continue
@@ -135,7 +136,7 @@ def _blocks(path: Path, text: str) -> Iterator[Measurement]:
 
 
 def _header(path: Path, number: int, line: str, header: _Header) -> _Header | None:
-    """Header with what a line says; None for a line that says nothing known."""
+    """Header with the value of a line; None for a line with no known key."""
     match = re.match(r"\s*#\s*(\w+)\s*:?\s*(.*)", line)
     key, rest = (match[1].lower(), match[2].strip()) if match else ("", "")
     where = f"line {number}: {key}"
@@ -170,7 +171,7 @@ def _header(path: Path, number: int, line: str, header: _Header) -> _Header | No
 
 
 def _angles(path: Path, number: int, key: str, rest: str, count: int) -> list[float]:
-    """Angles of a header line; what follows them is a remark."""
+    """The first `count` angles [deg] of a header line; the rest is a remark."""
     angles = _numbers(path, number, rest.split()[:count], count)
     if key in ("intheta", "incident_angle") and not 0 <= angles[0] <= 180:
         got = f"{angles[0]:g}°"
@@ -179,7 +180,7 @@ def _angles(path: Path, number: int, key: str, rest: str, count: int) -> list[fl
 
 
 def _numbers(path: Path, number: int, words: list[str], count: int) -> list[float]:
-    """Numbers of a line, all finite."""
+    """The `count` numbers of a line, all finite."""
     where = f"line {number}"
     if len(words) != count:
         raise InputError(path, where, f"{len(words)} numbers", f"give {count}")

@@ -1,6 +1,6 @@
-"""Pictures of a BSDF file: where a sun's light goes, and T and R over incidence.
+"""Pictures of a BSDF file: the directions of a sun's light, and T and R over incidence.
 
-Figures are made without pyplot: nothing global changes, no window opens.
+Figures are made without pyplot, so no global state changes and no window opens.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ BLUE, ORANGE, GREEN, PURPLE, GREY, INK = (
     "#0072B2", "#D55E00", "#009E73", "#AA4499", "#5A5A5A", "#222222",
 )  # fmt: skip
 CELLS = 128
-"""Cells of a map along either axis: those of a tree of depth 7; finer ones are sampled."""
+"""Number of cells of a map along either axis, as in a tree of depth 7."""
 DECADES = 4
-"""What is darker than the brightest by more than this is drawn as dark as the darkest."""
+"""Range of the colour scale below the largest f [decades]."""
 STEP = 5
 """Width of the wedges of a section [deg]."""
 
@@ -41,7 +41,7 @@ def figures(
     report : CheckReport
         From `check`.
     sun : (float, float)
-        Elevation, and azimuth from the façade's normal, clockwise as seen from above [deg].
+        Elevation [deg], and azimuth from the façade's normal, clockwise from above [deg].
 
     Returns
     -------
@@ -75,7 +75,7 @@ def _sun_text(elevation: float, azimuth: float) -> str:
 
 
 def _mean_text(file: BsdfFile, incident: np.ndarray) -> str:
-    """Say how many incident cells the lobes are a mean of; nothing where it is one."""
+    """Number of incident cells in the mean of the lobes, in words; empty for one cell."""
     components = [c for c in map(file.component, ("tb", "rb")) if c is not None]
     count = max((len(cells_at(c, incident)) for c in components), default=1)
     if count == 1:
@@ -84,7 +84,7 @@ def _mean_text(file: BsdfFile, incident: np.ndarray) -> str:
 
 
 def lobes(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Figure:
-    """Maps of f over the directions that the sun's light takes, into the room and back outside."""
+    """Maps of f [1/sr] over outgoing directions of the sun's light, to the room and outside."""
     incident = sun(elevation, azimuth)
     figure = Figure(figsize=(9.6, 5.35))
     _heading(figure, title, _sun_text(elevation, azimuth) + _mean_text(file, incident))
@@ -133,7 +133,7 @@ def lobes(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Figur
 
 
 def _disk(ax: Axes) -> None:
-    """Empty hemisphere, seen from the room with up above: rings at 30° and 60° from the normal."""
+    """Draw an empty hemisphere as seen from the room: rings at 30° and 60° from the normal."""
     ax.set(xlim=(-1.14, 1.14), ylim=(-1.14, 1.14), aspect="equal")
     ax.axis("off")
     turn = np.linspace(0, 2 * np.pi, 181)
@@ -158,7 +158,7 @@ def _disk(ax: Axes) -> None:
 
 
 def _map(ax: Axes, light: Lobe, norm: LogNorm) -> Any:
-    """Cells of the square as they lie in the projected hemisphere."""
+    """Draw the values of the square's cells in the projected hemisphere."""
     edge = np.linspace(0, 1, CELLS + 1)
     x, y = to_disk(*np.meshgrid(edge, edge, indexing="ij"))
     shown = np.maximum(light.value.reshape(CELLS, CELLS), norm.vmin)
@@ -173,7 +173,7 @@ def _profile(light: Lobe) -> np.ndarray:
 
 
 def section(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Figure:
-    """Vertical section: what share of the sun's light leaves at which profile angle."""
+    """Vertical section: shares of the sun's light by profile angle."""
     incident = sun(elevation, azimuth)
     figure = Figure(figsize=(8.4, 6.6))
     how = f"area of a wedge: share of the light within {STEP}° of profile angle; in % where above 3"
@@ -207,7 +207,7 @@ def section(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Fig
 
 
 def _wedges(ax: Axes, side: int, shares: np.ndarray, largest: float, colour: str) -> None:
-    """One wedge for each step of profile angle, from −90° up."""
+    """Draw a wedge for each step of profile angle, from −90° up."""
     for i, share in enumerate(shares):
         r = np.sqrt(share / largest)  # so that the area shows the share
         low = -90 + STEP * i if side > 0 else 270 - STEP * (i + 1)
@@ -221,14 +221,14 @@ def _wedges(ax: Axes, side: int, shares: np.ndarray, largest: float, colour: str
 
 
 def _angles(ax: Axes) -> None:
-    """Rays at 30° and 60°, and the horizon."""
+    """Draw rays at 30° and 60°, and the horizon."""
     for angle in (-60, -30, 0, 30, 60):
         for side in (-1, 1):
             x, y = side * np.cos(np.radians(angle)), np.sin(np.radians(angle))
             dashed: dict[str, Any] = {"color": GREY, "linestyle": (0, (4, 3))}
             style = {"color": "#DDDDDD"} if angle else dashed
             ax.plot([0, 1.06 * x], [0, 1.06 * y], linewidth=0.8, zorder=0, **style)
-            if side > 0:  # outside the sun's ray would cross them
+            if side > 0:  # on the outside the sun's ray would cross the labels
                 at = 1.13 * x, 1.13 * y
                 ax.text(
                     *at,
@@ -241,7 +241,7 @@ def _angles(ax: Axes) -> None:
 
 
 def _sun_ray(ax: Axes, profile: float) -> None:
-    """The ray that arrives, and where it would go undeviated (dashed)."""
+    """Draw the sun's ray, and its undeviated continuation (dashed)."""
     c, s = np.cos(profile), np.sin(profile)
     style: dict[str, Any] = {"color": "#E6A100", "zorder": 6}
     arrow = {"arrowstyle": "-|>", "color": "#E6A100", "linewidth": 2.6, "mutation_scale": 20}
@@ -253,14 +253,14 @@ def _sun_ray(ax: Axes, profile: float) -> None:
 
 
 def _plateau_text(report: CheckReport) -> str:
-    """Say why curves have corners and plateaus."""
+    """Sentence on the corners and plateaus of curves."""
     if report.kind == "Klems":
         return (
             "The file holds one value for each ring of incidences: points are the rings' centres."
         )
     return (
-        "The file holds one value a cell of incidences: T and R do not change within a cell "
-        "(plateaus), the widest of which lie near 90°."
+        "The file holds one value for each cell of incidences: T and R are constant within a cell "
+        "(plateaus); the widest cells lie near 90°."
     )
 
 

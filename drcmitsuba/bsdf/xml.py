@@ -1,4 +1,4 @@
-"""BSDF files are written as LBNL's XML with tensor trees, in the words that Radiance reads."""
+"""Writer of BSDF files: LBNL's XML with tensor trees, as Radiance reads it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drcmitsuba_plugins.tensor import TensorTree
 from drcmitsuba.runtime.errors import InputError
 
 DIGITS = 4
-"""Significant digits of a value: rounding, 5e-4 at most, is far below the noise of counts."""
+"""Significant digits of a value: rounding, 5e-4 at most, is far below the noise of ray counts."""
 
 _DIRECTIONS = {
     "tf": ("Transmission Back", "BTDF"),
@@ -102,11 +102,11 @@ def save(
     Parameters
     ----------
     file : BsdfFile
-        With tensor trees; its notes become comments.
+        Tensor trees to write; the notes become comments.
     path : str or Path
-        Replaced as a whole once everything is written: nothing half-written is left.
+        File that is replaced only after the whole text is written.
     thickness, width, height : float
-        Told in the header [m].
+        Extents for the header [m].
 
     Raises
     ------

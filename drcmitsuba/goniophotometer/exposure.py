@@ -17,14 +17,14 @@ from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import unit_cell
 
 DEEPEST = {3: 7, 4: 6}
-"""Most levels of a tree, by its rank."""
+"""Largest number of levels of a tree, by its rank."""
 MOST_SAMPLES = 1 << 21
-"""Most rays per incident cell."""
+"""Largest number of rays per incident cell."""
 MOST_LOST = 0.01
-"""Largest part of the light that may be given up, still inside after thousands of surfaces."""
+"""Largest share of the light that may still be inside after thousands of surfaces."""
 
 _SIDES = ((-1, "tb", "rb"), (1, "tf", "rf"))
-"""Side that the light comes from, and the components of what passes and what returns."""
+"""Side of the incident light, −1 outside and 1 room; its transmission and reflection."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class Exposure:
     samples : int
         Number of rays per incident cell, both halves together.
     halves : dict of str to np.ndarray, shape (2, incident, n²)
-        Parts of the light of an incident cell that leave through an outgoing cell, for `tb`, `rb`,
-        `tf`, `rf`, by two independent halves of the rays. n = 2ᵈᵉᵖᵗʰ; incident cells are n² cells
+        Shares of the light of an incident cell that leave through an outgoing cell, for `tb`, `rb`,
+        `tf`, `rf`, from two independent halves of the rays. n = 2ᵈᵉᵖᵗʰ; incident cells are n² cells
         of the square (rank 4) or n/2 rings from grazing to normal (rank 3).
     lost : float
-        Part of the light that was given up.
+        Share of the light that never left the structure.
     """
 
     rank: int
@@ -52,11 +52,11 @@ class Exposure:
     lost: float
 
     def shares(self, name: str) -> np.ndarray:
-        """Parts of the light by incident and outgoing cell, shape (incident, n²)."""
+        """Shares of the light by incident and outgoing cell, shape (incident, n²)."""
         return np.mean(self.halves[name], axis=0, dtype=float)
 
     def errors(self, name: str) -> np.ndarray:
-        """Standard errors of `shares`, binomial, (incident, n²); stratified rays have no more."""
+        """Binomial standard errors of `shares`, (incident, n²): upper bounds for even rays."""
         p = self.shares(name)
         return np.sqrt(np.clip(p * (1 - p), 0, None) / self.samples)
 
@@ -70,7 +70,7 @@ class Exposure:
         return float(4**self.depth / np.pi / self.samples)
 
     def tree(self, name: str) -> TensorTree:
-        """Full tree of f = Φ_out / (Φ_in π h²) [1/sr], h the side of a cell."""
+        """Full tree of f = Φ_out / (Φ_in π h²) [1/sr] with h the side of a cell."""
         n = 1 << self.depth
         f = self.shares(name) * (n * n / np.pi)
         if self.rank == 4:
@@ -80,14 +80,14 @@ class Exposure:
 
 
 def _check(name: str, value: int, low: int, high: int) -> None:
-    """Refuse an argument that is no whole number from low to high."""
+    """Refuse an argument that is not a whole number from low to high."""
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
         got = f"got {value!r}"
         raise InputError("goniophotometer", name, got, f"give a whole number, {low} to {high}")
 
 
 def _quarter(progress: Progress, turn: int) -> Progress:
-    """Progress of one of four equal turns as that of all."""
+    """Progress of the whole work from that of one of its four equal turns."""
     return lambda share: progress((turn + share) / 4)
 
 
@@ -131,7 +131,7 @@ def expose(
 
 
 def _rounded(tree: TensorTree) -> TensorTree:
-    """Round values to what a file keeps, so that it reads back equal."""
+    """Round values to the digits of a file, so that it reads back equal."""
     return replace(tree, value=np.array([float(f"{v:.{DIGITS}g}") for v in tree.value]))
 
 
@@ -149,7 +149,7 @@ def measure(
         Levels of the tree: cells of side 2⁻ᵈᵉᵖᵗʰ, projected solid angle π 4⁻ᵈᵉᵖᵗʰ sr. At most 6
         (rank 4) or 7 (rank 3).
     rank : int
-        4, or 3 for structures that look the same from all azimuths: others are averaged.
+        4, or 3 to average over azimuths, for structures that look the same from all of them.
     samples : int
         Number of rays per incident cell.
     seed : int
@@ -157,13 +157,13 @@ def measure(
     progress : callable, optional
         Called with the share of the work that is done, 0 to 1.
     percent : float
-        Least part of the possible merges of cells that is made [%].
+        Least share of the possible merges of cells that is made [%].
 
     Returns
     -------
     BsdfFile
-        Values f [1/sr]: the mean over a cell of the incident and of the outgoing square. Its
-        notes say how it was made.
+        Values f [1/sr], means over pairs of an incident and an outgoing cell. Its notes hold
+        the settings and the recipe.
 
     Raises
     ------
@@ -173,9 +173,9 @@ def measure(
     Notes
     -----
     Limits: geometrical optics (structures much larger than the wavelength), no dispersion, no
-    absorption in clear material. The two polarisations are averaged at each surface: T of a slab
-    of acrylic comes out 0.3 % low at 45° of incidence, 1.3 % at 60°, 2.8 % at 70°. A finite cell
-    blurs peaks to its size. At rank 4 and depth 6 this takes about 2 GB.
+    absorption in clear material. The two polarisations are averaged at each surface, so T of an
+    acrylic slab is 0.3 % low at 45° of incidence, 1.3 % at 60°, 2.8 % at 70°. Cells blur peaks
+    to their own size. Rank 4 at depth 6 takes about 2 GB of memory.
     """
     if not 0 <= percent <= 100:
         raise InputError("goniophotometer", "percent", f"got {percent!r}", "give 0 to 100")

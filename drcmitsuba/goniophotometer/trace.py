@@ -1,8 +1,8 @@
-"""Light through one period of a structure, which is repeated without edges.
+"""Light through one period of a structure that is repeated without end.
 
 A ray that leaves the period at one side enters at the opposite one; the distance to the border is
-computed, there are no walls. Light is followed the way it goes (`TransportMode.Importance`): what
-a clear dielectric refracts and reflects adds up to what fell on it.
+computed, there are no walls. Rays travel with the light (`TransportMode.Importance`), so refracted
+and reflected light of a clear dielectric sum to the incident light.
 
 References
 ----------
@@ -25,17 +25,17 @@ from drcmitsuba.scene.structures.recipe import Glass
 from drcmitsuba.scene.structures.structure import UnitCell, copies
 
 OFFSET = 1e-5
-"""Distance by which rays start off a surface so as not to meet it again [period]."""
+"""Distance by which rays start off a surface to avoid meeting it again [period]."""
 MARGIN = 0.01
 """Distance from the structure at which rays begin and end [period]."""
 MOST_STEPS = 5000
-"""Surfaces and borders of the period after which a ray is given up."""
+"""Largest number of surfaces and borders that a ray meets; longer rays are lost."""
 MOST_LANES = 1 << 20
-"""Rays of one kernel."""
+"""Largest number of rays of one kernel."""
 MOST_COUNTERS = 1 << 24
-"""Counters, one for each pair of cells, of one kernel."""
+"""Largest number of counters, one for each pair of cells, of one kernel."""
 ROULETTE_WEIGHT = 0.25
-"""Weight below which rays go on with a chance of their weight over this one."""
+"""Weight below which rays go on with probability weight / ROULETTE_WEIGHT."""
 BESIDE = 1e-6
 """Distance by which light in the plane of incidence is moved off the border of two cells."""
 
@@ -47,13 +47,13 @@ class TracedPeriod:
     Parameters
     ----------
     scene : mi.Scene
-        The structure with all repetitions that reach into one period, and its glass.
+        Structure with all repetitions that reach into one period, and its glass.
     corner, period : tuple of float
-        Coordinates at which the period begins and its lengths, along x and y.
+        Lowest coordinates of the period and its lengths, along x and y.
     bounds : tuple of float
-        Coordinates z of the planes where rays begin and end, outside and room.
+        Coordinates z of the planes, outside and room, where rays begin and end.
     extruded : bool
-        Rays of an extruded structure are cast in its cross-section only.
+        Whether the structure is the same along x: rays are cast in its cross-section only.
     """
 
     scene: mi.Scene
@@ -64,9 +64,9 @@ class TracedPeriod:
 
 
 def _border(positions: np.ndarray, period: float) -> float:
-    """Coordinate at which a period may begin: far from faces that lie flat against its border.
+    """Coordinate at which a period may begin, as far as possible from faces parallel to its border.
 
-    Such a face and the border would be met at once, and light would leak.
+    A ray would meet such a face and the border at once, and light would leak.
     """
     at = np.sort(np.unique(np.mod(positions, period)))
     if not len(at):
@@ -79,14 +79,14 @@ def _border(positions: np.ndarray, period: float) -> float:
 def _repeated(
     unit: UnitCell, vertices: np.ndarray, period: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Surfaces with all repetitions that reach into one period, which is chosen here.
+    """Choose where the period begins, and repeat the surfaces that reach into it.
 
     Returns
     -------
     vertices : np.ndarray, shape (vertex, 3)
     faces : np.ndarray, shape (face, 3)
     corner : np.ndarray, shape (2,)
-        Coordinates x and y at which the period begins.
+        Lowest coordinates x and y of the period.
     """
     corners = vertices[unit.faces]
     spread = np.ptp(corners, axis=1)
@@ -105,7 +105,7 @@ def _repeated(
 def _pane(
     glass: Glass, z: float, corner: np.ndarray, period: np.ndarray, extruded: bool
 ) -> mi.Mesh:
-    """Glass across the period and half of its neighbours, in the plane z."""
+    """Glass in the plane z that covers the period and half of each neighbouring one."""
     x = [-1.0, 1.0] if extruded else corner[0] + period[0] * np.array([-0.5, 1.5])
     y = corner[1] + period[1] * np.array([-0.5, 1.5])
     quad = np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
@@ -130,7 +130,7 @@ def prepare(unit: UnitCell) -> TracedPeriod:
     TracedPeriod
     """
     scale = 1 / (unit.period[1] if unit.extruded else unit.period.max())
-    # Coordinates are small, whatever the recipe's origin: float32 is finest about zero.
+    # Subtracted, whatever the recipe's origin: float32 is finest about zero.
     v = unit.vertices - [0, 0, unit.vertices[:, 2].min()]
     v = v * ([1, scale, scale] if unit.extruded else scale)
     period = unit.period * scale
@@ -173,7 +173,7 @@ def follow(
     d : mi.Vector3f
         Direction in which the light leaves.
     weight : mi.Float
-        Part of the light that was not absorbed.
+        Share of the light that was not absorbed.
     lost : mi.Bool
         Whether the light is still inside after `MOST_STEPS` surfaces and borders.
     """
@@ -229,7 +229,7 @@ def follow(
 def _start(
     cell: TracedPeriod, from_side: int, at: mi.Point2f, u: mi.Float, v: mi.Float
 ) -> tuple[mi.Point3f, mi.Vector3f]:
-    """Origin at (u, v) of the period, before the structure, and direction from the unit disk."""
+    """Origin at (u, v) of the period before the structure; direction from a point of the disk."""
     z = dr.sqrt(dr.maximum(1 - dr.squared_norm(at), 0))
     d = mi.Vector3f(at.x, at.y, -from_side * dr.maximum(z, 1e-5))
     x = 0 if cell.extruded else cell.corner[0] + u * cell.period[0]
@@ -242,7 +242,7 @@ def _incidence(
 ) -> tuple[mi.Point2f, mi.Float, mi.Float]:
     """Point of the unit disk within an incident cell, and sine and cosine of its azimuth.
 
-    A cell of rank 4 is a square of side 1/n (azimuth 0: nothing is turned), one of rank 3 a ring.
+    A cell of rank 4 is a square of side 1/n, with azimuth 0; a cell of rank 3 is a ring.
     """
     if rank == 4:
         s, t = (mi.Float(incident // n) + a) / n, (mi.Float(incident % n) + b) / n
@@ -257,14 +257,14 @@ def _launch(
     cell: TracedPeriod, from_side: int, rank: int, n: int, cells: np.ndarray, samples: int,
     seed: int,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Trace rays from some incident cells and count their weights where they leave.
+    """Trace rays from some incident cells and sum their weights in outgoing cells.
 
     Returns
     -------
     shares : np.ndarray, shape (cell, 2, n²)
-        Parts of the incident light that are transmitted and reflected into each outgoing cell.
+        Shares of the incident light that are transmitted and reflected into each outgoing cell.
     lost : float
-        Light that was given up [rays].
+        Sum of the weights of lost rays [rays].
     """
     lanes = len(cells) * samples
     lane = dr.arange(mi.UInt32, lanes)
@@ -280,8 +280,8 @@ def _launch(
     d, weight, lost = follow(cell, sampler, p, d)
     out = mi.Point2f(cos * d.x + sin * d.y, cos * d.y - sin * d.x)
     if rank == 3:
-        # Isotropic structures are their own mirror images. Light that goes straight on would fall
-        # on the border of two cells: so each gets its half, not what rounding gives it.
+        # Isotropic structures are their own mirror images. Undeviated light falls on the border
+        # of two cells, so each gets a half instead of a share that rounding decides.
         mirror = dr.select((lane & 1) == 0, mi.Float(1), -1)
         out.y = mirror * (out.y + BESIDE)
     square = mi.warp.uniform_disk_to_square_concentric(out)
@@ -317,11 +317,11 @@ def shares(
     Returns
     -------
     shares : np.ndarray, shape (2, incident, n²)
-        Parts of the incident light that are transmitted and reflected into each outgoing cell.
+        Shares of the incident light that are transmitted and reflected into each outgoing cell.
         Incident cells are n² cells of the square (rank 4) or n/2 rings from grazing to normal
         (rank 3).
     lost : float
-        Part of the light that was given up after `MOST_STEPS` steps.
+        Share of the light that was still inside after `MOST_STEPS` steps.
     """
     n = 1 << depth
     incident = n * n if rank == 4 else n // 2

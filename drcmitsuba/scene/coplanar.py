@@ -158,7 +158,6 @@ def refuse_in_walls(
     ----------
     case : Case
     name : str
-        Name of the component.
     triangles : np.ndarray, shape (triangle, 3, 3)
         Corners in the room's frame [m].
     two_sided : bool

@@ -1,4 +1,4 @@
-"""Effects that a simulation follows: the decisions of a plan, as transport reads them."""
+"""Effects that a simulation includes: the decisions of a plan for transport."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ class EnabledEffects:
     Parameters
     ----------
     sky, ground, suns : bool
-        Sources of light.
+        Whether each source of light shines.
     sun_visibility : SunVisibility or None
-        Geometry that decides which suns get in; None takes all of them.
+        Geometry that decides which suns light the room; None takes all of them.
     clear_panes, scattering_panes, films : bool
-        Whether light passes panes and holes of a kind; where it does not, they are black sheets.
+        Whether light passes panes and holes of a kind; a disabled kind becomes black sheets.
     enclosed : bool
         Whether shadow rays that pass no opening are left out.
     straight_through : bool or None
         Whether films have a straight-through peak; None leaves the choice to each film.
     components, obstructions : bool
-        Whether light by way of components is followed, and furniture outside of the room is there.
+        Whether light by way of components is traced, and furniture outside the room exists.
     pane_to_pane : bool
-        Whether photons follow light from pane to pane across the room.
+        Whether photons carry light from pane to pane across the room.
     beyond : bool
         Whether light that leaves a room through a pane may come back.
     shade : bool
-        Whether the shade may close; else it is left out of the case.
+        Whether the shade may close; otherwise it is left out.
     every_shade : bool
         Whether the shaded state is simulated for all suns, not only for hours in which it closes.
     depth : int or None
         Largest number of surfaces that a path of the gather meets; None for any number.
     channels : bool or None
-        Whether colour channels are simulated one by one; None: where the scene is coloured.
+        Whether colour channels are simulated one by one; None does so in a coloured scene.
     pictures : bool
         Whether plots are drawn.
     """
@@ -82,7 +82,7 @@ class EnabledEffects:
         return d.z >= 0 if self.sky else (d.z < 0) & self.ground
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values that coefficients depend on, for their fingerprint.
+        """Plain values that coefficients C depend on, for their fingerprint.
 
         Suns and the shade are left out: the weather decides on them, and suns or a state that
         another weather needs are added to known coefficients.

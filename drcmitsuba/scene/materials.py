@@ -42,17 +42,17 @@ SurfaceMaterial = (
 
 @dataclass(frozen=True)
 class FilmFile:
-    """BSDF file as a scene uses it.
+    """BSDF file of a film, with its energy and its straight-through peak.
 
     Parameters
     ----------
     file : BsdfFile
     largest_albedo : float
-        Largest T + R of an incidence in the file; above 1 it is scaled down to 1.
+        Largest T + R over the incidences of the file, which is scaled down to 1 at most.
     share_through : float
-        Part of the transmitted light that goes straight through.
+        Share of the transmitted light that goes straight through.
     stands_out : bool
-        Whether that part is a peak and not the flank of a lobe.
+        Whether that share is a peak and not the flank of a lobe.
     """
 
     file: BsdfFile
@@ -76,7 +76,7 @@ def film(path: Path) -> FilmFile:
     Raises
     ------
     InputError
-        The file cannot be read, or sends out more than 1.05 of the light that it gets.
+        The file cannot be read, or its T + R exceeds 1.05.
     """
     return _film(path, path.stat().st_mtime_ns)
 
@@ -113,7 +113,7 @@ def is_diffuse(material: SurfaceMaterial) -> bool:
 
 
 def channel_of(reflectance: Reflectance, channel: int) -> float:
-    """Reflectance in one colour channel, or of luminance (−1); a grey one is the same in all."""
+    """Reflectance in one colour channel, or of luminance (−1); grey is the same in all."""
     if channel < 0 and isinstance(reflectance, tuple):
         weighted = zip(LUMINANCE_WEIGHTS.values(), reflectance, strict=True)
         return float(sum(weight * value for weight, value in weighted))
@@ -177,16 +177,16 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     Returns
     -------
     dict
-        For `mi.load_dict`. Panes reflect towards the room only: what a façade reflects to the
-        outside can return to a sensor only by way of other buildings. (Measured panes keep
-        what their file holds.)
+        Argument of `mi.load_dict`. Panes reflect towards the room only, because light reflected
+        to the outside returns to a sensor only by way of other buildings. Measured panes keep
+        the reflection of their file.
     """
     if isinstance(material, BsdfMaterial):
         measured = film(material.file)
         return {
             "type": "klems" if measured.file.kind == "Klems" else "tensor_tree",
             "filename": str(material.file),
-            # Decided on the luminance, so that all channels agree with what the scene takes it for.
+            # Luminance decides, so that all channels and `lets_through` agree.
             "straight_through": "on" if lets_through(material) else "off",
             "flip": material.flip,
             "turn": material.turn,

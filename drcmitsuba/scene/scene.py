@@ -19,7 +19,7 @@ from drcmitsuba.scene.surfaces import Enclosure, State, geometry_of
 
 @dataclass(frozen=True)
 class Part:
-    """Surfaces of one BSDF that photons are to tell apart.
+    """Surfaces of one component and BSDF, which photons distinguish.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Part:
     component : str
     quads : np.ndarray, shape (quad, 4, 3)
     closed : bool
-        Nothing sees their backs.
+        Whether they enclose a body.
     """
 
     name: str
@@ -67,13 +67,13 @@ class Scene:
     full : mi.Scene
         All surfaces.
     opaque : mi.Scene
-        Without the panes that let light straight through: any hit is a shadow.
+        All surfaces but the panes that let light straight through: any hit is a shadow.
     clear : mi.Scene or None
-        Only those panes; None where there are none.
+        Only those panes; None without any.
     scattering : tuple of ScatteringPanes
-        Panes that scatter evenly, for the deposit by points on them.
+        Diffusing panes, for the deposit D by points on them.
     films : tuple of FilmPanes
-        Panes that scatter as measured.
+        Panes with a measured BSDF.
     corners : np.ndarray, shape (corner, 3)
         Corners of all surfaces [m].
     enclosure : Enclosure or None
@@ -85,7 +85,7 @@ class Scene:
     effects : EnabledEffects
         Effects that are simulated.
     ray_counter : RayCounter
-        Counts the rays.
+        Number of rays traced.
     """
 
     full: mi.Scene
@@ -130,7 +130,7 @@ def mesh(name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: mi.BSDF | Non
 
 
 def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.Mesh:
-    """One mesh of quadrilaterals (quad, 4, 3); quad i is triangles 2i and 2i + 1."""
+    """One mesh of quadrilaterals (quad, 4, 3); quad i has triangles 2i and 2i + 1."""
     corner = np.arange(len(quads))[:, None] * 4
     faces = np.concatenate([corner + [0, 1, 2], corner + [0, 2, 3]], axis=1)
     return mesh(name, quads.reshape(-1, 3), faces.reshape(-1, 3), bsdf)
@@ -148,7 +148,7 @@ def build(
     channel : int
         Colour channel that is simulated.
     enclosure : Enclosure, optional
-        The room, where there is one; spares shadow rays that cannot leave it.
+        The room, where there is one; shadow rays that cannot leave it are spared.
     ports : tuple of Port
         Rectangles at which photons start.
 
@@ -182,12 +182,12 @@ def build(
 def _outlined(
     surfaces: list[Surface], channel: int, enclosure: Enclosure | None, ports: tuple[Port, ...]
 ) -> Scene:
-    """Scene without the Mitsuba scenes."""
+    """Scene with its parts and panes, before the Mitsuba scenes are made."""
     groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
     for surface in surfaces:
         key = (surface.component, surface.material, surface.closed)
         groups.setdefault(key, []).append(surface)
-    # One mesh a material and component: tracing slows with the number of shapes.
+    # One mesh for each material and component: many shapes slow tracing.
     parts = []
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
@@ -226,7 +226,7 @@ def load(
     ----------
     case : Case
     state : {'open', 'shaded'}
-        State of the shade; closed, it stands in place of clear panes and open holes.
+        State of the shade; a closed one replaces clear panes and open holes.
     channel : int
         Colour channel, 0 to 2; −1 for luminance.
     effects : EnabledEffects

@@ -15,7 +15,7 @@ from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
 def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """Positions [m] and normals of the sensors in the world frame, shape (sensor, 3) each.
 
-    Positions count from the case's `geometry.origin`, as all that is traced.
+    Positions are relative to the case's `geometry.origin`.
 
     Raises
     ------
@@ -34,11 +34,11 @@ def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_sensors(case: Case, points: np.ndarray, start: np.ndarray) -> None:
-    """Refuse sensors that see nothing because they stand in or on something.
+    """Refuse sensors in or on a surface, a piece of furniture or a closed mesh.
 
-    `start` is what the user's coordinates have in addition.
+    `start` (3,) is the origin of the points in the user's coordinates [m].
     """
-    margin = 1e-3 - 1e-9  # 1 mm itself is fine, whatever a sum of decimals rounds to
+    margin = 1e-3 - 1e-9  # 1 mm is allowed, with the rounding of decimals
 
     def refuse(bad: Any, where: str) -> None:
         if bad.any():

@@ -1,9 +1,9 @@
-"""Visibility of suns: which can get into a room at all, by geometry that errs on the side of yes.
+"""Visibility of suns: whether each can light a room; in doubt it can.
 
-A sun gets in where it stands before an opening and nothing hides the whole opening from it, or
-where it shines on something outside that may pass its light on to an opening. Both follow from
-half-spaces: two surfaces exchange light only where each has a corner before the other. Shadows
-between surfaces outside are left out: they could only take suns away.
+A sun lights the room if it stands before an opening that no surface hides entirely, or if it shines
+on a surface outside that may pass its light on to an opening. Both follow from half-spaces: two
+surfaces exchange light only where each has a corner before the other. Shadows between surfaces
+outside are left out: they could only exclude more suns.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from drcmitsuba.scene.geometry import box, boxes, normals, rotation
 from drcmitsuba.scene.materials import albedo, max_reflectance
 
 MOST_FACES = 400
-"""Largest number of surfaces outside whose exchange is computed; with more every sun gets in."""
+"""Largest number of surfaces outside for an exchange; with more, every sun lights the room."""
 MOST_BLOCKERS = 64
 """Largest number of surfaces outside that may hide an opening, the largest first."""
 BEFORE = 1e-6
@@ -29,12 +29,12 @@ BEFORE = 1e-6
 
 @dataclass(frozen=True)
 class VisibleSuns:
-    """Suns that get in.
+    """Suns that light a room.
 
     Parameters
     ----------
     mask : np.ndarray of bool, shape (sun,)
-        Whether each sun gets in.
+        Whether each sun lights the room.
     behind, hidden : int
         Number of suns before no opening, and of suns that are hidden by surfaces outside.
     largest : float
@@ -49,7 +49,7 @@ class VisibleSuns:
 
 @dataclass(frozen=True)
 class SunVisibility:
-    """Geometry that decides whether a sun gets into a room, in the world frame.
+    """Geometry that decides whether a sun lights a room, in the world frame.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class SunVisibility:
     blockers : np.ndarray, shape (blocker, 4, 3)
         Opaque parallelograms outside [m].
     everything : bool
-        Whether so much stands outside that every sun is taken to get in.
+        Whether more than `MOST_FACES` surfaces stand outside: every sun then lights the room.
     """
 
     openings: np.ndarray
@@ -101,7 +101,7 @@ class SunVisibility:
         return normals(self.openings)
 
     def visible(self, suns: np.ndarray, diameter: float) -> VisibleSuns:
-        """Decide which suns get in.
+        """Decide which suns light the room.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ def reaches_in(case: Case, faces: np.ndarray) -> np.ndarray:
 
 
 def outside(case: Case) -> list[Furniture]:
-    """Pieces of furniture that stand outside of the room at least in part; all without a room."""
+    """Pieces of furniture at least partly outside the room; all of them without a room."""
     if case.room is None:
         return list(case.furniture)
     size = np.array(case.room.size)
@@ -157,18 +157,18 @@ def _faces(piece: Furniture) -> list[np.ndarray]:
 
 
 def _areas(quads: np.ndarray) -> np.ndarray:
-    """Areas of parallelograms (quad, 4, 3), or of triangles with their last corner twice."""
+    """Areas (quad,) [m²] of parallelograms (quad, 4, 3) or triangles with a repeated corner."""
     n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     return np.linalg.norm(n, axis=1) / 2
 
 
 def _relays(faces: np.ndarray, openings: np.ndarray) -> np.ndarray:
-    """Normals of the sides of faces (face, 4, 3) that may pass light on to openings, in steps."""
+    """Normals (side, 3) of the sides of faces (face, 4, 3) that may pass light to openings."""
     sides, n = np.concatenate([faces, faces]), normals(faces)
     of_sides, of_openings = np.concatenate([n, -n]), normals(openings)
 
     def exchange(a: np.ndarray, na: np.ndarray, b: np.ndarray, nb: np.ndarray) -> np.ndarray:
-        """Whether each of a and each of b have a corner before the other, shape (a, b)."""
+        """Whether each quad of a and each of b have a corner before the other, shape (a, b)."""
         own_a, own_b = (np.einsum("ai,ai->a", n, q[:, 0]) for n, q in ((na, a), (nb, b)))
         before_a = np.einsum("ai,bci->abc", na, b) - own_a[:, None, None]
         before_b = np.einsum("bi,aci->abc", nb, a) - own_b[None, :, None]
@@ -186,10 +186,10 @@ def _relays(faces: np.ndarray, openings: np.ndarray) -> np.ndarray:
 def _hidden(
     opening: np.ndarray, blocker: np.ndarray, suns: np.ndarray, radius: float
 ) -> np.ndarray:
-    """Whether a parallelogram hides the whole of an opening from the whole of each sun.
+    """Whether a parallelogram hides all of an opening from all of each sun, shape (sun,).
 
-    Rays from the corners to a sun pierce the blocker's plane within it, by more than the sun's
-    radius moves them there: then so do those from everywhere else in the opening.
+    It does where rays from the opening's corners to a sun meet the parallelogram, farther from its
+    edges than the sun's radius moves them: rays from the rest of the opening then meet it, too.
     """
     n = normals(blocker[None])[0]
     u, v = blocker[1] - blocker[0], blocker[3] - blocker[0]

@@ -1,9 +1,9 @@
-"""Components as geometry: the surfaces of a case's components, and the ports they get light by.
+"""Components as geometry: their surfaces, and the ports by which light reaches them.
 
 place
-    All components of a case where they stand, checked.
+    All components of a case, in position and checked.
 inside
-    Which points lie in a closed mesh.
+    Whether points lie in closed meshes.
 """
 
 from drcmitsuba.scene.components.placed_component import PlacedComponent

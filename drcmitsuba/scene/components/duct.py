@@ -1,4 +1,4 @@
-r"""A rectangular mirrored duct over the ceiling, with an anidolic entry and one bend.
+r"""Rectangular mirrored duct over the ceiling, with an anidolic entry and one bend.
 
 From outside to inside: a straight frame with the cover, a compound parabolic concentrator [1]_, a
 channel, a plane mirror at 45° that turns the light down, a shaft through the ceiling. The
@@ -7,7 +7,7 @@ concentrator, above and below, has the half angle of acceptance θ; its profile 
 .. math:: r(φ) = \frac{2 f \sin(φ - θ)}{1 - \cos φ} - a, \quad
           d(φ) = L - \frac{2 f \cos(φ - θ)}{1 - \cos φ}, \quad f = a (1 + \sin θ)
 
-with a half the channel's height, from r = a / sin θ at the entry (φ = 2θ) to r = a at the channel
+with a = half the channel's height, from r = a / sin θ at the entry (φ = 2θ) to r = a at the channel
 (φ = θ + 90°).
 
 References
@@ -27,11 +27,11 @@ from drcmitsuba.scene.components.placed_component import PlacedComponent, recess
 from drcmitsuba.scene.geometry import UP, Port, Surface, side_of
 
 STEP = 1.0
-"""The concentrator is cut into facets of at most so many degrees of φ."""
+"""Largest facet of the concentrator, as an angle φ [deg]."""
 
 
 def concentrator(height: float, acceptance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Distances from its entry and half heights of a profile that ends at `height` [m]."""
+    """Distances from the entry and half heights [m] of a profile that ends at `height`."""
     theta, a = np.radians(acceptance), height / 2
     count = int(np.ceil((90 - acceptance) / STEP)) + 1
     phi = np.linspace(2 * theta, theta + np.pi / 2, count)
@@ -47,7 +47,7 @@ def duct(case: Case, name: str, table: Duct) -> PlacedComponent:
     Raises
     ------
     InputError
-        It is too short for its concentrator and its bend, or too close to the ceiling.
+        The duct is too short for its concentrator and bend, or too close to the ceiling.
     """
     assert case.room is not None
     ceiling, h = case.room.size[2], table.height
@@ -78,7 +78,7 @@ def duct(case: Case, name: str, table: Duct) -> PlacedComponent:
         return foot + along * s + inward * depth + UP * z
 
     def side(corners: list[tuple[float, float]]) -> list[np.ndarray]:
-        """Both side walls over corners (depth, z) given from the entry, lower edge first."""
+        """Both side walls of corners (depth, z) that begin at the entry, lower edge first."""
         first = np.array([at(left, *c) for c in corners])
         second = np.array([at(right, *c) for c in reversed(corners)])
         return [first, second]

@@ -1,7 +1,7 @@
-"""A straight mirrored pipe through the ceiling.
+"""Straight mirrored pipe through the ceiling.
 
-A round pipe ends in a square frame at either end, in which its pane stands: so the hole in the
-ceiling, the panes and the ports are squares.
+A round pipe has a square frame with a pane at either end, so the hole in the ceiling, the panes and
+the ports are squares.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ BLACK = Lambertian(0.0)
 
 
 def polygon(centre: tuple[float, float], width: float, sides: int) -> np.ndarray:
-    """Corners (side, 2) of a regular polygon about a circle of that width, counter-clockwise.
+    """Corners (side, 2) of a regular polygon around a circle of `width`, counter-clockwise.
 
     One side faces each of east, north, west and south.
     """
@@ -30,7 +30,7 @@ def polygon(centre: tuple[float, float], width: float, sides: int) -> np.ndarray
 
 
 def ring(corners: np.ndarray, z: float) -> np.ndarray:
-    """Triangles, as quads (n, 4, 3), between a polygon and the square around it; front upward."""
+    """Triangles, as quads (n, 4, 3), between a polygon and its bounding square; front upward."""
     sides = len(corners)
     low, high = corners.min(axis=0), corners.max(axis=0)
     square = np.array([high, [low[0], high[1]], low, [high[0], low[1]]])
@@ -43,7 +43,7 @@ def ring(corners: np.ndarray, z: float) -> np.ndarray:
 
 
 def tube(corners: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Walls (side, 4, 3) over a polygon that is given counter-clockwise, fronts inward."""
+    """Walls (side, 4, 3) over a counter-clockwise polygon, fronts inward."""
     p = np.column_stack([corners, np.full(len(corners), low)])
     along = np.roll(p, -1, axis=0) - p
     return np.array([quad(a, UP * (high - low), d) for a, d in zip(p, along, strict=True)])
@@ -55,7 +55,7 @@ def lightpipe(case: Case, name: str, pipe: LightPipe) -> PlacedComponent:
     Raises
     ------
     InputError
-        It is too low for its panes.
+        The pipe is too low for its panes.
     """
     assert case.room is not None
     foot = case.room.size[2]

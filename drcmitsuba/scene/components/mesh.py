@@ -1,4 +1,4 @@
-"""A component of any shape, read from a file."""
+"""Component of any shape, read from a file."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from drcmitsuba.scene.structures.mesh import read_mesh
 from drcmitsuba.scene.structures.solid import check_solid, is_closed, volume
 
 AIR = 1e-3
-"""Distance of the ports from the mesh that they surround [m]."""
+"""Distance of automatic ports from the mesh that they surround [m]."""
 
 
 def _shape(component: MeshComponent) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Vertices and faces of a component's file, and whether they close."""
+    """Vertices and faces of a component's file, and whether the mesh is closed."""
     file = component.file
     return _read(file, file.stat().st_mtime_ns if file.is_file() else 0)
 
@@ -45,7 +45,7 @@ def is_solid(component: MeshComponent) -> bool:
 
 
 def triangles(component: MeshComponent) -> np.ndarray:
-    """Triangles (triangle, 3, 3) of a mesh where it stands, in the room's frame [m]."""
+    """Triangles (triangle, 3, 3) of a placed mesh, in the room's frame [m]."""
     vertices, faces, _ = _shape(component)
     angle = np.radians(component.rotation)
     s, c = np.sin(angle), np.cos(angle)
@@ -69,7 +69,7 @@ def mesh(case: Case, name: str, component: MeshComponent) -> PlacedComponent:
     if case.unit is None:
         where = f"components.{name}.scale"
         ask_about_mesh(case.source, where, np.ptp(points, axis=0).tolist(), component.scale)
-    if isinstance(material, DielectricMaterial):  # again where it stands: turned and scaled
+    if isinstance(material, DielectricMaterial):  # checked as placed: turned and scaled
         check_solid(component.file, points, np.arange(len(points)).reshape(-1, 3))
     if component.ports:
         quads = np.array(component.ports)
@@ -78,7 +78,7 @@ def mesh(case: Case, name: str, component: MeshComponent) -> PlacedComponent:
         _check(case.source, f"components.{name}.ports", quads, points)
     else:
         low, high = points.min(axis=0) - AIR, points.max(axis=0) + AIR
-        if case.room is not None:  # what stands on the floor has no port below it
+        if case.room is not None:  # a mesh on the floor has no port below it
             size = np.array(case.room.size)
             if (low >= -2 * AIR).all() and (high <= size + 2 * AIR).all():
                 low, high = np.maximum(low, 0), np.minimum(high, size)

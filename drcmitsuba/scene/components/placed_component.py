@@ -1,4 +1,4 @@
-"""A component in the room: its surfaces, its ports, and its hole in the ceiling."""
+"""Component in the room: its surfaces, its ports, and its hole in the ceiling."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import Port, Surface
 
 RAY_OFFSET = 1500 * 2.0**-24
-"""Mitsuba starts rays off a surface by this times 1 + the largest coordinate [m]."""
+"""Distance by which Mitsuba starts rays off a surface, over 1 + the largest coordinate [m]."""
 RECESS = 0.005
-"""Panes stand at least this far behind the mouth of a component [m]."""
+"""Least distance of a pane behind the mouth of a component [m]."""
 
 
 @dataclass(frozen=True)
 class PlacedComponent:
-    """A component where it stands, in the room's frame [m].
+    """Component in its position, in the room's frame [m].
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class PlacedComponent:
     hole : np.ndarray, shape (4,), or None
         Hole in the ceiling: lowest and highest x, lowest and highest y [m].
     is_open : bool
-        Whether straight light may come in by the hole.
+        Whether straight light may enter by the hole.
     """
 
     name: str
@@ -38,7 +38,7 @@ class PlacedComponent:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest coordinates of all surfaces."""
+        """Lowest and highest coordinates of all surfaces, shape (3,) each [m]."""
         points = np.concatenate([s.quads.reshape(-1, 3) for s in self.surfaces])
         return points.min(axis=0), points.max(axis=0)
 
@@ -46,7 +46,7 @@ class PlacedComponent:
 def ray_offset(points: np.ndarray) -> float:
     """Largest distance [m] by which Mitsuba moves rays off surfaces with corners (…, 3).
 
-    It holds for any rotation of the room. Rays would skip layers that are closer to each other.
+    The value holds for any rotation of the room. Rays would skip layers closer than this.
     """
     p = np.reshape(points, (-1, 3))
     far = max(float(np.hypot(p[:, 0], p[:, 1]).max()), float(abs(p[:, 2]).max()))
@@ -54,7 +54,7 @@ def ray_offset(points: np.ndarray) -> float:
 
 
 def recess(points: np.ndarray) -> float:
-    """Distance of a pane from the mouth it stands in [m]."""
+    """Distance of a pane from the mouth around it [m]."""
     return max(RECESS, 4 * ray_offset(points))
 
 

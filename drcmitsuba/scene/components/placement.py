@@ -1,4 +1,4 @@
-"""All components of a case where they stand, checked against each other and against the room."""
+"""All components of a case in position, checked against each other and against the room."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NEAR = 1e-6
 IN_A_WALL = "it lies in a wall", "move it into an opening"
 TURNED = "it turns its back on every opening", "give its corners in the other order"
 DARK = (IN_A_WALL, TURNED)
-"""Faults of ports that no light gets to at all, and their remedies."""
+"""Faults, with their remedies, of ports that no light reaches."""
 
 
 def place(case: Case) -> tuple[PlacedComponent, ...]:
@@ -34,13 +34,13 @@ def place(case: Case) -> tuple[PlacedComponent, ...]:
     Returns
     -------
     tuple of PlacedComponent
-        In the room's frame [m].
+        Components in the room's frame [m].
 
     Raises
     ------
     InputError
-        A component is unfit, leaves the ceiling, or runs into another one; or a port lies in a
-        wall or a solid, or sees no opening.
+        A component is unfit, its hole leaves the ceiling, or it runs into another one; or a port
+        lies in a wall or a solid, or faces no opening.
     """
     panes = panes_of(case)
     placed_components = []
@@ -62,7 +62,7 @@ def place(case: Case) -> tuple[PlacedComponent, ...]:
 
 
 def panes_of(case: Case) -> dict[str, list[np.ndarray]]:
-    """Panes and holes of all façades by material or component, fronts inward."""
+    """Panes and holes (4, 3) [m] of all façades by material or component, fronts inward."""
     by_name: dict[str, list[np.ndarray]] = {}
     if case.room is not None:
         for side in SIDES:
@@ -72,7 +72,7 @@ def panes_of(case: Case) -> dict[str, list[np.ndarray]]:
 
 
 def _check_apart(source: str, above: list[PlacedComponent]) -> None:
-    """Refuse components over the ceiling that run into each other."""
+    """Refuse components above the ceiling whose bounds overlap."""
     for a, b in combinations(above, 2):
         (low, high), (other_low, other_high) = a.bounds, b.bounds
         if ((low < other_high) & (other_low < high)).all():
@@ -95,7 +95,7 @@ def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
 def _within(
     solids: list[tuple[str, np.ndarray]], points: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Names of solids, each with a mask of the points (point, 3) in it, however normals point."""
+    """Names of solids, each with a mask of the points (point, 3) in it; normals do not matter."""
     for name, corners in solids:
         faces, vertices = np.arange(3 * len(corners)).reshape(-1, 3), corners.reshape(-1, 3)
         within = ((points >= vertices.min(axis=0)) & (points <= vertices.max(axis=0))).all(axis=1)
@@ -107,17 +107,17 @@ def _within(
 def _checked_ports(
     case: Case, placed_components: list[PlacedComponent]
 ) -> Iterator[PlacedComponent]:
-    """Components with ports that light can get to.
+    """Components with ports that light can reach.
 
-    Ports that were named, or that a component cannot do without, have to be fit; of those around a
-    mesh the fit ones are kept.
+    Every port from the case file, a light pipe, a duct or a structure has to be fit. A mesh without
+    own ports keeps the fit faces of its bounding box, at least one.
     """
     openings, solids = _openings(case, placed_components), list(_solids(case))
     for placed in placed_components:
         component = case.components[placed.name]
         by_box = isinstance(component, MeshComponent) and not component.ports
         faults = [_fault(case, port.quad, openings, solids) for port in placed.ports]
-        if by_box:  # what a wall or a solid covers of a face, no light gets to
+        if by_box:  # a face partly in a wall or a solid stays a port
             faults = [fault if fault in DARK else None for fault in faults]
         for i, fault in enumerate(faults):
             if fault is not None and (not by_box or None not in faults):
@@ -127,7 +127,7 @@ def _checked_ports(
 
 
 def _openings(case: Case, placed_components: list[PlacedComponent]) -> np.ndarray:
-    """Rectangles (opening, 4, 3) by which light comes into the room."""
+    """Rectangles (opening, 4, 3) by which light enters the room."""
     by_name = panes_of(case)
     quads = [q for panes in by_name.values() for q in panes]
     for placed in placed_components:

@@ -1,12 +1,11 @@
-"""A micro-structure in the strips of a façade that name it.
+"""Micro-structure in the strips of a façade that name it.
 
-From the façade plane outward, each a `gap` from the next: the mouth towards the room, the inner
-pane, a ledge (of clear structures only, see below), the structure, the outer pane, the outer
-mouth. The casing closes the four sides from mouth to mouth. What whole periods leave of the pane is
-wall of the casing's colour.
+Layers from the façade plane outward, each a `gap` from the next: the mouth towards the room, the
+inner pane, a ledge (for clear structures only), the structure, the outer pane, the outer mouth. The
+casing closes the four sides from mouth to mouth, and the rest of the pane beside whole periods.
 
-A clear structure stands off its casing by the gap; a ledge of twice the gap covers that slit, so
-that no straight light slips past.
+A clear structure stands off its casing by the gap; a ledge, twice as wide, covers that slit and
+stops straight light.
 """
 
 from __future__ import annotations
@@ -27,20 +26,20 @@ from drcmitsuba.scene.structures.recipe import Lamellae, Mesh, Recipe, load_reci
 from drcmitsuba.scene.structures.structure import MOST_TRIANGLES
 
 FINEST = 20
-"""Periods are at least so many ray offsets long; finer structures are a matter for a BSDF.
+"""Least length of a period [ray offset]; finer structures need a BSDF.
 
-The prisms of films/prism.toml then pass a beam to within 1.3 % of the light (10: 6 %; 40: 0.3 %).
+The error of the light through films/prism.toml is 1.3 % here, 6 % at 10 and 0.3 % at 40.
 """
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A pane of the façade, in its own axes: s along, h up, t out of the room [m].
+    """Pane of the façade in its own axes: s along, h up, t out of the room [m].
 
     Parameters
     ----------
     origin, along, up, out : np.ndarray, shape (3,)
-        Lower left corner seen from outside, and unit vectors.
+        Lower left corner as seen from outside [m], and unit vectors.
     width, height : float
         Extents along s and h [m].
     """
@@ -54,18 +53,18 @@ class Opening:
 
     @classmethod
     def of(cls, pane: np.ndarray) -> Opening:
-        """Axes of a pane (4, 3) as `geometry.wall` makes it."""
+        """Opening of a pane (4, 3) from `geometry.wall`."""
         up, along = pane[1] - pane[0], pane[3] - pane[0]
         height, width = float(np.linalg.norm(up)), float(np.linalg.norm(along))
         up, along = up / height, along / width
         return cls(pane[0], along, up, np.cross(along, up), width, height)
 
     def at(self, s: float, h: float, t: float) -> np.ndarray:
-        """Point of coordinates s, h, t."""
+        """Point (3,) at coordinates s, h, t [m]."""
         return self.origin + s * self.along + h * self.up + t * self.out
 
     def rectangle(self, s: tuple[float, float], h: tuple[float, float], t: float) -> np.ndarray:
-        """Rectangle across the opening, its front towards the room."""
+        """Rectangle (4, 3) across the opening, front towards the room."""
         return quad(self.at(s[0], h[0], t), self.up * (h[1] - h[0]), self.along * (s[1] - s[0]))
 
     def border(
@@ -96,7 +95,7 @@ def recipe_of(case: Case, name: str, component: StructureComponent) -> Recipe:
     Raises
     ------
     InputError
-        The recipe is unfit, a tilt is given for what has none, or glass for what has its own.
+        The recipe is unfit, a tilt is given without lamellae, or glass beside the recipe's own.
     """
     recipe = load_recipe(component.recipe)
     if component.tilt is not None:
@@ -123,7 +122,11 @@ def structure(
     name : str
     component : StructureComponent
     panes : list of np.ndarray, shape (4, 3)
-        In the room's frame, fronts inward [m].
+        Corners in the room's frame [m], fronts inward.
+
+    Returns
+    -------
+    PlacedComponent
 
     Raises
     ------
@@ -199,7 +202,7 @@ def _check_fineness(
 def layers(
     component: StructureComponent, recipe: Recipe, thickness: float, has_outer: bool
 ) -> Layers:
-    """Stack the layers of a component, whose structure has a thickness [m]."""
+    """Stack the layers of a component with a structure of `thickness` [m]."""
     gap = component.gap
     t = gap
     inner = ledge = outer = None
@@ -218,7 +221,7 @@ def _fill(
     quads_by_name: dict[str, list[np.ndarray]], opening: Opening, built: Block,
     component: StructureComponent, recipe: Recipe, has_outer: bool,
 ) -> list[np.ndarray]:  # fmt: skip
-    """Add one pane's surfaces to those of its component; return its ports."""
+    """Add one pane's surfaces to those of its component; return its two ports (4, 3)."""
     at = layers(component, recipe, built.size[2], has_outer)
     slit = component.gap if at.ledge is not None else 0.0
     # A block as wide or high as its pane leaves no blank, whatever the rounding.

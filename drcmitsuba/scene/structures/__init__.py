@@ -1,9 +1,9 @@
-"""Micro-structures and other plain geometry from files: what components are made of.
+"""Micro-structures and meshes from files, the geometry of components.
 
 load_recipe
     Read and check a recipe (TOML): prism, slots, lamellae or mesh, with or without glass.
 unit_cell
-    One period of its surfaces.
+    Surfaces of one period of a recipe.
 read_mesh
     Triangles of a PLY or OBJ file.
 """

@@ -1,4 +1,4 @@
-"""Whole periods of a structure, cut out of the endless one so that they can be built in."""
+"""Whole periods of an endless structure, cut out to be built into a pane."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Block:
     Parameters
     ----------
     quads : np.ndarray, shape (quad, 4, 3)
-        In the recipe's axes (x along the façade, y up, z into the room) [m]; x and y about 0, z up
-        to 0. A triangle repeats its last corner. Normals of a clear solid point outward.
+        Corners [m] in the recipe's axes: x along the façade and y up, both centred on 0; z into
+        the room, at most 0. A triangle repeats its last corner. A clear solid's normals point out.
     material : MirrorMaterial or DielectricMaterial
     size : np.ndarray, shape (3,)
-        What it takes along x, y and z [m].
+        Extent along x, y and z [m].
     periods : int
-        Along y.
+        Number of periods along y.
     """
 
     quads: np.ndarray
@@ -59,7 +59,7 @@ def block(recipe: Recipe, width: float, height: float) -> Block:
     ----------
     recipe : Recipe
     width, height : float
-        Of the pane [m].
+        Extents of the pane [m].
 
     Returns
     -------
@@ -69,7 +69,7 @@ def block(recipe: Recipe, width: float, height: float) -> Block:
     Raises
     ------
     InputError
-        No period fits, a clear mesh is not closed within its period, or all are too many triangles.
+        No period fits, a clear mesh is not closed in its period, or triangles are too many.
     """
     unit = unit_cell(recipe)
     if unit.extruded:
@@ -86,7 +86,7 @@ def block(recipe: Recipe, width: float, height: float) -> Block:
 
 
 def _count(recipe: Recipe, extent: float, period: float, room: float) -> int:
-    """Periods that fit; the last one takes its extent."""
+    """Number of periods [mm] that fit into `room` [mm]; the last one takes `extent` [mm]."""
     count = int(np.floor((room - extent) / period + 1e-6)) + 1
     if count < 1:
         got = f"a period takes {extent:g} mm, the pane leaves {room:.4g} mm"
@@ -97,7 +97,7 @@ def _count(recipe: Recipe, extent: float, period: float, room: float) -> int:
 def _cut(
     recipe: Recipe, material: StructureMaterial, width: float, height: float
 ) -> tuple[np.ndarray, tuple[float, float], int]:
-    """Quads of an extruded structure [mm], what they span along x and y, and the periods."""
+    """Quads of an extruded structure, their span along x and y [mm], and number of periods."""
     parts, s = outlines(recipe), recipe.structure
     assert not isinstance(s, Mesh)
     y = np.concatenate(parts)[..., 1]
@@ -123,14 +123,14 @@ def _cut(
 
 
 def _at(x: float, zy: np.ndarray) -> np.ndarray:
-    """Points (…, 3) at x of points (…, 2) of the cross-section."""
+    """Points (…, 3) at x from points (…, 2) of the cross-section, z before y."""
     return np.stack([np.full(zy.shape[:-1], x), zy[..., 1], zy[..., 0]], axis=-1)
 
 
 def _tiled(
     recipe: Recipe, corners: np.ndarray, width: float, height: float
 ) -> tuple[np.ndarray, tuple[float, float], int]:
-    """Copies of a mesh (triangle, 3, 3) [mm], side by side and one above the other."""
+    """Quads of copies of a mesh (triangle, 3, 3), their span [mm], and periods along y."""
     s = recipe.structure
     assert isinstance(s, Mesh)
     extent = np.ptp(corners.reshape(-1, 3), axis=0)[:2]

@@ -1,4 +1,4 @@
-"""Triangles from PLY and OBJ files, read here: a file cannot ask for more memory than its size."""
+"""Triangles from PLY and OBJ files; the memory taken is bounded by the size of the file."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _TYPES = {
 
 
 class _UnfitError(ValueError):
-    """What is wrong with the text of a mesh, without the name of its file."""
+    """Fault in the text of a mesh, without the name of its file."""
 
 
 def _obj(text: str) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles of a Wavefront OBJ; polygons become fans."""
+    """Vertices (vertex, 3) and triangles (face, 3) of a Wavefront OBJ; polygons become fans."""
     vertices, faces = array("d"), array("q")
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split()
@@ -45,7 +45,7 @@ def _obj(text: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _header(raw: bytes) -> tuple[str, dict[str, tuple[int, list[list[str]]]], int]:
-    """Format, elements (count and properties) and length of a PLY header."""
+    """Format, elements (count and properties) and length [byte] of a PLY header."""
     end = raw.find(b"end_header")
     newline = raw.find(b"\n", max(end, 0))
     if not raw.startswith(b"ply") or end < 0 or newline < 0:
@@ -71,7 +71,7 @@ def _header(raw: bytes) -> tuple[str, dict[str, tuple[int, list[list[str]]]], in
 
 
 def _dtype(properties: list[list[str]], order: str) -> np.dtype:
-    """Layout of one record; a list is one of three corners."""
+    """Layout of one record of an element; every list has three entries."""
     fields: list[tuple] = []
     for p in properties:
         types = p[1:3] if p[:1] == ["list"] else p[:1]
@@ -88,7 +88,7 @@ def _dtype(properties: list[list[str]], order: str) -> np.dtype:
 
 
 def _ply(raw: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles of a PLY file."""
+    """Vertices (vertex, 3) and triangles (face, 3) of a PLY file."""
     form, elements, at = _header(raw)
     orders = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
     if form not in orders:
@@ -126,7 +126,7 @@ def _ply(raw: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_rounding(points: np.ndarray) -> None:
-    """Refuse vertices (vertex, 3) that single precision has moved by more than 1e-4 of the mesh."""
+    """Refuse vertices (vertex, 3) that single precision rounds by more than 1e-4 of the mesh."""
     far, size = float(abs(points).max()), float(np.ptp(points, axis=0).max())
     rounding = float(np.spacing(np.float32(far)))
     if np.isfinite(far) and rounding > 1e-4 * size:
@@ -134,7 +134,7 @@ def _check_rounding(points: np.ndarray) -> None:
 
 
 def _columns(rows: np.ndarray, layout: np.dtype) -> np.ndarray:
-    """Records of a table of numbers."""
+    """Records with a layout from a table of numbers (record, column)."""
     out = np.zeros(len(rows), layout)
     at = 0
     for name in layout.names or ():
@@ -145,7 +145,7 @@ def _columns(rows: np.ndarray, layout: np.dtype) -> np.ndarray:
 
 
 def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read triangles.
+    """Read the triangles of a mesh file.
 
     Parameters
     ----------
@@ -156,13 +156,14 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     vertices : np.ndarray, shape (vertex, 3)
-        In units of the file.
+        Coordinates in units of the file.
     faces : np.ndarray, shape (face, 3)
+        Indices of vertices.
 
     Raises
     ------
     InputError
-        The file is missing, too large or no mesh, or a face names a vertex that is not there.
+        The file is missing, too large or no mesh, or a face names a missing vertex.
     """
     remedy = "give a PLY or OBJ file of triangles"
     try:

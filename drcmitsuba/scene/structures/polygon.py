@@ -10,17 +10,17 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def triangles(points: np.ndarray) -> np.ndarray:
-    """Cut a simple polygon into triangles, by ears that are cut off one after the other.
+    """Cut a simple polygon into triangles by clipping its ears.
 
     Parameters
     ----------
     points : np.ndarray, shape (corner, 2)
-        Counter-clockwise.
+        Corners, counter-clockwise.
 
     Returns
     -------
     np.ndarray of int, shape (corner − 2, 3)
-        Counter-clockwise too, by number of the corner.
+        Indices of corners, counter-clockwise.
     """
     left = list(range(len(points)))
     ears: list[tuple[int, int, int]] = []
@@ -31,12 +31,12 @@ def triangles(points: np.ndarray) -> np.ndarray:
             ear = left[i - 1], left[i], left[(i + 1) % len(left)]
             if _is_ear(points, ear, left):
                 break
-        else:  # only rounding can leave no ear: what is left is a sliver
+        else:  # only rounding can leave no ear: the rest is a sliver
             i = at % len(left)
             ear = left[i - 1], left[i], left[(i + 1) % len(left)]
         ears.append(ear)
         left.pop(i)
-        at = i  # going on around the polygon keeps triangles from becoming slivers
+        at = i  # the next ear is sought further on, which avoids slivers
     return np.array([*ears, tuple(left)])
 
 

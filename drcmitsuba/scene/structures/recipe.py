@@ -184,12 +184,11 @@ class Recipe(Table):
 
 
 def load_recipe(path: str | Path) -> Recipe:
-    """Read and check a recipe.
+    """Read and check a recipe (TOML).
 
     Parameters
     ----------
     path : str or Path
-        A TOML file.
 
     Returns
     -------

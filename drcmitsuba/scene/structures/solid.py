@@ -1,4 +1,4 @@
-"""Whether a mesh is the surface of a solid, and what lies in it."""
+"""Whether a mesh is the surface of a solid, and which points lie in it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from drcmitsuba.runtime.errors import InputError
 
 SAME = 1e-6
-"""Corners closer than this share of the extent are one."""
+"""Corners closer than this fraction of the extent count as one."""
 
 
 def welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -23,7 +23,7 @@ def welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """Signed volume of a closed mesh; negative where normals point inward."""
+    """Volume of a closed mesh [unit³ of the vertices]; negative if normals point inward."""
     a, b, c = (vertices[faces[:, i]] - vertices[0] for i in range(3))
     return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
@@ -61,9 +61,9 @@ def check_solid(source: object, vertices: np.ndarray, faces: np.ndarray) -> None
 
 
 def winding(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How often a mesh surrounds points (point, 3): 1 in a solid, 0 outside of it.
+    """Winding number of a mesh at points (point, 3), shape (point,): 1 in a solid, 0 outside.
 
-    The solid angle of its triangles over 4π [1]_.
+    It is the signed solid angle of the triangles over 4π [1]_.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""From a recipe to one period of surfaces: plain geometry that tests and exporters can read."""
+"""One period of a recipe's surfaces, as plain geometry."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from drcmitsuba.scene.structures.mesh import read_mesh
 from drcmitsuba.scene.structures.recipe import Glass, Lamellae, Mesh, Opaque, Prism, Recipe, Slots
 
 ARC_STEP = 0.5
-"""Arcs become facets that turn by at most so many degrees."""
+"""Largest angle by which an arc turns from facet to facet [deg]."""
 SAME = 1e-6
-"""Corners closer than this share of the period are one."""
+"""Corners closer than this fraction of the period count as one."""
 MOST_EDGES = 1500
 MOST_PERIODS = 20
-"""Over which one period of a structure may reach."""
+"""Largest extent of the surfaces of one period [period]."""
 MOST_TRIANGLES = 4_000_000
 
 
@@ -31,13 +31,13 @@ class UnitCell:
     Parameters
     ----------
     vertices : np.ndarray, shape (vertex, 3)
-        x, y, z [mm]; of an extruded structure x is −1 or 1 and means nothing.
+        x, y, z [mm]; x of an extruded structure is −1 or 1 and has no meaning.
     faces : np.ndarray, shape (face, 3)
-        Corners of triangles, counter-clockwise seen from the air.
+        Vertices of each triangle, counter-clockwise as seen from the air.
     period : np.ndarray, shape (2,)
-        Along x and y [mm].
+        Distances from one repetition to the next along x and y [mm].
     extruded : bool
-        Whether the structure is the same all along x.
+        Whether the structure is the same along all of x.
     material : MirrorMaterial or DielectricMaterial
     glass : Glass or None
     """
@@ -77,7 +77,7 @@ def arc(start: np.ndarray, end: np.ndarray, turn: float) -> np.ndarray:
 
 
 def _closed(corners: tuple[tuple[float, ...], ...]) -> np.ndarray:
-    """Edges (edge, 2, 2) of a polygon in (z, y), counter-clockwise, its arcs resolved."""
+    """Edges (edge, 2, 2) of a polygon in (z, y), counter-clockwise, arcs cut into facets."""
     at = np.array([c[:2] for c in corners], float)
     after = np.roll(at, -1, axis=0)
     sense = np.sign((at[:, 0] * after[:, 1] - at[:, 1] * after[:, 0]).sum()) or 1.0
@@ -90,19 +90,19 @@ def _closed(corners: tuple[tuple[float, ...], ...]) -> np.ndarray:
 
 
 def _pieces(corners: tuple[tuple[float, ...], ...]) -> int:
-    """Edges of a polygon once its arcs are resolved."""
+    """Number of edges of a polygon after its arcs are cut into facets."""
     return sum(max(1, int(np.ceil(abs(c[2]) / ARC_STEP))) if len(c) > 2 else 1 for c in corners)
 
 
 def _outer(edges: np.ndarray, period: float) -> np.ndarray:
-    """Drop the edges that neighbours share, back to back, also from one period to the next."""
+    """Edges without those that neighbours, or neighbouring periods, share back to back."""
     middle = edges.mean(axis=1)[:, 1]
     shift = np.floor(middle / period + SAME) * period
     return edges[alone(edges - np.stack([0 * shift, shift], axis=1)[:, None], period)]
 
 
 def alone(edges: np.ndarray, period: float) -> np.ndarray:
-    """Which edges (edge, 2, 2) do not lie back to back with another one."""
+    """Whether each edge (edge, 2, 2) lies back to back with no other edge, shape (edge,)."""
     whole = np.round(edges / (period * SAME)).astype(np.int64)
     keys = [tuple(e) for e in whole.reshape(-1, 4).tolist()]
     known = set(keys)
@@ -126,7 +126,7 @@ def _crossing(a: np.ndarray, b: np.ndarray, tolerance: float) -> bool:
 
 
 def copies(low: float, high: float, start: float, period: float) -> range:
-    """Shifts, in periods, that bring something from low to high into the period at `start`."""
+    """Shifts [period] that bring the interval from low to high into the period at `start`."""
     return range(int(np.ceil((start - high) / period)), int((start + period - low) // period) + 1)
 
 
@@ -145,7 +145,7 @@ def _check_crossing(source: str, edges: np.ndarray, period: float) -> None:
 def _extruded(
     edges: np.ndarray, period: float, material: StructureMaterial, glass: Glass | None
 ) -> UnitCell:
-    """Surfaces of edges (edge, 2, 2) in (z, y), air on the right-hand side of each."""
+    """Unit cell of edges (edge, 2, 2) in (z, y), with air on the right-hand side of each."""
     a, b = edges[:, 0], edges[:, 1]
     ends = [np.stack([np.full(len(e), x), e[:, 1], e[:, 0]], axis=1)
             for x, e in ((-1.0, a), (1.0, a), (1.0, b), (-1.0, b))]  # fmt: skip
@@ -169,10 +169,10 @@ def _slot_polygons(s: Slots) -> list[tuple[tuple[float, float], ...]]:
 
 
 def _from_mesh(recipe: Recipe, s: Mesh) -> UnitCell:
-    """Surfaces of a mesh file; a clear one has to be closed, with normals that point outward."""
+    """Unit cell of a mesh file; a clear mesh has to be closed, with normals outward."""
     file = recipe.path(s.file)
     vertices, faces = read_mesh(file)
-    used, numbers = np.unique(faces, return_inverse=True)  # the rest would be repeated in vain
+    used, numbers = np.unique(faces, return_inverse=True)  # unused vertices would be repeated
     vertices, faces = vertices[used] * s.scale, numbers.reshape(faces.shape)
     extent = np.ptp(vertices, axis=0)[:2] / s.period
     repeated = len(faces) * np.prod(np.ceil(extent) + 1)
@@ -195,7 +195,7 @@ def _from_mesh(recipe: Recipe, s: Mesh) -> UnitCell:
 
 
 def _check_distance(recipe: Recipe, period: float) -> None:
-    """Refuse glass so close that rays would skip it, or so far that grazing ones get lost."""
+    """Refuse glass so close that rays would skip it, or so far that grazing rays are lost."""
     low, high = period / 100, period * 50
     if recipe.glass is not None and not low <= recipe.glass.distance <= high:
         got = f"{recipe.glass.distance:g} mm"
@@ -209,7 +209,7 @@ def unit_cell(recipe: Recipe) -> UnitCell:
     Raises
     ------
     InputError
-        An outline crosses itself or its repetition, nothing is left of it, or a mesh is unfit.
+        An outline crosses itself or its repetition or has no outer edge, or a mesh is unfit.
     """
     s = recipe.structure
     _check_distance(recipe, max(s.period) if isinstance(s, Mesh) else s.period)
