@@ -3,7 +3,7 @@
 case
     `Case`: all tables together; `load_case`.
 toml, unit_check
-    Reading and checking of tables; lengths that look like millimetres.
+    Reading and checking of tables; refusal of lengths that look like millimetres.
 weather, sky, sun
     Place, weather file and period; sky and ground; model of the sun.
 room, facade, furniture, sensors

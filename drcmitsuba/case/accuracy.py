@@ -51,31 +51,31 @@ class Accuracy(Table):
     seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
     """Seed of all random numbers; the same seed gives the same numbers."""
     replicates: Annotated[int, Field(ge=2, le=64)] = 8
-    """Number of independent replicates, from which standard errors are taken."""
+    """Number of independent replicates, whose scatter gives the standard errors."""
     paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
-    """Gather G: paths from a sensor."""
+    """Gather G: number of paths from a sensor."""
     cell_size: Annotated[float, Field(ge=1e-3, le=100)] = 0.45
     """Edge of the cubes that cut diffuse surfaces into cells [m]."""
     cell_sky_rays: Annotated[int, Field(ge=1, le=1 << 16)] = 128
-    """Deposit D: rays from a cell to the sky."""
+    """Deposit D: number of rays from a cell to the sky."""
     sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
-    """Deposit D: rays from a sensor to the sky."""
+    """Deposit D: number of rays from a sensor to the sky."""
     sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 4
-    """Deposit D: directions from a sensor to every sun; a cell takes one."""
+    """Deposit D: number of directions from a sensor to every sun; a cell takes one."""
     pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
-    """Deposit D: points on the scattering panes that a sensor or a cell looks at."""
+    """Deposit D: number of points on the scattering panes for each sensor or cell."""
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
-    """Deposit D: directions to the sky from every outgoing cell of a film's BSDF."""
+    """Deposit D: number of directions to the sky from every outgoing cell of a film's BSDF."""
     photons: Annotated[int, Field(ge=1, le=1 << 22)] = 1024
-    """Photons from every sun to each component; from a patch of the sky, four times as many."""
+    """Number of photons from every sun to a component; a sky patch sends four times as many."""
     photon_surfaces: Annotated[int, Field(ge=2, le=10_000)] = 256
-    """Largest number of surfaces that a photon meets; a note says how much is lost by this."""
+    """Largest number of surfaces that a photon meets; a note states the light lost beyond it."""
     sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3
     """Largest edge of the square around a sensor on which photons are counted [m]."""
     target: str | None = None
     """Half width of the 95 % intervals to reach: "1 point" of sDA and ASE, or "2 %" of mean E."""
     time_limit: Annotated[float, Field(gt=0, le=1e6)] = 600.0
-    """Time for further samples towards the target, after which no round begins [s]."""
+    """Time for further samples towards the target [s]; no round begins after it."""
 
     @model_validator(mode="after")
     def _target_is_readable(self) -> Accuracy:

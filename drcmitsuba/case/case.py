@@ -1,7 +1,7 @@
 """The case file: all tables together, checked before anything runs.
 
-A case is a TOML file. Each of its tables has a module of its own, which also checks what the table
-says against the others; a key that no table knows is an error, and so is a value out of its range.
+A case is a TOML file. Each of its tables has a module of its own, which also checks the table
+against the others. An unknown key is an error, and so is a value out of its range.
 Lengths are metres, angles degrees. The room's frame has its origin in the south-west corner of the
 floor, x to the east, y to the north, z up.
 """
@@ -59,12 +59,12 @@ MAX_BYTES = 1 << 20
 
 
 class Case(Table):
-    """Everything that one evaluation needs."""
+    """Case file: room, façade, sky, sensors and accuracy of one evaluation."""
 
     name: Name = "case"
     """Title of tables and pictures."""
     unit: Literal["m"] | None = None
-    """Unit of all lengths; "m" insists on lengths that look like millimetres."""
+    """Unit of all lengths; "m" accepts lengths that look like millimetres as metres."""
     site: SiteTable | None = None
     """Place, where there is no weather file."""
     weather: WeatherFile = WeatherFile()
@@ -90,7 +90,7 @@ class Case(Table):
     sensors: Sensors
     """Points at which the illuminance is computed."""
     shading: Shading | None = None
-    """Sun shade; without it, nothing closes."""
+    """Sun shade of the clear panes; without it, there is none."""
     metrics: Metrics = Metrics()
     """Thresholds of the metrics."""
     accuracy: Accuracy = Accuracy()
@@ -98,14 +98,14 @@ class Case(Table):
     effects: Effects = Effects()
     """Effects of light that are simulated."""
     design: Design | None = None
-    """What `optimise` searches."""
+    """Design space and objective of `optimise`."""
 
     _source: str = PrivateAttr("case")
     _folder: Path = PrivateAttr(Path())
 
     @property
     def source(self) -> str:
-        """File that the case came from, for messages."""
+        """Name of the case's file, for messages."""
         return self._source
 
     @property
@@ -116,7 +116,7 @@ class Case(Table):
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """Names of the components that stand somewhere: a structure needs a strip that names it."""
+        """Names of the placed components: a structure is placed by a strip that names it."""
         strips = {s.material for f in self.facade.values() for s in f.strips}
         return tuple(
             name
@@ -125,15 +125,15 @@ class Case(Table):
         )
 
     def refuse_overruled(self, task: str) -> None:
-        """Raise InputError where an effect is not "auto": the task follows no such choice."""
+        """Raise InputError where an effect is not "auto": the task ignores such choices."""
         for name in self.effects.overruled:
             got = f"{task} simulates what it needs"
             raise InputError(self.source, f"effects.{name}", got, 'leave it "auto"')
 
     def refuse_components(self, task: str) -> None:
-        """Raise InputError where a component stands, or an effect is not "auto".
+        """Raise InputError where a component is placed, or an effect is not "auto".
 
-        The task counts no light by way of components, and follows no choice of effects.
+        The task simulates no light by way of components, and ignores choices of effects.
         """
         self.refuse_overruled(task)
         if self.standing:
@@ -141,7 +141,7 @@ class Case(Table):
             raise InputError(self.source, "components", got, "leave them out, or use evaluate")
 
     def is_clear(self, name: str) -> bool:
-        """Whether a strip's material is a hole or clear glass, which the shade covers."""
+        """Whether a strip's material is a hole or clear glass; the shade covers these only."""
         return name == "open" or isinstance(self.materials.get(name), GlazingMaterial)
 
     @property
@@ -170,7 +170,7 @@ class Case(Table):
         return self
 
     def _needed_room(self, table: str) -> Room:
-        """The room, which a table cannot do without."""
+        """Room of the case; refuses a table that needs a room where there is none."""
         if self.room is None:
             raise InputError("case", table, "there is no room", "add a [room]")
         return self.room
@@ -183,7 +183,7 @@ class Case(Table):
         facade.check(side, self._needed_room("facade").wall(side), known, names)
 
     def _check_design(self, design: Design) -> None:
-        """Refuse a search that the other tables of the case leave no room for."""
+        """Refuse a search that contradicts the other tables of the case."""
         room = self._needed_room("design")
         if design.component is not None:
             design.check_tilt(named_of_kind(self.components, (StructureComponent,)), self.standing)
@@ -226,7 +226,7 @@ class Case(Table):
         furniture: tuple[Furniture, ...],
         components: Mapping[str, Component],
     ) -> Case:
-        """Replace the tables that have coordinates where there is no room."""
+        """Replace the tables with coordinates of a case without room."""
         return self._with(sensors=sensors, furniture=furniture, components=dict(components))
 
     def with_dark_hours(self) -> Case:
@@ -259,7 +259,7 @@ def load_case(path: str | Path) -> Case:
     Raises
     ------
     InputError
-        The file is missing, is no TOML, has an unknown key or a value out of range.
+        The file is missing or no TOML, or has an unknown key or a value out of its range.
     """
     file = locate_case(path)
     data = read_toml(file, MAX_BYTES)
@@ -269,7 +269,7 @@ def load_case(path: str | Path) -> Case:
 
 
 def _with_files(case: Case) -> Case:
-    """Make the paths of materials and components whole, and refuse a file that is missing."""
+    """Make the paths of materials and components absolute, and refuse a missing file."""
 
     def resolved(file: Path, field: str) -> Path:
         path = case.path(file)

@@ -28,10 +28,10 @@ from drcmitsuba.case.toml import (
 from drcmitsuba.runtime.errors import InputError
 
 Extent = Annotated[float, Field(ge=1e-3, le=10_000, strict=True)]
-"""Width or length of a pipe or duct [m]; thinner ones are slips of the pen."""
+"""Width or length of a pipe or duct [m]; smaller values are taken for mistakes."""
 
 Wanted = tuple[str | None, tuple[type[Table], ...]]
-"""Name of a material, None where none is named, and the classes that it may have."""
+"""Name of a material, or None, and the classes that this material may have."""
 
 Clear = (GlazingMaterial,)
 Pane = (GlazingMaterial, DiffuserMaterial)
@@ -50,15 +50,15 @@ class StructureComponent(Table):
     recipe: Path
     """Recipe of the goniophotometer (TOML), relative to the case file."""
     tilt: Annotated[float, Field(gt=-90, lt=90)] | None = None
-    """Tilt of lamellae, in place of the recipe's [deg]."""
+    """Tilt of lamellae [deg]; default: the recipe's."""
     outer: str | None = None
-    """Glazing outside of the structure; the recipe's own [glass] stands there too."""
+    """Glazing outside of the structure, in addition to the recipe's own [glass]."""
     inner: str | None = None
     """Glazing between the structure and the room."""
     gap: Annotated[float, Field(gt=0, le=1)] = 0.005
-    """Air between neighbouring layers [m]."""
+    """Thickness of the air between neighbouring layers [m]."""
     casing: Fraction = 0.5
-    """Reflectance of the casing and of the rest of the pane that no whole period fills [–]."""
+    """Reflectance of the casing, and of the part of the pane that no whole period fills [–]."""
 
     def materials(self) -> dict[str, Wanted]:
         """Names of the materials by key, and the classes that each may have."""
@@ -73,9 +73,9 @@ class LightPipe(Table):
     centre: tuple[Coordinate, Coordinate]
     """Centre of the pipe in the ceiling, x and y [m]."""
     width: Extent
-    """Diameter, from side to opposite side [m]."""
+    """Diameter of the pipe, from side to opposite side [m]."""
     sides: Annotated[int, Field(ge=4, le=720, multiple_of=4)] = 24
-    """Number of plane sides."""
+    """Number of plane sides of the pipe."""
     height: Extent
     """Height of the upper end above the ceiling [m]."""
     mirror: str
@@ -142,11 +142,11 @@ class MeshComponent(Table):
     material: str
     """A mirror or a dielectric of [materials]."""
     position: Point = (0.0, 0.0, 0.0)
-    """Place of the file's origin [m]."""
+    """Position of the file's origin in the room's frame [m]."""
     scale: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     """Length of one unit of the file [m]."""
     rotation: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """Turn about the file's origin, clockwise seen from above [deg]."""
+    """Rotation about the file's origin, clockwise seen from above [deg]."""
     ports: Annotated[tuple[tuple[Point, Point, Point, Point], ...], Field(max_length=1000)] = ()
     """Corners of rectangles by which light reaches the mesh [m]; default: its bounding box."""
 
@@ -163,7 +163,7 @@ Component = Annotated[
 def check_components(
     components: Mapping[str, Component], materials: Mapping[str, Material], has_room: bool
 ) -> None:
-    """Refuse components of unknown or unfit materials, of taken names, or without their room."""
+    """Refuse components with unknown or unfit materials, with taken names, or without a room."""
     for name, component in components.items():
         where = f"components.{name}"
         if name in ("", "wall", "open") or name in materials:

@@ -1,4 +1,4 @@
-"""The table `[design]` of a case: what a search may change, and its objective."""
+"""The table `[design]` of a case: design space and objective of a search."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Tilt = Annotated[float, Field(gt=-90, lt=90)]
 
 OF_TILT = ("tilt", "tilt_step")
-"""Keys of the search for a tilt only."""
+"""Keys that only the search for a tilt has."""
 OF_BOTH = ("objective", "ase_limit", "sharpness")
-"""Keys of both searches; all others belong to the search for a façade."""
+"""Keys that both searches have; all others belong to the search for a façade."""
 
 
 class Design(Table):
     """Search for the best façade with a film, or for the best tilt of lamellae."""
 
     film: str | None = None
-    """Material that may take the place of the clear one; the shade does not cover it."""
+    """Material of the film that may replace the clear material; the shade does not cover it."""
     component: str | None = None
-    """Lamellae to be tilted, in place of a film: a structure of [components]."""
+    """Structure of [components] whose lamellae are tilted; excludes `film`."""
     tilt: tuple[Tilt, Tilt] = (-30.0, 30.0)
     """Lowest and highest tilt of the lamellae [deg]."""
     tilt_step: Annotated[float, Field(gt=0, le=45)] = 1.0
     """Step of the search over tilts and of its finite differences [deg]."""
     clear: str | None = None
-    """Clear material; default: that of the façade as it is."""
+    """Clear material; default: the clear material of the façade as it is."""
     side: Side | None = None
     """Side of the room; default: the one side with panes."""
     band: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]] | None = None
-    """Heights between which panes may lie [m]; default: those of the façade as it is."""
+    """Lowest and highest edge of panes [m]; default: the edges of the façade as it is."""
     parameters: Literal["window", "strips"] = "window"
     """"window": one window with one film in it; "strips": every tile by itself."""
     rows: Annotated[int, Field(ge=1, le=100)] | None = None
-    """Number of tiles one above the other; default: six, or as `row_height` says."""
+    """Number of tiles one above the other; default: six, or by `row_height`."""
     row_height: Annotated[float, Field(gt=0, le=100)] | None = None
     """Approximate height of a tile, in place of `rows` [m]."""
     segments: Annotated[int, Field(ge=1, le=200)] | None = None
@@ -47,27 +47,27 @@ class Design(Table):
     wwr: Literal["fixed"] | tuple[Share, Share] = "fixed"
     """Window-to-wall ratio: "fixed" as the façade has it, or a range [–]."""
     objective: Literal["sDA", "worst month"] = "sDA"
-    """Metric to be made large: sDA, or msDA of the worst month."""
+    """Metric to maximise: sDA, or msDA of the worst month."""
     film_cost: Annotated[float, Field(ge=0, le=1000)] = 0.0
-    """Points of the objective that film in all of the band has to bring [%]."""
+    """Reduction of the objective where film fills the whole band [%]; less film costs less."""
     ase_limit: Percent = 10.0
     """Largest ASE [%]."""
     starts: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Number of starts beside the best of a first look: the case's own, then random ones."""
+    """Number of starts: the case's own façade, then random ones; the best of a scan is one more."""
     pareto: Annotated[int, Field(ge=0, le=100)] = 8
-    """Number of limits of ASE on the Pareto front; 0: no front."""
+    """Number of limits of ASE on the Pareto front; 0 computes no front."""
     sharpness: Annotated[
         tuple[Annotated[float, Field(ge=1, le=1e6)], ...], Field(min_length=1, max_length=20)
     ] = (4.0, 8.0, 16.0, 32.0)
-    """Sharpness of the smooth metrics, one search after another [–]; the larger, the harder."""
+    """Sharpness of the smooth metrics in successive searches [–]; large values near the metrics."""
     iterations: Annotated[int, Field(ge=1, le=1000)] = 20
     """Largest number of steps at each sharpness."""
     seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
     """Seed of the random starts."""
     glazing_transmittance: tuple[Share, Share] | None = None
-    """Range of the clear material's transmittance [–]; default: it stays as it is."""
+    """Range of the clear material's transmittance [–]; default: the transmittance is fixed."""
     shade_vlt: tuple[Share, Share] | None = None
-    """Range of the shade's transmittance [–]; default: it stays as it is."""
+    """Range of the shade's transmittance [–]; default: the transmittance is fixed."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> Design:
@@ -111,7 +111,7 @@ class Design(Table):
         height : float
             Height of the room [m].
         films, clear : sequence of str
-            Names of the materials that can be the film, or the clear one.
+            Names of the materials that can be the film, or the clear material.
         glazed : sequence of {'south', 'east', 'north', 'west'}
             Sides that have panes.
 
@@ -142,7 +142,7 @@ class Design(Table):
         Parameters
         ----------
         structures, standing : sequence of str
-            Names of the components that are structures, and of those that stand somewhere.
+            Names of the components that are structures, and of the placed components.
 
         Raises
         ------

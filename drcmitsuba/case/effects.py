@@ -1,4 +1,4 @@
-"""The table `[effects]` of a case: choices that the user takes out of the hands of the plan."""
+"""The table `[effects]` of a case: choices of the user that overrule the plan."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ Choice = Literal["auto", "all", "off"]
 
 
 class Effects(Table):
-    """Effects of light: "auto" simulates what the scene calls for, "all" always, "off" never."""
+    """Effects of light: "auto" follows the plan, "all" always simulates, "off" never simulates."""
 
     sky: Choice = "auto"
     """Light of the sky."""
     ground: Choice = "auto"
     """Light of the ground below the horizon."""
     suns: Choice = "auto"
-    """Light of the suns; "all": also of suns that can get into no opening."""
+    """Light of the suns; "all" includes suns that reach no opening."""
     dark_hours: Literal["auto", "all"] = "auto"
-    """Time stamps at which the sun has no radiance; "all": their suns are simulated too."""
+    """Time stamps at which the sun has no radiance; "all" simulates their suns too."""
     clear_panes: Choice = "auto"
     """Clear glass and holes in the façades; "off" puts black sheets there."""
     scattering_panes: Choice = "auto"
@@ -37,9 +37,9 @@ class Effects(Table):
     shaded_state: Choice = "auto"
     """Coefficients with the shade closed."""
     interreflection: Choice = "auto"
-    """Light that met diffuse surfaces; "all": to any depth; "off": it counts for nothing."""
+    """Light that met diffuse surfaces; "all": to any depth; "off": none."""
     colour: Choice = "auto"
-    """Red, green and blue apart, in place of luminance alone."""
+    """Three channels (red, green, blue) in place of one (luminance)."""
     pictures: Choice = "auto"
     """Pictures of the results."""
 

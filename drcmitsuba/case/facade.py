@@ -12,18 +12,18 @@ from drcmitsuba.case.toml import Length, Side, Table, choose, shortened
 from drcmitsuba.runtime.errors import InputError
 
 THINNEST = 1e-3
-"""Panes are at least this wide and high [m]; thinner ones are slips of the pen."""
+"""Smallest width and height of a pane [m]; smaller values are taken for mistakes."""
 
 
 class Strip(Table):
-    """Horizontal strip of a façade between two heights; what no strip covers is wall."""
+    """Horizontal strip of a façade between two heights; the area without strips is wall."""
 
     bottom: Annotated[float, Field(ge=0)]
     """Height of the lower edge above the floor [m]."""
     top: Length
     """Height of the upper edge above the floor [m]."""
     material: str
-    """A material of a pane, a structure of [components], "open" (a hole) or "wall"."""
+    """Name of a pane's material or of a structure in [components], "open" (a hole) or "wall"."""
     segments: (
         Annotated[tuple[Annotated[int, Field(ge=0, lt=200)], ...], Field(min_length=1)] | None
     ) = None
@@ -84,7 +84,7 @@ class Facade(Table):
         wall : tuple of float
             Width and height [m].
         known : sequence of str
-            Names that a strip can have as its material.
+            Names of the materials that a strip can have.
         named : sequence of str
             Names of all materials and components of the case.
 

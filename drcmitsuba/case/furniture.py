@@ -21,7 +21,7 @@ class Furniture(Table):
     """Box, or horizontal plate where the height is 0, repeated on a grid."""
 
     name: Name = "furniture"
-    """Name in messages."""
+    """Name of the piece in messages."""
     corner: Point
     """Lowest x, y and z of the first piece [m]."""
     size: tuple[Length, Length, Annotated[float, Field(ge=0, le=100_000)]]
@@ -35,13 +35,7 @@ class Furniture(Table):
 
 
 def check_furniture(furniture: Sequence[Furniture]) -> None:
-    """Refuse more pieces than the memory is made for.
-
-    Raises
-    ------
-    InputError
-        The tables together stand for more than `MOST_PIECES`.
-    """
+    """Raise InputError where all tables together hold more than `MOST_PIECES` pieces."""
     pieces = sum(piece.count[0] * piece.count[1] for piece in furniture)
     if pieces > MOST_PIECES:
         raise InputError("case", "furniture", f"{pieces} pieces", f"at most {MOST_PIECES}")

@@ -13,7 +13,7 @@ from drcmitsuba.case.toml import Fraction, Table
 from drcmitsuba.runtime.errors import InputError
 
 Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
-"""A grey reflectance, or one for red, green and blue [–]."""
+"""One reflectance (grey), or three for red, green and blue [–]."""
 
 
 def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0) -> None:
@@ -22,9 +22,9 @@ def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0
     Parameters
     ----------
     transmittance, reflectance : float
-        At normal incidence [–].
+        Values at normal incidence [–].
     exponent : float
-        That of a glazing [–], which is checked at 201 incidences; 0 for other panes.
+        Exponent p of a glazing [–], which is checked at 201 incidences; 0 for other panes.
 
     Raises
     ------
@@ -44,14 +44,14 @@ def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0
 
 
 class GlazingMaterial(Table):
-    """Clear pane: τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], mirrored share after Schlick."""
+    """Clear pane: transmittance τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], reflectance after Schlick."""
 
     type: Literal["glazing"]
     """Kind of the material."""
     transmittance: Fraction
     """Transmittance τ₀ at normal incidence [–]."""
     exponent: Annotated[float, Field(gt=0, le=100)] = 4.5
-    """Exponent p: the larger, the longer the transmittance stays at τ₀ [–]."""
+    """Exponent p [–]: a larger p keeps the transmittance near τ₀ up to larger incidences."""
     reflectance: Fraction = 0.0
     """Reflectance towards the room, at normal incidence [–]."""
 
@@ -78,18 +78,18 @@ class DiffuserMaterial(Table):
 
 
 class BsdfMaterial(Table):
-    """Pane with a measured BSDF: film, fabric, blind. The file describes all of it, glass too."""
+    """Pane with a measured BSDF: film, fabric, blind. The file describes pane and glass."""
 
     type: Literal["bsdf"]
     """Kind of the material."""
     file: Path
     """LBNL XML file, tensor tree or Klems matrix; relative to the case file."""
     straight_through: Literal["auto", "on", "off"] = "auto"
-    """Whether a straight-through peak is a view through; "auto": where the file has a peak."""
+    """Whether light goes through undeviated, as a view; "auto": where the file has such a peak."""
     flip: bool = False
-    """true: the file's front faces the room; by the format its back does."""
+    """Whether the file's front faces the room; by the format its back does."""
     turn: bool = False
-    """true: the pane is mounted upside down."""
+    """Whether the pane is mounted upside down."""
 
 
 class MirrorMaterial(Table):
@@ -98,11 +98,11 @@ class MirrorMaterial(Table):
     type: Literal["mirror"]
     """Kind of the material."""
     reflectance: Fraction
-    """Reflectance at any incidence; of a coated mirror, that below the coating [–]."""
+    """Reflectance at any incidence [–]; under a coating, the reflectance of the mirror alone."""
     roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Roughness α of the GGX distribution; 0 is a perfect mirror [–]."""
     coating: Annotated[float, Field(gt=1, le=4)] | None = None
-    """Refractive index of a clear coating or of the glass before the mirror [–]."""
+    """Refractive index of a clear coating, or of the glass in front of the mirror [–]."""
     specular: Fraction = 1.0
     """Fraction of the reflected light that is mirrored; the rest is diffuse [–]."""
 
@@ -124,7 +124,7 @@ class DielectricMaterial(Table):
     ior: Annotated[float, Field(gt=1, le=4)]
     """Refractive index [–]."""
     absorption: Annotated[float, Field(ge=0, le=1e4)] = 0.0
-    """Absorption coefficient [1/m]; exp(−absorption · length) of the light is left."""
+    """Absorption coefficient [1/m]; the share exp(−absorption · length) of the light remains."""
     roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Roughness α of the GGX distribution; 0 is smooth [–]."""
 

@@ -10,12 +10,12 @@ from drcmitsuba.case.toml import Fraction, Illuminance, Table
 
 
 class Metrics(Table):
-    """Thresholds of sDA and ASE; msDA and MSE take the same."""
+    """Thresholds of sDA and ASE, which msDA and MSE share."""
 
     sda_threshold: Illuminance = 300.0
     """Illuminance that counts as enough daylight, shade applied [lx]."""
     sda_fraction: Fraction = 0.5
-    """Fraction of the hours that need as much for a point to count [–]."""
+    """Fraction of the hours with enough daylight from which on a point counts [–]."""
     ase_threshold: Illuminance = 1000.0
     """Direct sun that counts as too much, no shade [lx]."""
     ase_hours: Annotated[float, Field(gt=0, le=1e6)] = 250.0

@@ -1,4 +1,4 @@
-"""The table `[room]` of a case: a box, in whose frame all lengths of the case are given."""
+"""The table `[room]` of a case: a box, whose frame all coordinates of the case refer to."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Room(Table):
     size: tuple[Length, Length, Length]
     """Width from west to east, depth from south to north, height [m]."""
     rotation: Annotated[float, Field(ge=-360, le=360)] = 0.0
-    """Turn of the whole room about its origin, clockwise seen from above [deg]."""
+    """Rotation of the whole room about its origin, clockwise seen from above [deg]."""
     floor: Reflectance = 0.2
     """Reflectance of the floor [–]: one number, or [red, green, blue]."""
     ceiling: Reflectance = 0.8

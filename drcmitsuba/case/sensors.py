@@ -1,4 +1,4 @@
-"""The table `[sensors]` of a case: where the illuminance is computed."""
+"""The table `[sensors]` of a case: points at which the illuminance is computed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PerAxis = Annotated[int, Field(ge=1, le=2000)]
 
 
 class Sensors(Table):
-    """Horizontal grid of points that look up; the first at corner + spacing/2, x fastest."""
+    """Horizontal grid of points that face up; the first is at corner + spacing/2, x fastest."""
 
     corner: Point
     """Lowest x and y of the grid, and its height z [m]."""

@@ -10,17 +10,17 @@ from drcmitsuba.runtime.errors import InputError
 
 
 class Shading(Table):
-    """Sun shade; where it is closed, it stands in place of the clear panes and the holes."""
+    """Sun shade; the closed shade replaces the clear panes and the holes."""
 
     material: str
     """Material of the closed shade: a diffuser or a bsdf of [materials]."""
     threshold: Illuminance = 1000.0
-    """Direct sun from which on a point asks for the shade [lx]."""
+    """Direct sun from which on a point needs the shade [lx]."""
     area: Fraction = 0.02
-    """Fraction of the points that have to ask for it [–]; more or as many close the shade."""
+    """Fraction of points [–]; the shade closes where at least this fraction needs it."""
 
     def check(self, materials: Mapping[str, Material]) -> None:
-        """Refuse a shade of an unknown material, or of one that is no shade.
+        """Refuse an unknown material, and one that is neither a diffuser nor a bsdf.
 
         Raises
         ------

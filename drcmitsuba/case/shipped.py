@@ -20,7 +20,7 @@ OTHER_FILES = {
     ".wea": "a weather file",
     ".xml": "a BSDF or a scene in XML",
 }
-"""Files that are sometimes taken for a case, by their ending."""
+"""Kinds of files that users may mistake for a case, by ending."""
 
 
 def shipped_folder() -> Path:

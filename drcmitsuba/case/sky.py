@@ -13,7 +13,7 @@ class SkyTable(Table):
     """Keys that every sky has."""
 
     subdivision: Annotated[int, Field(ge=1, le=6)] = 1
-    """Reinhart's factor MF: each of Tregenza's 145 patches is cut into about MF² ones."""
+    """Reinhart's factor MF: each of Tregenza's 145 patches is divided into about MF² patches."""
 
 
 class PerezSky(SkyTable):
@@ -22,11 +22,11 @@ class PerezSky(SkyTable):
     model: Literal["perez"] = "perez"
     """Name of the model."""
     patch_values: Literal["mean", "centre"] = "mean"
-    """Luminance of a patch: its mean, or that at its centre as `gendaymtx` takes it."""
+    """Luminance of a patch: the mean over it, or the value at its centre as in `gendaymtx`."""
 
 
 class CieTable(SkyTable):
-    """A static CIE sky: one of gensky's, or a type of ISO 15469 at a given illuminance."""
+    """A static CIE sky: a sky of gensky, or a type of ISO 15469 at a given illuminance."""
 
     model: Literal["cie"]
     """Name of the model."""
@@ -34,9 +34,9 @@ class CieTable(SkyTable):
         Literal["clear", "clear_with_sun", "intermediate", "intermediate_with_sun", "overcast"]
         | Annotated[int, Field(ge=1, le=16)]
     )
-    """A sky of gensky by name, or 1 to 15 of ISO 15469; 16 is the traditional overcast sky."""
+    """Name of a sky of gensky, or type 1 to 15 of ISO 15469; 16 is the traditional overcast sky."""
     diffuse_horizontal_illuminance: Annotated[float, Field(gt=0, le=1e6)] | None = None
-    """Illuminance by the sky on open ground, for a type of ISO 15469 [lx]."""
+    """Horizontal illuminance by a sky of ISO 15469 on open ground [lx]."""
 
 
 class SunshineTable(SkyTable):
@@ -59,6 +59,6 @@ class Outside(Table):
     """Ground below the horizon and the size of the sun."""
 
     ground_reflectance: Fraction = 0.2
-    """Reflectance of the ground [–]; it is lit by all of the sky."""
+    """Reflectance of the ground [–]; all of the sky lights the ground."""
     sun_diameter: Annotated[float, Field(ge=0.01, le=10)] = 0.5
     """Angular diameter of the sun [deg]."""

@@ -19,14 +19,14 @@ class TrueSun(Table):
 
 
 class Adaptive(Table):
-    """Straight sun exact at every time stamp; the rest between suns of a mesh, refined by need."""
+    """Direct sun exact at every time stamp; other light interpolated in a refined mesh of suns."""
 
     model: Literal["adaptive"]
     """Name of the model."""
     tolerance: Annotated[float, Field(gt=0, le=1)] = 0.1
-    """Largest error between the mesh's suns, RMS over the sensors, of the RMS over all suns [–]."""
+    """Largest error between the mesh's suns: RMS over sensors, relative to that of all suns [–]."""
     finest: Annotated[int, Field(ge=4, le=7)] = 5
-    """Largest number of halvings of the mesh; 5 sets its suns 2.8° apart."""
+    """Largest number of halvings of the mesh; after 5 its suns are 2.8° apart."""
 
 
 class ThreePhase(Table):
@@ -44,7 +44,7 @@ class FivePhase(Table):
 
 
 class Daysim(Table):
-    """Between the four nearest of about 65 suns: the hours of five days, DAYSIM's choice."""
+    """DAYSIM's sun, between the four nearest of about 65 suns: those of the hours of five days."""
 
     model: Literal["daysim"]
     """Name of the model."""

@@ -21,14 +21,14 @@ else:
 
 
 def _refuse_percentage(value: object) -> object:
-    """Refuse a number that looks like per cent where a fraction is asked for."""
+    """Refuse a number that looks like per cent in place of a fraction."""
     if type(value) in (int, float) and 2 <= value <= 100:  # type: ignore[operator]
         raise InputError("case", "", f"got {value}", f"did you mean {value / 100:g}?")  # type: ignore[operator]
     return value
 
 
 def default_model(model: str) -> BeforeValidator:
-    """Take this `model` in a table that names none."""
+    """Validator that gives a table without `model` this model."""
     return BeforeValidator(
         lambda table: {"model": model, **table} if type(table) is dict else table
     )
@@ -63,16 +63,16 @@ T = TypeVar("T", bound=Table)
 
 
 def checked(table: type[T], data: dict[str, Any], source: str | Path) -> T:
-    """Make a table from plain values.
+    """Check plain values, and make a table of them.
 
     Parameters
     ----------
     table : type
         Class of the table.
     data : dict
-        Values as TOML gives them.
+        Values from TOML.
     source : str or Path
-        Where the values come from, for messages.
+        Origin of the values, for messages.
 
     Returns
     -------
@@ -91,11 +91,11 @@ def checked(table: type[T], data: dict[str, Any], source: str | Path) -> T:
 
 
 def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationError) -> InputError:
-    """Turn pydantic's most telling complaint into one line: field, value and remedy.
+    """Turn pydantic's most specific complaint into one line: field, value and remedy.
 
-    Where a value may be one of several kinds, pydantic complains once for each kind: the complaint
-    that goes deepest into the file is the one about the kind that was meant. A key that is missing
-    comes last: it may be there, misspelt.
+    Where a value may be one of several kinds, pydantic complains once for each kind; the complaint
+    deepest in the file is about the kind that the user meant. A missing key comes last: it may be
+    misspelt.
     """
     complaints: list[Any] = error.errors(include_url=False)
     complaints.sort(key=lambda complaint: complaint["type"] == "missing")
@@ -133,7 +133,7 @@ def _as_input_error(source: str | Path, data: dict[str, Any], error: ValidationE
 
 
 def _path(data: Any, complaint: Any) -> list[Any]:
-    """Keys that lead to a complaint in the file, without the names of pydantic's own steps."""
+    """Keys that lead to a complaint in the file, without pydantic's own steps."""
     path = []
     for key in complaint["loc"]:
         keys = range(len(data)) if isinstance(data, list) else data
@@ -151,7 +151,7 @@ def _in_toml(message: str) -> str:
 
 
 def shortened(value: object) -> str:
-    """Write a value as it stands in TOML, cut to 60 characters."""
+    """Write a value as in TOML, cut to 60 characters."""
     text = json.dumps(value, default=str)
     return text if len(text) <= 60 else text[:57] + "..."
 
@@ -162,7 +162,7 @@ def named_of_kind(tables: Mapping[str, Table], kinds: tuple[type[Table], ...]) -
 
 
 def choose(name: str, known: Sequence[str], otherwise: str = "") -> str:
-    """Hint at the known name that was meant, or at the first known ones."""
+    """Advice that names the most similar known name, or the first known names."""
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
     if near:
         return f"did you mean {shortened(near[0])}?"
@@ -170,7 +170,7 @@ def choose(name: str, known: Sequence[str], otherwise: str = "") -> str:
 
 
 def _known_keys(siblings: set[str]) -> list[str]:
-    """Keys of the tables that know most of these keys."""
+    """Keys of the tables that have most of the keys `siblings`."""
     tables = Table.__subclasses__()
     fits = [len(siblings & table.model_fields.keys()) for table in tables]
     best = [t for t, fit in zip(tables, fits, strict=True) if fit == max(fits)]

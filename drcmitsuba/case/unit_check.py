@@ -1,6 +1,6 @@
-"""Lengths that are hardly metres: asked about, so that nobody simulates a room of 8 km.
+"""Refusal of lengths that are hardly metres, so that nobody simulates a room of 8 km.
 
-A case insists on its lengths with `unit = "m"`.
+A case with `unit = "m"` insists on its lengths.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import numpy as np
 from drcmitsuba.runtime.errors import InputError
 
 HIGHEST, WIDEST = 150.0, 2000.0
-"""Rooms are at most this high, and this long or wide [m]; no hall that was built is larger."""
+"""Largest height, and largest length or width, of a room [m]; no built hall is larger."""
 APART = 100.0
-"""Sensors under the free sky are at most this far from each other [m]."""
+"""Largest spacing of sensors under the free sky [m]."""
 LARGEST = 200.0
-"""Components made of a mesh are at most this large [m]."""
+"""Largest extent of a component made of a mesh [m]."""
 A_THING = 0.2
-"""Furniture is larger than this in two directions [m]."""
+"""Smallest extent of furniture in its second largest direction [m]."""
 FARTHEST = 100_000.0
-"""Nothing lies further away from the room, or from sensors that have none [m]."""
+"""Largest distance from the room, or from the sensors of a case without room [m]."""
 
 INSIST = 'or write unit = "m" at the top of the case if it is so'
 
@@ -30,7 +30,7 @@ def _by(size: Sequence[float]) -> str:
 
 
 def ask_about_room(size: Sequence[float]) -> None:
-    """Ask about a room that no building holds."""
+    """Refuse a room that is larger than any building."""
     if size[2] <= HIGHEST and max(size) <= WIDEST:
         return
     by_1000 = size[2] >= 1000 or max(size) > WIDEST
@@ -42,9 +42,9 @@ def ask_about_room(size: Sequence[float]) -> None:
 def ask_about_furniture(
     field: str, corner: Sequence[float], size: Sequence[float], room: Sequence[float]
 ) -> None:
-    """Ask about what stands outside of the room, but in it if its lengths are millimetres.
+    """Refuse furniture outside of the room that would stand in the room if given in millimetres.
 
-    What were a speck there is a building outside.
+    Pieces that would be specks in the room are taken for buildings outside.
     """
     low, extent, inner = (np.asarray(v, float) for v in (corner, size, room))
     meets_room = ((low < inner) & (low + extent > 0)).all()
@@ -55,30 +55,21 @@ def ask_about_furniture(
 
 
 def ask_about_spacing(spacing: float) -> None:
-    """Ask about sensors under the free sky that are far from each other."""
+    """Refuse sensors under the free sky that are far from each other."""
     if spacing > APART:
         got = f"{spacing:g} m looks like millimetres"
         raise InputError("case", "sensors.spacing", got, f"divide by 1000, {INSIST}")
 
 
 def ask_about_mesh(source: object, field: str, extent: Sequence[float], scale: float) -> None:
-    """Ask about a component of the size of a village."""
+    """Refuse a component as large as a village."""
     if max(extent) > LARGEST:
         got = f"the mesh is {_by([round(v, 3) for v in extent])} m, which looks like millimetres"
         raise InputError(source, field, got, f"give scale = {scale / 1000:g}, {INSIST}")
 
 
 def refuse_far(source: object, field: str, points: np.ndarray, around: str) -> None:
-    """Refuse points (point, 3) [m] that lie beyond `FARTHEST` from what is simulated.
-
-    Parameters
-    ----------
-    source, field
-        For the message.
-    points : np.ndarray, shape (point, 3)
-    around : str
-        What they are counted from.
-    """
+    """Refuse points (point, 3) [m], relative to `around`, that lie farther off than `FARTHEST`."""
     far = float(abs(points).max())
     if far > FARTHEST:
         got = f"it lies {far / 1000:.4g} km from {around}"

@@ -11,16 +11,16 @@ from drcmitsuba.case.toml import Name, Table
 
 
 class SiteTable(Table):
-    """Place, used only where there is no weather file (CIE and sunshine skies)."""
+    """Place of a case without weather file (CIE and sunshine skies)."""
 
     name: Name = "site"
-    """Name in notes."""
+    """Name of the place in notes."""
     latitude: Annotated[float, Field(ge=-90, le=90)]
     """Latitude, north positive [deg]."""
     longitude: Annotated[float, Field(ge=-180, le=180)]
     """Longitude, east positive [deg]."""
     timezone: Annotated[float, Field(ge=-12, le=14)]
-    """Local standard time ahead of UTC [h]."""
+    """Local standard time minus UTC [h]."""
     elevation: Annotated[float, Field(ge=-500, le=9000)] = 0.0
     """Height above the sea [m]."""
 
@@ -44,8 +44,8 @@ class PeriodTable(Table):
     hours: tuple[Annotated[int, Field(ge=0, le=24)], Annotated[int, Field(ge=0, le=24)]] = (8, 18)
     """First hour on the clock, and the hour at which the last one ends [h]."""
     days_per_week: Annotated[int, Field(ge=1, le=7)] | None = None
-    """Days of a week, counted from Monday."""
+    """Number of days of a week, counted from Monday."""
     daylight_saving: tuple[str, str] | None = None
-    """First and last day of daylight-saving time, "MM-DD"; without it there is none."""
+    """First and last day of daylight-saving time, "MM-DD"; default: no daylight saving."""
     timestamps: Path | None = None
     """CSV file of time stamps, in place of all other keys; relative to the case file."""

@@ -12,8 +12,8 @@ from drcmitsuba.runtime import interruption
 def main() -> None:
     """Run the command line and end the process with its exit code.
 
-    The process ends without Python's own clean-up, in which libraries flush files that a full disk
-    has cut off, and crash.
+    The process ends without Python's own clean-up: there libraries would flush files that a full
+    disk has cut off, and crash.
     """
     interruption.exit_at_once()
     from drcmitsuba.cli import main as command_line

@@ -50,14 +50,14 @@ def evaluate(
     coefficients: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="coefficients.zarr of this case, computed for another weather."
+            metavar="FOLDER", help="coefficients.zarr of this case; any weather may have made it."
         ),
     ] = None,
     variants: Annotated[
         str | None,
         typer.Option(
             metavar="NAMES",
-            help="Other façades: cases beside this one, as o1,o2; a folder for each.",
+            help="Other façades: cases beside this one, such as o1,o2; each gets a folder.",
         ),
     ] = None,
 ) -> None:
@@ -98,7 +98,7 @@ def _show_result(result: Result, output: Path) -> None:
 
 
 def _evaluate_variants(case: str, names: list[str], output: Path, weather: Path | None) -> None:
-    """Evaluate façades of one room by one simulation."""
+    """Evaluate several façades of one room from one simulation."""
     from drcmitsuba.annual.variants import evaluate_variants, load_variants
 
     cases = [c.with_weather(weather) for c in load_variants(case, names)]

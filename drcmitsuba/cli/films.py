@@ -43,14 +43,12 @@ def bsdf(
     symmetry: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="Of measurements: auto, bilateral, quadrilateral or none."
+            metavar="NAME", help="Measured sample: auto, bilateral, quadrilateral or none."
         ),
     ] = "auto",
     front: Annotated[
         str,
-        typer.Option(
-            metavar="SIDE", help="Of measurements: what the sample's front (θ < 90°) faces."
-        ),
+        typer.Option(metavar="SIDE", help="Measured sample: side that its front (θ < 90°) faces."),
     ] = "room",
 ) -> None:
     """Check and show a BSDF file; or turn goniophotometer measurements into one."""
@@ -107,10 +105,10 @@ def goniophotometer(
     output: FilmOutput = None,
     depth: Depth = 5,
     rank: Annotated[
-        int, typer.Option(metavar="NUMBER", help="4, or 3 for isotropic structures.")
+        int, typer.Option(metavar="NUMBER", help="Rank of the tree: 4, or 3 (isotropic).")
     ] = 4,
     samples: Annotated[
-        int, typer.Option(metavar="NUMBER", help="Rays of each incident cell.")
+        int, typer.Option(metavar="NUMBER", help="Number of rays from each incident cell.")
     ] = 4096,
     seed: Annotated[int, typer.Option(metavar="NUMBER", help="Seed of the random numbers.")] = 0,
     percent: Annotated[

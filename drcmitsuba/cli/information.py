@@ -1,4 +1,4 @@
-"""Commands that tell about the program: `drcmitsuba schema`, `doctor`, `new`."""
+"""Commands about the program: `drcmitsuba schema`, `doctor`, `new`."""
 
 from __future__ import annotations
 
@@ -45,6 +45,6 @@ def new(
         with file.open("x", encoding="utf-8") as opened:
             opened.write(text)
     except FileExistsError:
-        got = "the file is there already"
+        got = "the file exists"
         raise InputError(file, "file", got, "give another name; nothing is overwritten") from None
     print(f"{file}: a room to change; next: drcmitsuba evaluate {file}")

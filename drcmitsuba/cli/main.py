@@ -24,7 +24,7 @@ app = typer.Typer(
     epilog="drcmitsuba new writes a case to start from; drcmitsuba VERB --help explains a verb.",
     add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # help as it is written: square brackets are units and tables
+    rich_markup_mode=None,  # square brackets in help texts are units and tables, no markup
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -37,7 +37,7 @@ WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information
 
 
 class _Verb(TyperCommand):
-    """A command whose help leaves out Python's types: the names of the values say as much."""
+    """Command whose help leaves out Python's types, which the names of the values imply."""
 
     def get_help(self, ctx: typer.Context) -> str:  # type: ignore[override]
         return re.sub(r" <[^<>\n]+>", lambda match: " " * len(match[0]), super().get_help(ctx))
@@ -72,7 +72,7 @@ def _root(
 
 
 def _is_closed_pipe(error: BaseException | None) -> bool:
-    """Whether nobody reads stdout any more; rich makes an exit of it."""
+    """Whether nobody reads stdout any more; rich turns this error into an exit."""
     while error is not None and not isinstance(error, BrokenPipeError):
         error = error.__cause__ or error.__context__
     return error is not None
@@ -100,7 +100,7 @@ def main() -> None:
         if hasattr(error, "format_message"):  # a usage error of click
             message = on_a_line(error.format_message().rstrip("."))
             _exit(f"drcmitsuba: command line: {message}; see drcmitsuba --help\n", 2)
-        if isinstance(error, BrokenPipeError):  # the files are written, the rest nobody reads
+        if isinstance(error, BrokenPipeError):  # the files are written; nobody reads stdout
             return
         if isinstance(error, OSError):
             remedy = "check the path, its rights and the space that is left"

@@ -25,7 +25,7 @@ WRITTEN = (
     "pareto.csv", "pareto.png", "facade.png", "search.png", "tilt.png", "fresh_metrics.json",
 )  # fmt: skip
 LOOSEST = 2.0
-"""Largest limit of the sweep over the one asked for."""
+"""Ratio of the largest ASE limit on the Pareto front to the limit of the case."""
 
 
 def optimise(
@@ -37,7 +37,7 @@ def optimise(
 ) -> None:
     """Find the best façade: film, window, transmittances; or the best tilt of lamellae.
 
-    Ctrl-C, or SIGTERM, ends the search and keeps the best so far.
+    Ctrl-C or SIGTERM ends the search and keeps the best design so far.
     """
     loaded = load(case, weather)
     is_tilt = loaded.design is not None and loaded.design.component is not None
@@ -47,7 +47,7 @@ def optimise(
 
 
 def _facade(case: Case, output: Path, stage: Stage) -> None:
-    """Search the best façade, and those of other limits of ASE."""
+    """Search the best façade, and the best façades under other limits of ASE."""
     from drcmitsuba.design.layout import Layout
     from drcmitsuba.design.optimise import optimise as search
     from drcmitsuba.design.optimise import pareto
@@ -101,13 +101,13 @@ def _tilt(case: Case, output: Path, stage: Stage) -> None:
 
 def _save_numbers(optimum: Optimum, output: Path) -> None:
     """Write numbers and history of an optimum, after deleting the files of another search."""
-    for old in WRITTEN:  # beside which the new numbers would be misread
+    for old in WRITTEN:  # files of an older search would belie the new numbers
         (output / old).unlink(missing_ok=True)
     optimum.save(output)
 
 
 def _limits(layout: Layout) -> list[float]:
-    """Limits of the sweep [%], from 0 to beyond the one asked for."""
+    """Limits of ASE on the Pareto front [%], from 0 to beyond the limit of the case."""
     most = min(100.0, LOOSEST * max(layout.design.ase_limit, 5.0))
     count = layout.design.pareto
     return [most * i / max(count - 1, 1) for i in range(count)]
@@ -153,7 +153,7 @@ def _aim(optimum: Optimum) -> str:
 
 
 def _print(optimum: Optimum, title: str, fresh: Result | None, rows: list[tuple[str, str]]) -> None:
-    """Print the best design, by the search and simulated afresh."""
+    """Print the metrics of the best design, by the search and by a fresh simulation."""
     table = Table(
         "", "by the search", "simulated afresh (95 %)", title=escape(title), title_justify="left"
     )
@@ -172,6 +172,6 @@ def _print(optimum: Optimum, title: str, fresh: Result | None, rows: list[tuple[
             table.add_row(key, f"{values[0]:.3f}", "")
     show(table)
     if not optimum.is_feasible:
-        print("no design that was evaluated holds all limits; this one is the nearest")
+        print("no evaluated design holds all limits; this design comes nearest")
     if not optimum.finished:
-        print("stopped: the best so far")
+        print("stopped: this is the best design so far")

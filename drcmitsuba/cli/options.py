@@ -17,18 +17,18 @@ FILES = {
     ".csv", ".epw", ".json", ".nc", ".obj", ".png", ".pdf", ".rad", ".svg", ".tm2", ".toml",
     ".txt", ".wea", ".xml", ".zarr", ".zip",
 }  # fmt: skip
-"""Endings of files, which no folder for results is meant to have."""
+"""File endings that a folder for results may not have."""
 
 
 def named(text: str) -> Path:
-    """Path of an option; an empty one would be the current folder."""
+    """Path of an option; an empty text, which would mean the current folder, is refused."""
     if not str(text).strip():
         raise typer.BadParameter("the name is empty; give a name")
     return Path(text)
 
 
 def _writable(folder: Path | None) -> Path | None:
-    """Refuse a folder that cannot be written, before any work is done for it."""
+    """Refuse a folder that cannot be written, before any work is done."""
     if folder is not None:
         there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
         if not there.is_dir():
@@ -73,7 +73,7 @@ Depth = Annotated[int, typer.Option("--depth", metavar="NUMBER", help="Levels of
 
 
 def film_path(path: Path | None) -> Path:
-    """Refuse a name that no film can be written to, before any work is done for it."""
+    """Refuse a path to which no film can be written, before any work is done."""
     if path is None:
         raise InputError("command line", "-o", "nothing", "name the film: -o film.xml")
     if path.suffix.lower() != ".xml" or path.is_dir():
@@ -84,7 +84,7 @@ def film_path(path: Path | None) -> Path:
 
 
 def load(case: str, weather: Path | None) -> Case:
-    """Load a case, with another weather file where one is named."""
+    """Load a case; `weather`, where it is given, replaces the case's weather file."""
     from drcmitsuba.case.case import load_case
     from drcmitsuba.case.toml import is_file
 

@@ -27,37 +27,37 @@ def plan(
     loaded = load(case, weather)
     backend.select()
     with stages() as stage, stage("plan") as done:
-        sensor_points(loaded)  # what is wrong with the sensors is told here as well
+        sensor_points(loaded)  # refuses sensors in walls, as an evaluation does
         remarks = notes(loaded)
         light = daylight(loaded)
         decided = decide(loaded, light)
         done(0.3)
         expected = forecast(decided)
-    told = to_dict(decided, expected)
+    entries = to_dict(decided, expected)
     if output is not None:
-        storage.save_json(told, output / "plan.json")
+        storage.save_json(entries, output / "plan.json")
     if as_json:
-        print(json.dumps(told, indent=2, ensure_ascii=False, default=str))
+        print(json.dumps(entries, indent=2, ensure_ascii=False, default=str))
         return
-    print_plan(loaded.name, told)
+    print_plan(loaded.name, entries)
     print(f"forecast: {expected}")
     show_notes([*light.notes, *remarks, *decided.notes()])
     if output is not None:
         print(f"the plan is in {output / 'plan.json'}")
 
 
-def print_plan(title: str, told: dict[str, dict[str, Any]]) -> None:
+def print_plan(title: str, entries: dict[str, dict[str, Any]]) -> None:
     """Print the effects of a plan as a table."""
     table = Table(title=escape(title), title_justify="left", box=box.SIMPLE, pad_edge=False)
     table.add_column("effect", no_wrap=True)
     table.add_column("on", no_wrap=True)
     table.add_column("share", justify="right", no_wrap=True)
     table.add_column("reason")
-    for name, effect in told.items():
+    for name, effect in entries.items():
         if name == "cost":
             continue
         share = f"{100 * effect['share']:.0f} %" if effect["share"] >= 0.005 else ""
         mark = "missing" if effect.get("missing") else ("yes" if effect["on"] else "–")
         table.add_row(name, mark, share, escape(effect["reason"]))
-    table.add_row("rest", "", f"{100 * told['cost']['share']:.0f} %", "sky, metrics, files")
+    table.add_row("rest", "", f"{100 * entries['cost']['share']:.0f} %", "sky, metrics, files")
     show(table)

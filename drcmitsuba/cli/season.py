@@ -11,7 +11,7 @@ from drcmitsuba.cli.terminal import percent, show, stages
 
 
 def season(case: CaseName, output: Output = Path("season"), weather: Weather = None) -> None:
-    """Judge months with the season taken out: beside clear glazing and an open window."""
+    """Compare msDA of each month with clear glazing and with an open window, to show the season."""
     from drcmitsuba.annual.season import season as compare
 
     with stages() as stage:

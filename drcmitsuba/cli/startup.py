@@ -1,4 +1,4 @@
-"""Start of a command that runs kernels: imports that take seconds, and what they say on stderr."""
+"""Start of a command that runs kernels: slow imports, and their messages on stderr."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ T = TypeVar("T")
 
 @contextmanager
 def _native_code_unheard() -> Iterator[None]:
-    """Keep off stderr what compiled code writes there, in the command's own process.
+    """Discard the messages of compiled code on stderr, in the command's own process.
 
-    Dr.Jit looks for LLVM while it is imported and complains of an unfit one, before its log level
-    can be set. `backend.check_llvm` says it in one line, and only where LLVM is needed.
+    During its import Dr.Jit looks for LLVM and complains of an unfit one, before its log level can
+    be set. `backend.check_llvm` reports it in one line, and only where LLVM is needed.
     """
     try:
         stderr = os.dup(2)
-    except OSError:  # closed: there is nothing to keep quiet
+    except OSError:  # stderr is closed
         yield
         return
     null = os.open(os.devnull, os.O_WRONLY)
@@ -48,7 +48,7 @@ def _import_backend() -> None:
 
 
 def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
-    """Make a command import Mitsuba first, during which a stop ends the process at once."""
+    """Make a command import Mitsuba first; Ctrl-C during the import ends the process at once."""
 
     @wraps(command)
     def run(*arguments: P.args, **options: P.kwargs) -> T:

@@ -27,7 +27,7 @@ def sky(case: CaseName, output: Output = Path("results"), weather: Weather = Non
 def coefficients(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the coefficients C of both states of the shade: coefficients.zarr.
 
-    They hold every sun above the horizon, whether it shines in this weather or not.
+    The coefficients hold every sun above the horizon, whether it shines in this weather or not.
     """
     from drcmitsuba.annual import simulation
     from drcmitsuba.annual.run import Run
@@ -53,7 +53,7 @@ def illuminance(
     l: Annotated[Path, typer.Argument(metavar="L", help="sky.zarr")],  # noqa: E741
     output: Output = Path("results"),
 ) -> None:
-    """Multiply C and L to the illuminance E: illuminance.nc."""
+    """Compute the illuminance E = C·L: illuminance.nc."""
     from drcmitsuba.metrics.coefficients_by_state import Coefficients
     from drcmitsuba.metrics.illuminance import illuminance as accumulated
     from drcmitsuba.runtime import storage
@@ -84,9 +84,9 @@ def metrics(
 ) -> None:
     """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file.
 
-    The thresholds are those of the file's case unless options name others.
-    The intervals are wider than those of evaluate: the file has the error of every illuminance,
-    but not what these errors have in common.
+    Options replace the thresholds of the file's case.
+    The intervals are wider than those of evaluate: the file holds the error of every illuminance,
+    but not the correlation of these errors.
     """
     from drcmitsuba.metrics import evaluate_metrics
     from drcmitsuba.runtime import storage

@@ -1,4 +1,4 @@
-"""What the commands share on the terminal: progress bars, tables, notes."""
+"""Output of the commands on the terminal: progress bars, tables, notes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMPILING = ("open façade", "shaded façade", "façade basis", "rays", "search"
 
 
 class _Share(TaskProgressColumn):
-    """Share of a stage that is done, or that its kernels are being compiled."""
+    """Column with the share of a stage that is done, or with "compiling"."""
 
     def render(self, task: Task) -> Text:
         if task.completed == 0 and task.description in COMPILING:
@@ -31,12 +31,12 @@ class _Share(TaskProgressColumn):
 def stages() -> Iterator[Stage]:
     """Progress bars on a terminal, one for each stage.
 
-    They vanish where the work fails or is stopped: what remains is the line that says why.
+    The bars vanish where the work fails or is stopped; the line with the reason remains.
 
     Yields
     ------
-    callable
-        Opens a stage by its name; see `drcmitsuba.runtime.progress.Stage`.
+    Stage
+        Function that opens a stage by its name.
     """
     columns = (TextColumn("{task.description:<24}"), BarColumn(), _Share())
     console = Console(stderr=True)
@@ -75,6 +75,6 @@ def percent(value: dict[str, float] | None) -> str:
 
 
 def show_notes(notes: Iterable[str]) -> None:
-    """Print notes on the results, one a line."""
+    """Print notes on the results, one on each line."""
     for note in notes:
         print(f"note: {note}")

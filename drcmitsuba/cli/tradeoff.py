@@ -20,7 +20,7 @@ def tradeoff(
     output: Output = Path("tradeoff"),
     weather: Weather = None,
     minutes: Annotated[
-        float, typer.Option(metavar="MINUTES", help="Time after which it stops [min].")
+        float, typer.Option(metavar="MINUTES", help="Time limit of the command [min].")
     ] = 10.0,
 ) -> None:
     """Show what accuracy costs in time: error and seconds of many settings of a case."""
