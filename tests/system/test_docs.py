@@ -84,7 +84,8 @@ def folder(tmp_path):
     (tmp_path / "shape.obj").write_text(SHAPE)
     (tmp_path / "my_weather.epw").write_text("\n".join(epw()) + "\n")
     stamps = [f"3 2 {11 + minute / 60:.3f} 500 100" for minute in range(0, 120, 10)]
-    (tmp_path / "ten_minutes.wea").write_text("\n".join(wea(*stamps)) + "\n")
+    place = {"latitude": "36.1", "longitude": "79.95", "time_zone": "75.0"}  # of the default year
+    (tmp_path / "ten_minutes.wea").write_text("\n".join(wea(*stamps, **place)) + "\n")
     return tmp_path
 
 
