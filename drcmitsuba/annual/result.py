@@ -120,10 +120,7 @@ class Result:
         """Draw the plots and remove those of an earlier evaluation; names of the files."""
         drawn = {}
         if self.enabled_effects.pictures:
-            from drcmitsuba.report import (  # matplotlib is only loaded where plots are drawn
-                figures,
-                plots,
-            )
+            from drcmitsuba.report import figures, plots
 
             drawn = figures.pictures(self.case, self.illuminance, self.metrics)
             for name, figure in drawn.items():

@@ -1,6 +1,6 @@
 """BSDF files of films and panes: read, check, show, and make from measurements.
 
-reader, xml
+reader, writer
     `read` and `save`: LBNL's XML with tensor trees or Klems matrices.
 lobes, balance
     Lobes of the light from one direction; energy and reciprocity.

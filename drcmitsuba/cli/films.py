@@ -53,7 +53,7 @@ def bsdf(
 ) -> None:
     """Check and show a BSDF file; or turn goniophotometer measurements into one."""
     from drcmitsuba import bsdf as library
-    from drcmitsuba.bsdf import check, xml
+    from drcmitsuba.bsdf import check, writer
     from drcmitsuba.report import plots
     from drcmitsuba.runtime import storage
 
@@ -68,7 +68,7 @@ def bsdf(
             film = measured.from_measurements(
                 files, depth=depth, symmetry=symmetry, front=front, progress=progress
             )
-            xml.save(film, path)
+            writer.save(film, path)
         print(f"{path}: {film.kind}; see `drcmitsuba bsdf {path}`")
         return
     if len(files) > 1:
@@ -117,7 +117,7 @@ def goniophotometer(
 ) -> None:
     """Measure a micro-structure virtually: a tensor-tree BSDF."""
     from drcmitsuba import goniophotometer as library
-    from drcmitsuba.bsdf import xml
+    from drcmitsuba.bsdf import writer
     from drcmitsuba.case.shipped import shipped_folder, shipped_recipes
     from drcmitsuba.runtime import backend
     from drcmitsuba.scene.structures.structure import unit_cell
@@ -131,5 +131,5 @@ def goniophotometer(
             loaded, depth=depth, rank=rank, samples=samples, seed=seed, percent=percent,
             progress=progress,
         )  # fmt: skip
-        xml.save(film, path, thickness=unit_cell(loaded).thickness * 1e-3)
+        writer.save(film, path, thickness=unit_cell(loaded).thickness * 1e-3)
     print(f"{path}: {film.kind}; see `drcmitsuba bsdf {path}`")

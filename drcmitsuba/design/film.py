@@ -25,9 +25,8 @@ from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import materials
+from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
-LANES = 1 << 23
-"""Largest number of pairs of directions that are looked up in a file at once."""
 WITHIN = 4
 """Integration points of a lobe along each side of an outgoing cell and of a sky patch."""
 LEAST_SPREAD = 2.0
@@ -291,8 +290,8 @@ def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
     si.n = mi.Normal3f(0, 0, 1)
     si.sh_frame = mi.Frame3f(si.n)
     stride = dr.opaque(mi.UInt32, per_direction)
-    for start in range(0, total, LANES):
-        lane = dr.arange(mi.UInt32, min(LANES, total - start)) + dr.opaque(mi.UInt32, start)
+    for start in range(0, total, SHADOW_RAYS):
+        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, total - start)) + dr.opaque(mi.UInt32, start)
         si.wi = dr.gather(mi.Vector3f, to, lane % stride)
         leaves.append(bsdf.leaf(si, dr.gather(mi.Vector3f, from_, lane // stride)))
         dr.eval(leaves[-1])

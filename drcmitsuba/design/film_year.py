@@ -40,9 +40,9 @@ from drcmitsuba.sky.daylight import Daylight, luminances
 from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport.coefficients import estimate
 from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.diffusing_panes import PanePatches, looks
 from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.panes import PanePatches, looks
 
 CELL = "film_{:04d}"
 """Labels of outgoing cells among the bins."""

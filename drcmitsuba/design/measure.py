@@ -22,7 +22,7 @@ from drcmitsuba.transport.facade_basis.year import Illuminances
 Aim = Literal["sDA", "worst month"]
 SOFTEST = 50.0
 """Points of msDA over the sharpness: how near months count as the worst together."""
-TIE = 1e-9
+ASE_TOLERANCE = 1e-9
 """ASE above its limit by less than this holds the limit [%]."""
 
 
@@ -86,7 +86,7 @@ class RatedCandidate:
         -------
         tuple of float
         """
-        over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - TIE, 0.0)
+        over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - ASE_TOLERANCE, 0.0)
         return -area_error, -over, self.hard.value, self.sharpness, self.smooth.value
 
     def numbers(self, aim: Aim) -> dict[str, float]:

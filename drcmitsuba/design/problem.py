@@ -21,7 +21,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.design.measure import TIE, Aim, Measure, RatedCandidate, Score
+from drcmitsuba.design.measure import ASE_TOLERANCE, Aim, Measure, RatedCandidate, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
@@ -233,7 +233,7 @@ class FacadeProblem:
     def is_feasible(self, score: FacadeScore) -> bool:
         """Whether a score holds the constraints; areas to `AREA_TOLERANCE`."""
         goal = self.goal
-        if goal.ase_limit is not None and score.ase > goal.ase_limit + TIE:
+        if goal.ase_limit is not None and score.ase > goal.ase_limit + ASE_TOLERANCE:
             return False
         return self.area_error(score) == 0
 

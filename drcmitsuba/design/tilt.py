@@ -32,7 +32,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
 from drcmitsuba.case.toml import shortened
-from drcmitsuba.design.measure import TIE, Aim, Measure, RatedCandidate, Score
+from drcmitsuba.design.measure import ASE_TOLERANCE, Aim, Measure, RatedCandidate, Score
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.metrics import Interval, accumulate, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -231,7 +231,7 @@ class TiltProblem:
 
     def holds(self, candidate: RatedCandidate) -> bool:
         """Whether ASE holds its limit."""
-        return candidate.hard.ase <= self.goal.ase_limit + TIE
+        return candidate.hard.ase <= self.goal.ase_limit + ASE_TOLERANCE
 
     def numbers(self, candidate: RatedCandidate) -> dict[str, float]:
         """Columns of the history: scores [%]."""
@@ -259,7 +259,7 @@ class TiltProblem:
             other
             for other, (E, aim) in self.simulated.items()
             if other != tilt and aim.low <= here.high and here.low <= aim.high
-            and self.measure.hard(E)[1] <= self.goal.ase_limit + TIE
+            and self.measure.hard(E)[1] <= self.goal.ase_limit + ASE_TOLERANCE
         )  # fmt: skip
 
     def _simulation(self, case: Case, progress: Progress) -> SimulatedTilt:

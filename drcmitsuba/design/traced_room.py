@@ -22,9 +22,9 @@ from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.cells import Cells, Grid, draw_points
 from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
-from drcmitsuba.transport.panes import PanePatches
 
 
 class Deposited(NamedTuple):

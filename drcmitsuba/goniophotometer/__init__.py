@@ -10,7 +10,7 @@ save
     Write the XML file.
 """
 
-from drcmitsuba.bsdf.xml import save
+from drcmitsuba.bsdf.writer import save
 from drcmitsuba.goniophotometer.exposure import Exposure, expose, measure
 from drcmitsuba.scene.structures.recipe import Recipe, load_recipe
 

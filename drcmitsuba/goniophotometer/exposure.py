@@ -9,7 +9,7 @@ from drcmitsuba_plugins.bsdf_file import BsdfFile
 from drcmitsuba_plugins.tensor import TensorTree
 
 from drcmitsuba.bsdf.merge import merge
-from drcmitsuba.bsdf.xml import DIGITS
+from drcmitsuba.bsdf.writer import DIGITS
 from drcmitsuba.goniophotometer.trace import prepare, shares
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress

@@ -8,7 +8,7 @@ shade
     When the shade closes, and its smooth twin.
 smooth
     The smooth twins by the metrics' names.
-counts, smooth_step
+thresholds, smooth_step
     Counts above thresholds that all families share, exact and smooth.
 confidence
     `Interval`, a value with its 95 % interval.
@@ -27,9 +27,9 @@ evaluate_metrics
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.autonomy import autonomy_stamps, msda, sda
 from drcmitsuba.metrics.confidence import Interval
-from drcmitsuba.metrics.counts import months
 from drcmitsuba.metrics.shade import closing_sensors, shade_closed
 from drcmitsuba.metrics.sunlight import ase, exposure_stamps, mse
+from drcmitsuba.metrics.thresholds import months
 
 __all__ = [
     "Interval",

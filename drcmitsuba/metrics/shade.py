@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics import smooth_step
-from drcmitsuba.metrics.counts import blocks, checked, exact_fraction, not_negative
+from drcmitsuba.metrics.thresholds import blocks, checked, exact_fraction, not_negative
 
 
 def closing_sensors(area: float, sensors: int) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics import smooth_step
-from drcmitsuba.metrics.counts import (
+from drcmitsuba.metrics.thresholds import (
     checked,
     exact,
     monthly_share,

@@ -6,7 +6,7 @@ plots
     Every kind of picture by its name.
 plan_view, tiles
     Plans in false colours; tiles of a grid of sensors.
-months
+metric_charts
     Metrics of a period and of its months.
 style
     Colours, lines and PNG files.

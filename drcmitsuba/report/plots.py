@@ -8,7 +8,7 @@ write, save
     PNG files, from `style`, with the colours and lines that pictures share.
 """
 
-from drcmitsuba.report.months import monthly, season
+from drcmitsuba.report.metric_charts import monthly, season
 from drcmitsuba.report.plan_view import plan
 from drcmitsuba.report.style import BLUE, GREY, INK, LINES, ORANGE, save, write
 

@@ -2,6 +2,8 @@
 
 bsdf_lookup, film_orientation
     Properties of surfaces by BSDF number; orientation of films.
+launch_size
+    Numbers of sensors, paths, photons and shadow rays in one launch.
 cells
     Patches of diffuse surface between gather and deposit.
 gather, gather_blocks

@@ -26,16 +26,13 @@ from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Drawn
 from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered, Met
-from drcmitsuba.transport.panes import PanePatches
+from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
 
-BLOCK = 1024
-"""Largest number of sensors in one launch."""
-LANES = 1 << 21
-"""Number of paths in one launch; the paths of a sensor stay in one launch."""
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
 ALIKE = 0.1
@@ -171,8 +168,8 @@ def straight_suns(
     reached = scene.effects.enabled_suns(suns)
     if reached.any():
         followed = suns.where(reached)
-        for start in range(0, len(points), BLOCK):
-            here = slice(start, min(start + BLOCK, len(points)))
+        for start in range(0, len(points), SENSORS):
+            here = slice(start, min(start + SENSORS, len(points)))
             mean[here, reached], error[here, reached] = _straight_suns(
                 scene, points[here], normals[here], followed, accuracy, here
             )
@@ -322,7 +319,7 @@ def estimate(
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
-    gathered = Gathered.of(scene, points, normals, accuracy, block=BLOCK, lanes=LANES)
+    gathered = Gathered.of(scene, points, normals, accuracy, block=SENSORS, lanes=PATHS)
     if gathered.cells.count:
         keys = gathered.cells.keys
         for replicate, drawn in zip(replicates, gathered.drawn, strict=True):

@@ -18,9 +18,9 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import Films, Lit
-from drcmitsuba.transport.panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 
 PEAK_RAYS = 8
@@ -127,7 +127,8 @@ class Deposit:
     def lit(self, replicate: int, material: int | None = None) -> Deposit:
         """Compute the light on the panes, including light from pane to pane.
 
-        Light from one film to another, or from a diffusing pane to a film, is not followed.
+        Light from one film to another, or from a diffusing pane to a film, is not followed
+        here, but by `photons`.
 
         Parameters
         ----------

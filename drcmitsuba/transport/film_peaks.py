@@ -31,9 +31,10 @@ from drcmitsuba_plugins.sampling import (
 )
 
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
 from drcmitsuba.transport.film_orientation import Mount
-from drcmitsuba.transport.panes import OFFSET, PanePatches
-from drcmitsuba.transport.shadow_rays import LANES, to_sky
+from drcmitsuba.transport.launch_size import SHADOW_RAYS
+from drcmitsuba.transport.shadow_rays import to_sky
 
 STANDS_OUT = 8.0
 """A cell is a peak where f is above this times the mean f of its side."""
@@ -142,7 +143,7 @@ def peak_deposit(
     centres = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     owners = mi.UInt32(patches.owner.astype(np.uint32))
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
-    block = max(1, LANES // n)
+    block = max(1, SHADOW_RAYS // n)
     for start in range(0, count, block):
         lane = dr.arange(mi.UInt32, min(block, count - start) * n)
         receiver, index = lane // n + dr.opaque(mi.UInt32, start), lane % n

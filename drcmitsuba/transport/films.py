@@ -10,8 +10,9 @@ direction back, and D_a the straight irradiance of the patch. For the suns, f is
 exact directions. Within a patch of the sky f varies: there f · D_a is one integral, estimated by
 directions drawn from the BSDF.
 
-Limits: light from a film or a diffusing pane to another film is not followed; nor is a film that
-is seen through the straight view of another.
+Limits: light from a film or a diffusing pane to another film is not followed here, but by
+photons (`photons`, effect `pane_to_pane`); nor is a film that is seen
+through the straight view of another.
 """
 
 from __future__ import annotations
@@ -27,10 +28,11 @@ from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
 
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
-from drcmitsuba.transport.panes import OFFSET, PanePatches, looks
-from drcmitsuba.transport.shadow_rays import LANES, straight, sun_numbers
+from drcmitsuba.transport.launch_size import SHADOW_RAYS
+from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 SUN_SAMPLES = {"even": 8, "uneven": 16}
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate, for
@@ -184,7 +186,7 @@ class Films:
         for patch in np.unique(first[:-1], return_index=True)[1]:
             mount = self.mounts[self.patches.owner[patch]]
             out = dr.zeros(mi.Float64, mount.rows * bins)  # of many samples in one bin
-            block = max(1, LANES // samples)
+            block = max(1, SHADOW_RAYS // samples)
             for start in range(0, mount.rows, block):
                 lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
                 row = lane // each + dr.opaque(mi.UInt32, start)
@@ -346,8 +348,8 @@ def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float, seed: int) 
     samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
     count = dr.opaque(mi.UInt32, len(suns))  # a literal would have the kernel compiled anew
     places = mi.UInt32(sun_numbers(suns))
-    for start in range(0, dr.width(out), LANES):
-        lane = dr.arange(mi.UInt32, min(LANES, dr.width(out) - start))
+    for start in range(0, dr.width(out), SHADOW_RAYS):
+        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
         pair = lane + dr.opaque(mi.UInt32, start)
         row, sun = pair // count, pair % count
         centre, place = dr.gather(mi.Vector3f, directions, sun), dr.gather(mi.UInt32, places, sun)

@@ -34,12 +34,11 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.launch_size import PHOTONS
 from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
 from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
-LANES = 1 << 21
-"""Number of photons in one launch; the photons of a source stay in one launch."""
 PATCH = 4
 """Number of photons of a sky patch per photon of a sun: a patch counts in every hour."""
 
@@ -241,7 +240,7 @@ class PhotonTracer:
             could, traits = ports.could(sources)[:bins], Traits.of(ports)
             could = could * wanted[:, None]
             seen = np.flatnonzero(could.any(axis=1))
-            block, ledger = max(1, LANES // photons), FluxLedger()
+            block, ledger = max(1, PHOTONS // photons), FluxLedger()
             for first in range(0, len(seen), block):
                 some, key = seen[first : first + block], seed + 0x10001 * i
                 with ports.scene.ray_counter.purpose(Stream.PHOTONS.name, draw.name, ports.name):

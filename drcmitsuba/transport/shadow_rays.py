@@ -24,9 +24,8 @@ from drcmitsuba_plugins.sampling import (
 
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
+from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
-LANES = 1 << 23
-"""Number of lanes in one launch: large enough to fill a GPU, small enough for memory."""
 RIM = 8
 """Directions around a disk's edge: they detect any straight edge that leaves or takes 1.5 %."""
 CLUSTER = 32
@@ -196,7 +195,7 @@ def sky_deposit(
         return dr.zeros(mi.TensorXf, (count, bins))
     out = dr.zeros(mi.Float64, count * bins)  # a million rays may end in one bin
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
-    block = max(1, LANES // rays)
+    block = max(1, SHADOW_RAYS // rays)
     for start in range(0, count, block):
         n_points = min(block, count - start)
         lane = dr.arange(mi.UInt32, n_points * rays)
@@ -253,7 +252,7 @@ def sun_deposit(
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())
     places = mi.UInt32(sun_numbers(suns))
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
-    block = max(1, LANES // CLUSTER)
+    block = max(1, SHADOW_RAYS // CLUSTER)
     stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
     for start in range(0, len(rows), block):
         lane = dr.arange(mi.UInt32, min(block, len(rows) - start) * CLUSTER)
@@ -330,8 +329,8 @@ def pair_deposit(
     directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
     stride, places = dr.opaque(mi.UInt32, len(suns)), mi.UInt32(sun_numbers(suns))
     parts = []
-    for start in range(0, dr.width(pairs), LANES):
-        lane = dr.arange(mi.UInt32, min(LANES, dr.width(pairs) - start))
+    for start in range(0, dr.width(pairs), SHADOW_RAYS):
+        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(pairs) - start))
         pair = dr.gather(mi.UInt32, pairs, lane + dr.opaque(mi.UInt32, start))
         row, sun = pair // stride, pair % stride
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)

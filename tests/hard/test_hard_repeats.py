@@ -112,12 +112,12 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     Another sensor's chunk finds the cells first, cells are numbered in another order, and a chunk
     begins within the photons of one component: none of it may move a random number.
     """
-    monkeypatch.setattr(coefficients, "BLOCK", 2)
+    monkeypatch.setattr(coefficients, "SENSORS", 2)
     monkeypatch.setattr(coefficients, "SUMMED", 100)
     monkeypatch.setattr(gather_blocks, "KEPT", 1000)
-    monkeypatch.setattr(shadow_rays, "LANES", 1 << 12)
-    monkeypatch.setattr(films, "LANES", 1 << 18)
-    monkeypatch.setattr(photons, "LANES", 1 << 12)
+    monkeypatch.setattr(shadow_rays, "SHADOW_RAYS", 1 << 12)
+    monkeypatch.setattr(films, "SHADOW_RAYS", 1 << 18)
+    monkeypatch.setattr(photons, "PHOTONS", 1 << 12)
     holds("C in one chunk and in ten", max(distances(run(kind), usual[kind])), SAME)
 
 
@@ -126,7 +126,7 @@ def test_chunks_by_paths(kind, usual, holds, monkeypatch):
     """What limits a chunk may be the paths, too: one sensor at a time."""
     if kind != "open room":
         pytest.skip("the limit is the same one for all rooms")
-    monkeypatch.setattr(coefficients, "LANES", 1)
+    monkeypatch.setattr(coefficients, "PATHS", 1)
     holds("C sensor by sensor", max(distances(run(kind), usual[kind])), SAME)
 
 

@@ -38,7 +38,7 @@ from drcmitsuba.sky.sun_models import (
     moved_to_patch,
     spread_over_patches,
 )
-from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction
+from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction_of_hour
 from drcmitsuba.transport import sun_interpolation
 from drcmitsuba.transport.coefficients import compute
 from tests import SHARED, radiance
@@ -156,10 +156,10 @@ def counted(latitude: float) -> int:
     count, day = 0, np.arange(24.0)
     for declination in daysim.DECLINATIONS:
         hours_ = np.arange(0, 24, 1 / 3600)
-        altitude = direction(latitude, np.array(declination), 15 * (hours_ - 12))[:, 2]
+        altitude = direction_of_hour(latitude, np.array(declination), 15 * (hours_ - 12))[:, 2]
         crossing = hours_[1:][np.diff(np.sign(altitude - np.sin(np.radians(2)))) != 0]
         moved = (abs(day[:, None] - crossing) < 0.5).any(axis=1)
-        high = direction(latitude, np.array(declination), 15 * (day - 12))[:, 2]
+        high = direction_of_hour(latitude, np.array(declination), 15 * (day - 12))[:, 2]
         count += int((moved | (high > np.sin(np.radians(1.999)))).sum())
     return count
 
@@ -171,7 +171,7 @@ KNOWN = {0.0: 65, 1.4: 65, 33.0: 63, 37.0: 63, 42.0: 63, 46.25: 65, 47.4: 65, 60
 @pytest.mark.parametrize("latitude", [*KNOWN, 25.0, 39.0, 55.0, 63.5, 65.5, 67.5, -33.9, 75.0])
 def test_daysim_has_as_many_suns(latitude):
     """A midnight sun stands on both ends of its day: twice in the list, once in the sky."""
-    noon = direction(latitude, np.array([0.0]), np.array([0.0]))
+    noon = direction_of_hour(latitude, np.array([0.0]), np.array([0.0]))
     suns, _ = between_daysim_suns(noon, np.array([True]), latitude, DIAMETER)
     places = np.unique(suns.directions.round(6), axis=0)
     assert len(places) == counted(latitude) == KNOWN.get(latitude, len(places))

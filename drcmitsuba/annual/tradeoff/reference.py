@@ -25,6 +25,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.transport.launch_size import PATHS
 from drcmitsuba.transport.shadow_rays import sun_deposit
 
 SUBDIVISION = 6
@@ -35,8 +36,6 @@ FEWEST_ROUNDS, ROUNDS = 4, 16
 """Smallest number of rounds, and number of rounds that the time is divided into at least."""
 ENOUGH = 0.5
 """RMS error of the reference [% of the mean E] below which it stops early."""
-LANES = 1 << 21
-"""Largest number of paths in one launch."""
 PILOT = 1 << 16
 """Number of paths in the launch that measures the speed."""
 SUNS_PER_VERTEX = 8
@@ -198,7 +197,7 @@ class TraceReference:
             _ = [state.illuminance(pilot, seed) for state in states]
         pace = (time.monotonic() - begin) / pilot
         left = max(self.until - time.monotonic(), 0) / ROUNDS
-        spp = int(np.clip(left / pace, 1, max(1, LANES // states[0].size)))
+        spp = int(np.clip(left / pace, 1, max(1, PATHS // states[0].size)))
         rounds: list[list[np.ndarray]] = []
         while len(rounds) < FEWEST_ROUNDS or time.monotonic() + spp * pace < self.until:
             # The spread reads all rounds, so it is computed once in `ROUNDS` rounds only.

@@ -13,7 +13,7 @@ import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 from drcmitsuba_plugins.tensor import TensorTree
 
-from drcmitsuba.bsdf import xml
+from drcmitsuba.bsdf import writer
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial
@@ -215,7 +215,7 @@ def with_coarser_films(case: Case, levels: int, folder: Path) -> Case:
             if isinstance(c, TensorTree)
         }
         path = folder / f"{len(list(folder.iterdir()))}.xml"
-        xml.save(replace(file, components=components), path)
+        writer.save(replace(file, components=components), path)
         material = materials[name]
         assert isinstance(material, BsdfMaterial)
         materials[name] = material.model_copy(update={"file": path})

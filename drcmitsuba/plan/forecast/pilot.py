@@ -25,12 +25,13 @@ from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import launch_size
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.coefficients import BLOCK, LANES, compute, straight_suns
+from drcmitsuba.transport.coefficients import compute, straight_suns
+from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import SUN_SAMPLES, Films
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
-from drcmitsuba.transport.panes import PanePatches
 from drcmitsuba.transport.photons import PATCH
 from drcmitsuba.transport.shadow_rays import sun_deposit
 
@@ -180,8 +181,8 @@ class Pilot:
     def block(self) -> int:
         """Number of sensors that are gathered at once."""
         a = self.accuracy
-        most = int(LANES * USUAL / self.paths.bounces) // (a.replicates * a.paths)
-        return min(len(self.points), max(1, min(BLOCK, most)))
+        most = int(launch_size.PATHS * USUAL / self.paths.bounces) // (a.replicates * a.paths)
+        return min(len(self.points), max(1, min(launch_size.SENSORS, most)))
 
     @cached_property
     def films(self) -> Films | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from drcmitsuba.sky.sun_models.blend import Blend, Suns
-from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction
+from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction_of_hour
 
 _DAYS = np.array([355, 52, 80, 111, 172])
 DECLINATIONS = np.degrees(0.4093 * np.sin(2 * np.pi / 368 * (_DAYS - 81)))
@@ -78,7 +78,9 @@ def between_daysim_suns(
     days = np.flatnonzero([len(h) > 0 for h in hours])
     first = np.cumsum([0, *(len(h) for h in hours)])
     labels = np.array([f"sun_daysim_{i + 1:02d}" for i in range(first[-1])], dtype=object)
-    places = [direction(latitude, np.full(len(hours[d]), DECLINATIONS[d]), hours[d]) for d in days]
+    places = [
+        direction_of_hour(latitude, np.full(len(hours[d]), DECLINATIONS[d]), hours[d]) for d in days
+    ]
     bins = np.full((len(up), 4), "", dtype=object)
     weights = np.zeros((len(up), 4))
     declination, hour_angle = declination_and_hour(latitude, directions)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 
-def direction(latitude: float, declination: np.ndarray, hour_angle: np.ndarray) -> np.ndarray:
+def direction_of_hour(
+    latitude: float, declination: np.ndarray, hour_angle: np.ndarray
+) -> np.ndarray:
     """Unit vector x east, y north, z up, shape (..., 3); the hour angle [deg] grows to the west."""
     phi, delta, h = (np.radians(angle) for angle in (latitude, declination, hour_angle))
     x = -np.cos(delta) * np.sin(h)

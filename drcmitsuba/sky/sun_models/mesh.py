@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drcmitsuba.sky.sun_models.blend import Blend
-from drcmitsuba.sky.sun_models.equator import direction
+from drcmitsuba.sky.sun_models.equator import direction_of_hour
 
 FINEST = 7
 """Level that nodes are numbered by; its edges are 0.7° long."""
@@ -104,7 +104,7 @@ def possible_suns(latitude: float) -> np.ndarray:
     """Directions (sun, 3) of all suns of a year at a latitude [deg], at most 1° apart."""
     furthest = OBLIQUITY + MARGIN
     declination = np.linspace(-furthest, furthest, 70)[:, None]
-    d = direction(latitude, declination, np.arange(-180.0, 180.0, 0.75)).reshape(-1, 3)
+    d = direction_of_hour(latitude, declination, np.arange(-180.0, 180.0, 0.75)).reshape(-1, 3)
     return d[d[:, 2] >= 0]
 
 

@@ -19,9 +19,9 @@ from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import FilmPanes, ScatteringPanes, Scene, quad_mesh
 from drcmitsuba.scene.surfaces import Enclosure
 from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
 from drcmitsuba.transport.films import Films, Looked
-from drcmitsuba.transport.panes import PanePatches
 
 
 class _AllWithin(Enclosure):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from drcmitsuba import metrics
-from drcmitsuba.metrics import counts
+from drcmitsuba.metrics import thresholds
 from drcmitsuba.runtime.errors import InputError
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=60)
@@ -218,7 +218,7 @@ def test_order_does_not_matter(E, random):
 def test_blocks_do_not_show(monkeypatch):
     E = series(np.random.default_rng(5).uniform(0, 2000, (100, 7)))
     whole, closed = all_metrics(E), metrics.shade_closed(E, area=0.6)
-    monkeypatch.setattr(counts, "BLOCK", 20)
+    monkeypatch.setattr(thresholds, "BLOCK", 20)
     np.testing.assert_array_equal(all_metrics(E), whole)
     xr.testing.assert_identical(metrics.shade_closed(E, area=0.6), closed)
 

@@ -14,7 +14,7 @@ from drcmitsuba.sky.sun_models import (
     spread_over_patches,
 )
 from drcmitsuba.sky.sun_models.daysim import DECLINATIONS
-from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction
+from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction_of_hour
 
 RNG = np.random.default_rng(0)
 DIAMETER = 0.5
@@ -35,7 +35,7 @@ UP = np.arange(500) % 7 > 0
 
 
 def test_noon_at_an_equinox_is_as_high_as_the_equator():
-    d = direction(46.25, np.array(0.0), np.array([0.0, 90.0, -90.0]))
+    d = direction_of_hour(46.25, np.array(0.0), np.array([0.0, 90.0, -90.0]))
     altitude = np.degrees(np.arcsin(d[:, 2]))
     np.testing.assert_allclose(altitude, [90 - 46.25, 0, 0], atol=1e-12)
     np.testing.assert_allclose(d[1], [-1, 0, 0], atol=1e-12)  # the afternoon's sun is in the west
@@ -45,7 +45,9 @@ def test_noon_at_an_equinox_is_as_high_as_the_equator():
 @pytest.mark.parametrize("latitude", [-60.0, 0.0, 46.25, 89.0])
 def test_declination_and_hour_invert_direction(latitude):
     declination, hour = declination_and_hour(latitude, DIRECTIONS)
-    np.testing.assert_allclose(direction(latitude, declination, hour), DIRECTIONS, atol=1e-12)
+    np.testing.assert_allclose(
+        direction_of_hour(latitude, declination, hour), DIRECTIONS, atol=1e-12
+    )
 
 
 # ---- patches ----------------------------------------------------------------------------------
@@ -102,7 +104,7 @@ def test_daysim_has_as_many_suns_as_the_original(latitude, count):
 
 def test_a_sun_of_daysim_is_itself_and_one_between_is_near_its_mean():
     march = DECLINATIONS[2]
-    d = direction(46.25, np.array([march, 5.0]), np.array([30.0, 37.0]))
+    d = direction_of_hour(46.25, np.array([march, 5.0]), np.array([30.0, 37.0]))
     suns, blend = between_daysim_suns(d, np.ones(2, bool), 46.25, DIAMETER)
     place = dict(zip(suns.labels, suns.directions, strict=True))
     mean = np.array([[place[b] for b in row] for row in blend.bins])
@@ -194,7 +196,9 @@ def test_the_mesh_holds_every_sun_of_a_place(latitude):
     nodes = mesh.nodes_of(mesh.possible_suns(latitude), mesh.COARSEST)
     assert abs(nodes).sum(axis=1).max() <= 128  # none below the horizon
     declination = RNG.uniform(-mesh.OBLIQUITY, mesh.OBLIQUITY, 100_000)
-    d = direction(latitude + RNG.uniform(-0.5, 0.5), declination, RNG.uniform(-180, 180, 100_000))
+    d = direction_of_hour(
+        latitude + RNG.uniform(-0.5, 0.5), declination, RNG.uniform(-180, 180, 100_000)
+    )
     d = d[d[:, 2] > 0]
     blend = mesh.blend(d, np.ones(len(d), bool), list(map(mesh.label, nodes)))
     np.testing.assert_allclose(blend.weights.sum(axis=1), 1)

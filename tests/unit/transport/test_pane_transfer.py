@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.scene import scene as scenes
-from drcmitsuba.transport.panes import PanePatches, neumann_series, pane_transfer
+from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.shadow_rays import sky_deposit
 from tests.unit.transport.exact_scenes import (
     DOWN,
