@@ -39,7 +39,7 @@ def figures(
     ----------
     file : BsdfFile
     report : CheckReport
-        From `check`.
+        Result of `check`.
     sun : (float, float)
         Elevation [deg], and azimuth from the façade's normal, clockwise from above [deg].
 

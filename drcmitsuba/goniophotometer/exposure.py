@@ -56,7 +56,7 @@ class Exposure:
         return np.mean(self.halves[name], axis=0, dtype=float)
 
     def errors(self, name: str) -> np.ndarray:
-        """Binomial standard errors of `shares`, (incident, n²): upper bounds for even rays."""
+        """Binomial standard errors of `shares`, (incident, n²); upper bound for stratified rays."""
         p = self.shares(name)
         return np.sqrt(np.clip(p * (1 - p), 0, None) / self.samples)
 
@@ -144,7 +144,7 @@ def measure(
     Parameters
     ----------
     recipe : Recipe
-        From `load_recipe`.
+        Result of `load_recipe`.
     depth : int
         Levels of the tree: cells of side 2⁻ᵈᵉᵖᵗʰ, projected solid angle π 4⁻ᵈᵉᵖᵗʰ sr. At most 6
         (rank 4) or 7 (rank 3).

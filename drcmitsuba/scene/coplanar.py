@@ -174,6 +174,6 @@ def refuse_in_walls(
         u, v = triangles[mine, 1] - triangles[mine, 0], triangles[mine, 2] - triangles[mine, 0]
         facing = np.cross(u, v)[:, plane.axis] * plane.inward
         if (facing != 0).any() if two_sided else (facing > 0).any():
-            got = f"faces of it lie in the plane of the {plane.name}"
+            got = f"some of its faces lie in the plane of the {plane.name}"
             remedy = f"move it {SET_BACK * 1000:g} mm off, with `position`"
             raise InputError(case.source, f"components.{name}", got, remedy)

@@ -34,7 +34,7 @@ def _read(path: Path, changed: int) -> tuple[np.ndarray, np.ndarray, bool]:
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
     if area <= np.square(1e-6 * np.ptp(vertices, axis=0).max()):
-        raise InputError(path, "mesh", "its triangles have no area", "give one with faces")
+        raise InputError(path, "mesh", "its triangles have no area", "give a mesh with faces")
     vertices.flags.writeable = faces.flags.writeable = False
     return vertices, faces, is_closed(vertices, faces)
 

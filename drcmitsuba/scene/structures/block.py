@@ -90,7 +90,7 @@ def _count(recipe: Recipe, extent: float, period: float, room: float) -> int:
     count = int(np.floor((room - extent) / period + 1e-6)) + 1
     if count < 1:
         got = f"a period takes {extent:g} mm, the pane leaves {room:.4g} mm"
-        raise InputError(recipe.source, "structure.period", got, "give a shorter one")
+        raise InputError(recipe.source, "structure.period", got, "give a shorter period")
     return count
 
 
@@ -105,7 +105,7 @@ def _cut(
     count = _count(recipe, extent, s.period, height)
     if count * sum(map(len, parts)) > MOST_TRIANGLES // 4:
         got = f"{count} periods in a pane"
-        raise InputError(recipe.source, "structure.period", got, "give a longer one")
+        raise InputError(recipe.source, "structure.period", got, "give a longer period")
     moved = [part + [0, k * s.period] for k in range(count) for part in parts]
     edges = np.concatenate(moved)
     clear = isinstance(material, DielectricMaterial)
@@ -146,7 +146,7 @@ def _tiled(
     )
     if nx * ny * len(corners) > MOST_TRIANGLES:
         got = f"{nx * ny * len(corners)} triangles in a pane"
-        raise InputError(recipe.source, "structure.period", got, "give longer ones")
+        raise InputError(recipe.source, "structure.period", got, "give longer periods")
     step = [[i * s.period[0], j * s.period[1], 0] for i in range(nx) for j in range(ny)]
     quads = (corners[None] + np.array(step)[:, None, None]).reshape(-1, 3, 3)[:, [0, 1, 2, 2]]
     span = np.array([nx - 1, ny - 1]) * s.period + extent
