@@ -5,11 +5,11 @@ run
 simulation
     Coefficients C of both states of a case.
 sample_accumulator, adaptive_sampling
-    Coefficients to which samples are added, until the intervals are as narrow as asked for.
+    Coefficients to which samples are added, until the intervals are as narrow as the target.
 result
     `evaluate`, `Result`: from a case to numbers, files and pictures; the data flow in ten lines.
 variants, season
-    Several façades of one room; months with the season taken out.
+    Several façades of one room; monthly values relative to an open window.
 tradeoff
     Accuracy against time.
 """

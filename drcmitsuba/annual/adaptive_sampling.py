@@ -1,10 +1,9 @@
-"""More samples until the intervals are as narrow as the case asks for.
+"""More samples until the intervals are as narrow as the target of the case.
 
 Samples are added in rounds, each a simulation of its own with another seed. Replicate r of a round
-is averaged into replicate r of the coefficients: there stay as many replicates, independent as
-before, each of more samples, so that their scatter still gives the error. Where sDA and ASE are
-aimed at, rounds after the first simulate only the sensors that are too close to call, and the suns
-of the hours in doubt there.
+is averaged into replicate r of the coefficients C: the replicates stay independent and as many, so
+that their scatter still gives the error. With a target of sDA and ASE, later rounds simulate only
+the sensors that are too close to call, and the suns of the hours in doubt there.
 """
 
 from __future__ import annotations
@@ -36,20 +35,20 @@ ROUNDS_AT_ONCE = 8
 
 @dataclass(frozen=True)
 class SamplingOutcome:
-    """How close the sampling came to its target.
+    """Outcome of the sampling toward a target.
 
     Parameters
     ----------
     target : str
-        As in the case.
+        Target of the case, such as "1 point".
     half_width : float
         Half the width of the widest interval, in the target's unit.
     reached : bool
-        Whether it is as narrow as the target.
+        Whether the widest interval is as narrow as the target.
     rounds : int
         Number of rounds, the first one included.
     reason : str
-        Why the sampling ended.
+        Reason why the sampling ended.
     """
 
     target: str
@@ -78,7 +77,7 @@ class _Sampling:
     def transport(
         self, state: State, labels: Iterable[str], run: Run, **options: Any
     ) -> xr.Dataset:
-        """Simulate some suns in a state, on the mesh that is known."""
+        """Simulate some suns in a state, on the mesh of the first round."""
         mesh = mesh_of(self.states.get(state, self.states["open"]).coefficients)
         return simulation.transport(
             self.case, state, self.daylight.suns.only(labels), self.daylight.sky.attrs["latitude"],
@@ -98,7 +97,7 @@ class _Sampling:
             samples.add(more, sensors)
 
     def evaluate(self) -> EvaluatedMetrics:
-        """Evaluate the metrics, the shaded state of hours that may close only now simulated."""
+        """Evaluate the metrics; first simulate the shaded state of hours that may newly close."""
         direct = illuminance.direct_sun(self.coefficients, self.daylight.sky)
         if self.case.shading is not None:
             self._extend_shaded(may_close(self.case, self.daylight.step_hours, direct))
@@ -127,10 +126,10 @@ def toward_target(
     Parameters
     ----------
     case : Case
-        As it is simulated, with an `accuracy.target`.
+        Simulated case, with an `accuracy.target`.
     daylight : Daylight
     coefficients : Coefficients
-        From `simulation.simulate`: the first round.
+        First round, from `simulation.simulate`.
     evaluated : EvaluatedMetrics
         Metrics of the first round.
     run : Run
@@ -175,7 +174,7 @@ def toward_target(
 
 
 def _worth_more(evaluated: EvaluatedMetrics, unit: str) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the sensors and of the time stamps that more samples are spent on."""
+    """Indices of the sensors and of the time stamps that need more samples."""
     E, draws = evaluated.illuminance, evaluated.draws
     everywhere = np.arange(E.sizes["sensor"]), np.arange(E.sizes["time"])
     if unit == "%":

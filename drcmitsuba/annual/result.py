@@ -9,7 +9,7 @@ C · L    ─ illuminance ───────► E[time, sensor], the shade ap
 E, C     ─ evaluate_metrics ──► draws, metrics with their intervals    metrics.json
          ─ toward_target ─────► more rounds of C, E and metrics, where a target asks for them
 all      ─ Result.save ───────► coefficients.zarr, sky.zarr, plan.json, pictures
-A `Run` goes through all of it: seed, enabled effects, stages with their seconds, rays.
+A `Run` accompanies all steps: seed, enabled effects, stages with their seconds, rays.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ class Result:
     ----------
     case : Case
     metrics : dict
-        As in `metrics.json`.
+        Content of `metrics.json`.
     illuminance : xr.Dataset
-        E as on disk.
+        E[time, sensor] as on disk [lx].
     by_state : Coefficients
-        C of the open and the shaded state.
+        C of the open and the shaded state [sr].
     daylight : Daylight
         Sky and suns, from which L follows.
     plan : dict
-        As in `plan.json`.
+        Content of `plan.json`.
     enabled_effects : EnabledEffects
-        What was simulated.
+        Effects that were simulated.
     """
 
     case: Case
@@ -93,7 +93,7 @@ class Result:
         Returns
         -------
         Result
-            The same with what writing took in `metrics` and `plan`, as in their files.
+            The same result, with the seconds and bytes of writing in `metrics` and `plan`.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -117,7 +117,7 @@ class Result:
         return saved
 
     def _save_pictures(self, folder: Path) -> list[str]:
-        """Draw the plots and remove those of an earlier evaluation; names of the files."""
+        """Draw the plots, remove those of an earlier evaluation, and return the file names."""
         drawn = {}
         if self.enabled_effects.pictures:
             from drcmitsuba.report import figures, plots
@@ -160,7 +160,7 @@ class Result:
 
 
 def _text(number: Mapping[str, float]) -> str:
-    """A metric and its interval in words."""
+    """Write a metric and its interval [%]."""
     return f"{number['value']:.1f} % ({number['low']:.1f} … {number['high']:.1f})"
 
 
@@ -177,16 +177,10 @@ def _bytes(path: Path) -> int:
 def _with_actual(
     cost: Mapping[str, Any], metrics: Mapping[str, Any], more: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Entry `cost` of a plan with what the evaluation took beside its forecast.
+    """Entry `cost` of a plan, with the actual cost of the evaluation beside its forecast.
 
-    Parameters
-    ----------
-    cost : mapping
-        The entry so far.
-    metrics : mapping
-        `seconds` by stage and `peak_memory_bytes`.
-    more : mapping
-        Further actual numbers: `rays` by kind, `disk_bytes`.
+    `metrics` has `seconds` by stage and `peak_memory_bytes`; `more` has further actual numbers:
+    `rays` by kind, `disk_bytes`.
     """
     actual = {
         **cost.get("actual", {}),
@@ -205,7 +199,7 @@ def _with_actual(
 def peak_memory() -> int:
     """Largest memory that the process has held [bytes].
 
-    On Linux `getrusage` also counts what the parent held when it started the process, so the
+    On Linux `getrusage` also counts the memory of the parent at the start of the process, so the
     process' own status is read there.
     """
     status = Path("/proc/self/status")
@@ -225,11 +219,11 @@ def evaluate(
     Parameters
     ----------
     case : Case, str or Path
-        From `load_case`, or what `load_case` takes: a TOML file, or a shipped case by name.
+        Case, TOML file, or name of a shipped case.
     stage : callable, optional
-        Shows the stages of the work, as the command line does.
+        Function that shows the stages of the work, as the command line does.
     known : xr.Dataset, optional
-        Coefficients of this case that were computed for another weather, as on disk.
+        C of this case for another weather, as on disk [sr]; its bins are not computed again.
 
     Returns
     -------
@@ -281,9 +275,9 @@ def summed_up(
     evaluated : EvaluatedMetrics
     run : Run
     remarks : list of str
-        Notes on the films.
+        Notes on films and shade.
     outcome : SamplingOutcome, optional
-        How close the sampling came to a target.
+        Outcome of the sampling, where the case has a target.
     expected : Forecast, optional
         Forecast of the cost.
 

@@ -1,4 +1,4 @@
-"""What goes with an evaluation through all of its steps."""
+"""Record that accompanies an evaluation through all of its steps."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 
 @dataclass(frozen=True)
 class Run:
-    """Seed and effects of an evaluation, and its records, which all steps add to.
+    """Seed and effects of an evaluation, with seconds and rays to which all steps add.
 
     Parameters
     ----------
     seed : int
-        Seed of all random numbers; it takes the place of `accuracy.seed` of the case.
+        Seed of all random numbers, in place of `accuracy.seed` of the case.
     enabled_effects : EnabledEffects
-        What is simulated.
+        Effects that are simulated.
     stage : callable
-        Shows the stages of the work.
+        Function that shows the stages of the work.
     seconds : dict of str to float
-        Seconds of the stages that are over.
+        Seconds of the finished stages, by name.
     ray_counter : Counter of str
         Number of rays by kind so far.
     """
@@ -37,17 +37,17 @@ class Run:
 
     @classmethod
     def of(cls, case: Case, enabled_effects: EnabledEffects = ALL_EFFECTS) -> Run:
-        """Run with a case's own seed, of which nothing is shown."""
+        """Make a run with a case's own seed that shows no stages."""
         return cls(case.accuracy.seed, enabled_effects)
 
     def timed(self, name: str) -> AbstractContextManager[Progress]:
-        """Show a stage and note its seconds."""
+        """Show a stage and record its seconds."""
         return timed(self.stage, name, self.seconds)
 
     def with_seed(self, seed: int) -> Run:
-        """Run with other random numbers and the same records."""
+        """Make a run with another seed and the same records."""
         return replace(self, seed=seed)
 
     def branch(self) -> Run:
-        """Run with records of its own, which begin with those so far."""
+        """Make a run with a copy of the records."""
         return replace(self, seconds=dict(self.seconds), ray_counter=Counter(self.ray_counter))

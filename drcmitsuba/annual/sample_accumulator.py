@@ -17,7 +17,7 @@ class SampleAccumulator:
     Parameters
     ----------
     coefficients : xr.Dataset
-        From `simulation.transport`; it is copied, not changed.
+        C of the first round from `simulation.transport` [sr]; it is copied, not changed.
     """
 
     def __init__(self, coefficients: xr.Dataset):
@@ -34,13 +34,7 @@ class SampleAccumulator:
         return [label for label in labels if label not in known]
 
     def extend(self, more: xr.Dataset) -> None:
-        """Take over the bins and suns, of all sensors, that the coefficients lack.
-
-        Parameters
-        ----------
-        more : xr.Dataset
-            From `simulation.transport`, of all sensors.
-        """
+        """Add the bins and suns of `more`, C for all sensors [sr], that the coefficients lack."""
         for dim, rounds in self._rounds.items():
             new = self.missing(map(str, more[dim].values), dim)
             without = [name for name, v in self.coefficients.items() if dim not in v.dims]
@@ -59,9 +53,9 @@ class SampleAccumulator:
         Parameters
         ----------
         more : xr.Dataset
-            From `simulation.transport`, of some sensors and of bins that are known.
+            C from `simulation.transport` for some sensors and known bins [sr].
         sensors : np.ndarray of int, shape (n,)
-            Indices of these sensors among those of the coefficients.
+            Indices of these sensors among the sensors of the coefficients.
         """
         for dim, rounds in self._rounds.items():
             bins = positions(more[dim].values, self.coefficients[dim].values)

@@ -1,10 +1,10 @@
-"""Monthly values with the season taken out: the share of the month's daylight that a façade uses.
+"""Monthly values relative to the season: the share of the month's daylight that a façade uses.
 
-msDA is low in December whatever the façade, and how monthly values should be judged was left open
-[1]_. This judges them beside two references in the same room, from the same simulation:
+msDA is low in December for any façade; Bauer and Wittkopf leave open how to judge monthly values
+[1]_. This module compares them with two references in the same room, from the same simulation:
 
-- *clear*: all panes of clear glazing, the shade in use; the excess is the component's gain.
-- *opening*: all panes taken out, no shade: the daylight that the sky of the month offers here.
+- *clear*: all panes are clear glazing, the shade in use; the excess is the component's gain.
+- *opening*: no panes and no shade: the daylight that the sky of the month offers here.
 
 relative_m = msDA_m / msDA_m(opening). The definition is this program's own.
 
@@ -40,7 +40,7 @@ class Season:
     ----------
     name : str
     design, clear, opening : list of dict or None
-        {"value", "low", "high"} [%] of twelve months, January first; None for one without hours.
+        msDA of twelve months, January first, as {"value", "low", "high"} [%]; None without hours.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Season:
 
     @property
     def relative(self) -> list[float | None]:
-        """The design's msDA over the opening's [%]; None where that is 0 or not known."""
+        """Ratio of the msDA of design and opening [%]; None where the latter is 0 or None."""
         return [
             100 * month["value"] / most["value"] if month and most and most["value"] > 0 else None
             for month, most in zip(self.design, self.opening, strict=True)
@@ -58,7 +58,7 @@ class Season:
 
     @property
     def gain(self) -> list[float | None]:
-        """The design's msDA less that of clear glazing [points]."""
+        """Difference of the msDA of design and clear glazing [points]."""
         return [
             month["value"] - clear["value"] if month and clear else None
             for month, clear in zip(self.design, self.clear, strict=True)
@@ -90,7 +90,7 @@ def season(case: Case, stage: Stage = silent) -> Season:
     Parameters
     ----------
     case : Case
-        With windows in one side of its room.
+        Case with windows in one side of its room.
     stage : callable, optional
 
     Returns
@@ -100,7 +100,7 @@ def season(case: Case, stage: Stage = silent) -> Season:
     Raises
     ------
     InputError
-        There is no glazing among the materials; or as `evaluate_variants`.
+        The materials have no glazing, or `evaluate_variants` refuses the case.
     """
     case.refuse_components("a comparison of façades")
     glass = [name for name, m in case.materials.items() if isinstance(m, GlazingMaterial)]

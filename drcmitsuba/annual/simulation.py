@@ -38,18 +38,18 @@ from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
 
 BRIGHTEST = 1.3e5
-"""Largest direct normal illuminance that a shade may have to close for [lx]: the sun's in space."""
+"""Largest direct normal illuminance of any weather [lx]: that of the sun in space."""
 
 
 def _count(case: Case, enabled_effects: EnabledEffects) -> int:
-    """Number of colour channels to simulate; 1 of a grey case."""
+    """Number of colour channels to simulate; 1 for a grey case."""
     coloured = enabled_effects.channels
     coloured = scene.is_coloured(case) if coloured is None else coloured
     return len(LUMINANCE_WEIGHTS) if coloured else 1
 
 
 def _scenes(case: Case, state: State, run: Run) -> Iterator[scene.Scene]:
-    """Scene of every colour channel; counts its rays when the next one is asked for."""
+    """Yield the scene of every colour channel, and add its rays to the run afterwards."""
     count = _count(case, run.enabled_effects)
     for i in range(count):
         world = scene.load(case, state, i if count > 1 else -1, run.enabled_effects)
@@ -58,7 +58,7 @@ def _scenes(case: Case, state: State, run: Run) -> Iterator[scene.Scene]:
 
 
 def _joined(channels: list[xr.Dataset]) -> xr.Dataset:
-    """Channels along `channel`; a grey case as it is."""
+    """Join channels along the dim `channel`; a grey case has no such dim."""
     if len(channels) == 1:
         return channels[0]
     names = np.array(list(LUMINANCE_WEIGHTS), dtype=object)
@@ -77,13 +77,13 @@ def transport(
     case : Case
     state : {"open", "shaded"}
     suns : Suns
-        Suns of the time stamps, or those that stand for them.
+        Suns of the time stamps, or suns that stand for them.
     latitude : float
-        [deg north]; matters to an adaptive sun only.
+        Latitude [deg north], which only an adaptive sun needs.
     run : Run, optional
-        By default all effects with the case's seed.
+        Seed and effects; by default all effects with the case's seed.
     mesh : tuple of str
-        Labels of the mesh of an adaptive sun, where it is known.
+        Labels of the mesh of an adaptive sun; by default a new mesh is refined.
     sensors : np.ndarray of int, shape (n,), optional
         Indices of the sensors to simulate; by default all.
     progress : callable
@@ -91,7 +91,7 @@ def transport(
     Returns
     -------
     xr.Dataset
-        As from `transport.coefficients.compute`, with the dim `channel` where the case is coloured.
+        C of `transport.coefficients.compute` [sr], with a dim `channel` where the case is coloured.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def transport(
 
 
 def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
-    """Digest of everything that coefficients follow from, the contents of files included."""
+    """Digest of everything that determines C, the contents of files included."""
     names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
     settings = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
@@ -157,7 +157,7 @@ def _digest(file: Path) -> str:
 
 
 def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
-    """The case as plain values, with its file and its weather: what a result was made from."""
+    """Origin of a result: the case as plain values, its file and its weather."""
     return {
         "case": case.source,
         "weather_source": daylight.source,
@@ -166,7 +166,7 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
 
 
 def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:
-    """Attributes of C: the shade's rule, the place of the suns, thresholds, and the case whole."""
+    """Attributes of C: rule of the shade, place of the suns, thresholds, and the whole case."""
     shade = case.shading if enabled_effects.shade else None
     rule = {} if shade is None else {"shade_threshold": shade.threshold, "shade_area": shade.area}
     return {
@@ -183,14 +183,14 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
 
 
 def _brightest(case: Case) -> float:
-    """Luminance of a sun that is as bright as suns become [cd/m²]."""
+    """Largest luminance of a sun [cd/m²]."""
     return BRIGHTEST / (math.pi * math.sin(math.radians(case.outside.sun_diameter / 2)) ** 2)
 
 
 def simulate(
     case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None
 ) -> tuple[Coefficients, xr.Dataset]:
-    """C of both states; the shaded one only for the suns of hours in which the shade may close.
+    """Simulate C of both states, shaded only for the suns of hours in which the shade may close.
 
     Parameters
     ----------
@@ -198,18 +198,18 @@ def simulate(
     daylight : Daylight
     run : Run
     known : Coefficients, optional
-        Coefficients of this case for another weather: what they hold is not computed again.
+        C of this case for another weather [sr]; its bins are not computed again.
 
     Returns
     -------
     coefficients : Coefficients
     direct : xr.Dataset
-        From `illuminance.direct_sun`: what decided when the shade may close.
+        Direct sun from `illuminance.direct_sun` [lx], which decides when the shade may close.
 
     Raises
     ------
     InputError
-        The known coefficients are those of another case.
+        The known coefficients belong to another case.
     """
     effects = run.enabled_effects
     simulated = case if effects.shade else case.without_shading()
@@ -238,19 +238,7 @@ def simulate(
 
 
 def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coefficients:
-    """C of both states, as `simulate`.
-
-    Parameters
-    ----------
-    case : Case
-    daylight : Daylight
-    run : Run, optional
-        By default the effects that the case calls for, with its seed.
-
-    Returns
-    -------
-    Coefficients
-    """
+    """Simulate C of both states [sr], by default with the effects of the case's plan."""
     if run is None:
         run = Run.of(case, plan(case, daylight).scope)
     return simulate(case, daylight, run)[0]
@@ -273,7 +261,7 @@ def _state(
     case: Case, state: State, suns: Suns, latitude: float, known: xr.Dataset | None,
     mesh: tuple[str, ...], run: Run, progress: Progress,
 ) -> xr.Dataset:  # fmt: skip
-    """Coefficients of one state; suns that are known already are not simulated again."""
+    """C of one state; known suns are not simulated again."""
     if known is None:
         return transport(case, state, suns, latitude, run=run, mesh=mesh, progress=progress)
     if not isinstance(case.sun, Adaptive):

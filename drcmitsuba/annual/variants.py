@@ -26,7 +26,7 @@ from drcmitsuba.transport import facade_basis
 
 
 def load_variants(path: str, names: Sequence[str]) -> list[Case]:
-    """Load a case and variants of it, which lie beside it.
+    """Load a case and its variants in the same folder.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def load_variants(path: str, names: Sequence[str]) -> list[Case]:
     Returns
     -------
     list of Case
-        The case itself first.
+        The case, then its variants.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def _beside(first: Path, name: str) -> str:
 def evaluate_variants(
     cases: Sequence[Case], stage: Stage = silent, judged: Sequence[Case] | None = None
 ) -> Iterator[Result]:
-    """Evaluate façades of one room by one façade basis.
+    """Evaluate several façades of one room from one façade basis.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def evaluate_variants(
         Cases that differ in their façades only, with windows in one side of the room.
     stage : callable, optional
     judged : sequence of Case, optional
-        The same cases where they are judged by other rules, such as without their shade.
+        The same cases with other rules for the metrics, such as no shade; default: `cases`.
 
     Yields
     ------
@@ -80,12 +80,12 @@ def evaluate_variants(
     Raises
     ------
     InputError
-        The cases cannot share a basis: they differ in more, are coloured, ask for a target or an
-        adaptive sun.
+        The cases cannot share a basis: they differ in more than façades, are coloured, or have a
+        target or an adaptive sun.
 
     Notes
     -----
-    Variants share their light paths: a difference between two has a smaller error than either.
+    Variants share their light paths: the difference of two has a smaller error than either one.
     """
     backend.select()
     first = cases[0]
@@ -119,7 +119,7 @@ def evaluate_variants(
 def _coefficients(
     basis: facade_basis.Basis, share: np.ndarray, planned: Plan
 ) -> tuple[Coefficients, xr.Dataset]:
-    """C of a composition, the shaded state only where the shade may close, and direct sun."""
+    """C of a façade, shaded only for hours in which the shade may close, and its direct sun."""
     case, light = planned.facts.case, planned.facts.light
     is_open = basis.coefficients(share)
     marked = simulation.attributes(case, light, planned.scope)

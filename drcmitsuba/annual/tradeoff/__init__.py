@@ -1,9 +1,9 @@
 """Trade-off: error and seconds of a case under many settings, against an unbiased reference.
 
 run
-    `tradeoff`: from a case to a `Tradeoff`; one setting evaluated in a process of its own.
+    `tradeoff`: from a case to a `Tradeoff`; evaluation of one setting in a process of its own.
 settings
-    Settings that are tried; films with fewer levels.
+    List of settings; films with fewer levels.
 reference
     Illuminance by the integrator `coefficient`, for some hours of the year.
 errors

@@ -1,8 +1,8 @@
 """Errors of a setting against the reference, without the reference's own noise.
 
-The squared difference to a mean of R independent rounds is too large by the variance of that mean.
-With d_r = E − E_r, the mean over all pairs r ≠ q of ⟨d_r d_q⟩ is free of it: every pair's noises
-are independent, so ⟨(E − true)²⟩ is estimated without bias, and may come out below zero.
+The squared difference from a mean of R independent rounds is too large by the variance of the mean.
+With d_r = E − E_r, the mean over all pairs r ≠ q of ⟨d_r d_q⟩ is free of this variance: the noises
+of a pair are independent. It estimates ⟨(E − true)²⟩ without bias, and may be below zero.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from drcmitsuba.case.metrics import Metrics
 
 @dataclass(frozen=True)
 class SettingResult:
-    """Illuminance of a setting at some of its time stamps, and what its evaluation cost.
+    """Illuminance of a setting at some of its time stamps, and the cost of its evaluation.
 
     Parameters
     ----------
     total, total_open, direct_sun : np.ndarray, shape (time, sensor)
-        [lx]; luminance where the case is coloured.
+        Illuminance with the shade applied, with it open, and by direct sun [lx].
     closed : np.ndarray of bool, shape (time,)
         Whether the shade is closed.
     seconds : float
@@ -54,14 +54,14 @@ class Estimate:
 
 
 def jackknife(value: Callable[[np.ndarray], float], rounds: int) -> Estimate:
-    """Value of all rounds, and its standard error from leaving out each.
+    """Value of all rounds, and its standard error from leaving out one round at a time.
 
     Parameters
     ----------
     value : callable
-        Gives the value from the indices of the rounds that are used.
+        Function of the indices of rounds that returns their value.
     rounds : int
-        Number of rounds; at least 3 for a value that takes pairs.
+        Number of rounds; at least 3 for a value that needs pairs.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def jackknife(value: Callable[[np.ndarray], float], rounds: int) -> Estimate:
 
 
 def mean_square(products: np.ndarray, rounds: np.ndarray) -> float:
-    """Mean over the pairs of different rounds of a matrix of products."""
+    """Mean of `products` (round, round) over all pairs of different rounds."""
     some = products[np.ix_(rounds, rounds)]
     n = len(rounds)
     return float((some.sum() - np.trace(some)) / (n * (n - 1)))
@@ -82,7 +82,7 @@ def mean_square(products: np.ndarray, rounds: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of a setting on the reference's hours; NaN for what cannot be compared.
+    """Errors of a setting on the reference's hours; NaN where no comparison is possible.
 
     Parameters
     ----------
@@ -112,12 +112,12 @@ class Errors:
 
     @property
     def rms_below(self) -> float:
-        """Bound that the RMS error of E is below with a probability of 95 % [%]."""
+        """Upper bound of the RMS error of E at 95 % confidence [%]."""
         return 100 * float(np.sqrt(max(self.square.value, 0) + 2 * self.square.error))
 
     @property
     def is_hidden(self) -> bool:
-        """Whether the RMS error is lost in the noise of the reference."""
+        """Whether the noise of the reference hides the RMS error."""
         return not self.square.value > self.square.error
 
     @property
@@ -131,15 +131,15 @@ UNKNOWN = Estimate(float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class Yardstick:
-    """The reference, and the rule that settings are measured by.
+    """Reference and thresholds by which settings are measured.
 
     Parameters
     ----------
     reference : Reference
     thresholds : Metrics
     share : float
-        Of the period's time stamps that the reference has; the hours of ASE shrink with it, as
-        those of the months do in `metrics.mse`.
+        Share of the period's time stamps that the reference has [–]; the hours of ASE shrink with
+        it, as the hours of a month do in `metrics.mse`.
     step_hours : float
         Length of the intervals [h].
     """
@@ -151,7 +151,7 @@ class Yardstick:
 
     @property
     def count(self) -> int:
-        """Rounds of the reference."""
+        """Number of rounds of the reference."""
         return len(self.reference.is_open)
 
     @cached_property
@@ -198,15 +198,15 @@ class Yardstick:
     def errors(self, setting: SettingResult, *, same_sensors: bool) -> Errors:
         """Compare an evaluation with the reference, hour by hour.
 
-        E is compared in the same state of the shade: open where either has it open. Differences of
-        the state itself appear in `shade` and sDA; here a single hour of them would drown all.
+        E is compared in the same state of the shade: open where either has it open. Hours with
+        different states count in `shade` and sDA; in E a single one would outweigh all else.
 
         Parameters
         ----------
         setting : SettingResult
             E at the reference's time stamps and at all sensors of the setting's grid.
         same_sensors : bool
-            Whether that is the grid of the reference; if not, only sDA, ASE and shade are known.
+            Whether this is the reference's grid; otherwise only sDA, ASE and shade are compared.
 
         Returns
         -------
@@ -241,19 +241,19 @@ NOT_RUN = "not run"
 
 @dataclass(frozen=True)
 class Row:
-    """A setting: what was changed, whether it ran, and what it cost.
+    """Row of the table: one setting with its status, errors and cost.
 
     Parameters
     ----------
     name, varied : str
-        As in `settings.Setting`.
+        Name of the setting and of the varied quantity, see `settings.Setting`.
     status : str
         "done", "not run", or "failed: …".
     errors : Errors or None
     seconds : float
-        Of the whole period.
+        Seconds of the whole period.
     memory : int
-        [bytes].
+        Largest memory of the process [bytes].
     """
 
     name: str
@@ -265,7 +265,7 @@ class Row:
 
     @property
     def is_on_plot(self) -> bool:
-        """Whether its E could be compared."""
+        """Whether E of the setting has an error."""
         return self.errors is not None and not math.isnan(self.errors.square.value)
 
     def as_dict(self) -> dict[str, Any]:
@@ -307,7 +307,7 @@ class Row:
 
 
 def _signed(value: float) -> str:
-    """One decimal with its sign; nothing is 0.0."""
+    """Write a number with sign and one decimal; zero has no sign."""
     text = f"{value:+.1f}"
     return "0.0" if float(text) == 0 else text
 

@@ -28,14 +28,14 @@ from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import daylight
 
 SHARE_OF_REFERENCE = 0.5
-"""Part of the time that the reference may take."""
+"""Largest share of the time for the reference."""
 START_UP = 5.0
-"""Seconds of a process before and after its evaluation, about: imports, kernels from the cache."""
+"""Approximate seconds of a process beside its evaluation: imports, kernels from the cache."""
 
 
 @dataclass(frozen=True)
 class EvaluateSetting:
-    """Job: evaluate a case as a user would, and keep the time stamps that are named.
+    """Job: evaluate a case as a user would, and keep the results at `times`.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class EvaluateSetting:
     times: np.ndarray
 
     def __call__(self) -> SettingResult:
-        """Evaluate, and once more where kernels had to be compiled: users do that only once."""
+        """Evaluate the case, and again if kernels had to be compiled: users compile them once."""
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             result = evaluate(self.case)
             kernels = dr.kernel_history([dr.KernelType.JIT])
@@ -77,9 +77,9 @@ def announcement(count: int, seconds: float, minutes: float) -> str:
     count : int
         Number of settings.
     seconds : float
-        Forecast of the default setting [s]; the others are taken to need as much on average.
+        Forecast of the default setting [s], taken as the mean of all settings.
     minutes : float
-        Time of the trade-off.
+        Time of the trade-off [min].
 
     Returns
     -------
@@ -109,33 +109,32 @@ def tradeoff(
     Parameters
     ----------
     case : Case
-        From `load_case`.
+        Case from `load_case`.
     minutes : float
-        After which it stops; settings that are not reached are listed as such. At most half of it
-        goes into the reference.
+        Time limit [min], at most half of it for the reference; further settings are "not run".
     stage : callable, optional
-        Shows the stages of the work, as the command line does.
+        Function that shows the stages of the work, as the command line does.
     seen : callable, optional
-        Called with the trade-off so far, after the reference and after every setting.
+        Function that is called with the `Tradeoff` so far, after the reference and each setting.
     announce : callable, optional
-        Called before the work with a sentence on how many settings fit into the time.
+        Function that is called first, with a sentence on how many settings fit into the time.
 
     Returns
     -------
     Tradeoff
-        Shows itself in Jupyter.
+        Errors [%, points] and seconds of all settings.
 
     Raises
     ------
     InputError
-        Something in the case is unfit, or the time does not suffice for the reference.
+        The case is unfit, or the time is too short for the reference.
     BackendError
         No fit LLVM or GPU.
 
     Notes
     -----
-    sDA and ASE are those of the reference's hours, by the rules of a year. Every setting runs in a
-    process of its own, so its memory is its own; seconds leave out start-up and compilation.
+    sDA and ASE count the reference's hours, by the rules of a year. Every setting runs in a process
+    of its own, which measures its memory; seconds leave out start-up and compilation.
     """
     if not 0 < minutes < 1e6:
         raise InputError("tradeoff", "minutes", f"{minutes:g}", "give minutes above 0")
@@ -183,7 +182,7 @@ def tradeoff(
 def _row(
     case: Case, setting: Setting, times: np.ndarray, yardstick: Yardstick, deadline: float
 ) -> Row:
-    """Evaluate a setting and measure it; a setting that fails leaves the others alone."""
+    """Evaluate one setting and compare it with the reference; a failure only marks its row."""
     try:
         result = process.run(EvaluateSetting(setting.case, times), deadline)
     except TimeoutError:

@@ -1,4 +1,4 @@
-"""The settings that are tried: one changed at a time from the default, a few together.
+"""List of settings: one changed at a time from the default, and a few combinations.
 
 `coarser` gives tensor trees fewer levels: the resolution of a film's file is a setting as well.
 """
@@ -24,7 +24,7 @@ RAYS = (
     "paths", "cell_sky_rays", "sensor_sky_rays", "sensor_sun_samples", "pane_points",
     "film_sky_samples",
 )  # fmt: skip
-"""Counts of [accuracy] that are multiplied together."""
+"""Numbers of samples in [accuracy] that share one factor."""
 
 LONGEST = 120.0
 """Seconds that the case's own target may take beyond the first round."""
@@ -47,9 +47,9 @@ class Setting:
     Parameters
     ----------
     name : str
-        A few words, for table and picture.
+        Short name, for table and picture.
     varied : str
-        What was changed: "default", "yours", "samples", "cell size", "film", "sun model", "sky",
+        Varied quantity: "default", "yours", "samples", "cell size", "film", "sun model", "sky",
         "sensor spacing" or "combination".
     case : Case
     """
@@ -59,7 +59,7 @@ class Setting:
     case: Case
 
     def same_sensors(self, case: Case) -> bool:
-        """Whether it has the sensors of a case, so that E can be compared point by point."""
+        """Whether the setting has the sensors of a case, so that E is compared point by point."""
         return self.case.sensors == case.sensors
 
 
@@ -76,7 +76,7 @@ def times_samples(accuracy: Accuracy, factor: float) -> Accuracy:
 def spaced(case: Case, factor: int) -> Case:
     """Set the sensors `factor` times as far apart; the grid keeps its extent.
 
-    A count that `factor` does not divide is rounded up, and the points move inward by that.
+    A count that `factor` does not divide is rounded up, and the points move inward accordingly.
     """
     grid = case.sensors
     count = tuple(-(-n // factor) for n in grid.count)
@@ -97,18 +97,18 @@ def default(case: Case) -> Case:
 
 
 def design(case: Case, folder: Path) -> list[Setting]:
-    """List the settings to try, in the order of what they tell.
+    """List the settings to evaluate, the most instructive first.
 
     Parameters
     ----------
     case : Case
     folder : Path
-        Where coarser films are written; it has to outlive the settings.
+        Folder for the files of coarser films, which must outlive the settings.
 
     Returns
     -------
     list of Setting
-        The default first, then the case's own setting where it is another.
+        Default setting, then the case's own where it differs, then all others.
     """
     base = default(case)
 
@@ -170,18 +170,18 @@ def _sun_name(sun: Sun, subdivision: int) -> str:
 
 
 def coarser(tree: TensorTree, levels: int) -> TensorTree:
-    """Cut the finest levels off a tree: a cell takes the mean of the leaves within it.
+    """Cut the finest levels off a tree: a cell gets the mean of its leaves.
 
     Parameters
     ----------
     tree : TensorTree
     levels : int
-        Levels that are cut off; the root stays.
+        Number of levels to cut off; the root stays.
 
     Returns
     -------
     TensorTree
-        With the same mean over all pairs of directions.
+        Tree with the same mean BSDF over all pairs of directions [1/sr].
     """
     cut = min(levels, tree.depth)
     depth = tree.depth - cut
@@ -206,7 +206,7 @@ def trees(case: Case) -> dict[str, BsdfFile]:
 
 
 def with_coarser_films(case: Case, levels: int, folder: Path) -> Case:
-    """Give every tensor tree of a case `levels` fewer levels; the files go to `folder`."""
+    """Replace every tensor tree of a case by one with `levels` fewer levels, in `folder`."""
     materials = dict(case.materials)
     for name, file in trees(case).items():
         components = {
