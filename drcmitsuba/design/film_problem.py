@@ -1,8 +1,8 @@
 """A film as an optimisation problem: objective, derivatives, and the noise of the derivatives.
 
 An objective is any smooth function of the year's illuminances. Reverse mode differentiates the
-estimate of the objective exactly, but other paths give another estimate. The replicates tell how
-much the derivatives differ between paths.
+estimate of the objective exactly, but other paths give another estimate. The replicates measure
+how much the derivatives differ between paths.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from drcmitsuba.design.film import Film
 from drcmitsuba.runtime.errors import InputError
 
 NOISE_PART = 0.25
-"""Part of their standard errors within which derivatives count as zero: the film then lies within
-this part of its own standard error from the one at which they vanish."""
+"""Derivatives below this fraction of their standard errors count as zero: the film is then within
+the same fraction of its own standard error from the film at which they vanish."""
 NEAR = 4.0
-"""The errors are estimated afresh where the derivatives are within so many times that part."""
+"""Errors are estimated afresh where derivatives are below this many times that fraction."""
 
 
 class LitByFilm(Protocol):
     """A year whose light depends on a film, such as `FilmYear`.
 
-    Where it has a method `leave_one_out`, an iterable of such years without one replicate each,
-    the standard errors of derivatives are known.
+    Standard errors of derivatives need a method `leave_one_out`, which iterates over the years
+    without one replicate each.
     """
 
     def illuminance(self, film: Film) -> Any:
@@ -51,12 +51,12 @@ def gradient(
     objective : callable
     film : Film
     values : mapping of str to float
-        Parameters to differentiate by, and where.
+        Parameters of the derivatives, and the values at which they are taken.
 
     Returns
     -------
     tuple of float and np.ndarray, shape (parameter,)
-        Objective, and its derivatives per unit of the parameters.
+        Objective, and its derivatives, each per unit of its parameter.
 
     Raises
     ------
@@ -93,11 +93,11 @@ def gradient_error(
     Returns
     -------
     np.ndarray, shape (parameter,)
-        Per unit of the parameters; NaN where the year has no `leave_one_out`.
+        Errors, each per unit of its parameter; NaN where the year has no `leave_one_out`.
 
     Notes
     -----
-    Takes as long as n gradients, n the number of replicates.
+    The time is that of n gradients, with n the number of replicates.
 
     References
     ----------
@@ -118,7 +118,7 @@ class FilmCandidate:
     Parameters
     ----------
     x : np.ndarray, shape (parameter,)
-        Parameters, 0 to 1 within their ranges.
+        Parameters as fractions of their ranges, 0 to 1.
     objective : float
     gradient : np.ndarray, shape (parameter,)
         Derivatives of the objective per unit of the parameters.
@@ -138,14 +138,14 @@ class FilmProblem:
     year : FilmYear
     objective : callable
     film : Film
-        Has the parameters that stay.
+        Film whose other parameters stay fixed.
     ranges : mapping of str to (low, high)
-        Parameters that are free.
+        Free parameters and their ranges.
 
     Raises
     ------
     InputError
-        A range is no range, or the film has no such parameter.
+        A range's low end is not below its high end, or the film has no such parameter.
     """
 
     year: LitByFilm
@@ -165,7 +165,7 @@ class FilmProblem:
 
     @property
     def start(self) -> np.ndarray:
-        """Parameters of the film as it is, shape (parameter,), 0 to 1 within their ranges."""
+        """Parameters of the given film as fractions of their ranges, 0 to 1, (parameter,)."""
         values = [float(dr.detach(mi.Float(getattr(self.film, name)))[0]) for name in self.ranges]
         return np.clip((np.array(values) - self.low) / self.width, 0, 1)
 
@@ -180,7 +180,7 @@ class FilmProblem:
         return np.array([high - low for low, high in self.ranges.values()])
 
     def named(self, x: np.ndarray) -> dict[str, float]:
-        """Values of the parameters in their own units, to the digits that kernels have."""
+        """Values of the parameters in their own units, rounded to float32."""
         values = np.float32(self.low + self.width * x)
         return {name: float(value) for name, value in zip(self.ranges, values, strict=True)}
 
@@ -198,9 +198,9 @@ class FilmProblem:
         return self._errors[key]
 
     def is_within_noise(self, candidate: FilmCandidate) -> bool:
-        """Whether no derivative that leads inside the ranges exceeds a fourth of its error.
+        """True if no derivative that leads inside the ranges exceeds a fourth of its error.
 
-        Errors of the candidate itself are estimated only where the latest ones are near.
+        The candidate's own errors are estimated only where the latest errors leave it in doubt.
         """
         outwards = ((candidate.x <= 0) & (candidate.gradient < 0)) | (
             (candidate.x >= 1) & (candidate.gradient > 0)
@@ -217,7 +217,7 @@ class FilmProblem:
         return (candidate.objective,)
 
     def holds(self, candidate: FilmCandidate) -> bool:
-        """Whether the candidate holds the constraints: there are none."""
+        """True: there are no constraints."""
         return True
 
     def numbers(self, candidate: FilmCandidate) -> dict[str, float]:

@@ -31,22 +31,22 @@ class FilmOptimum(Optimum[FilmProblem, FilmCandidate]):
 
     @property
     def film(self) -> Any:
-        """The best film, its parameters plain numbers."""
+        """Best film, with plain numbers as parameters."""
         return replace(self.problem.film, **self.values)
 
     @property
     def gradient(self) -> dict[str, float]:
-        """Derivatives of the objective at the best film, per unit of the parameters."""
+        """Derivatives of the objective at the best film, each per unit of its parameter."""
         return dict(zip(self.values, self.best.gradient.tolist(), strict=True))
 
     @property
     def gradient_error(self) -> dict[str, float]:
-        """Standard errors of these derivatives, from the replicates of the year."""
+        """Standard errors of `gradient`, from the replicates of the year."""
         return dict(zip(self.values, self.problem.gradient_error(self.best).tolist(), strict=True))
 
     @property
     def is_within_noise(self) -> bool:
-        """Whether the derivatives are within their noise: only more samples place it better."""
+        """True if the derivatives are within their noise: only more paths place the film better."""
         return self.problem.is_within_noise(self.best)
 
 
@@ -63,10 +63,10 @@ def optimise_film(
     objective : callable
         Turns the illuminances (time, sensor) [lx] into a `mi.Float` that is maximised.
     film : Film, optional
-        Has the parameters that stay, and where the first start begins; `ParametricFilm(0.6)` if
-        not given.
+        Film of the first start, whose other parameters stay fixed; default
+        `ParametricFilm(0.6)`.
     ranges : mapping of str to (low, high)
-        Parameters of the film that are searched.
+        Free parameters of the film and their ranges.
     starts : int
         Number of starts: the film's own values first, then points spread evenly over the ranges
         (Sobol').
@@ -75,7 +75,7 @@ def optimise_film(
     seed : int
         Seed of the starts.
     progress : callable
-        Takes the share that is done.
+        Called with the fraction of the search that is done.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def optimise_film(
     Raises
     ------
     InputError
-        A range is no range, the film has no such parameter, or the objective is not finite.
+        A range is empty, the film has no such parameter, or the objective is not finite.
     KeyboardInterrupt
         The search was stopped before anything was evaluated.
 

@@ -141,22 +141,22 @@ class FilmYear:
     transfer : mi.TensorXf, shape (sensor, cell)
         W, mean of the replicates [sr].
     transfers : np.ndarray, shape (replicate, sensor, cell)
-        W by each of the independent replicates [sr].
+        W of each independent replicate [sr].
     L : mi.TensorXf, shape (bin, time)
         Luminance of the bins [cd/m²].
     rest : mi.TensorXf, shape (time, sensor)
         E^rest, mean of the replicates [lx].
     rests : np.ndarray, shape (replicate, time, sensor)
-        E^rest by each replicate [lx].
+        E^rest of each replicate [lx].
     coefficients : xr.Dataset
-        C of all other light, as by `coefficients.compute`: dims sensor, bin, replicate.
+        C [sr] of all other light, as from `coefficients.compute`: dims sensor, bin, replicate.
 
     Notes
     -----
-    Light that the film reflects into the room stays that of the case's film. Other panes, the frame
-    and all reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year
-    with the shade closed. Limits: one film in one orientation that nothing shades; grey rooms; any
-    sun model but the adaptive one.
+    Every film reflects light into the room as the case's film does. Other panes, the frame and all
+    reflectances are fixed. The shade does not cover films; `state="shaded"` gives the year with the
+    shade closed. Limits: one film in one orientation that nothing shades; grey rooms; no adaptive
+    sun model.
     """
 
     bins: Bins
@@ -172,15 +172,15 @@ class FilmYear:
         cls, case: Case, daylight: Daylight | None = None, *, state: State = "open",
         depth: int = 5, progress: Progress = lambda share: None,
     ) -> FilmYear:  # fmt: skip
-        """Simulate a case once for all films.
+        """Year of a case, simulated once for all films.
 
         Parameters
         ----------
         case : Case
-            Has strips of a film on its façade, of any file; only its reflection into the room
-            counts.
+            Case with strips of a film, of any file, on its façade; of this film only the reflection
+            into the room has an effect.
         daylight : Daylight, optional
-            By default that of the case.
+            Default: the daylight of the case.
         state : {"open", "shaded"}
         depth : int
             2ᵈᵉᵖᵗʰ outgoing cells along each side of the square; a measured film of this depth or
@@ -194,7 +194,7 @@ class FilmYear:
         Raises
         ------
         InputError
-            The case has no film or several, a film of which parts see different things, colours,
+            The case has no film or several, a film whose parts have different surroundings, colours
             or the adaptive sun model.
         """
         case.refuse_components("the year of a film")
@@ -236,11 +236,11 @@ class FilmYear:
         return film.answer(self.bins) @ self.L
 
     def illuminance(self, film: Film) -> mi.TensorXf:
-        """Illuminance (time, sensor) [lx]; gradients of the film's parameters flow through."""
+        """Illuminance E (time, sensor) [lx], with the gradients of the film's parameters."""
         return self.rest + (self.transfer @ self.radiance(film)).T
 
     def leave_one_out(self) -> Iterator[FilmYear]:
-        """Give the year by all replicates but one, for each in turn: for a jackknife."""
+        """Years without one replicate each, for the jackknife."""
         n = len(self.transfers)
         for r in range(n):
             kept = np.arange(n) != r
@@ -248,12 +248,12 @@ class FilmYear:
             yield replace(self, transfer=transfer, rest=rest)
 
     def replicates(self, film: Film) -> np.ndarray:
-        """Illuminance by every replicate, (replicate, time, sensor) [lx]."""
+        """Illuminance E of every replicate, (replicate, time, sensor) [lx]."""
         leaving = dr.detach(self.radiance(film)).numpy()
         return self.rests + np.stack([(w @ leaving).T for w in self.transfers])
 
     def error(self, film: Film) -> np.ndarray:
-        """Standard error of the illuminance (time, sensor) [lx]."""
+        """Standard error of E, (time, sensor) [lx]."""
         return mean_and_error(self.replicates(film))[1]
 
 

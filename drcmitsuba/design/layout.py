@@ -38,7 +38,7 @@ class Layout:
     design : Design
     side : {'south', 'east', 'north', 'west'}
     clear, film : str
-        Material that the shade covers, and the one that it does not.
+        Material that the shade covers, and material that it does not cover.
     length : float
         Length of the façade [m].
     band : (float, float)
@@ -46,7 +46,7 @@ class Layout:
     rows, segments : int
         Number of tiles one above the other, and side by side.
     wwr : (float, float)
-        Least and largest area of the openings over that of the façade, frames included.
+        Least and largest area of the openings over the façade's area, frames included.
     """
 
     case: Case
@@ -67,7 +67,7 @@ class Layout:
         Raises
         ------
         InputError
-            The case has no `[design]`, or its façade does not yield the defaults.
+            The case has no `[design]`, or no default follows from its façade.
         """
         design = case.design
         if design is None:
@@ -115,14 +115,14 @@ class Layout:
         return np.linspace(*self.band, self.rows + 1)
 
     def year(self, stage: Stage = silent) -> facade_basis.BasisYear:
-        """Simulate the façade's basis and put it under the sky of the case's period.
+        """Year of the façade's basis under the daylight of the case's period.
 
-        An adaptive sun gives way to the true suns: its mesh would follow one composition.
+        True suns replace an adaptive sun model, whose mesh would follow one composition.
 
         Raises
         ------
         InputError
-            The weather is unfit, or the case is none that a basis can hold.
+            The weather is unfit, or a basis cannot represent the case.
         """
         case = self.case
         if isinstance(case.sun, Adaptive):
@@ -146,7 +146,7 @@ class Layout:
         return Search(d.starts, d.sharpness, d.iterations, d.seed)
 
     def built(self, optimum: FacadeOptimum) -> Case:
-        """Make a case of an optimum, with its transmittances where these were free."""
+        """Case of an optimum, with its transmittances where these were free."""
         year, share = optimum.problem.year, optimum.best.share
         case = realise(self.case, self.side, year.tiles, share, year.materials, self.film)
         materials = dict(case.materials)
@@ -161,12 +161,12 @@ class Layout:
         return case.with_materials(materials)
 
     def problem(self, year: BasisYear) -> FacadeProblem:
-        """Pose the problem of a year.
+        """Optimisation problem of a year.
 
         Raises
         ------
         InputError
-            A free transmittance is that of no glazing or diffuser.
+            A free transmittance belongs to a material that is no glazing or diffuser.
         """
         assert self.case.room is not None
         wall = self.length * self.case.room.size[2]
@@ -186,15 +186,15 @@ class Layout:
         return FacadeProblem(year, facade, goal, self._factors(year))
 
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
-        """Designs to evaluate first, so that no search ends below them.
+        """Designs that are evaluated first, so that no search ends below them.
 
-        Tiles of their own: the films that a designer would try, none, all, above, below, in the
-        middle. A window of few numbers: a coarse grid of them.
+        Single tiles: a film nowhere, everywhere, above, below and in the middle. A window given by
+        few numbers: a coarse grid of these numbers.
 
         Returns
         -------
         list of np.ndarray, shape (free,)
-            0 to 1 between the bounds.
+            Free values as fractions of their ranges, 0 to 1.
         """
         if self.design.parameters == "window":
             levels = {1: 9, 2: 5, 3: 3}.get(problem.size, 0)
@@ -259,7 +259,7 @@ class Layout:
 
 
 def _check_ranges(case: Case, design: Design, facade: Facade) -> None:
-    """Refuse transmittances that leave no room for what the material reflects."""
+    """Refuse ranges of transmittance with T + R > 1."""
     shade = case.shading.material if case.shading is not None else None
     for key, name in (
         ("glazing_transmittance", design.clear or _clear(case, facade)),
@@ -277,7 +277,7 @@ def _check_ranges(case: Case, design: Design, facade: Facade) -> None:
 
 
 def _clear(case: Case, facade: Facade) -> str:
-    """The clear material of a façade, or of the case."""
+    """Clear material of a façade; without one, of the case."""
     names = [s.material for s in facade.strips] + list(case.materials)
     for name in names:
         if isinstance(case.materials.get(name), GlazingMaterial):

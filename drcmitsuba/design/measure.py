@@ -21,9 +21,9 @@ from drcmitsuba.transport.facade_basis.year import Illuminances
 
 Aim = Literal["sDA", "worst month"]
 SOFTEST = 50.0
-"""Points of msDA over the sharpness: how near months count as the worst together."""
+"""Months within SOFTEST / sharpness [%] of the lowest msDA count as the worst together."""
 ASE_TOLERANCE = 1e-9
-"""ASE above its limit by less than this holds the limit [%]."""
+"""Largest excess of ASE over its limit that still holds the limit [%]."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Score:
     Parameters
     ----------
     value : float
-        Objective: the aim less the cost [%].
+        Objective: aim − cost [%].
     aim : float
         sDA, or msDA of the worst month [%].
     ase : float
@@ -52,7 +52,7 @@ class RatedCandidate:
     Parameters
     ----------
     x : np.ndarray, shape (free,)
-        Free values, 0 to 1 between their bounds.
+        Free values as fractions of their ranges, 0 to 1.
     sharpness : float
         Sharpness of the smooth twins.
     smooth, hard : Score
@@ -71,16 +71,16 @@ class RatedCandidate:
     def merit(self, ase_limit: float | None, area_error: float = 0.0) -> tuple[float, ...]:
         """Sort key: the largest hard objective among the candidates that hold the constraints.
 
-        Where none holds them, the least ASE among those with the right area. Equal candidates are
-        ordered by the smooth objective at the highest sharpness, so that the search does not stop
-        at the edge of a plateau of the hard metric.
+        If no candidate holds them, the least ASE among candidates with the required area. Equal
+        candidates are ordered by the smooth objective at the highest sharpness, so that the search
+        does not stop at the edge of a plateau of the hard metric.
 
         Parameters
         ----------
         ase_limit : float, optional
             Largest ASE [%].
         area_error : float
-            Area of panes that is missing or too much, of the area that is asked for.
+            Deviation of the panes' area as a fraction of the required area.
 
         Returns
         -------
@@ -122,7 +122,7 @@ class Measure:
     months: np.ndarray
 
     def smooth(self, E: Illuminances, sharpness: float) -> tuple[mi.Float, mi.Float]:
-        """Rate illuminances by the smooth twins; gradients flow through.
+        """Rate illuminances by the smooth twins, with gradients.
 
         Parameters
         ----------

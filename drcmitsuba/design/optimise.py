@@ -1,10 +1,9 @@
 """Search for the best façade: SLSQP from several starts, while the smooth twins become sharper.
 
-Sequential quadratic programming follows the gradients of the smooth twins [1]_. A twin's ASE is not
-yet ASE, so each stage of the continuation shifts its limit by the difference of the two at its
-start. The optimum is the best of all evaluations by the hard numbers. These are steps of one
-sensor, on which gradients vanish: where few values are free, a pattern search [2]_ by hard numbers
-ends the search.
+Sequential quadratic programming follows the gradients of the smooth twins [1]_. Smooth and hard ASE
+differ, so each stage of the continuation shifts the limit by their difference at its start. The
+optimum is the best of all evaluations by the hard numbers. Hard numbers change in steps of one
+sensor, without gradients: if few values are free, a pattern search [2]_ by hard numbers follows.
 
 References
 ----------
@@ -32,9 +31,9 @@ from drcmitsuba.runtime.progress import Progress
 
 SHARPNESS = (4.0, 8.0, 16.0, 32.0)
 FEW = 6
-"""Largest number of free values with which a pattern search ends the search."""
+"""Largest number of free values for which a pattern search follows the gradient search."""
 PATTERN = (0.05, 0.02, 0.01)
-"""Lengths of the pattern's steps, of the range between the bounds."""
+"""Lengths of the pattern's steps, as fractions of the range between the bounds."""
 ROUNDS = 20
 """Largest number of rounds of the pattern with one length."""
 
@@ -86,7 +85,7 @@ class Front:
     history : History
         All evaluations.
     finished : bool
-        Whether the sweep came to its end; False where it was stopped.
+        True if the sweep came to its end, False if it was stopped.
     """
 
     problem: FacadeProblem
@@ -117,8 +116,8 @@ def optimise(
     progress : callable
         Takes the share that is done.
     known : sequence of np.ndarray, shape (free,)
-        Designs that are evaluated first, such as named variants; the best of them is a further
-        start, so that the optimum is no worse than they are.
+        Designs that are evaluated first, such as named variants; the best one is a further start,
+        so that the optimum is no worse than any of them.
 
     Returns
     -------
@@ -161,23 +160,23 @@ def pareto(
     search: Search = Search(),
     progress: Progress = lambda share: None,
 ) -> Front:
-    """Sweep the limit of ASE, each search from the best of the ones before.
+    """Sweep the limit of ASE; each search starts from the best candidate so far.
 
     Parameters
     ----------
     optimum : Optimum
-        Its best façade is where the first search starts; its evaluations count too.
+        Optimum whose best façade is the first start; its evaluations belong to the front, too.
     limits : sequence of float
         Limits of ASE [%].
     search : Search
-        Its last two stages are gone through, since the starts are good.
+        Settings; only the last two stages are used, since the starts are good.
     progress : callable
         Takes the share that is done.
 
     Returns
     -------
     Front
-        Front of all evaluations; stopped by Ctrl-C, of those until then.
+        Front of all evaluations made, also where Ctrl-C stopped the sweep.
     """
     problem, history = optimum.problem, History(optimum.problem, list(optimum.history.steps))
     searches = [
@@ -192,7 +191,7 @@ def pareto(
 def nondominated(
     problem: FacadeProblem, candidates: Sequence[FacadeCandidate]
 ) -> list[FacadeCandidate]:
-    """Candidates of the right area that no other one beats in both objective and ASE, by ASE."""
+    """Candidates of the required area that none beats in both objective and ASE, by rising ASE."""
     kept = [c for c in candidates if problem.area_error(c.hard) == 0]
     kept.sort(key=lambda c: (c.hard.ase, -c.hard.value, -c.sharpness))
     front: list[FacadeCandidate] = []
@@ -235,16 +234,16 @@ class Continuation:
             x = self._stage(history, x, k)
             beyond = limit is not None and history.steps[-1].candidate.hard.ase > limit
             if beyond and i + 1 == len(self.sharpness):
-                # The limit was shifted by the stage's start: once more, by that of its end.
+                # The stage's start shifted the limit: once more, shifted by the stage's end.
                 self._stage(history, x, k)
             progress((i + 1) / len(self.sharpness))
 
     def _stage(self, history: FacadeHistory, x: np.ndarray, k: float) -> np.ndarray:
-        """Maximise at one sharpness, and return where it ended, shape (free,)."""
+        """Maximise at one sharpness, and return the last point, shape (free,)."""
         evaluated: dict[bytes, FacadeCandidate] = {}
 
         def at(point: np.ndarray) -> FacadeCandidate:
-            # Where limits contradict each other, SLSQP may ask for NaN: it gets its start.
+            # If constraints contradict each other, SLSQP may evaluate NaN: the start replaces it.
             inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
             key = inside.tobytes()  # value and gradients are asked for one by one
             if key not in evaluated:
@@ -273,7 +272,7 @@ At = Callable[[np.ndarray], FacadeCandidate]
 
 
 def _area_constraints(area: tuple[float, float] | None, at: At) -> list[dict[str, Any]]:
-    """Least and most area of all panes, in units of the most; one equality where they agree."""
+    """Constraints on the panes' area over its upper limit; one equality where both limits agree."""
     if area is None:
         return []
     low, high = area
@@ -292,7 +291,7 @@ def _area_constraints(area: tuple[float, float] | None, at: At) -> list[dict[str
 
 
 def _ase_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, Any]:
-    """Limit of the smooth ASE, shifted by what the hard one is above it at the start."""
+    """Constraint on the smooth ASE, whose limit is lowered by hard − smooth ASE at the start."""
     shift = start.hard.ase - start.smooth.ase
     return {
         "type": "ineq",
@@ -302,7 +301,7 @@ def _ase_constraint(limit: float, at: At, start: FacadeCandidate) -> dict[str, A
 
 
 def pattern_search(history: FacadeHistory, progress: Progress) -> None:
-    """Walk along the axes by hard numbers, from the best candidate, with ever shorter steps."""
+    """Search along the axes by hard numbers, from the best candidate, with ever shorter steps."""
     for i, length in enumerate(PATTERN):
         for _ in range(ROUNDS):
             before = history.best()

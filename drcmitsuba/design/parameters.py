@@ -1,4 +1,4 @@
-"""Design parameters: values with bounds and a start, and what maps them to a façade."""
+"""Design parameters: values with bounds and a start, and maps from them to a façade."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import drjit as dr
 from drcmitsuba.runtime.errors import InputError
 
 INWARD = 1e-4
-"""Distance from its bounds at which a parameter chooses its tile, of its range."""
+"""Distance from its bounds, as a fraction of the range, at which a parameter selects its tile."""
 
 Values = Mapping[str, Any]
 """Values of the parameters by key, each a `mi.Float` of width `count`."""
@@ -30,7 +30,7 @@ class Parameter:
     start : float
         Value with which the first search begins.
     count : int
-        Number of values: one for each tile, for example.
+        Number of values, for example one per tile.
 
     Raises
     ------
@@ -60,12 +60,12 @@ class Parameter:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether the parameter keeps its value."""
+        """True if the parameter keeps its value."""
         return self.low == self.high
 
     @property
     def start_fraction(self) -> float:
-        """Start between the bounds, 0 … 1."""
+        """Start as a fraction of the range between the bounds, 0 … 1."""
         return (self.start - self.low) / (self.high - self.low)
 
 
@@ -78,7 +78,7 @@ class Map(Protocol):
         ...
 
     def share(self, values: Values) -> Any:
-        """Give the composition, mi.TensorXf (tile, material); rows add up to 1."""
+        """Composition, mi.TensorXf (tile, material); rows add up to 1."""
         ...
 
 
@@ -101,7 +101,7 @@ class Factor:
 
 
 def inward(values: Values, parameters: Sequence[Parameter]) -> dict[str, Any]:
-    """Return the values without gradients, `INWARD` inside their bounds."""
+    """Values without gradients, kept at least `INWARD` inside their bounds."""
     moved = {}
     for p in parameters:
         gap = INWARD * (p.high - p.low)

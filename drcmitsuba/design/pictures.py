@@ -37,7 +37,7 @@ def front(
     Returns
     -------
     Figure
-        Dots on the line are façades that no other evaluated one beats in both numbers; the upper
+        Dots on the line are façades that no other evaluated façade beats in both numbers; upper
         left is better. Small grey dots are all evaluations.
     """
     figure = Figure(figsize=(7.6, 5.4), layout="constrained")
@@ -135,7 +135,7 @@ def facade(
 
 
 def search(optimum: Optimum) -> Figure:
-    """Draw the objective of every evaluation, and the best until then that holds the limits."""
+    """Draw the objective of every evaluation, and the best feasible objective so far."""
     figure = Figure(figsize=(7.6, 4.2), layout="constrained")
     ax = figure.add_subplot()
     ax.set_title("How the search went", loc="left", weight="bold", fontsize=11)
@@ -193,5 +193,5 @@ def _tidy(ax: Axes) -> None:
 
 
 def _plain(name: str) -> str:
-    """Name of a material as it is: between two dollars matplotlib would read a formula."""
+    """Name of a material with dollars escaped, between which matplotlib would read a formula."""
     return name.replace("$", r"\$")

@@ -5,9 +5,9 @@ Objective and constraints of one composition, all in per cent:
     maximise   A − cost · (area of the film / area of the tiles)
     subject to ASE ≤ limit,  area of the panes given or within bounds
 
-with A the sDA or the msDA of the worst month, shade applied. The optimiser sees the smooth twins
-and their gradients by reverse mode; every candidate has the hard numbers of `metrics` beside them,
-and only these are reported.
+with A the sDA or the msDA of the worst month, shade applied. The optimiser uses the smooth twins
+and their gradients by reverse mode; every candidate also has the hard numbers of `metrics`, and
+only these are reported.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport.facade_basis.year import BasisYear, Illuminances
 
 AREA_TOLERANCE = 2e-3
-"""Deviation of the panes' area that counts as none, of the area that is asked for."""
+"""Largest tolerated deviation of the panes' area, as a fraction of the required area."""
 
 
 @dataclass(frozen=True)
@@ -40,16 +40,16 @@ class Goal:
     rules : Rules
         Thresholds of the metrics and of the shade.
     film : str
-        Material whose area costs.
+        Material whose area has a cost.
     aim : {'sDA', 'worst month'}
         Metric that is maximised.
     film_cost : float
-        Points that a façade full of film has to bring.
+        Points of the aim [%] that a façade full of film costs.
     ase_limit : float, optional
         Largest ASE [%].
     window_area : (float, float), optional
-        Least and most area of all panes together [m²], equal where the area is fixed; free where
-        not given.
+        Least and largest area of all panes together [m²], equal if the area is fixed; default: no
+        limits.
     """
 
     rules: Rules
@@ -105,7 +105,7 @@ class FacadeProblem:
     facade : Map
     goal : Goal
     factors : tuple of Factor
-        Materials whose transmittance is a parameter too.
+        Materials whose transmittance is also a parameter.
 
     Raises
     ------
@@ -147,7 +147,7 @@ class FacadeProblem:
 
     @property
     def start(self) -> np.ndarray:
-        """Free values at which the parameters start, shape (free,), 0 to 1 between the bounds."""
+        """Start, shape (free,): free values as fractions of their ranges, 0 to 1."""
         return np.concatenate([np.full(p.count, p.start_fraction) for p in self.free])
 
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
@@ -165,7 +165,7 @@ class FacadeProblem:
     def _by_key(
         self, full: Callable[[int, float], Any], taken: Callable[[int, int], Any]
     ) -> dict[str, Any]:
-        """Values by key, fixed ones full of one number, free ones from their place in x."""
+        """Values by key: `full(count, value)` if fixed, `taken(first, count)` from x if free."""
         values, begin = {}, 0
         for p in self.parameters:
             values[p.key] = full(p.count, p.low)
@@ -183,7 +183,7 @@ class FacadeProblem:
         return share, self.year.illuminance(share, scale=scale)
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> FacadeCandidate:
-        """Evaluate a composition and its gradients, smooth and hard.
+        """Evaluate a composition: smooth and hard scores, and gradients of the smooth ones.
 
         Parameters
         ----------
@@ -227,18 +227,18 @@ class FacadeProblem:
         return candidate.merit(self.goal.ase_limit, self.area_error(candidate.hard))
 
     def holds(self, candidate: FacadeCandidate) -> bool:
-        """Whether the candidate holds the constraints by its hard numbers."""
+        """True if the candidate's hard numbers hold the constraints."""
         return self.is_feasible(candidate.hard)
 
     def is_feasible(self, score: FacadeScore) -> bool:
-        """Whether a score holds the constraints; areas to `AREA_TOLERANCE`."""
+        """True if a score holds the constraints, areas within `AREA_TOLERANCE`."""
         goal = self.goal
         if goal.ase_limit is not None and score.ase > goal.ase_limit + ASE_TOLERANCE:
             return False
         return self.area_error(score) == 0
 
     def area_error(self, score: FacadeScore) -> float:
-        """Area of panes that is missing or too much, of the area asked for; 0 if tolerable."""
+        """Deviation of the panes' area as a fraction of the required area; 0 within tolerance."""
         if self.goal.window_area is None:
             return 0.0
         low, high = self.goal.window_area
@@ -262,12 +262,12 @@ class FacadeProblem:
         return Measure(self.goal.rules, self.goal.aim, self.year.months)
 
     def _hard(self, E: Illuminances, film: float, window: float) -> FacadeScore:
-        """Hard score of illuminances, and of the areas of film and panes [m²]."""
+        """Hard score of illuminances E with areas of film and panes [m²]."""
         aim, ase = self.measure.hard(E)
         return FacadeScore(aim - self._cost(film), aim, ase, film, window)
 
     def _cost(self, film_area: Any) -> Any:
-        """Points that an area of film [m²] costs."""
+        """Cost [%] of an area of film [m²]."""
         return film_area * (self.goal.film_cost / float(self.year.tiles.area.sum()))
 
     def _window_area(self, share: mi.TensorXf) -> mi.Float:
@@ -283,7 +283,7 @@ class FacadeProblem:
 
 
 def _gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
-    """Gradients (free,) of several outputs by reverse passes over the one graph."""
+    """Gradients (free,) of several outputs by reverse passes over one graph."""
     gradients = []
     for i, y in enumerate(outputs):
         last = i + 1 == len(outputs)

@@ -1,4 +1,4 @@
-"""Realisation of a composition of tiles as a case that can be built, and simulated afresh."""
+"""Realisation of a composition of tiles as a case that can be built and simulated."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ def realise(
 ) -> Case:
     """Cut the tiles of a façade into strips of one material each.
 
-    In a tile of several materials, each takes its share of the height.
-    Clear panes lie below the film, unless the tile below has more film than the one above; wall
-    lies at the edge of the window: below, where the tile below is more wall than the one above.
-    Pieces too low for a pane with its frame go to the others of their tile. Panes of one material
-    that touch become one pane.
+    In a tile of several materials, each takes its share of the height. Clear panes lie below the
+    film, unless the tile below has more film than the tile above. Wall lies at the upper edge, or
+    at the lower edge if the tile below has more wall than the tile above. A piece too low for a
+    pane with its frame goes to the tile's other pieces. Touching panes of one material become one.
 
     Parameters
     ----------
@@ -38,11 +37,11 @@ def realise(
         Its façade on this side is replaced.
     side : {'south', 'east', 'north', 'west'}
     tiles : Tiles
-        They need not fill the façade: around them is wall.
+        Tiles; the rest of the façade is wall.
     share : np.ndarray, shape (tile, material)
-        Composition; less than 0.1 % of a tile counts as none.
+        Composition; a share below 0.1 % counts as 0.
     materials : sequence of str
-        Materials of its columns.
+        Materials of the columns of `share`.
     film : str
         Material that lies above the others.
 
@@ -85,7 +84,7 @@ def _columns(tiles: Tiles, length: float, facade: Facade) -> tuple[int, list[np.
     for count in range(facade.segments, MOST_SEGMENTS + 1, facade.segments):
         centre = (np.arange(count) + 0.5) * length / count
         inside = (left < centre[:, None]) & (centre[:, None] < right)
-        # Tiles may be as wide as their segments, or as the panes within the frames there.
+        # Tiles may be as wide as their segments or as the panes within the segments' frames.
         spare = inside.sum(axis=0) * length / count - (right - left)
         if ((spare > -ALIGNED) & (spare < facade.frame + ALIGNED)).all():
             rows = [np.flatnonzero(row) for row in inside]
@@ -98,7 +97,7 @@ def _pieces(
     tiles: Tiles, share: np.ndarray, column: np.ndarray, materials: list[str], film: str,
     least: float,
 ) -> list[Piece]:  # fmt: skip
-    """Panes of one segment from the bottom up; what lies between them is wall."""
+    """Panes of one segment from the bottom up; the gaps between them are wall."""
     none = np.zeros(len(materials))
     none[materials.index("wall")] = 1.0
     stack = [none, *share[column], none]
@@ -118,7 +117,7 @@ def _pieces(
 
 
 def _order(below: np.ndarray, above: np.ndarray, materials: list[str], film: str) -> list[str]:
-    """Order the materials of a tile from the bottom up, after those of its neighbours."""
+    """Materials of a tile from the bottom up, in an order that suits its neighbours."""
     others = [name for name in materials if name not in ("wall", film)]
     f, w = materials.index(film), materials.index("wall")
     panes = [film, *others] if below[f] > above[f] else [*others, film]
@@ -126,7 +125,7 @@ def _order(below: np.ndarray, above: np.ndarray, materials: list[str], film: str
 
 
 def _heights(parts: list[tuple[str, float]], low: float, high: float, least: float) -> list[Piece]:
-    """Cut a tile, without pieces that are too low for a pane."""
+    """Cut a tile into pieces, none of them too low for a pane."""
     height = high - low
     kept = [(name, part) for name, part in parts if part * height >= max(least, 1e-3 * height)]
     if not kept:

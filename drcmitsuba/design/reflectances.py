@@ -37,8 +37,8 @@ BOUNDS = (0.0, 0.95)
 """Least and largest reflectance of a design."""
 DARKEST = 0.85
 """Least reflectance ρ′ at which paths are traced: darker surfaces only need lower weights. Weights
-grow by ρ/ρ′ with every hit, so their second moment grows by ρ²/ρ′ times the share of paths that
-stays in the room: at ρ = 0.95 it is bounded from here on; with 0.7 it was not."""
+grow by ρ/ρ′ with every hit, their second moment by ρ²/ρ′ times the fraction of paths that stay in
+the room: at ρ = 0.95 the moment is bounded with this ρ′, and was not with ρ′ = 0.7."""
 MOST_KEYS = 8
 """Largest number of kinds of surfaces."""
 _ROOM = ("floor", "ceiling", "walls")
@@ -94,7 +94,7 @@ def with_reflectances(case: Case, rho: Mapping[str, float]) -> Case:
 
 
 def _check(source: str, known: Mapping[str, float], rho: Mapping[str, float | mi.Float]) -> None:
-    """Refuse unknown keys and values that are no reflectance."""
+    """Refuse unknown keys and values outside 0 … 1."""
     for key, value in rho.items():
         if key not in known:
             got = f"no surface {shortened(key)}"
@@ -126,12 +126,12 @@ class Interior:
 
     Notes
     -----
-    Frames of façades, panes and shades keep the reflectances that they have. Paths are traced at
-    `DARKEST` or more, so that weights stay even towards black. Above the traced reflectances they
-    grow with every hit, and so does `standard_error`; where it is too large, take
+    Frames of façades, panes and shades keep their reflectances. Paths are traced at `DARKEST` or
+    more, so that weights stay even towards black. Above the traced reflectances, weights and
+    `standard_error` grow with every hit; if the error is too large, take
     ``Interior.of(with_reflectances(case, rho), daylight)``. In the paper's classroom it is 1.0 % of
-    E at the start, at most 1.6 % with any one surface at 0.95, and 7 % with all of them. Sensors
-    are traced all at once, 1 MB each with 8 replicates of 128 paths.
+    E at the start, at most 1.6 % with any one surface at 0.95, and 7 % with all surfaces at 0.95.
+    All sensors are traced at once, with 1 MB each for 8 replicates of 128 paths.
     """
 
     start: dict[str, float]
@@ -143,7 +143,7 @@ class Interior:
 
     @classmethod
     def of(cls, case: Case, daylight: Daylight, stage: Stage = silent) -> Interior:
-        """Trace a case and its year, once.
+        """Trace a case and its year once.
 
         An adaptive sun is simulated as the exact sun of each time stamp.
 
@@ -181,12 +181,12 @@ class Interior:
         ]
 
     def illuminance(self, rho: Mapping[str, mi.Float | float]) -> Illuminances:
-        """Illuminance at other reflectances; gradients flow through.
+        """Illuminance at other reflectances, with their gradients.
 
         Parameters
         ----------
         rho : dict of str to mi.Float
-            Reflectances by key; the missing ones stay those of the case.
+            Reflectances by key; a missing key keeps the case's value.
 
         Returns
         -------

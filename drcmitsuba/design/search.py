@@ -1,7 +1,7 @@
 """The search that all design problems share: step, history, loop and optimum.
 
-A problem says what a candidate is worth; a local search proposes the candidates. Every candidate
-that was evaluated stays in the history, so that a search that is stopped has lost nothing.
+A local search proposes candidates, and the problem evaluates them. Every evaluated candidate stays
+in the history, so that a stopped search has lost nothing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drcmitsuba.runtime.progress import Progress, part
 
 
 class SearchProblem(Protocol):
-    """What a search asks of a problem; candidates are of the problem's own kind."""
+    """Interface of a problem to its search; candidates are of the problem's own kind."""
 
     @property
     def evaluate(self) -> Callable[..., Any]:
@@ -34,7 +34,7 @@ class SearchProblem(Protocol):
         """Sort key of candidates: the largest one is the best."""
 
     def holds(self, candidate: Any) -> bool:
-        """Whether the candidate holds the constraints."""
+        """True if the candidate holds the constraints."""
 
     def numbers(self, candidate: Any) -> dict[str, float]:
         """Columns of the history beside the parameters."""
@@ -88,7 +88,7 @@ class History(Generic[P, C]):
         return len(self.steps)
 
     def __iter__(self) -> Iterator[Step[C]]:
-        """Go through the steps, the first one first."""
+        """Iterate over the steps, the first one first."""
         return iter(self.steps)
 
     @property
@@ -103,12 +103,12 @@ class History(Generic[P, C]):
         return candidate
 
     def best(self, merit: Callable[[C], tuple[float, ...]] | None = None) -> C:
-        """Return the candidate of the largest merit, by default the problem's.
+        """Candidate of the largest merit; `merit` replaces the problem's sort key.
 
         Raises
         ------
         ValueError
-            Nothing has been evaluated.
+            The history is empty.
         """
         return max(self.candidates, key=merit or self.problem.merit)
 
@@ -136,24 +136,24 @@ def row(problem: SearchProblem, candidate: Any) -> dict[str, float]:
 
 
 LocalSearch = Callable[[Any, Progress], None]
-"""Has a history evaluate one design after the other; `progress` takes the share that is done."""
+"""Evaluates designs in a history, one after the other; calls `progress` with the fraction done."""
 
 
 def run(history: History[Any, Any], searches: Iterable[LocalSearch], progress: Progress) -> bool:
-    """Let local searches add to a history, one after the other.
+    """Run local searches one after the other, which add to a history.
 
     Parameters
     ----------
     history : History
     searches : iterable of LocalSearch
-        Such as gradient ascents from several starts.
+        Searches, such as gradient ascents from several starts.
     progress : callable
         Takes the share that is done; every local search counts alike.
 
     Returns
     -------
     bool
-        Whether all came to their end; False where Ctrl-C or a kill ended one of them.
+        True if all came to their end, False if Ctrl-C or a kill ended one of them.
 
     Raises
     ------
@@ -183,7 +183,7 @@ class Optimum(Generic[P, C]):
     history : History
         All evaluations.
     finished : bool
-        Whether the search came to its end; False where it was stopped.
+        True if the search came to its end, False if it was stopped.
     """
 
     problem: P
@@ -198,7 +198,7 @@ class Optimum(Generic[P, C]):
 
     @property
     def objective(self) -> float:
-        """Value that was maximised, of the best candidate."""
+        """Objective of the best candidate."""
         return self.best.objective
 
     @property
@@ -213,7 +213,7 @@ class Optimum(Generic[P, C]):
 
     @property
     def is_feasible(self) -> bool:
-        """Whether the best candidate holds the constraints."""
+        """True if the best candidate holds the constraints."""
         return self.problem.holds(self.best)
 
     def to_dict(self) -> dict[str, Any]:

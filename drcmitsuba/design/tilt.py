@@ -1,6 +1,6 @@
 """Tilt of lamellae as a design variable, by simulations that share their random numbers.
 
-A façade with components has no basis: mirrors that turn send light elsewhere, and every tilt is a
+A façade with components has no basis: turned mirrors send light elsewhere, so every tilt is a
 simulation of its own. Differences take the place of gradients,
 
     dE/dθ = [E(θ + h) − E(θ − h)] / 2h,
@@ -8,10 +8,10 @@ simulation of its own. Differences take the place of gradients,
 one-sided at the bounds. The derivative of the estimate along a light path misses the boundary term
 of the edges of mirrors, of their shadows and of the sun's disk, since a path either meets the
 mirror or passes it; a difference includes that term. Simulations of all tilts share one seed [1]_:
-photons start at the same points of ports, sun and sky, and their noise cancels in the difference as
-far as they end in the same cells and squares. Over a tenth of a degree most of it cancels, over two
-degrees little, since a mirror turns light by twice its own turn. Wider steps have less noise
-nevertheless, because the noise is divided by the step.
+photons start at the same points of ports, sun and sky, and noise cancels in the difference where
+photons of the same start end in the same cells and squares. Most noise cancels over a tenth of a
+degree, little over two degrees, since a mirror turns light by twice its own turn. Wider steps still
+have less noise, because the noise is divided by the step.
 
 References
 ----------
@@ -70,7 +70,7 @@ class SimulatedTilt(NamedTuple):
     Parameters
     ----------
     E : Illuminances
-        `shaded` is `open` where there is no direct sun, since no shade closes there.
+        E of the year [lx]; `shaded` equals `open` without direct sun, as no shade closes then.
     aim : Interval
         95 % interval of the aim [%].
     """
@@ -111,8 +111,8 @@ class TiltProblem:
 
     Notes
     -----
-    A year of 2610 hours and 576 sensors takes 18 MB for every tilt. Where the lamellae are wider
-    than their period, a steep tilt may cost the strip one of them: there the objective has a step.
+    A year of 2610 hours and 576 sensors takes 18 MB for every tilt. If lamellae are wider than
+    their period, fewer of them fit at a steep tilt: there the objective has a step.
     """
 
     case: Case
@@ -156,7 +156,7 @@ class TiltProblem:
 
     @property
     def measure(self) -> Measure:
-        """Rules by which a year is rated."""
+        """Rules that rate a year."""
         of_case = rules(self.case, self.daylight.step_hours)
         return Measure(of_case, self.goal.aim, self.daylight.sky["clock"].dt.month.values)
 
@@ -165,7 +165,7 @@ class TiltProblem:
         return _tilted(self.case, self.component, tilt)
 
     def afresh(self, tilt: float) -> Case:
-        """Case at a tilt with another seed, for numbers that the search has not chosen."""
+        """Case at a tilt [deg] with another seed: its noise did not take part in the search."""
         seed = launch_seed(self.case.accuracy.seed, Stream.FRESH_SEED) >> 2  # below a case's limit
         accuracy = self.case.accuracy.model_copy(update={"seed": seed})
         return self.built(tilt).model_copy(update={"accuracy": accuracy})
@@ -179,13 +179,13 @@ class TiltProblem:
         return np.array([(tilt - self.tilt.low) / (self.tilt.high - self.tilt.low)])
 
     def simulate(self, tilt: float, progress: Progress = lambda share: None) -> SimulatedTilt:
-        """Simulate a tilt [deg] with the case's seed, or return its year if that is done."""
+        """Year of a tilt [deg], simulated with the case's seed at the first call."""
         if tilt not in self.simulated:
             self.simulated[tilt] = self._simulation(self.built(tilt), progress)
         return self.simulated[tilt]
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> RatedCandidate:
-        """Evaluate a tilt, smooth and hard.
+        """Evaluate a tilt: its smooth and its hard score.
 
         Parameters
         ----------
@@ -206,14 +206,14 @@ class TiltProblem:
         )
 
     def beside(self, tilt: float) -> tuple[float, float]:
-        """Tilts on both sides, between which the difference at a tilt is taken [deg]."""
+        """Tilts [deg] below and above a tilt, between which its difference is taken."""
         low, high = max(tilt - self.step, self.tilt.low), min(tilt + self.step, self.tilt.high)
         return round(low, 4), round(high, 4)
 
     def slope(self, x: np.ndarray, sharpness: float) -> Slope:
-        """Differences of the smooth numbers at a tilt, over `step` to both sides.
+        """Difference quotients of the smooth scores at a tilt, over `step` to both sides.
 
-        One-sided where a bound is nearer. Limits: the slope contains the noise of a difference
+        One-sided if a bound is nearer. Limits: the slope contains the noise of the difference
         between two tilts, which is not estimated, and the curvature within the step.
         """
         low, high = self.beside(self.at(x))
@@ -230,7 +230,7 @@ class TiltProblem:
         return candidate.merit(self.goal.ase_limit)
 
     def holds(self, candidate: RatedCandidate) -> bool:
-        """Whether ASE holds its limit."""
+        """True if ASE holds its limit."""
         return candidate.hard.ase <= self.goal.ase_limit + ASE_TOLERANCE
 
     def numbers(self, candidate: RatedCandidate) -> dict[str, float]:
@@ -238,7 +238,7 @@ class TiltProblem:
         return candidate.numbers(self.goal.aim)
 
     def details(self, candidate: RatedCandidate) -> dict[str, Any]:
-        """Further entries of `optimum.json`; the slope only where no simulation is missing."""
+        """Further entries of `optimum.json`; the slope only if both its tilts are simulated."""
         tilt = self.at(candidate.x)
         aim = self.simulated[tilt].aim
         entries: dict[str, Any] = {
@@ -253,7 +253,7 @@ class TiltProblem:
         return entries
 
     def indistinct(self, tilt: float) -> list[float]:
-        """Other tilts [deg] that hold the limit and whose intervals overlap with this one's."""
+        """Other tilts [deg] that hold the limit and whose intervals overlap with this tilt's."""
         here = self.simulated[tilt].aim
         return sorted(
             other
@@ -263,10 +263,10 @@ class TiltProblem:
         )  # fmt: skip
 
     def _simulation(self, case: Case, progress: Progress) -> SimulatedTilt:
-        """Simulate a case: illuminances of the year, and the interval of the aim.
+        """Simulate a case: illuminances E of the year, and the interval of the aim.
 
-        The twins of the shade close a little in every hour with direct sun, so the shaded state is
-        simulated for all of these hours, not only for those in which the shade may close.
+        The shade's smooth twin closes a little in every hour with direct sun, so the shaded state
+        is simulated for all of these hours, not only for those in which the shade may close.
         """
         coefficients, direct, sunny = self._coefficients(case, progress)
         judged = evaluate_metrics(case, self.daylight, coefficients, direct)
@@ -283,7 +283,7 @@ class TiltProblem:
     def _coefficients(
         self, case: Case, progress: Progress
     ) -> tuple[Coefficients, xr.Dataset, np.ndarray]:
-        """C of both states, direct sun, and the time stamps with any, bool (time,)."""
+        """C of both states, direct sun, and a mask of time stamps with direct sun, bool (time,)."""
         sky, suns = self.daylight.sky, self.daylight.suns
         latitude, last = sky.attrs["latitude"], 1.0 if case.shading is None else 0.6
         done = part(progress, 0, last)
@@ -299,7 +299,7 @@ class TiltProblem:
         return coefficients, direct, sunny
 
     def _has_sun(self, case: Case, direct: xr.Dataset) -> np.ndarray:
-        """Time stamps with direct sun somewhere, or in which the shade may close anyway."""
+        """Mask (time,): time stamps at which a sensor has direct sun or the shade may close."""
         sunny = (luminance(direct["direct_sun"]).values > 0).any(axis=1)
         step_hours = self.daylight.step_hours
         return sunny | (may_close(case, step_hours, direct) if case.shading else False)

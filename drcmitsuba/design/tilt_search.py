@@ -1,9 +1,9 @@
 """Search for the best tilt of lamellae in few simulations: a coarse grid, then sections.
 
-Every simulation is expensive, and there is one number to find. So the search follows no gradients:
-a golden section [1]_ asks only which of two tilts is the better one, by the smooth objective among
-the tilts that hold the limit of ASE. The optimum is the best of all by the hard numbers; its
-neighbours are simulated too and give the slope there.
+Every simulation is expensive, and only one number is free. The search uses no gradients: a golden
+section [1]_ compares two tilts by the smooth objective among the tilts that hold the limit of ASE.
+The optimum is the best of all tilts by the hard numbers; its neighbours are simulated too and give
+the slope there.
 
 References
 ----------
@@ -26,9 +26,9 @@ from drcmitsuba.design.tilt import TiltProblem
 from drcmitsuba.runtime.progress import Progress, part
 
 GRID = 5
-"""Number of tilts to begin with, beside the case's own."""
+"""Number of tilts in the first grid, without the case's own."""
 WALKS = 5
-"""Largest number of steps to a neighbour that is the better one by hard numbers."""
+"""Largest number of steps to a neighbour that is better by hard numbers."""
 SECTION = (3 - math.sqrt(5)) / 2
 """Fraction of the wider side of an interval at which the golden section cuts it."""
 
@@ -104,7 +104,7 @@ class Sections:
 
 
 def _grid(problem: TiltProblem) -> list[float]:
-    """Tilts to begin with [deg]: the case's own, and even ones that are not beside it."""
+    """First tilts [deg]: the case's own, and evenly spaced tilts that are not next to it."""
     start = round(problem.tilt.start, 4)
     even = np.linspace(problem.tilt.low, problem.tilt.high, GRID).round(4).tolist()
     return sorted([start, *(tilt for tilt in even if abs(tilt - start) >= problem.step)])
@@ -142,6 +142,6 @@ def _walk(history: TiltHistory, at: At) -> None:
 
 
 def _merit(problem: TiltProblem, candidate: RatedCandidate) -> tuple[float, float]:
-    """Sort key of tilts: how far ASE holds its limit, then the smooth objective."""
+    """Sort key: −(hard ASE above its limit), then smooth objective, or −ASE above the limit."""
     over = max(candidate.hard.ase - problem.goal.ase_limit, 0.0)
     return -over, candidate.smooth.value if problem.holds(candidate) else -candidate.smooth.ase

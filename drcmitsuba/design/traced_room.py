@@ -33,9 +33,9 @@ class Deposited(NamedTuple):
     Parameters
     ----------
     sensors, direct : mi.TensorXf, shape (time, sensor)
-        All of it, and the part that the sun brings straight [lx].
+        Illuminance before any diffuse reflection, and its part by direct sun [lx].
     cells : mi.TensorXf, shape (time, cell)
-        [lx].
+        D·L of the cells [lx].
     sensor_means : np.ndarray, shape (replicate, sensor)
         Mean over time in each replicate [lx].
     cell_means : np.ndarray, shape (replicate, cell)
@@ -58,7 +58,7 @@ class TracedRoom:
     before : mi.TensorXf, shape (time, sensor)
         Illuminance before any diffuse reflection [lx].
     direct : mi.TensorXf, shape (time, sensor)
-        Illuminance by sun that comes straight [lx].
+        Illuminance by direct sun [lx].
     cells : mi.TensorXf, shape (time, cell)
         D·L of the cells [lx].
     gathered : Sums
@@ -68,7 +68,7 @@ class TracedRoom:
     means : Sums
         Mean of the interreflected illuminance over time; place: replicate · sensors + sensor.
     digits : list of list of mi.Bool
-        Binary digits of how often paths of each mark met each of the surfaces.
+        Binary digits of every mark's number of hits on every kind of surface.
     """
 
     before: mi.TensorXf
@@ -102,7 +102,7 @@ class TracedRoom:
         Raises
         ------
         InputError
-            No sensor sees a surface.
+            No path from a sensor meets a surface.
         """
         a = case.accuracy
         world, marks = marked(case, state, rho)
@@ -135,13 +135,13 @@ class TracedRoom:
         )  # fmt: skip
 
     def interreflected(self, ratios: list[mi.Float]) -> mi.TensorXf:
-        """G·D·L (time, sensor) [lx], by ratios of the reflectances to the traced ones."""
+        """G·D·L (time, sensor) [lx] at ratios ρ/ρ′ of the reflectances to the traced ones."""
         cells, sensors = self.cells.shape[1], self.before.shape[1]
         G = self.gathered.weighed(powers(ratios, self.digits))
         return self.cells @ mi.TensorXf(G, (cells, sensors))
 
     def standard_error(self, ratios: list[mi.Float]) -> np.ndarray:
-        """Standard error of the mean over time, (sensor,) [lx]."""
+        """Standard error of the mean of E over time, (sensor,) [lx]."""
         inner = self.means.weighed(powers(ratios, self.digits)).numpy()
         total = self.means_before + inner.reshape(self.means_before.shape)
         return total.std(axis=0, ddof=1) / np.sqrt(len(total))

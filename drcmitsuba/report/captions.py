@@ -1,4 +1,4 @@
-"""Captions: weather, period and accuracy, so that a picture stands alone."""
+"""Captions of pictures: weather, period and accuracy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def caption(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> 
     ----------
     case : Case
     illuminance : xr.Dataset
-        E of its period; attribute `step_hours`.
+        E [lx] of the case's period; attribute `step_hours`.
     numbers : mapping
         As in `metrics.json`, with `settings`.
 
@@ -75,7 +75,7 @@ def period_name(table: PeriodTable) -> str:
 
 
 def is_rated(case: Case) -> bool:
-    """Whether sDA is the one that LM-83 rates: its threshold, its hours, every day of a year."""
+    """True if sDA has the threshold, hours and every day of the year that LM-83 requires."""
     asked, p = case.metrics, period(case.period)
     whole = case.period.timestamps is None and len(p.months) == 12 and p.days_per_week == 7
     return whole and p.hours == (8, 18) and (asked.sda_threshold, asked.sda_fraction) == (300, 0.5)

@@ -34,7 +34,7 @@ Share = Annotated[Interval, AfterValidator(_of_shares)]
 
 
 class Undecided(BaseModel):
-    """A sensor that is too close to call."""
+    """A sensor whose count is too close to a metric's limit to be decided."""
 
     sensor: Annotated[int, Field(ge=0)]
     metric: str
@@ -63,7 +63,7 @@ def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
     Raises
     ------
     InputError
-        It is not there, is no JSON, lacks a number, or is that of another number of sensors.
+        The file is missing, is no JSON, lacks a number, or has another number of sensors.
     """
     remedy = "run evaluate again"
     try:
@@ -88,8 +88,8 @@ def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
 def _outlines(case: Case) -> dict[str, Any]:
     """Room, glazing, furniture and surroundings in plan, in the world's frame [m].
 
-    A piece that lies wholly outside of the room's walls is one of the surroundings. Without a room
-    nothing is drawn.
+    A piece entirely outside the room's walls belongs to the surroundings. A case without a room has
+    no outlines.
     """
     if case.room is None:
         return {}
@@ -113,7 +113,7 @@ def _outlines(case: Case) -> dict[str, Any]:
 def _too_close(
     case: Case, illuminance: xr.Dataset, numbers: dict[str, Any], drawn: dict[str, Any]
 ) -> dict[str, Figure]:
-    """Plans of the probability to pass, for metrics with sensors that are too close to call."""
+    """Plans of the probability to pass, for metrics with sensors too close to a limit."""
     t, stamps = case.metrics, illuminance.sizes["time"]
     step_hours = float(illuminance.attrs.get("step_hours", 1.0))
     asked = {
@@ -187,5 +187,5 @@ def monthly(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> Fig
 
 
 def has_shade(case: Case, illuminance: xr.Dataset) -> bool:
-    """Whether a shade was simulated: by the attribute of E, else by the case."""
+    """True if a shade was simulated, by the attribute of E or, without it, by the case."""
     return bool(illuminance.attrs.get("has_shade", case.shading is not None))

@@ -71,11 +71,11 @@ def monthly(
     caption : str
         Weather, period and accuracy, in small letters below the title.
     period : str
-        Name of the period that `sDA` and `ASE` are of.
+        Name of the period of `sDA` and `ASE`.
     rated : bool
-        Whether to draw the levels of LM-83: right for its own threshold and hours only.
+        True draws the levels of LM-83, valid only for LM-83's threshold and hours.
     shade : bool
-        Whether there is a shade.
+        True if the case has a shade.
 
     Returns
     -------
@@ -157,7 +157,7 @@ def _head(figure: Figure, title: str, caption: str = "") -> None:
 
 
 def _frame(ax: Axes) -> None:
-    """Light lines behind the values, and no frame above and beside them."""
+    """Draw light lines behind the values, and no frame above and beside them."""
     ax.grid(axis="y", color="#E4E4E4", linewidth=0.7)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)

@@ -21,9 +21,9 @@ from drcmitsuba.report.tiles import SensorTiles
 from drcmitsuba.runtime.errors import InputError
 
 LEGIBLE = 0.5
-"""Sensors so far apart on paper [inch] have their values written on them."""
+"""Least distance of sensors on paper [inch] at which their values are written."""
 COLUMNS = 3
-"""Entries of the legend beside each other."""
+"""Number of entries in a row of the legend."""
 
 
 def plan(
@@ -54,18 +54,18 @@ def plan(
     label : str, optional
         Text at the colour bar; the long name and units of `values` by default.
     room, furniture, surroundings : sequence of arrays (n, 2)
-        Outlines x, y [m], closed or not. Room and sensors frame the picture; surroundings are drawn
-        where they reach into it.
+        Outlines x, y [m], closed or not. Room and sensors set the picture's extent; surroundings
+        are drawn within it.
     glazing : sequence of arrays (n, 2)
         Lines x, y [m] along the glazing.
     norm : matplotlib.colors.Normalize, optional
         Scale of the colours, `LogNorm(10, 10_000)` for example; from 0 to the largest value by
         default. Values beyond its limits take the colour of the limit.
     limit : float, optional
-        Value at which a sensor counts, in the unit of `values`: a line parts the tiles of sensors
-        at or above it from the others, another one marks it on the colour bar.
+        Least value at which a sensor counts, in the unit of `values`: a line separates tiles of
+        sensors that count from the others, another line marks the limit on the colour bar.
     limit_label : str
-        Name of that line in the legend.
+        Name of the limit's line in the legend.
 
     Returns
     -------
@@ -74,12 +74,12 @@ def plan(
     Raises
     ------
     InputError
-        Other dims than `sensor`, or no `x` and `y`.
+        `values` has other dims than `sensor`, or no coordinates `x` and `y`.
 
     Notes
     -----
-    Sensors on a rectangular grid, turned or with gaps, become tiles that reach half way to the
-    next sensor; all others become discs.
+    Sensors on a rectangular grid, turned or with gaps, become tiles that end half way to the next
+    sensor; all other sensors become discs.
     """
     x, y = _positions(values)
     numbers = np.ma.masked_invalid(np.asarray(values.values, dtype=float))
@@ -127,7 +127,7 @@ def _positions(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scale(numbers: np.ma.MaskedArray, norm: Normalize | None, limit: float | None) -> Normalize:
-    """Scale of the colours; without one, from 0 to the largest value or a little above a limit."""
+    """Scale of the colours; default: 0 to the largest value, or to a little above a limit."""
     if norm is None:
         highest = numbers.max() if limit is None else max(float(numbers.max()), 1.1 * limit)
         return Normalize(min(0.0, numbers.min()), highest or 1.0)
@@ -150,7 +150,7 @@ def _view(points: np.ndarray) -> np.ndarray:
 
 
 def _reaches(line: np.ndarray, view: np.ndarray) -> bool:
-    """Whether the box about a line overlaps the view."""
+    """True if the bounding box of a line overlaps the view."""
     return bool(((line.min(axis=0) < view[1]) & (line.max(axis=0) > view[0])).all())
 
 
@@ -159,8 +159,8 @@ def _sheet(
 ) -> tuple[Figure, Axes, Axes]:  # fmt: skip
     """Figure with an axes that shows a view to scale, one for the colour bar, a north arrow.
 
-    The layout is in inches, since only so do the scale of the plan and the size of the text both
-    hold for a room of any shape. `rows` are those of the legend.
+    The layout is in inches, so that the plan's scale and the text's size hold for a room of any
+    shape. `rows` is the number of rows of the legend.
     """
     size = view[1] - view[0]
     width, height = 5.4 * size / size.max()
@@ -196,7 +196,7 @@ def _draw_values(
     ax: Axes, x: np.ndarray, y: np.ndarray, shown: np.ma.MaskedArray, norm: Normalize,
     grid: SensorTiles | None, inch: float,
 ) -> Any:  # fmt: skip
-    """Tiles of a grid, else discs; `inch` is the length of a metre on paper."""
+    """Draw tiles of a grid, or discs; `inch` is the length of a metre on paper [inch]."""
     colours: dict[str, Any] = {"cmap": "viridis", "norm": norm}
     if grid is not None:
         return ax.pcolormesh(*grid.corners.T, grid.grid(shown).T, **colours, rasterized=True)
@@ -216,7 +216,7 @@ def _draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]]) -> None:
 def _add_legend(
     figure: Figure, ax: Axes, keys: Mapping[str, Mapping[str, Any]], limit_label: str
 ) -> None:
-    """Name the lines below the plan."""
+    """Draw the legend of lines below the plan."""
     if not keys:
         return
     names = {"limit": limit_label}

@@ -1,7 +1,7 @@
 """Colours and lines that the pictures share, and files that are written whole.
 
-Figures are made without pyplot: nothing global changes, no window opens, and they can be made in
-any thread. Colour-blind readers can tell the colours apart [1]_.
+Figures do not use pyplot: no global state changes, no window opens, and any thread can draw them.
+Colour-blind readers can tell the colours apart [1]_.
 
 References
 ----------
@@ -34,7 +34,7 @@ LINES: dict[str, dict[str, Any]] = {
     "limit": {"color": ORANGE, "linewidth": 2.0, "path_effects": _halo(3.6, "white")},
 }
 """Lines of a plan by their name in the legend."""
-NAME = {"parse_math": False}  # a case's name is no formula, whatever dollars it holds
+NAME = {"parse_math": False}  # dollars in a case's name do not begin a formula
 
 
 def write(figure: Figure, file: Path | IO[bytes], dpi: int) -> None:

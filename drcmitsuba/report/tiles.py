@@ -1,4 +1,4 @@
-"""Sensors in plan: the tiles of a grid, whatever its direction, and distances of sensors."""
+"""Sensors in plan: tiles of a grid of any direction, and distances between sensors."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 
 def spacing(x: np.ndarray, y: np.ndarray) -> float:
-    """Typical distance of neighbours [m], for sensors that follow no grid."""
+    """Typical distance between neighbours [m], for sensors that form no grid."""
     width, depth = np.ptp(x), np.ptp(y)
     return float(np.sqrt(width * depth / len(x)) or max(width, depth) / len(x) or 1.0)
 
 
 def closest(x: np.ndarray, y: np.ndarray) -> float:
-    """Distance of the closest two sensors [m], 0 where there are too many to write on."""
+    """Distance of the closest two sensors [m]; 0 if there are too many for written values."""
     if len(x) > 200:
         return 0.0
     distance = np.hypot(x[:, None] - x, y[:, None] - y)
@@ -36,7 +36,7 @@ class SensorTiles:
     corners : np.ndarray, shape (row + 1, column + 1, 2)
         Corners of the tiles x, y [m].
     row, column : np.ndarray of int, shape (sensor,)
-        Place of each sensor in the grid.
+        Row and column of each sensor in the grid.
     """
 
     corners: np.ndarray
@@ -45,7 +45,7 @@ class SensorTiles:
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray) -> SensorTiles | None:
-        """Tiles that reach half way to the next sensor; None where the sensors form no grid.
+        """Tiles that end half way to the next sensor; None if the sensors form no grid.
 
         A grid's axis is the direction from one sensor to its nearest neighbour.
         """
@@ -69,7 +69,7 @@ class SensorTiles:
         return cls(np.stack(np.meshgrid(edge_u, edge_v), axis=-1) @ turn, row, column)
 
     def grid(self, values: np.ndarray) -> np.ma.MaskedArray:
-        """Values of the sensors by their place, shape (row, column); gaps are masked."""
+        """Values of the sensors in the grid, shape (row, column); gaps are masked."""
         places = np.subtract(self.corners.shape[:2], 1)
         grid = np.ma.masked_all(places, dtype=values.dtype)
         grid[self.row, self.column] = values
@@ -104,7 +104,7 @@ def _levels(u: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _edges(centres: np.ndarray, spacing: float) -> np.ndarray:
-    """Edges half way between centres; a single row is as wide as the sensors lie apart."""
+    """Edges half way between centres; a single row is as wide as `spacing`."""
     if len(centres) == 1:
         return centres[0] + np.array([-0.5, 0.5]) * spacing
     between = (centres[1:] + centres[:-1]) / 2

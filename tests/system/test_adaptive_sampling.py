@@ -71,14 +71,14 @@ def test_rounds_are_averaged_where_they_were_sampled():
     samples.add(second, np.array([2, 0]))
     samples.add(third, np.array([2]))
     xr.testing.assert_identical(first, before)
-    a, b, c, found = (d["replicates"].values for d in (first, second, third, samples.coefficients))
-    np.testing.assert_array_equal(found[:, 1], a[:, 1])
-    np.testing.assert_array_equal(found[..., 0], a[..., 0])
+    a, b, c, merged = (d["replicates"].values for d in (first, second, third, samples.coefficients))
+    np.testing.assert_array_equal(merged[:, 1], a[:, 1])
+    np.testing.assert_array_equal(merged[..., 0], a[..., 0])
     np.testing.assert_allclose(
-        found[:, 2, 1], (a[:, 2, 1] + b[:, 0, 1] + c[:, 0, 0]) / 3, rtol=1e-6
+        merged[:, 2, 1], (a[:, 2, 1] + b[:, 0, 1] + c[:, 0, 0]) / 3, rtol=1e-6
     )
-    np.testing.assert_allclose(found[:, 0, 2], (a[:, 0, 2] + b[:, 1, 0]) / 2, rtol=1e-6)
-    np.testing.assert_allclose(samples.coefficients["direct"], found.mean(axis=0), rtol=1e-5)
+    np.testing.assert_allclose(merged[:, 0, 2], (a[:, 0, 2] + b[:, 1, 0]) / 2, rtol=1e-6)
+    np.testing.assert_allclose(samples.coefficients["direct"], merged.mean(axis=0), rtol=1e-5)
 
 
 def test_errors_of_rounds_add_up_as_those_of_means():
@@ -120,40 +120,40 @@ def test_more_rounds_narrow_the_intervals_and_seeds_fix_the_numbers(evaluate, mo
     width = max(plain.metrics[m]["high"] - plain.metrics[m]["low"] for m in ("sDA", "ASE")) / 2
     assert width > 0, "the room is to have points that are too close to call"
     target = f'target = "{max(width / 2, 2.1):.2f} points"'  # one of 25 sensors is 4 points
-    found, again = evaluate(target, **kind), evaluate(target, **kind)
-    told = found.metrics["accuracy"]
-    assert told["reached"]
-    assert told["reason"] == "target reached"
-    assert told["half_width"] <= max(width / 2, 2.1)
-    assert told["rounds"] > 1
-    assert found.metrics["sDA"] == again.metrics["sDA"]
-    np.testing.assert_allclose(found.illuminance["total"], again.illuminance["total"], rtol=1e-5)
+    result, again = evaluate(target, **kind), evaluate(target, **kind)
+    accuracy = result.metrics["accuracy"]
+    assert accuracy["reached"]
+    assert accuracy["reason"] == "target reached"
+    assert accuracy["half_width"] <= max(width / 2, 2.1)
+    assert accuracy["rounds"] > 1
+    assert result.metrics["sDA"] == again.metrics["sDA"]
+    np.testing.assert_allclose(result.illuminance["total"], again.illuminance["total"], rtol=1e-5)
     # Of the entries alone: a sensor may differ in the few hours in which its shade now moves.
-    sampled = (found.illuminance["total"] != plain.illuminance["total"]).values
-    se, before = (r.illuminance["total_open_se"].values[sampled] for r in (found, plain))
+    sampled = (result.illuminance["total"] != plain.illuminance["total"]).values
+    se, before = (r.illuminance["total_open_se"].values[sampled] for r in (result, plain))
     assert np.sqrt((se**2).mean() / (before**2).mean()) < 0.95  # 0.71 of two rounds
 
 
 def test_a_target_of_the_mean_takes_all_sensors(evaluate):
     plain = evaluate()
-    found = evaluate('target = "1 %"')
-    assert found.metrics["accuracy"]["reached"]
-    assert found.metrics["accuracy"]["half_width"] <= 1
-    if found.metrics["accuracy"]["rounds"] > 1:
-        assert (found.illuminance["total"] != plain.illuminance["total"]).any("time").all()
+    result = evaluate('target = "1 %"')
+    assert result.metrics["accuracy"]["reached"]
+    assert result.metrics["accuracy"]["half_width"] <= 1
+    if result.metrics["accuracy"]["rounds"] > 1:
+        assert (result.illuminance["total"] != plain.illuminance["total"]).any("time").all()
 
 
 def test_the_time_limit_ends_the_sampling(evaluate):
-    found = evaluate('target = "0.0001 %"', "time_limit = 0.5")
-    told = found.metrics["accuracy"]
-    assert not told["reached"]
-    assert told["reason"] == "limit of 0.5 s reached"
-    assert told["half_width"] > 0.0001
-    assert 1 < told["rounds"] < 200
+    result = evaluate('target = "0.0001 %"', "time_limit = 0.5")
+    accuracy = result.metrics["accuracy"]
+    assert not accuracy["reached"]
+    assert accuracy["reason"] == "limit of 0.5 s reached"
+    assert accuracy["half_width"] > 0.0001
+    assert 1 < accuracy["rounds"] < 200
 
 
 def test_a_target_that_is_met_at_once_costs_nothing(evaluate):
-    found = evaluate('target = "100 points"')
-    assert found.metrics["accuracy"]["rounds"] == 1
+    result = evaluate('target = "100 points"')
+    assert result.metrics["accuracy"]["rounds"] == 1
     plain = evaluate().illuminance["total"]
-    np.testing.assert_allclose(found.illuminance["total"], plain, rtol=1e-5)
+    np.testing.assert_allclose(result.illuminance["total"], plain, rtol=1e-5)

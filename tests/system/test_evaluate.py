@@ -24,9 +24,9 @@ def small(tmp_path_factory):
     """Result of the small case and the folder that it is saved in."""
     folder = tmp_path_factory.mktemp("small")
     (folder / "case.toml").write_text(CASE)
-    found = drcmitsuba.evaluate(load_case(folder / "case.toml"))
-    found.save(folder / "results")
-    return found, folder / "results"
+    result = drcmitsuba.evaluate(load_case(folder / "case.toml"))
+    result.save(folder / "results")
+    return result, folder / "results"
 
 
 @pytest.fixture(scope="module")
@@ -69,10 +69,10 @@ def test_metrics_json_holds_what_is_promised(small):
 
 
 def test_settings_are_the_case_again(small):
-    found, folder = small
+    result, folder = small
     settings = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))["settings"]
     tables = {key: value for key, value in settings.items() if key in Case.model_fields}
-    assert Case.model_validate(tables).model_dump() == found.case.model_dump()
+    assert Case.model_validate(tables).model_dump() == result.case.model_dump()
 
 
 def test_illuminance_has_its_dimensions_coordinates_and_errors(on_disk):
@@ -159,20 +159,20 @@ def test_suns_of_hours_that_may_close_are_known_behind_the_shade(on_disk):
 
 
 def test_numbers_are_those_of_the_illuminance(small, on_disk):
-    found, _ = small
+    result, _ = small
     E, _, _ = on_disk
-    assert found.metrics["sDA"]["value"] == metrics.sda(E["total"])
-    assert found.metrics["ASE"]["value"] == metrics.ase(E["direct_sun"])
+    assert result.metrics["sDA"]["value"] == metrics.sda(E["total"])
+    assert result.metrics["ASE"]["value"] == metrics.ase(E["direct_sun"])
     closed = metrics.shade_closed(E["direct_sun"])
     np.testing.assert_array_equal(closed, E["shade_closed"])
-    assert found.metrics["shade_closed"]["value"] == pytest.approx(100 * float(closed.mean()))
+    assert result.metrics["shade_closed"]["value"] == pytest.approx(100 * float(closed.mean()))
     march = closed[closed["time"].dt.month == 3]
-    monthly = found.metrics["shade_closed_monthly"]
+    monthly = result.metrics["shade_closed_monthly"]
     assert monthly[2]["value"] == pytest.approx(100 * float(march.mean()))
 
 
 def test_all_files_are_there_and_nothing_else(small):
-    found, folder = small
+    result, folder = small
     plots = {"illuminance_plan.png", "autonomy_plan.png", "sun_plan.png", "monthly.png"}
     data = {"metrics.json", "plan.json", "illuminance.nc", "coefficients.zarr", "sky.zarr"}
     assert {p.name for p in folder.iterdir()} == plots | data
@@ -180,27 +180,27 @@ def test_all_files_are_there_and_nothing_else(small):
     plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     assert all(isinstance(effect["on"], bool) and effect["reason"] for effect in plan.values())
     assert {n: e for n, e in plan.items() if n != "cost"} == {
-        n: e for n, e in found.plan.items() if n != "cost"
+        n: e for n, e in result.plan.items() if n != "cost"
     }
     assert plan["shaded_state"]["on"]
 
 
 def test_a_result_shows_itself(small):
-    found, _ = small
-    assert repr(found).startswith("<Result of 'small room': sDA ")
-    assert len(repr(found)) < 200
-    html = found._repr_html_()
-    sda = found.metrics["sDA"]
+    result, _ = small
+    assert repr(result).startswith("<Result of 'small room': sDA ")
+    assert len(repr(result)) < 200
+    html = result._repr_html_()
+    sda = result.metrics["sDA"]
     assert f"{sda['value']:.1f} % ({sda['low']:.1f} … {sda['high']:.1f})" in html
     assert "data:image/png;base64," in html
 
 
 def test_saving_changes_no_result_and_returns_what_lies_on_disk(small, tmp_path):
-    found, _ = small
-    before = json.dumps([found.metrics, found.plan], default=str)
-    saved = found.save(tmp_path)
-    assert json.dumps([found.metrics, found.plan], default=str) == before
-    assert "writing" not in found.metrics["seconds"]
+    result, _ = small
+    before = json.dumps([result.metrics, result.plan], default=str)
+    saved = result.save(tmp_path)
+    assert json.dumps([result.metrics, result.plan], default=str) == before
+    assert "writing" not in result.metrics["seconds"]
     for name, numbers in (("metrics", saved.metrics), ("plan", saved.plan)):
         text = json.dumps(numbers, default=str)
         assert json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8")) == json.loads(
@@ -211,12 +211,12 @@ def test_saving_changes_no_result_and_returns_what_lies_on_disk(small, tmp_path)
 
 
 def test_states_on_disk_are_joined_and_taken_apart_again(small, on_disk):
-    found, _ = small
+    result, _ = small
     _, C, _ = on_disk
     assert "is NaN in state shaded" in C.attrs["not_simulated"]
-    xr.testing.assert_equal(C, found.coefficients)
+    xr.testing.assert_equal(C, result.coefficients)
     apart = Coefficients.of(C)
-    for state, data in found.by_state.states.items():
+    for state, data in result.by_state.states.items():
         xr.testing.assert_equal(apart.states[state], data)
         assert all(v.notnull().all() for v in data.values() if v.dtype.kind == "f")
 
@@ -237,7 +237,7 @@ def test_direct_sun_is_accumulated_once(small, monkeypatch):
 def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     small, on_disk, tmp_path, monkeypatch, capsys
 ):
-    found, _ = small
+    result, _ = small
     E, _, _ = on_disk
     case = tmp_path / "case.toml"
     case.write_text(CASE)
@@ -258,11 +258,11 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     # Only replicates tell which sensors are undecided.
     assert set(numbers) == {*annual, *monthly, "settings"}
     for name in annual:
-        ours, theirs = found.metrics[name], numbers[name]
+        ours, theirs = result.metrics[name], numbers[name]
         assert theirs["value"] == ours["value"]
         assert theirs["low"] <= ours["low"] <= ours["high"] <= theirs["high"]
     for name in monthly:
-        for ours, theirs in zip(found.metrics[name], numbers[name], strict=True):
+        for ours, theirs in zip(result.metrics[name], numbers[name], strict=True):
             assert (ours is None) == (theirs is None)
             assert ours is None or theirs["value"] == ours["value"]
     run(monkeypatch, "plan", case, "-o", tmp_path)
@@ -318,8 +318,8 @@ def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeyp
     count = (E["total"] >= 1500).sum("time").values
     assert int(abs(count - 220).argmin()) in of_sda  # of 440 hours half are needed
     assert float(E["x"][of_sda[0]]) == listed[0]["x"]
-    told = [line for line in capsys.readouterr().out.splitlines() if "too close to call" in line]
-    assert told == [
+    lines = [line for line in capsys.readouterr().out.splitlines() if "too close to call" in line]
+    assert lines == [
         f"points too close to call: {len(of_sda)} of sDA, {len(listed) - len(of_sda)} of ASE "
         "(metrics.json, undecided)"
     ]
@@ -331,23 +331,23 @@ def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeyp
 
 
 def test_intervals_of_entries_are_students(small):
-    found, _ = small
-    assert found.illuminance.attrs["interval_factor"] == pytest.approx(3.1824, abs=1e-4)  # t(3)
+    result, _ = small
+    assert result.illuminance.attrs["interval_factor"] == pytest.approx(3.1824, abs=1e-4)  # t(3)
 
 
 def test_an_hour_that_may_close_has_its_sun_behind_the_shade(evaluate):
     """Few rays and a shade that two sensors close: some hours close in some draws only."""
     rough = "[accuracy]\nsensor_sun_samples = 1", '[shading]\nmaterial = "shade"\narea = 0.08'
-    found = evaluate(changed(("[accuracy]", rough[0]), (SHADING.rstrip(), rough[1])))
-    C = found.coefficients.sel(state="shaded")
+    result = evaluate(changed(("[accuracy]", rough[0]), (SHADING.rstrip(), rough[1])))
+    C = result.coefficients.sel(state="shaded")
     suns = C["bin"].str.startswith("sun_")
     known = set(C["bin"].values[(C["direct"].notnull().all("sensor") & suns).values])
-    shut = found.illuminance["shade_closed"].values
+    shut = result.illuminance["shade_closed"].values
     labels = {
-        f"sun_{t}" for t in np.datetime_as_string(found.illuminance["time"].values[shut], "m")
+        f"sun_{t}" for t in np.datetime_as_string(result.illuminance["time"].values[shut], "m")
     }
     assert labels & known < known
-    assert found.metrics["shade_closed"]["low"] < found.metrics["shade_closed"]["high"]
+    assert result.metrics["shade_closed"]["low"] < result.metrics["shade_closed"]["high"]
 
 
 def test_coefficients_of_another_period_are_refused(small, tmp_path, monkeypatch, capsys):
@@ -362,7 +362,7 @@ def test_coefficients_of_another_period_are_refused(small, tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("site", "told"),
+    ("site", "message"),
     [
         ("latitude = 36.3\nlongitude = -79.6\ntimezone = -5", None),
         ("latitude = 1.37\nlongitude = -79.95\ntimezone = -5", "latitude: 36.1, but 1.37 in the"),
@@ -370,15 +370,15 @@ def test_coefficients_of_another_period_are_refused(small, tmp_path, monkeypatch
         ("latitude = 36.1\nlongitude = -79.95\ntimezone = -6", "timezone: -5.0, but -6.0 in the"),
     ],
 )
-def test_suns_of_another_place_are_refused(small, tmp_path, site, told):
+def test_suns_of_another_place_are_refused(small, tmp_path, site, message):
     """A sun's label tells its time only; a neighbouring weather station's will do."""
     sky = '[sky]\nmodel = "cie"\ntype = "clear_with_sun"\n'
     (tmp_path / "case.toml").write_text(f"{CASE}{sky}[site]\n{site}\n")
     light = light_module.daylight(load_case(tmp_path / "case.toml"))
     case = small[0].case.with_dark_hours()
     C = simulation.coefficients(case, light_module.daylight(case))
-    if told:
-        with pytest.raises(InputError, match=told):
+    if message:
+        with pytest.raises(InputError, match=message):
             illuminance.illuminance(C, light.sky)
     else:
         E = illuminance.illuminance(C, light.sky)  # more hours close than in the case's weather

@@ -22,20 +22,20 @@ WEATHER = SHARED / "data" / "weather"
 
 
 def test_a_room_without_opening_is_dark_not_unknown(evaluate, stamps):
-    found = evaluate(changed(stamps("2015-03-21T09:00", "2015-06-21T12:00"), (STRIPS, "")))
-    for name in found.illuminance.data_vars:
-        np.testing.assert_array_equal(found.illuminance[name], 0, err_msg=name)
+    result = evaluate(changed(stamps("2015-03-21T09:00", "2015-06-21T12:00"), (STRIPS, "")))
+    for name in result.illuminance.data_vars:
+        np.testing.assert_array_equal(result.illuminance[name], 0, err_msg=name)
     for name in ("sDA", "ASE", "shade_closed"):
-        assert found.metrics[name] == {"value": 0, "low": 0, "high": 0}
+        assert result.metrics[name] == {"value": 0, "low": 0, "high": 0}
 
 
 def test_a_black_room_has_direct_light_only(evaluate, stamps):
     black = "size = [4.0, 5.0, 3.0]\nfloor = 0\nceiling = 0\nwalls = 0"
     frame = "frame = 0.1\nframe_reflectance = 0"
     changes = ("size = [4.0, 5.0, 3.0]", black), ("frame = 0.1", frame), (SHADING, "")
-    found = evaluate(changed(stamps("2015-03-21T12:00"), *changes))
-    np.testing.assert_array_equal(found.coefficients["interreflected"], 0)
-    assert float(found.illuminance["total"].min()) > 0
+    result = evaluate(changed(stamps("2015-03-21T12:00"), *changes))
+    np.testing.assert_array_equal(result.coefficients["interreflected"], 0)
+    assert float(result.illuminance["total"].min()) > 0
 
 
 def test_sensors_under_the_free_sky_get_what_the_weather_says(tmp_path, same):
@@ -44,8 +44,8 @@ def test_sensors_under_the_free_sky_get_what_the_weather_says(tmp_path, same):
     (tmp_path / "case.toml").write_text(text)
     case = load_case(tmp_path / "case.toml")
     light = light_module.daylight(case)
-    found = drcmitsuba.evaluate(case)
-    coefficients = found.coefficients["replicates"].sel(state="open")
+    result = drcmitsuba.evaluate(case)
+    coefficients = result.coefficients["replicates"].sel(state="open")
     diffuse = light.sky["diffuse_horizontal_illuminance"].values
     cos_zenith = light.sun["direction"].sel(axis="z").values
     direct = light.sky["direct_normal_illuminance"].values * cos_zenith
@@ -63,12 +63,12 @@ def test_sensors_under_the_free_sky_get_what_the_weather_says(tmp_path, same):
     by_sun = suns.transpose("replicate", "bin", "sensor").values
     same(by_sun, exact=np.repeat(direct[rows, None], 4, axis=1), within=0.001)
 
-    E = found.illuminance
+    E = result.illuminance
     np.testing.assert_allclose(E["sky_open"], by_sky.mean("replicate"), rtol=1e-5, atol=1e-3)
     np.testing.assert_allclose(E["sun_open"][rows], by_sun.mean(axis=0), rtol=1e-5)
     np.testing.assert_allclose(E["direct_sun"], E["sun_open"], rtol=1e-5)
-    assert found.metrics["sDA"]["value"] == 100
-    assert found.metrics["shade_closed"]["value"] == 0
+    assert result.metrics["sDA"]["value"] == 100
+    assert result.metrics["shade_closed"]["value"] == 0
 
 
 def test_without_shading_nothing_closes(evaluate, stamps):
@@ -136,13 +136,13 @@ def test_a_coloured_case_goes_through_the_verbs(tmp_path, monkeypatch, capsys):
 def test_a_cie_sky_needs_no_weather_file(evaluate, stamps):
     sky = '[sky]\nmodel = "cie"\ntype = 5\ndiffuse_horizontal_illuminance = 10000\n'
     hours = stamps("2015-03-21T12:00", "2015-06-21T12:00")
-    found = evaluate(changed(hours) + sky + SITE)
-    E = found.illuminance
+    result = evaluate(changed(hours) + sky + SITE)
+    E = result.illuminance
     # Type 5 has no sun and is uniform in azimuth and height: the same at all times of the day.
     np.testing.assert_allclose(E["total"][0], E["total"][1], rtol=1e-5)
     np.testing.assert_array_equal(E["sun_open"], 0)
-    assert found.metrics["settings"]["weather_source"] == "site, no weather file"
-    (note,) = found.metrics["settings"]["notes"]
+    assert result.metrics["settings"]["weather_source"] == "site, no weather file"
+    (note,) = result.metrics["settings"]["notes"]
     assert note.startswith("the period is 2 time stamps, no year")
 
 
@@ -170,31 +170,31 @@ def test_a_perez_sky_without_weather_file_says_whose_weather_it_takes(evaluate, 
 
 
 def test_own_time_stamps_take_the_sun_of_their_instant(evaluate, stamps, tmp_path):
-    found = evaluate(changed(stamps("2015-03-21T10:20", "2015-03-21T10:40", "2015-03-21T23:00")))
-    E = found.illuminance
+    result = evaluate(changed(stamps("2015-03-21T10:20", "2015-03-21T10:40", "2015-03-21T23:00")))
+    E = result.illuminance
     assert list(E["time"].dt.minute.values) == [20, 40, 0]
-    assert list(found.sky["bin"].values[146:]) == ["sun_2015-03-21T10:20", "sun_2015-03-21T10:40"]
+    assert list(result.sky["bin"].values[146:]) == ["sun_2015-03-21T10:20", "sun_2015-03-21T10:40"]
     assert not np.allclose(E["direct_sun"][0], E["direct_sun"][1])
     np.testing.assert_array_equal(E["total"][2], 0)
-    light = light_module.daylight(found.case)
+    light = light_module.daylight(result.case)
     np.testing.assert_array_equal(light.sun["instant"].values, E["time"].values)
 
 
 @pytest.mark.parametrize(
-    ("rows", "told"),
+    ("rows", "message"),
     [
         (["2015-03-21T10:00:10", "2015-03-21T10:00:40"], "time: two time stamps in one minute"),
         (["2015-03-21T25:00"], "line 2, time: '2015-03-21T25:00'"),
         (["noon"], "line 2, time: 'noon'"),
     ],
 )
-def test_unfit_time_stamps_are_told(evaluate, stamps, rows, told):
-    with pytest.raises(InputError, match=f"times.csv: {re.escape(told)}"):
+def test_unfit_time_stamps_are_told(evaluate, stamps, rows, message):
+    with pytest.raises(InputError, match=f"times.csv: {re.escape(message)}"):
         evaluate(changed(stamps(*rows)))
 
 
 @pytest.mark.parametrize(
-    ("period", "told"),
+    ("period", "message"),
     [
         ("hours = [18, 8]", "hours: .18, 8.; give two"),
         ("months = [3, 3]", "months: .3, 3.; give each month once"),
@@ -202,8 +202,8 @@ def test_unfit_time_stamps_are_told(evaluate, stamps, rows, told):
         ("hours = [3, 3]", "hours: "),
     ],
 )
-def test_an_unfit_period_is_told_with_the_case(evaluate, period, told):
-    with pytest.raises(InputError, match=rf"case.toml: period.{told}") as caught:
+def test_an_unfit_period_is_told_with_the_case(evaluate, period, message):
+    with pytest.raises(InputError, match=rf"case.toml: period.{message}") as caught:
         evaluate(changed((DAYS, period)))
     assert str(caught.value).isprintable()
 
@@ -217,14 +217,14 @@ def weather(name):
 
 def test_polar_night_is_dark(evaluate):
     barrow = weather("USA_AK_Barrow.700260_TMY3.epw")
-    found = evaluate(changed((DAYS, "months = [12]")) + barrow)
-    assert found.illuminance.sizes["time"] == 230
-    assert (found.illuminance["sun_open"] == 0).all()
-    assert not any(str(label).startswith("sun") for label in found.sky["bin"].values)
+    result = evaluate(changed((DAYS, "months = [12]")) + barrow)
+    assert result.illuminance.sizes["time"] == 230
+    assert (result.illuminance["sun_open"] == 0).all()
+    assert not any(str(label).startswith("sun") for label in result.sky["bin"].values)
     for name in ("sDA", "ASE", "shade_closed"):
-        assert found.metrics[name]["value"] == 0
-    assert found.metrics["msDA"][11]["value"] == 0
-    assert found.metrics["msDA"][10] is None
+        assert result.metrics[name]["value"] == 0
+    assert result.metrics["msDA"][11]["value"] == 0
+    assert result.metrics["msDA"][10] is None
 
 
 def test_the_midnight_sun_shines_through_a_northern_window_only(evaluate):

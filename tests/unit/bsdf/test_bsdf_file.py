@@ -86,18 +86,18 @@ def golden_files():
 def test_look_ups_are_radiances(name):
     with GOLDEN.open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["file"] == name]
-    found = bsdf.read(SHARED / "data" / "bsdf" / name)
+    content = bsdf.read(SHARED / "data" / "bsdf" / name)
 
     def columns(kind, *keys):
         return np.array([[float(r[k]) for k in keys] for r in rows if r["kind"] == kind]).T
 
     theta, phi, value = columns("hemi_T", "theta_in_deg", "phi_in_deg", "value")
     assert len(value) >= 60
-    np.testing.assert_allclose(found.hemispherical(unit(theta, phi))[0], value, 5e-4, 5e-7)
+    np.testing.assert_allclose(content.hemispherical(unit(theta, phi))[0], value, 5e-4, 5e-7)
     keys = ("theta_in_deg", "phi_in_deg", "theta_out_deg", "phi_out_deg", "value")
     theta, phi, theta_out, phi_out, value = columns("query", *keys)
     assert len(value) >= 70
-    got = found.query(unit(theta, phi), unit(theta_out, phi_out))
+    got = content.query(unit(theta, phi), unit(theta_out, phi_out))
     np.testing.assert_allclose(got, value, 5e-4, 5e-7)  # Radiance adds noise of 1e-4
 
 
@@ -183,10 +183,10 @@ def test_in_a_block_of_numbers_the_last_coordinate_runs_fastest():
 
 def test_children_have_the_first_coordinate_in_their_lowest_bit(read):
     leaves = "\n".join(f"{{ {v} }}" for v in range(16))
-    found = read(window(block("Transmission Front", "{\n" + leaves + "\n}")))
-    tree = found.components["tb"]
+    content = read(window(block("Transmission Front", "{\n" + leaves + "\n}")))
+    tree = content.components["tb"]
     # Incident from −x −y: both incident coordinates ≥ ½; leaving to −x +y: only the last one is.
-    got = found.query(np.array([[-0.3, -0.3, -0.9]]), np.array([[-0.3, 0.3, 0.9]]))
+    got = content.query(np.array([[-0.3, -0.3, -0.9]]), np.array([[-0.3, 0.3, 0.9]]))
     assert got == [1 + 2 + 8]
     assert tree.depth == 1
 
@@ -194,21 +194,21 @@ def test_children_have_the_first_coordinate_in_their_lowest_bit(read):
 def test_the_dead_half_of_an_isotropic_tree_counts_nowhere(read):
     live, dead = "{ 0.2 }", "{ 7 }"
     numbers = "{" + " ".join((live, dead) * 4) + "}"  # the first coordinate is the lowest bit
-    found = read(window(block("Reflection Back", numbers), structure="TensorTree3"))
+    content = read(window(block("Reflection Back", numbers), structure="TensorTree3"))
     incident = random_directions(1, 200)
-    np.testing.assert_allclose(found.query(incident, random_directions(2, 200)), 0.2)
-    np.testing.assert_allclose(found.hemispherical(incident)[1], 0.2 * np.pi)
-    assert found.components["rf"].lambertian() == pytest.approx(0.2 * np.pi)
+    np.testing.assert_allclose(content.query(incident, random_directions(2, 200)), 0.2)
+    np.testing.assert_allclose(content.hemispherical(incident)[1], 0.2 * np.pi)
+    assert content.components["rf"].lambertian() == pytest.approx(0.2 * np.pi)
 
 
 def test_an_isotropic_tree_turns_with_the_light(read):
     rng = np.random.default_rng(4)
     numbers = "{" + words(rng.random((8, 8, 8))) + "}"
-    found = read(window(block("Transmission Back", numbers), structure="TensorTree3"))
+    content = read(window(block("Transmission Back", numbers), structure="TensorTree3"))
     a, b = random_directions(5, 100), random_directions(6, 100, -1)
     c, s = np.cos(1.1), np.sin(1.1)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    same = np.isclose(found.query(a @ turn.T, b @ turn.T), found.query(a, b))
+    same = np.isclose(content.query(a @ turn.T, b @ turn.T), content.query(a, b))
     assert same.mean() > 0.97  # rounding may carry single pairs over a border of cells
 
 
@@ -222,23 +222,25 @@ def test_an_isotropic_tree_turns_with_the_light(read):
     ],
 )
 def test_sides_are_named_as_window_does(read, direction, incident, outgoing):
-    found = read(window(block(direction, LAMBERTIAN)))
+    content = read(window(block(direction, LAMBERTIAN)))
     a, b = np.array([[0.1, 0.2, 0.9 * incident]]), np.array([[0.3, 0.1, 0.9 * outgoing]])
-    assert found.query(a, b) == [0.1]
-    assert found.query(-a, b) == [0.0]
+    assert content.query(a, b) == [0.1]
+    assert content.query(-a, b) == [0.0]
 
 
 def test_transmission_that_is_missing_follows_by_reciprocity(read):
     rng = np.random.default_rng(7)
     numbers = "{" + words(rng.random((4,) * 4)) + "}"
-    found = read(window(block("Transmission Front", numbers)))
+    content = read(window(block("Transmission Front", numbers)))
     a, b = random_directions(8, 200, -1), random_directions(9, 200)
-    np.testing.assert_array_equal(found.query(b, a), found.query(a, b))
+    np.testing.assert_array_equal(content.query(b, a), content.query(a, b))
     outgoing = to_direction(
         *(g.ravel() for g in np.meshgrid(*[(np.arange(64) + 0.5) / 64] * 2)), -1
     )
-    sums = [np.pi * found.query(np.broadcast_to(i, outgoing.shape), outgoing).mean() for i in b[:5]]
-    np.testing.assert_allclose(found.hemispherical(b[:5])[0], sums)
+    sums = [
+        np.pi * content.query(np.broadcast_to(i, outgoing.shape), outgoing).mean() for i in b[:5]
+    ]
+    np.testing.assert_allclose(content.hemispherical(b[:5])[0], sums)
 
 
 def test_the_order_of_blocks_does_not_matter(read):
@@ -251,33 +253,33 @@ def test_the_order_of_blocks_does_not_matter(read):
         block("Absorptance Front", "{ 0.5 }"),
     ]
     for order in (blocks, blocks[::-1]):
-        found = read(window(*order))
-        values = {name: float(c.value[0]) for name, c in found.components.items()}
+        content = read(window(*order))
+        values = {name: float(c.value[0]) for name, c in content.components.items()}
         assert values == {"tb": 0.1, "tf": 0.2, "rb": 0.3, "rf": 0.4}
 
 
 def test_chromaticity_is_kept_beside_luminance(read):
-    found = read(
+    content = read(
         window(
             block("Transmission Front", "{ 0.1 }"),
             block("Transmission Front", "{ 0.21 }", wavelength="CIE-u"),
             block("Transmission Front", "{ 0.47 }", wavelength="CIE-v"),
         )
     )
-    assert {k: float(c.value[0]) for k, c in found.colour["tb"].items()} == {"u": 0.21, "v": 0.47}
-    assert float(found.components["tb"].value[0]) == 0.1
+    assert {k: float(c.value[0]) for k, c in content.colour["tb"].items()} == {"u": 0.21, "v": 0.47}
+    assert float(content.components["tb"].value[0]) == 0.1
 
 
 def test_text_before_the_declaration_is_passed_over(read):
-    found = read(
+    content = read(
         b"\n written by a program\n" + window(block("Reflection Back", LAMBERTIAN)).encode()
     )
-    assert (found.name, found.manufacturer, found.kind) == ("film", "maker", "TensorTree4")
+    assert (content.name, content.manufacturer, content.kind) == ("film", "maker", "TensorTree4")
 
 
 def test_noise_below_zero_counts_as_zero(read):
-    found = read(window(block("Reflection Back", "{" + words([1.0] * 15 + [-5e-5]) + "}")))
-    assert found.components["rf"].value.min() == 0
+    content = read(window(block("Reflection Back", "{" + words([1.0] * 15 + [-5e-5]) + "}")))
+    assert content.components["rf"].value.min() == 0
 
 
 # ---- Klems
@@ -365,13 +367,13 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("text", "told"), BAD.values(), ids=BAD)
-def test_what_is_wrong_is_told_in_one_line(read, text, told):
+@pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD)
+def test_what_is_wrong_is_told_in_one_line(read, text, message):
     with pytest.raises(InputError) as error:
         read(text)
     line = str(error.value)
     assert "film.xml" in line
-    assert told in line
+    assert message in line
     assert "\n" not in line
     assert len(line) < 400
 
