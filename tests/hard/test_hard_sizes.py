@@ -20,8 +20,10 @@ SENSORS = """
 import json
 import sys
 import numpy as np
-from drcmitsuba import backend, simulation
-from drcmitsuba.case import Case
+from drcmitsuba import backend
+from drcmitsuba.annual import simulation
+from drcmitsuba.annual.run import Run
+from drcmitsuba.case.case import Case
 from drcmitsuba.annual.result import peak_memory
 from drcmitsuba.sky.sun_models import Suns
 
@@ -47,7 +49,7 @@ import json
 import sys
 import numpy as np
 import drcmitsuba
-from drcmitsuba.case import load_case
+from drcmitsuba.case.case import load_case
 from drcmitsuba.annual.result import peak_memory
 
 result = drcmitsuba.evaluate(load_case(sys.argv[1]))
@@ -62,8 +64,8 @@ import sys
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba import scene
-from drcmitsuba.case import load_case
+from drcmitsuba.scene import scene
+from drcmitsuba.case.case import load_case
 from drcmitsuba.annual.result import peak_memory
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba import backend

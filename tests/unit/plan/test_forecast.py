@@ -253,7 +253,7 @@ def test_the_pilot_compiles_no_kernel_that_the_evaluation_does_not_use(kind):
 NOT_LOADED = """
 import sys
 from drcmitsuba import evaluate, load_case
-from drcmitsuba.case import Case
+from drcmitsuba.case.case import Case
 case = Case.model_validate({case!r})
 evaluate(case).save({folder!r})
 unwanted = ("matplotlib", "drcmitsuba.report.plots", "drcmitsuba.report.figures")
