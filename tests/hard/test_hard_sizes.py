@@ -22,7 +22,6 @@ import sys
 import numpy as np
 from drcmitsuba import backend
 from drcmitsuba.annual import simulation
-from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.annual.result import peak_memory
 from drcmitsuba.sky.sun_models import Suns

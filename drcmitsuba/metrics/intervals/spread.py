@@ -75,6 +75,11 @@ class Draws:
             illuminance, relative to it.
         numbers : dict
             From `evaluate_metrics.summarise`, with these draws.
+
+        Returns
+        -------
+        float
+            Half a width [points or % of mean E].
         """
         if unit == "point":
             return max(numbers[m]["high"] - numbers[m]["low"] for m in self.passing) / 2
