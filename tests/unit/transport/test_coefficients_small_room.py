@@ -152,7 +152,7 @@ def test_blocks_of_sensors_do_not_matter(same, monkeypatch):
     points, normals = sensor_points(case)
     scene = scenes.load(case)
     whole = run(scene, points, normals, SUNS, **ROUGH)
-    monkeypatch.setattr(coefficients, "BLOCK", 4)
+    monkeypatch.setattr(coefficients, "SENSORS", 4)
     parts = run(scene, points, normals, SUNS, seed=77, **ROUGH)
     same(parts, other=whole, within=0.02)
 
