@@ -1,4 +1,4 @@
-"""What `photon_map` refuses, and what it says."""
+"""Input that `photon_map` refuses, and its messages."""
 
 import drjit as dr
 import numpy as np

@@ -216,7 +216,7 @@ def test_sensors_in_a_closed_mesh_are_refused(tmp_path, material):
 
 
 def test_ports_of_a_mesh_that_stands_half_outside_are_kept(tmp_path):
-    """What a wall covers of a face is dark by itself; the rest lets light in."""
+    """The part of a face that a wall covers is dark by itself; the rest lets light in."""
     (tmp_path / "shelf.obj").write_text(
         "v 0 0 0\nv 2 0 0\nv 2 1 0.2\nv 0 1 0.2\nf 1 2 3\nf 1 3 4\n"
     )
