@@ -144,6 +144,7 @@ def draw_rooms(path: Path) -> None:
         ax.text(x, y, room, ha="center", va="center", bbox=box, fontsize=12, family="monospace")
     ax.set_xlim(0, 1)
     ax.set_ylim(-max(floors.values()) - 0.5, -0.5)
+    path.parent.mkdir(exist_ok=True)
     with matplotlib.rc_context({"svg.hashsalt": "rooms"}):
         figure.savefig(path, metadata={"Date": None})
 
