@@ -154,7 +154,8 @@ def _room_imports() -> dict[str, set[str]]:
     imports: dict[str, set[str]] = {}
     for file in PACKAGE.rglob("*.py"):
         room = file.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        if room.startswith("__"):
+        is_data = (PACKAGE / room).is_dir() and not (PACKAGE / room / "__init__.py").is_file()
+        if room.startswith("__") or is_data:  # an installed package holds the shipped scenes
             continue
         names = imports.setdefault(room, set())
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
