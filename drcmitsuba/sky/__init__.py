@@ -15,9 +15,7 @@ sky_model
 sun_models
     Which suns stand for the sun of every time stamp.
 daylight
-    Sky and suns of a case.
-remarks
-    Remarks on a case's period.
+    Sky and suns of a case, with remarks on its period.
 """
 
 from drcmitsuba.sky.cie import CieSky

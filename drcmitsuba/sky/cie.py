@@ -101,19 +101,7 @@ class CieSky:
             raise InputError("CIE sky", "turbidity", str(self.turbidity), "give 1 to 20")
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
-        """Sky and direct light of each time; `data` is not used.
-
-        Parameters
-        ----------
-        data : xarray.Dataset
-        sun : xarray.Dataset
-            As from `sun_position`.
-        patches : Patches
-
-        Returns
-        -------
-        SkyLight
-        """
+        """Sky and direct light of each time, as `SkyModel` says."""
         zenith, azimuth = (sun[name].to_numpy() for name in ("solar_zenith", "solar_azimuth"))
         up = np.flatnonzero(zenith < 90)
         sky, direct = np.zeros((len(zenith), len(patches) - 1)), np.zeros(len(zenith))
@@ -139,29 +127,13 @@ class CieSky:
         return SkyLight(sky, sky @ horizontal, direct)
 
 
-def luminance(kind: int | str, direction: np.ndarray, sun_direction: np.ndarray) -> np.ndarray:
-    """Continuous luminance of a standard sky over that of its zenith.
-
-    Parameters
-    ----------
-    kind : int or str
-        Type 1 to 16 of ISO 15469, or one of GENSKY.
-    direction, sun_direction : ndarray, shape (..., 3)
-        Unit vectors, z up; their leading shapes broadcast. `direction` is above the horizon.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        L / Lz. Directions below the horizon are taken as on it.
-    """
-    cos_gamma = (direction * sun_direction).sum(axis=-1)
-    return relative(kind, direction[..., 2], cos_gamma, sun_direction[..., 2])
-
-
 def relative(
     kind: int | str, cos_zenith: np.ndarray, cos_gamma: np.ndarray, cos_sun: np.ndarray
 ) -> np.ndarray:
-    """L / Lz from the cosines to the zenith, to the sun, and of the sun's zenith angle.
+    """Luminance over that of the zenith, L / Lz, from cosines: to the zenith, to the sun, of Zs.
+
+    `kind` is that of `CieSky`; the shapes of the cosines broadcast. Directions below the horizon
+    are taken as on it; Zs is the sun's zenith angle.
 
     ISO types: f(γ) φ(ζ) / (f(Zs) φ(0)), φ = 1 + a exp(b / cos ζ),
     f = 1 + c (exp(dγ) − exp(dπ/2)) + e cos² γ.

@@ -21,13 +21,14 @@ from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun_models, weather
 from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
-from drcmitsuba.sky.remarks import period_notes
 from drcmitsuba.sky.sun_models import Blend, Suns
 
 BLOCK = 1024
 """Time stamps of L that are held at once where it is written."""
 SUN_VARIABLES = ("sun", "sun_direction", "blend_bin", "blend_weight")
 """Variables of the sun beside L on disk; an adaptive sun has no blend."""
+DARK_SHARE = 0.05
+"""Share of time stamps without daylight above which a remark is made."""
 
 
 @dataclass(frozen=True)
@@ -141,14 +142,11 @@ def daylight(case: Case) -> Daylight:
         step = np.timedelta64(round(w.step * 3600), "s")
         outside = (rows < 0) | (times >= starts[rows] + step)
         if outside.any():
-            raise InputError(
-                file, "time", f"{times[outside][0]} is not in the weather",
-                "give time stamps within the weather file",
-            )  # fmt: skip
+            got = f"{times[outside][0]} is not in the weather"
+            raise InputError(file, "time", got, "give time stamps within the weather file")
         if len(np.unique(times.astype("datetime64[m]"))) < len(times):
-            raise InputError(
-                file, "time", "two time stamps in one minute", "give one a minute at most"
-            )
+            got = "two time stamps in one minute"
+            raise InputError(file, "time", got, "give one a minute at most")
     with _of(case, "sky"):
         model = sky_model(case)
     data = w.data.isel(time=rows).assign_coords(time=times)
@@ -174,8 +172,23 @@ def daylight(case: Case) -> Daylight:
     if blend is not None:
         light["blend_bin"] = (("time", "blend"), blend.bins)
         light["blend_weight"] = (("time", "blend"), blend.weights)
-    notes = (*w.notes, *period_notes(case, light, w.step))
+    notes = (*w.notes, *_period_notes(case, light, w.step))
     return Daylight(light, sun, sources, w.step, w.source, notes)
+
+
+def _period_notes(case: Case, sky: xr.Dataset, step_hours: float) -> tuple[str, ...]:
+    """Remarks on a period that is no whole year, and on hours without daylight."""
+    notes = []
+    stamps, months, limit = sky.sizes["time"], len(case.period.months), case.metrics.ase_hours
+    if case.period.timestamps is not None or months < 12:
+        part = f"{stamps * step_hours:g} h in {months} of 12 months"
+        if case.period.timestamps is not None:
+            part = f"{stamps} time stamps"
+        notes.append(f"the period is {part}, no year: the {limit:g} h of ASE are not scaled to it")
+    dark = int(((sky["sun"].values <= 0) & ~np.any(sky["sky"].values > 0, axis=1)).sum())
+    if dark > DARK_SHARE * stamps:
+        notes.append(f"{dark} of {stamps} time stamps have no daylight; sDA and msDA count them")
+    return tuple(notes)
 
 
 def _sun_sources(case: Case, light: xr.Dataset, sun: xr.Dataset) -> tuple[Suns, Blend | None]:
@@ -207,16 +220,11 @@ def blended(light: xr.Dataset) -> Blend:
     return Blend(*np.zeros((2, light.sizes["time"], 0), object))
 
 
-def luminances(light: Daylight) -> xr.Dataset:
-    """L[time, bin] with suns as bins, so that E = C·L.
+def luminances(light: Daylight, times: slice = slice(None)) -> xr.Dataset:
+    """L[time, bin] [cd/m²] of some time stamps, with suns as bins, so that E = C·L.
 
     Where the sun is adaptive, it has no bin: there is only its luminance `sun` and `sun_direction`.
     """
-    return _luminances(light, slice(None))
-
-
-def _luminances(light: Daylight, times: slice) -> xr.Dataset:
-    """Some time stamps of `luminances`."""
     here = light.sky.isel(time=times)
     suns = light.suns.labels if "blend_bin" in here else ()
     labels = np.array([*map(str, here["bin"].values), *suns], dtype=object)
@@ -242,15 +250,10 @@ def _luminances(light: Daylight, times: slice) -> xr.Dataset:
 def save_luminances(light: Daylight, path: Path, channels: xr.DataArray | None = None) -> None:
     """Write `luminances` as a zarr folder block by block, whole or not at all.
 
-    Parameters
-    ----------
-    light : Daylight
-    path : Path
-    channels : DataArray, optional
-        Names of the colour channels; L is the same in all.
+    L is the same in all colour `channels`, the names of which may be given.
     """
     blocks = range(0, light.sky.sizes["time"], BLOCK)
-    parts = (_luminances(light, slice(start, start + BLOCK)) for start in blocks)
+    parts = (luminances(light, slice(start, start + BLOCK)) for start in blocks)
     if channels is not None:
         parts = (part.assign(L=part["L"].expand_dims(channel=channels)) for part in parts)
     storage.save_zarr(parts, path)
@@ -261,11 +264,8 @@ def from_luminances(data: xr.Dataset) -> xr.Dataset:
     labels = data["bin"].values.astype(str)
     is_sky = ~np.char.startswith(labels, "sun_")
     L = data["L"].isel(bin=is_sky).values
-    out = (
-        data[[name for name in SUN_VARIABLES if name in data]]
-        .drop_vars("bin", errors="ignore")
-        .load()
-    )
+    out = data[[name for name in SUN_VARIABLES if name in data]]
+    out = out.drop_vars("bin", errors="ignore").load()
     blend = blended(out)
     for bins, weights in zip(blend.bins.T, blend.weights.T, strict=True):
         rows = np.flatnonzero((weights != 0) & np.isin(bins.astype(str), labels[is_sky]))

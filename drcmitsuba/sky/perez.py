@@ -116,24 +116,11 @@ class Perez:
     patch_values: PatchValues = PATCH_MEANS
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
-        """Sky and direct light of each time.
-
-        Parameters
-        ----------
-        data : xarray.Dataset
-            `dni`, `dhi` [W/m²], and where known `dew_point` [°C, NaN where missing], on `time`.
-        sun : xarray.Dataset
-            As from `sun_position`, on the same `time`.
-        patches : Patches
-
-        Returns
-        -------
-        SkyLight
-        """
+        """Sky and direct light of each time, as `SkyModel` says."""
         dni, dhi = (data[name].to_numpy().astype(float) for name in ("dni", "dhi"))
         zenith = sun["solar_zenith"].to_numpy()
         dew_point = data["dew_point"].to_numpy() if "dew_point" in data else np.nan
-        model = parameters(dni, dhi, zenith, day_of_year(data["time"].to_numpy()))
+        model = parameters(dni, dhi, zenith, data["time"].dt.dayofyear.to_numpy())
         diffuse, direct = efficacies(model, precipitable_water(dew_point))
 
         lit = np.flatnonzero(dhi > 0)
@@ -244,8 +231,3 @@ def eccentricity(day: np.ndarray) -> np.ndarray:
         + 0.000719 * np.cos(2 * angle)
         + 0.000077 * np.sin(2 * angle)
     )
-
-
-def day_of_year(time: np.ndarray) -> np.ndarray:
-    """Day of the year of datetime64 stamps, 1 for 1 January."""
-    return (time.astype("datetime64[D]") - time.astype("datetime64[Y]")).astype(int) + 1

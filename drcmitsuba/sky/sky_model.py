@@ -10,6 +10,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import describe
 from drcmitsuba.sky.quadrature import SkyLight
 
 
@@ -17,7 +18,21 @@ class SkyModel(Protocol):
     """Sky and direct light of each time: `Perez`, `CieSky`, `Sunshine`, or one's own."""
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
-        """Sky patches, diffuse horizontal and direct normal illuminance of each time."""
+        """Sky patches, diffuse horizontal and direct normal illuminance of each time.
+
+        Parameters
+        ----------
+        data : xarray.Dataset
+            `dni`, `dhi` [W/m²], and where known `dew_point` [°C, NaN where missing], on `time`; CIE
+            skies do not use it.
+        sun : xarray.Dataset
+            As from `sun_position`, on the same `time`.
+        patches : Patches
+
+        Returns
+        -------
+        SkyLight
+        """
 
 
 def radiance(
@@ -70,28 +85,12 @@ def radiance(
     sky, diffuse, direct = model.luminances(data, sun, patches)
     cos_zenith = np.maximum(sun["direction"].sel(axis="z").to_numpy(), 0)
     ground = ground_reflectance / np.pi * (diffuse + direct * cos_zenith)
-    return xr.Dataset(
+    light = xr.Dataset(
         {
-            "sky": (
-                ("time", "bin"),
-                np.column_stack([ground, sky]),
-                {"units": "cd m-2", "long_name": "luminance of ground and sky patches"},
-            ),
-            "sun": (
-                "time",
-                direct / disk_solid_angle(sun_diameter),
-                {"units": "cd m-2", "long_name": "luminance of the sun"},
-            ),
-            "direct_normal_illuminance": (
-                "time",
-                direct,
-                {"units": "lx", "long_name": "direct normal illuminance"},
-            ),
-            "diffuse_horizontal_illuminance": (
-                "time",
-                diffuse,
-                {"units": "lx", "long_name": "diffuse horizontal illuminance"},
-            ),
+            "sky": (("time", "bin"), np.column_stack([ground, sky])),
+            "sun": ("time", direct / disk_solid_angle(sun_diameter)),
+            "direct_normal_illuminance": ("time", direct),
+            "diffuse_horizontal_illuminance": ("time", diffuse),
         },
         coords={
             "time": data["time"].to_numpy(),
@@ -100,6 +99,7 @@ def radiance(
         },
         attrs={"ground_reflectance": ground_reflectance, "sun_diameter": sun_diameter},
     )
+    return describe(light)
 
 
 def sun_labels(sun: xr.Dataset) -> np.ndarray:

@@ -10,11 +10,11 @@ import pvlib
 import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import describe
 
 if TYPE_CHECKING:
     from drcmitsuba.sky.weather import Site
 
-AXIS = ["x", "y", "z"]
 SEARCH_STEPS = 12
 """Pieces into which an interval near sunrise or sunset is cut: 5 min of an hour."""
 FASTEST_RISE = 15.1
@@ -77,27 +77,16 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
         raise InputError("sun position", "sun_time", repr(sun_time), 'give "middle" or "instant"')
 
     zenith, azimuth = _spa(instant, site)
-    return xr.Dataset(
+    position = xr.Dataset(
         {
-            "solar_zenith": (
-                "time",
-                zenith,
-                {"units": "deg", "long_name": "geometric solar zenith angle"},
-            ),
-            "solar_azimuth": (
-                "time",
-                azimuth,
-                {"units": "deg", "long_name": "solar azimuth from north by east"},
-            ),
-            "direction": (
-                ("time", "axis"),
-                direction(zenith, azimuth),
-                {"units": "1", "long_name": "unit vector to the sun"},
-            ),
-            "instant": ("time", instant, {"long_name": "time at which the sun is taken"}),
+            "solar_zenith": ("time", zenith),
+            "solar_azimuth": ("time", azimuth),
+            "direction": (("time", "axis"), direction(zenith, azimuth)),
+            "instant": ("time", instant),
         },
-        coords={"time": time, "axis": AXIS},
+        coords={"time": time, "axis": ["x", "y", "z"]},
     )
+    return describe(position)
 
 
 def direction(zenith: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
@@ -107,6 +96,25 @@ def direction(zenith: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
         [np.sin(zenith) * np.sin(azimuth), np.sin(zenith) * np.cos(azimuth), np.cos(zenith)],
         axis=-1,
     )
+
+
+def direction_of_hour(
+    latitude: float, declination: np.ndarray, hour_angle: np.ndarray
+) -> np.ndarray:
+    """Unit vector x east, y north, z up, shape (..., 3); the hour angle [deg] grows to the west."""
+    phi, delta, h = (np.radians(angle) for angle in (latitude, declination, hour_angle))
+    x = -np.cos(delta) * np.sin(h)
+    y = np.cos(phi) * np.sin(delta) - np.sin(phi) * np.cos(delta) * np.cos(h)
+    z = np.sin(phi) * np.sin(delta) + np.cos(phi) * np.cos(delta) * np.cos(h)
+    return np.stack([x, y, z], axis=-1)
+
+
+def declination_and_hour(latitude: float, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Declination and hour angle [deg] of directions (..., 3); inverts `direction_of_hour`."""
+    phi = np.radians(latitude)
+    x, y, z = np.moveaxis(directions, -1, 0)
+    declination = np.arcsin(np.clip(np.sin(phi) * z + np.cos(phi) * y, -1, 1))
+    return np.degrees(declination), np.degrees(np.arctan2(-x, np.cos(phi) * z - np.sin(phi) * y))
 
 
 def _spa(instant: np.ndarray, site: Site) -> tuple[np.ndarray, np.ndarray]:

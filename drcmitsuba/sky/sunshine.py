@@ -59,34 +59,16 @@ class Sunshine:
 
     def __post_init__(self) -> None:
         if len(self.probability) != 12:
-            raise InputError(
-                "sunshine sky",
-                "probability",
-                f"{len(self.probability)} values",
-                "give 12, January first",
-            )
-        for name, values in (
-            ("probability", self.probability),
-            ("intermediate", (self.intermediate,)),
-        ):
+            got = f"{len(self.probability)} values"
+            raise InputError("sunshine sky", "probability", got, "give 12, January first")
+        shares = {"probability": self.probability, "intermediate": (self.intermediate,)}
+        for name, values in shares.items():
             wrong = [p for p in values if not 0 <= p <= 1]
             if wrong:
                 raise InputError("sunshine sky", name, str(wrong[0]), "give shares from 0 to 1")
 
     def luminances(self, data: xr.Dataset, sun: xr.Dataset, patches: Patches) -> SkyLight:
-        """Sky and direct light of each time; `data` is not used.
-
-        Parameters
-        ----------
-        data : xarray.Dataset
-        sun : xarray.Dataset
-            As from `sun_position`, on the same `time`.
-        patches : Patches
-
-        Returns
-        -------
-        SkyLight
-        """
+        """Sky and direct light of each time, as `SkyModel` says."""
         drawn = self.kinds(sun["time"].to_numpy())
         n = len(drawn)
         light = SkyLight(np.zeros((n, len(patches) - 1)), np.zeros(n), np.zeros(n))

@@ -29,7 +29,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.materials import Lambertian
-from drcmitsuba.sky.cie import CieSky, luminance
+from drcmitsuba.sky.cie import CieSky, relative
 from drcmitsuba.transport.shadow_rays import sky_deposit
 
 SKIES = range(1, 17)
@@ -94,6 +94,11 @@ ROOMS = {
         Room("5.11 2x1", (1, 0, 1), (2, 0, 0), (0, 0, 1), (0, -C60, S60), BEHIND_WINDOW),
     )
 }
+
+
+def luminance(kind, d, sun):
+    """L / Lz in directions d (..., 3) under the sun in a direction (3,)."""
+    return relative(kind, d[..., 2], (d * sun).sum(axis=-1), sun[2])
 
 
 def sky_light(kind, d, sun):

@@ -30,6 +30,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky import weather
+from drcmitsuba.sky.sun import declination_and_hour, direction_of_hour
 from drcmitsuba.sky.sun_models import (
     Suns,
     between_daysim_suns,
@@ -38,7 +39,6 @@ from drcmitsuba.sky.sun_models import (
     moved_to_patch,
     spread_over_patches,
 )
-from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction_of_hour
 from drcmitsuba.transport import sun_interpolation
 from drcmitsuba.transport.coefficients import compute
 from tests import SHARED, radiance

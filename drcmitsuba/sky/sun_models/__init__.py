@@ -6,8 +6,6 @@ nearest
     The sun in the patches of the sky: spread over four (three-phase), moved to one (five-phase).
 daysim
     The hours of five days of the year.
-equator
-    Declination and hour of the sun.
 mesh
     Suns on a mesh over the sky, finer where it must be.
 """

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from drcmitsuba.sky.sun import declination_and_hour, direction_of_hour
 from drcmitsuba.sky.sun_models.blend import Blend, Suns
-from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction_of_hour
 
 _DAYS = np.array([355, 52, 80, 111, 172])
 DECLINATIONS = np.degrees(0.4093 * np.sin(2 * np.pi / 368 * (_DAYS - 81)))

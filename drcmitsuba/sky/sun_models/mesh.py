@@ -13,8 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drcmitsuba.sky.sun import direction_of_hour
 from drcmitsuba.sky.sun_models.blend import Blend
-from drcmitsuba.sky.sun_models.equator import direction_of_hour
 
 FINEST = 7
 """Level that nodes are numbered by; its edges are 0.7° long."""

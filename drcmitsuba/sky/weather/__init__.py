@@ -4,13 +4,13 @@ text
     Text of strangers: bounded, decoded, rows counted.
 record
     `Weather`: a site and its irradiances.
-values, formats
-    Rows of numbers to irradiances, for each format.
-reader
+values
+    Rows of numbers to irradiances.
+formats
     `read` for any of these files, `default` for the year that pvlib ships.
 """
 
-from drcmitsuba.sky.weather.reader import default, read
+from drcmitsuba.sky.weather.formats import default, read
 from drcmitsuba.sky.weather.record import NOMINAL_YEAR, Site, Weather
 from drcmitsuba.sky.weather.text import read_text
 

@@ -1,4 +1,9 @@
-"""The formats: EPW, TMY3 and TMY2 through pvlib, Radiance's WEA by hand."""
+"""Weather files → irradiance per interval: EPW, TMY3 and TMY2 through pvlib, Radiance's WEA.
+
+Every reader ends in the same clock: local standard time, start of the interval, nominal year 2015.
+A file is text that somebody else wrote: it is read here (bounded, decoded, its rows counted) and
+only then handed to pvlib, which would otherwise open URLs and guess at damaged rows.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +26,15 @@ from drcmitsuba.sky.weather.text import (
     fields,
     number,
     quoted,
+    read_text,
     refuse,
     rows_of,
     show,
 )
 from drcmitsuba.sky.weather.values import HIGHEST, hourly, site_of, weather_of
 
-TMY3_COLUMNS = {"Date (MM/DD/YYYY)", "Time (HH:MM)", "Dew-point (C)"}
-TMY3_COLUMNS |= {f"{name} (W/m^2)" for name in ("GHI", "DNI", "DHI")}
+DATE, CLOCK = "Date (MM/DD/YYYY)", "Time (HH:MM)"
+TMY3_COLUMNS = {DATE, CLOCK, "Dew-point (C)", "GHI (W/m^2)", "DNI (W/m^2)", "DHI (W/m^2)"}
 TMY2_HEAD = re.compile(
     r"(\d+)\s+(\S.*?)\s+([A-Z]{2})\s+(-?\d+)\s+([NS])\s*(\d+)\s+(\d+)\s+([EW])\s*(\d+)\s+(\d+)"
     r"\s+(-?\d+)",
@@ -64,7 +70,7 @@ def _read_tmy3(path: Path, lines: list[str]) -> Weather:
     if len(head) < 7 or lacking:
         got = f"no column {lacking[0]!r}" if lacking else show(lines[0])
         raise InputError(path, "header", got, "a .csv must be a TMY3 file with its two head lines")
-    date, clock = names.index("Date (MM/DD/YYYY)"), names.index("Time (HH:MM)")
+    date, clock = names.index(DATE), names.index(CLOCK)
 
     def day_and_hour(fields: list[str]) -> list[str]:
         hour = fields[clock].split(":")[0]
@@ -129,15 +135,8 @@ def _wea_time(
     minutes = np.round(hours * 60)
     # Two or three decimals: 0.17 h and 0.167 h are both ten minutes.
     off = ~((np.abs(hours * 60 - minutes) < 0.31) & (minutes < 24 * 60))
-    refuse(
-        path,
-        "hour",
-        hour,
-        off,
-        table,
-        "no time of day",
-        "use 0 to 24, exclusive, and whole minutes",
-    )
+    remedy = "use 0 to 24, exclusive, and whole minutes"
+    refuse(path, "hour", hour, off, table, "no time of day", remedy)
     stamps = (days + pd.to_timedelta(minutes, unit="min")).as_unit("ns")
     gaps = np.diff(stamps.to_numpy()) / np.timedelta64(1, "m")
     same_day = np.asarray(days[1:] == days[:-1])
@@ -174,3 +173,40 @@ READERS: dict[str, Callable[[Path, list[str]], Weather]] = {
     ".tm2": _read_tmy2,
     ".wea": _read_wea,
 }
+
+
+def read(path: str | Path) -> Weather:
+    """Read a weather file in the format of its suffix.
+
+    Parameters
+    ----------
+    path : str or Path
+        `.epw` (EnergyPlus, hourly), `.csv` (TMY3), `.tm2` (TMY2) or `.wea` (Radiance, any step).
+
+    Returns
+    -------
+    Weather
+
+    Raises
+    ------
+    InputError
+        For a file that is missing, too large, damaged, incomplete or implausible: one line with
+        the file, the line, what came and what to do. Nothing is repaired or filled.
+
+    Notes
+    -----
+    EPW, TMY2 and TMY3 must hold every hour of a year, in order. A WEA may hold any part of it, as
+    long as its stamps increase by one step within a day. An hourly WEA labels an hour by its
+    middle (x.5); any other WEA stamp is the sun's instant and starts its interval.
+    29 February is dropped, with a note: the nominal year has 365 days.
+    """
+    path = Path(path)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(path, "suffix", repr(path.suffix), f"use one of {', '.join(READERS)}")
+    return reader(path, read_text(path).split("\n"))
+
+
+def default() -> Weather:
+    """Greensboro, North Carolina: the TMY3 file that pvlib carries (36.1° N, 79.95° W)."""
+    return read(Path(pvlib.__file__).parent / "data" / "723170TYA.CSV")

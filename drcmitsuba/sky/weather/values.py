@@ -10,16 +10,12 @@ import pandas as pd
 import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import describe
 from drcmitsuba.sky.weather.record import NOMINAL_YEAR, Site, Weather
 from drcmitsuba.sky.weather.text import NumberedRows, number, refuse
 
 HIGHEST = {"dni": 1500.0, "dhi": 1500.0, "ghi": 2000.0}  # W/m², cloud enhancement included
-LONG_NAMES = {
-    "dni": ("direct normal irradiance", "W m-2"),
-    "dhi": ("diffuse horizontal irradiance", "W m-2"),
-    "ghi": ("global horizontal irradiance", "W m-2"),
-    "dew_point": ("dew point temperature", "degC"),
-}
+COLUMNS = (*HIGHEST, "dew_point")
 
 
 def nominal_year(
@@ -65,7 +61,7 @@ def weather_of(
 ) -> Weather:
     """Make the weather of checked columns, with notes on what is missing or odd."""
     absent = np.full(len(time), np.nan)
-    columns = dict.fromkeys(LONG_NAMES, absent)
+    columns = dict.fromkeys(COLUMNS, absent)
     columns |= {name: irradiance_of(path, name, irradiance[name], table) for name in irradiance}
     notes = []
     if table.leap_rows:
@@ -83,14 +79,11 @@ def weather_of(
     if not (columns["dni"].any() or columns["dhi"].any()):
         notes.append("no irradiance in any row")
     data = xr.Dataset(
-        {
-            name: ("time", columns[name], {"long_name": long_name, "units": units})
-            for name, (long_name, units) in LONG_NAMES.items()
-        },
+        {name: ("time", values) for name, values in columns.items()},
         coords={"time": time},
         attrs={"sun_time": sun_time},
     )
-    data.time.attrs["long_name"] = "start of the interval, local standard time"
+    describe(data)
     return Weather(str(path), site, step, data, tuple(notes))
 
 

@@ -401,6 +401,7 @@ def test_caustic_photons_alone_are_those_that_met_no_diffuse_surface():
         ball=ball(matt(0.5), (0.2, -0.6, 0.5), 0.3),
         camera=camera([0, 0, 4], [0, 0, 0]),
     )
+
     def light(**parameters):
         integrator = photon_map(photons=1 << 16, radius=0.05, **parameters)
         return pictures(scene, integrator, replicates=1)

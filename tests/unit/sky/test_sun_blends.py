@@ -5,6 +5,7 @@ import pytest
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
+from drcmitsuba.sky.sun import declination_and_hour, direction_of_hour
 from drcmitsuba.sky.sun_models import (
     Blend,
     Suns,
@@ -14,7 +15,6 @@ from drcmitsuba.sky.sun_models import (
     spread_over_patches,
 )
 from drcmitsuba.sky.sun_models.daysim import DECLINATIONS
-from drcmitsuba.sky.sun_models.equator import declination_and_hour, direction_of_hour
 
 RNG = np.random.default_rng(0)
 DIAMETER = 0.5
