@@ -22,6 +22,13 @@ intervals
     95 % intervals of the metrics.
 evaluate_metrics
     From coefficients to illuminance, metrics and their intervals.
+
+References
+----------
+.. [1] IES LM-83-12, "Approved method: IES spatial daylight autonomy (sDA) and annual sunlight
+   exposure (ASE)", 2012.
+.. [2] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", Journal of Facade Design
+   and Engineering 3, 2015.
 """
 
 from drcmitsuba.metrics import smooth

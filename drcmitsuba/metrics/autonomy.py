@@ -1,12 +1,4 @@
-"""Daylight autonomy, of a year and by month: sDA, msDA and their smooth twins.
-
-References
-----------
-.. [1] IES LM-83-12, "Approved method: IES spatial daylight autonomy (sDA) and annual sunlight
-   exposure (ASE)", 2012.
-.. [2] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", Journal of Facade Design
-   and Engineering 3, 2015, equations 1 and 3.
-"""
+"""Daylight autonomy, of a year and by month: sDA, msDA, smooth twins; [1], [2] in `metrics`."""
 
 from __future__ import annotations
 
@@ -100,10 +92,8 @@ def smooth_sda(
     ----------
     illuminance : mi.TensorXf (time, sensor)
         Illuminance with the shade applied, see `metrics.smooth.applied` [lx].
-    threshold, fraction : float
-        As for `sda`; n is the count of time stamps by `autonomy_stamps`.
-    sharpness : float
-        k of both steps.
+    threshold, fraction, sharpness : float
+        As for `sda`; n is the count of time stamps by `autonomy_stamps`; k of both steps.
 
     Returns
     -------

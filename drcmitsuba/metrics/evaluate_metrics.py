@@ -63,23 +63,8 @@ def rules_of(
 ) -> intervals.Rules:
     """Rules of an illuminance file: those of its case, LM-83's where the file names none.
 
-    Parameters
-    ----------
-    attributes : mapping
-        Attributes of the file.
-    source : str or Path
-        The file, for messages.
-    thresholds : mapping
-        Thresholds of `[metrics]` that take the place of the file's; None leaves the file's.
-
-    Returns
-    -------
-    Rules
-
-    Raises
-    ------
-    InputError
-        A threshold is out of its range.
+    `attributes` and `source` are the file's; `thresholds` of `[metrics]` take the place of the
+    file's where they are not None, and raise InputError where they are out of their range.
     """
     chosen = {name: value for name, value in thresholds.items() if value is not None}
     checked(Metrics, chosen, "command line")
@@ -97,24 +82,8 @@ def settings_of(
 ) -> dict[str, Any]:
     """Settings for `metrics.json` from an illuminance file; empty where it names no case.
 
-    Parameters
-    ----------
-    attributes : mapping
-        Attributes of the file; `settings` is the case as JSON.
-    source : str or Path
-        The file, for messages.
-    metrics : Metrics
-        Thresholds that were applied; they take the place of the case's.
-
-    Returns
-    -------
-    dict
-        The `settings` of an evaluation, without its notes.
-
-    Raises
-    ------
-    InputError
-        The settings are not a JSON object.
+    `settings` in the `attributes` of the file is the case as JSON; `metrics` are the thresholds
+    that were applied. Settings that are no JSON object raise InputError.
     """
     if "settings" not in attributes:
         return {}
@@ -124,12 +93,11 @@ def settings_of(
 
     try:
         settings = json.loads(str(attributes["settings"]), parse_constant=refuse)
+        if not isinstance(settings, dict):
+            raise ValueError("no JSON object")
     except (ValueError, RecursionError) as error:
         remedy = "compute the illuminance anew"
         raise InputError(source, "settings", str(error)[:120], remedy) from None
-    if not isinstance(settings, dict):
-        got = "no JSON object"
-        raise InputError(source, "settings", got, "compute the illuminance anew")
     return {**settings, "metrics": metrics.model_dump(), "notes": []}
 
 
@@ -146,19 +114,9 @@ def drawing(case: Case) -> dict[str, Any]:
 
 
 def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:
-    """Time stamps at which the shade may close, within the errors of the direct sun.
+    """Time stamps at which the shade may close, bool (time,), within the errors of the direct sun.
 
-    Parameters
-    ----------
-    case : Case
-    step_hours : float
-        Length of the intervals [h].
-    direct : xr.Dataset
-        Direct sun from `illuminance.direct_sun` [lx].
-
-    Returns
-    -------
-    np.ndarray of bool, shape (time,)
+    `direct` is from `illuminance.direct_sun` [lx]; `step_hours` is the length of an interval [h].
     """
     by_luminance = direct.map(luminance)
     return intervals.closures(by_luminance, rules(case, step_hours), **drawing(case)).possible
@@ -169,17 +127,7 @@ def evaluate_metrics(
 ) -> EvaluatedMetrics:
     """Accumulate E from coefficients and draw its metrics.
 
-    Parameters
-    ----------
-    case : Case
-    daylight : Daylight
-    coefficients : Coefficients
-    direct : xr.Dataset, optional
-        Direct sun from `illuminance.direct_sun` [lx]; computed by default.
-
-    Returns
-    -------
-    EvaluatedMetrics
+    `direct` is from `illuminance.direct_sun` [lx] and computed by default.
 
     Raises
     ------

@@ -16,23 +16,9 @@ from drcmitsuba.runtime.errors import InputError
 
 
 def is_closed(attributes: Mapping[str, Any], direct: xr.Dataset) -> xr.DataArray:
-    """Find the time stamps at which the shade is closed.
+    """Time stamps at which the shade is closed, bool (time,), by the rule in the attributes of C.
 
-    Parameters
-    ----------
-    attributes : mapping
-        Attributes of the coefficients with the rule of the shade.
-    direct : xr.Dataset
-        Direct sun from `direct_sun`, shade open [lx].
-
-    Returns
-    -------
-    xr.DataArray of bool, dim time
-
-    Raises
-    ------
-    InputError
-        The coefficients have a shade, but no rule by which it closes.
+    `direct` is from `direct_sun`, shade open [lx]. A shade without a rule raises InputError.
     """
     mean = schema.luminance(direct["direct_sun"])
     if not attributes.get("has_shade", 0):
@@ -44,13 +30,7 @@ def is_closed(attributes: Mapping[str, Any], direct: xr.Dataset) -> xr.DataArray
 
 
 def direct_sun(coefficients: Coefficients, sky: xr.Dataset) -> xr.Dataset:
-    """Direct sun with the shade open, and its standard error.
-
-    Returns
-    -------
-    xr.Dataset
-        `direct_sun`, `direct_sun_se`, dims (time, sensor) [lx], and channel where C has it.
-    """
+    """`direct_sun` and `direct_sun_se` (time, sensor) [lx], shade open; channel where C has it."""
     return by_channel(accumulate.direct_sun, coefficients.open, sky)
 
 
@@ -90,20 +70,9 @@ KEPT = (
 def check_suns(
     attributes: Mapping[str, Any], sky: xr.Dataset, names: Iterable[str] = tuple(SUN_OF)
 ) -> None:
-    """Refuse suns of another place: the label of a sun states only its time.
+    """Raise InputError for suns of another place: the label of a sun states only its time.
 
-    Parameters
-    ----------
-    attributes : mapping
-        Attributes of the coefficients.
-    sky : xr.Dataset
-    names : iterable of str
-        Names of the attributes to compare.
-
-    Raises
-    ------
-    InputError
-        An attribute differs by more than `SUN_OF` allows.
+    The attributes `names` of the coefficients may differ from the sky's as far as `SUN_OF` allows.
     """
     for name in names:
         margin = SUN_OF[name]

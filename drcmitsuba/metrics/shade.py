@@ -1,10 +1,4 @@
-"""The rule by which the shade opens and closes, and its smooth twin.
-
-References
-----------
-.. [2] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", Journal of Facade Design
-   and Engineering 3, 2015, section 2.3.2.
-"""
+"""The rule by which the shade opens and closes, and its smooth twin; [2] in `metrics`."""
 
 from __future__ import annotations
 
@@ -68,10 +62,8 @@ def smooth_shade_closed(
     ----------
     direct : mi.TensorXf (time, sensor)
         Illuminance by direct sun without shade [lx].
-    threshold, area : float
-        As for `shade_closed`; n is the count of sensors by `closing_sensors`.
-    sharpness : float
-        k of both steps.
+    threshold, area, sharpness : float
+        As for `shade_closed`; n is the count of sensors by `closing_sensors`; k of both steps.
 
     Returns
     -------

@@ -100,25 +100,10 @@ def monthly_share(
     E: mi.TensorXf, months: np.ndarray, threshold: float,
     required: Callable[[int, int], int], sharpness: float,
 ) -> mi.TensorXf:  # fmt: skip
-    """Soft share of the sensors that reach the threshold at `required(t_m, t_y)` time stamps.
+    """Soft share [%] of the sensors that reach the threshold at `required(t_m, t_y)` time stamps.
 
-    Parameters
-    ----------
-    E : mi.TensorXf (time, sensor)
-        Illuminance [lx].
-    months : np.ndarray, shape (time,)
-        Month of each time stamp.
-    threshold : float
-        Illuminance that counts as reached [lx].
-    required : callable
-        Time stamps required in a month of t_m time stamps, of t_y in all.
-    sharpness : float
-        k of both steps.
-
-    Returns
-    -------
-    mi.TensorXf (present,)
-        Shares [%] of the months in `np.unique(months)`.
+    E has the shape (time, sensor) [lx], `months` (time,), the result (present,): the months in
+    `np.unique(months)`. A month has t_m of the t_y time stamps.
 
     Raises
     ------

@@ -1,12 +1,4 @@
-"""Sunlight exposure, of a year and by month: ASE, MSE and their smooth twins.
-
-References
-----------
-.. [1] IES LM-83-12, "Approved method: IES spatial daylight autonomy (sDA) and annual sunlight
-   exposure (ASE)", 2012.
-.. [2] C. Bauer, S. Wittkopf, "Annual daylight simulations with EvalDRC", Journal of Facade Design
-   and Engineering 3, 2015, equations 2 and 4.
-"""
+"""Sunlight exposure, of a year and by month: ASE, MSE, smooth twins; [1], [2] in `metrics`."""
 
 from __future__ import annotations
 
@@ -31,23 +23,8 @@ from drcmitsuba.runtime.errors import InputError
 def exposure_stamps(hours: float, step_hours: float, t_m: int = 1, t_y: int = 1) -> int:
     """Time stamps in the sun at which a sensor counts: ⌈hours/step_hours · t_m/t_y⌉.
 
-    Parameters
-    ----------
-    hours : float
-        Hours of exposure in the whole period [h].
-    step_hours : float
-        Length of the interval that one time stamp stands for [h].
-    t_m, t_y : int
-        Time stamps of the month and of the whole period; without them the period is meant.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    InputError
-        Hours below 0 or infinite, or a step of 0.
+    `hours` of exposure in the whole period and the `step_hours` of a time stamp are in h; of t_y
+    time stamps in all, the month has t_m.
     """
     step = exact(not_negative("step_hours", step_hours))
     if step == 0:
@@ -135,10 +112,8 @@ def smooth_ase(
     ----------
     direct : mi.TensorXf (time, sensor)
         Illuminance by direct sun without shade [lx].
-    threshold, hours, step_hours : float
-        As for `ase`; n is the count of time stamps by `exposure_stamps`.
-    sharpness : float
-        k of both steps.
+    threshold, hours, step_hours, sharpness : float
+        As for `ase`; n is the count of time stamps by `exposure_stamps`; k of both steps.
 
     Returns
     -------

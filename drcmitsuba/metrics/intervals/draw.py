@@ -19,7 +19,7 @@ from drcmitsuba.schema import luminance, mean_and_error
 
 
 def _exposure(mean: np.ndarray, sun: SunDraws, threshold: float, needed: Needed) -> BootstrapCounts:
-    """Draw ASE and MSE."""
+    """Draw ASE and MSE from the mean direct sun (time, sensor) [lx]."""
     drawn = np.zeros(mean.shape, bool)
     drawn[sun.time, sun.sensor] = True
     tally = BootstrapCounts(needed, needed.count((mean >= threshold) & ~drawn), needed.count(drawn))
@@ -32,22 +32,7 @@ def _exposure(mean: np.ndarray, sun: SunDraws, threshold: float, needed: Needed)
 
 
 def closures(direct: xr.Dataset, rules: Rules, rays: int | None, seed: int) -> Closures:
-    """Draw when the shade closes.
-
-    Parameters
-    ----------
-    direct : xr.Dataset
-        `direct_sun`, `direct_sun_se` (time, sensor) [lx], of luminance.
-    rules : Rules
-    rays : int or None
-        Directions that were drawn from the disk of every sun, in all replicates; None where its
-        rim was searched for edges, so that none is hidden.
-    seed : int
-
-    Returns
-    -------
-    Closures
-    """
+    """Draw when the shade closes, from the direct sun [lx] of luminance; the rest as for `draw`."""
     mean, error = (direct[name].values for name in ("direct_sun", "direct_sun_se"))
     limits = rules.metrics.ase_threshold, rules.shade_threshold
     return draw_closures(mean, draw_sun(mean, error, limits, rays, seed), rules)

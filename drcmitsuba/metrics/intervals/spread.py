@@ -68,18 +68,8 @@ class Draws:
     def half_width(self, numbers: Mapping[str, Any], unit: str) -> float:
         """Half the width of the intervals, to be compared with `accuracy.Target`.
 
-        Parameters
-        ----------
-        unit : str
-            "point": the larger of those of sDA and of ASE, in points; "%": that of the mean
-            illuminance, relative to it.
-        numbers : dict
-            From `evaluate_metrics.summarise`, with these draws.
-
-        Returns
-        -------
-        float
-            Half a width [points or % of mean E].
+        With the unit "point" it is the larger of those of sDA and of ASE in `numbers`, which are
+        from `evaluate_metrics.summarise`, in points; with "%", that of the mean illuminance.
         """
         if unit == "point":
             return max(numbers[m]["high"] - numbers[m]["low"] for m in self.passing) / 2
@@ -127,14 +117,6 @@ def values(
     illuminance: xr.Dataset, rules: Rules, errors: float = 0.0
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Metrics of the year and by month [%], of E with so many standard errors added.
-
-    Parameters
-    ----------
-    illuminance : xr.Dataset
-        As from `accumulate.illuminance`.
-    rules : Rules
-    errors : float
-        Number of standard errors added to E.
 
     Returns
     -------

@@ -66,22 +66,10 @@ class SunDraws:
 def draw_sun(
     mean: np.ndarray, error: np.ndarray, limits: tuple[float, float], rays: int | None, seed: int
 ) -> SunDraws:
-    """Draw the direct sun near its thresholds.
+    """Draw the direct sun near its thresholds; `rays` and `seed` as for `intervals.draw`.
 
-    Parameters
-    ----------
-    mean, error : np.ndarray, shape (time, sensor)
-        Direct sun and its standard error [lx].
-    limits : (float, float)
-        Thresholds of ASE and of the shade [lx].
-    rays : int or None
-        Directions that were drawn from the disk of every sun, in all replicates; None where its
-        rim was searched for edges, so that none is hidden.
-    seed : int
-
-    Returns
-    -------
-    SunDraws
+    `mean` and `error` are the direct sun and its standard error (time, sensor) [lx], `limits` the
+    thresholds of ASE and of the shade [lx].
     """
     rng = np.random.default_rng([seed, 1])
     lit = np.nonzero(mean > 0)
@@ -185,16 +173,7 @@ class Closures:
 def draw_closures(mean: np.ndarray, sun: SunDraws, rules: Rules) -> Closures:
     """Draw when the shade closes: where ≥ area of the sensors reach its threshold.
 
-    Parameters
-    ----------
-    mean : np.ndarray, shape (time, sensor)
-        Direct sun [lx].
-    sun : SunDraws
-    rules : Rules
-
-    Returns
-    -------
-    Closures
+    `mean` is the direct sun (time, sensor) [lx], `sun` its draws.
     """
     least = metrics.closing_sensors(rules.shade_area, mean.shape[1])
     passes = mean >= rules.shade_threshold
