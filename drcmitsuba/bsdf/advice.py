@@ -24,17 +24,9 @@ def model(
     straight: StraightThrough | None,
     lambertian: dict[str, float],
     energy: tuple[Energy, ...],
-    refused: bool,
 ) -> Advice:
-    """Choose the model for a simulation, with one sentence of reason for each model.
-
-    Returns
-    -------
-    str
-        'none', 'any', 'geometry', 'tensor_tree' or 'klems'.
-    tuple of str
-    """
-    if refused:
+    """Choose 'none', 'any', 'geometry', 'tensor_tree' or 'klems', with reasons."""
+    if any(e.verdict == "refused" for e in energy):
         worst = max(e.largest for e in energy)
         why = f"none: the file sends out {100 * worst:.0f} % of the light; correct the data"
         return "none", (why,)

@@ -51,12 +51,8 @@ class Energy:
 def incidences(component: Component, side: float) -> tuple[np.ndarray, np.ndarray]:
     """Centres of a component's incident cells, and their weights in diffuse light.
 
-    Returns
-    -------
-    directions : np.ndarray, shape (cell, 3)
-        Unit vectors away from the surface, on the side `side` (±1).
-    weights : np.ndarray, shape (cell,)
-        Shares of the light of a uniform hemisphere; their sum is 1.
+    Centres are unit vectors (cell, 3) away from the surface, on the side ±1; weights (cell,) are
+    shares of the light of a uniform hemisphere, their sum is 1.
     """
     if isinstance(component, KlemsMatrix):
         basis = component.incident

@@ -14,7 +14,15 @@ from drcmitsuba_plugins.klems_basis import KlemsMatrix
 from drcmitsuba.bsdf import advice, balance
 from drcmitsuba.bsdf.balance import SIDES
 from drcmitsuba.bsdf.check_report import CheckReport, Curve, Sunlight, Width
-from drcmitsuba.bsdf.lobes import around, cells_at, lobe, resolution, straight_through, sun
+from drcmitsuba.bsdf.lobes import (
+    around,
+    cells_at,
+    directions,
+    lobe,
+    resolution,
+    straight_through,
+    sun,
+)
 from drcmitsuba.bsdf.reader import read
 
 THETAS = tuple(map(float, range(0, 90, 5)))
@@ -68,8 +76,7 @@ def check(file: BsdfFile | str | Path) -> CheckReport:
     straight = straight_through(component) if component is not None else None
     lambertian = {name: c.lambertian() for name, c in file.components.items()}
     mounting = _mounting(file)
-    refused = any(e.verdict == "refused" for e in energy)
-    model, reasons = advice.model(file.kind, widths, straight, lambertian, energy, refused)
+    model, reasons = advice.model(file.kind, widths, straight, lambertian, energy)
     return CheckReport(
         source=file.source,
         name=file.name,
@@ -91,12 +98,6 @@ def check(file: BsdfFile | str | Path) -> CheckReport:
     )
 
 
-def _from(theta: np.ndarray, phi: float | np.ndarray, side: float) -> np.ndarray:
-    """Unit vectors (…, 3) at θ and φ [deg] on one side, θ from that side's normal."""
-    t, p = np.broadcast_arrays(np.radians(theta), np.radians(phi))
-    return np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), side * np.cos(t)], axis=-1)
-
-
 def _rings(file: BsdfFile) -> np.ndarray:
     """Angles from the normal [deg] of Klems rings' centres, (ring,); empty for other files."""
     matrices = [c for c in file.components.values() if isinstance(c, KlemsMatrix)]
@@ -113,7 +114,7 @@ def _curves(file: BsdfFile) -> tuple[Curve, ...]:
     curves = []
     for side, (_, _, z) in SIDES.items():
         for plane, phi in planes.items():
-            near = around(_from(np.array(thetas), phi, z)).reshape(-1, 3)
+            near = around(directions(np.array(thetas), phi) * [1, 1, z]).reshape(-1, 3)
             T, R = (v.reshape(-1, 4).mean(axis=1).tolist() for v in file.hemispherical(near))
             curves.append(Curve(side, plane, thetas, tuple(T), tuple(R)))
     return tuple(curves)
@@ -132,20 +133,15 @@ def _sunlight(file: BsdfFile) -> tuple[Sunlight, ...]:
     return tuple(sunlight)
 
 
-def _peak_elevations(file: BsdfFile) -> tuple[float, ...]:
-    """Elevations of the sun [deg] for the widths of peaks, inside cells and not on borders."""
-    rings = _rings(file)
-    if not len(rings):
-        return PEAK_ELEVATIONS
-    return tuple(dict.fromkeys(float(rings[abs(rings - e).argmin()]) for e in PEAK_ELEVATIONS))
-
-
 def _widths(file: BsdfFile) -> tuple[Width, ...]:
     """Main peaks of the transmitted light, each for one incident cell."""
     component = file.component("tb")
     assert component is not None
-    widths = []
-    for elevation in _peak_elevations(file):
+    widths, elevations = [], PEAK_ELEVATIONS
+    if len(rings := _rings(file)):  # inside cells and not on borders
+        nearest = (float(rings[abs(rings - e).argmin()]) for e in PEAK_ELEVATIONS)
+        elevations = tuple(dict.fromkeys(nearest))
+    for elevation in elevations:
         light = lobe(component, sun(elevation), 1.0, one_cell=True)
         if light.power.sum() == 0:
             continue

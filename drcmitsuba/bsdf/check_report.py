@@ -107,7 +107,46 @@ class CheckReport:
 
     def rows(self) -> list[tuple[str, str]]:
         """Rows of the report's table: subject and result."""
-        return _rows(self)
+        name = ", ".join(filter(None, (self.name, self.manufacturer)))
+        leaves = ", ".join(f"{n} {k} values" for n, k in self.leaves.items())
+        table = [
+            ("file", self.source),
+            ("name", " ".join(name.split()) or "–"),
+            ("kind", f"{self.kind}; {leaves}"),
+            ("faces the room", "the file's Back (+z, Radiance's front)"),
+        ]
+        for e in self.energy:
+            side = "the room" if e.side == "room" else e.side
+            table.append((f"diffuse light from {side}", _energy(e)))
+        for s in self.sunlight:
+            text = f"T {100 * s.transmittance:.1f} %, of it {100 * s.upward:.0f} % upward"
+            table.append((f"sun {s.elevation:.0f}° high", text))
+        for w in self.widths:
+            text = (
+                f"toward {w.toward:+.0f}°, {w.half_maximum:.1f}° wide at half maximum "
+                f"({100 * w.share:.0f} % of the light), half of the light within "
+                f"{w.half_light:.0f}°; cell {w.resolution:.1f}°, sun {SUN}°"
+            )
+            table.append((f"peak, sun {w.elevation:.0f}° high", text))
+        if self.straight is not None:
+            view = self.straight
+            text = (
+                f"{100 * view.share:.1f} % of the transmitted light, {100 * view.normal:.1f} % of "
+                "the light at normal incidence"
+            )
+            table.append(("view straight through", text if view.stands_out else f"none ({text})"))
+        if self.lambertian:
+            text = ", ".join(f"{n} {100 * v:.1f} %" for n, v in self.lambertian.items())
+            table.append(("Lambertian part", text))
+        for name, error in self.reciprocity.items():
+            text = "one direction only" if error is None else f"{100 * error:.1f} % error"
+            if not (error is None and name != "transmission"):
+                table.append((f"reciprocity, {name}", text))
+        table.append(("model", self.model.replace("_", " ")))
+        table += [("", reason) for reason in self.reasons]
+        if self.hint:
+            table.append(("mounting", self.hint))
+        return table + [("note", note) for note in self.notes]
 
     def __str__(self) -> str:
         rows = self.rows()
@@ -131,46 +170,3 @@ def _energy(e: Energy) -> str:
         f"T {100 * e.transmittance:.1f} %, R {100 * e.reflectance:.1f} %; largest T + R "
         f"{100 * e.largest:.1f} % at θ {e.theta:.0f}°, φ {e.phi:.0f}° ({verdicts[e.verdict]})"
     )
-
-
-def _rows(report: CheckReport) -> list[tuple[str, str]]:
-    """Rows of a report's table: subject and result."""
-    r = report
-    table = [
-        ("file", r.source),
-        ("name", " ".join(", ".join(filter(None, (r.name, r.manufacturer))).split()) or "–"),
-        ("kind", f"{r.kind}; " + ", ".join(f"{n} {k} values" for n, k in r.leaves.items())),
-        ("faces the room", "the file's Back (+z, Radiance's front)"),
-    ]
-    table += [
-        (f"diffuse light from {'the ' * (e.side == 'room')}{e.side}", _energy(e)) for e in r.energy
-    ]
-    for s in r.sunlight:
-        text = f"T {100 * s.transmittance:.1f} %, of it {100 * s.upward:.0f} % upward"
-        table.append((f"sun {s.elevation:.0f}° high", text))
-    for w in r.widths:
-        text = (
-            f"toward {w.toward:+.0f}°, {w.half_maximum:.1f}° wide at half maximum "
-            f"({100 * w.share:.0f} % of the light), half of the light within {w.half_light:.0f}°; "
-            f"cell {w.resolution:.1f}°, sun {SUN}°"
-        )
-        table.append((f"peak, sun {w.elevation:.0f}° high", text))
-    if r.straight is not None:
-        view = r.straight
-        text = (
-            f"{100 * view.share:.1f} % of the transmitted light, {100 * view.normal:.1f} % of the "
-            "light at normal incidence"
-        )
-        table.append(("view straight through", text if view.stands_out else f"none ({text})"))
-    if r.lambertian:
-        text = ", ".join(f"{n} {100 * v:.1f} %" for n, v in r.lambertian.items())
-        table.append(("Lambertian part", text))
-    for name, error in r.reciprocity.items():
-        text = "one direction only" if error is None else f"{100 * error:.1f} % error"
-        if not (error is None and name != "transmission"):
-            table.append((f"reciprocity, {name}", text))
-    table.append(("model", r.model.replace("_", " ")))
-    table += [("", reason) for reason in r.reasons]
-    if r.hint:
-        table.append(("mounting", r.hint))
-    return table + [("note", note) for note in r.notes]

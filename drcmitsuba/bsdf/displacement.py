@@ -56,18 +56,8 @@ class Passage:
 def passage(a: np.ndarray, b: np.ndarray, cover: np.ndarray, reach: float) -> Passage:
     """Separate the lobes that move between two distributions from the light that rests.
 
-    Parameters
-    ----------
-    a, b : np.ndarray, shape (m, m)
-        Light in each pixel.
-    cover : np.ndarray, shape (m, m)
-        Fraction of each pixel that lies in the disk.
-    reach : float
-        Longest shift [pixel].
-
-    Returns
-    -------
-    Passage
+    `a`, `b` and `cover`, the fraction of each pixel that lies in the disk, have the shape (m, m);
+    `reach` is the longest shift [pixel].
     """
     floors = [_floor(g, cover) for g in (a, b)]
     left_a, left_b = np.maximum(a - floors[0], 0), np.maximum(b - floors[1], 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -54,21 +53,13 @@ def at_one_azimuth(incident: list[np.ndarray]) -> bool:
     return bool(np.abs(apart).max() <= 0.5)
 
 
-@dataclass(frozen=True)
-class Mirrored:
-    """Measurements with their mirror images, and notes on the assumed symmetry."""
-
-    lights: list[Light]
-    notes: tuple[str, ...]
-
-
-def mirrored(lights: list[Light], symmetry: str) -> Mirrored:
-    """Add the mirror images of measured incidences that a symmetry implies."""
+def mirrored(lights: list[Light], symmetry: str) -> tuple[list[Light], tuple[str, ...]]:
+    """Add the mirror images of measured incidences that a symmetry implies, with notes on it."""
     p = np.array([key for key, _ in lights])
     whole = [(p[:, a].max() > NORMAL) and (p[:, a].min() < -NORMAL) for a in (0, 1)]
     words = ("left and right", "top and bottom")
     if symmetry == "none":
-        return Mirrored(lights, ())
+        return lights, ()
     if symmetry == "auto" or symmetry == "quadrilateral":
         axes = [a for a in (0, 1) if not whole[a] or symmetry == "quadrilateral"]
     else:
@@ -83,8 +74,7 @@ def mirrored(lights: list[Light], symmetry: str) -> Mirrored:
     keys: dict[tuple[float, ...], Light] = {}
     for key, light in lights:
         keys.setdefault(tuple(np.round(key, 4).tolist()), (key, light))
-    notes = tuple(f"taken as symmetric, {words[a]}" for a in axes)
-    return Mirrored(list(keys.values()), notes)
+    return list(keys.values()), tuple(f"taken as symmetric, {words[a]}" for a in axes)
 
 
 def isotropic(

@@ -27,22 +27,19 @@ ASIDE = 1e-6
 
 
 def sun(elevation: float, azimuth: float = 0.0) -> np.ndarray:
-    """Unit vector from the pane to the sun outside a vertical façade.
+    """Unit vector (3,) from the pane to the sun outside a vertical façade.
 
-    Parameters
-    ----------
-    elevation : float
-        Angle above the horizon [deg].
-    azimuth : float
-        Angle from the façade's normal, clockwise as seen from above [deg]: to the right as seen
-        from the room.
-
-    Returns
-    -------
-    np.ndarray, shape (3,)
+    `elevation` is the angle above the horizon [deg], `azimuth` that from the façade's normal,
+    clockwise as seen from above [deg]: to the right as seen from the room.
     """
     e, a = np.radians(elevation), np.radians(azimuth)
     return np.array([np.cos(e) * np.sin(a), np.sin(e), -np.cos(e) * np.cos(a)])
+
+
+def directions(theta: np.ndarray, phi: float | np.ndarray) -> np.ndarray:
+    """Unit vectors (…, 3) at angles [deg] from +z and +x."""
+    t, p = np.radians(theta), np.radians(phi)
+    return np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
 
 
 def cone_width(solid_angle: float | np.ndarray) -> np.ndarray:
@@ -129,12 +126,9 @@ def around(directions: np.ndarray) -> np.ndarray:
 
 
 def cells_at(component: Component, incident: np.ndarray) -> np.ndarray:
-    """Directions, one for each incident cell that meets at a direction (3,).
+    """Directions (cell, 3), one for each incident cell that meets at a direction (3,).
 
-    Returns
-    -------
-    np.ndarray, shape (cell, 3)
-        One direction within a cell, two or four on a border.
+    There is one direction within a cell, two or four on a border.
     """
     near = around(incident)
     if isinstance(component, KlemsMatrix):
@@ -150,23 +144,10 @@ def lobe(
     component: Component, incident: np.ndarray, side: float, grid: int = GRID, *,
     one_cell: bool = False,
 ) -> Lobe:  # fmt: skip
-    """Light from a direction (3,) that a component sends to the side +z or −z.
+    """Light from a direction (3,) that a component sends to the side +z or −z (1 or −1).
 
-    Parameters
-    ----------
-    component : Component
-    incident : np.ndarray, shape (3,)
-        Direction to the source; on a border f is the mean over the cells that meet there.
-    side : float
-        1 for the room's side, −1 for the outside.
-    grid : int
-        Number of directions along either axis of the outgoing square.
-    one_cell : bool
-        Whether f is that of the first cell at a border: a mean would widen the lobe.
-
-    Returns
-    -------
-    Lobe
+    The outgoing square has `grid` directions along either axis. At a border of cells f is the mean
+    over those that meet there or, with `one_cell`, that of the first: a mean would widen the lobe.
     """
     u = (np.arange(grid) + 0.5) / grid
     outgoing = to_direction(*(a.ravel() for a in np.meshgrid(u, u, indexing="ij")), side=side)

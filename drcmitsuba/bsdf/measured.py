@@ -86,22 +86,10 @@ class Pixels:
 
 
 def gathered(xy: np.ndarray, value: np.ndarray, pixels: Pixels, source: str) -> np.ndarray:
-    """Light in pixels, summed from f at scattered directions.
+    """Share (m, m) of the incident light that leaves through each pixel.
 
-    Parameters
-    ----------
-    xy : np.ndarray, shape (point, 2)
-        Direction cosines.
-    value : np.ndarray, shape (point,)
-        f [1/sr].
-    pixels : Pixels
-    source : str
-        Name of the file for errors.
-
-    Returns
-    -------
-    np.ndarray, shape (m, m)
-        Share of the incident light that leaves through each pixel.
+    It is summed from f at scattered directions: direction cosines `xy` (point, 2), `value` (point,)
+    [1/sr]. `source` is the name of the file for errors.
     """
     if len(xy) < FEWEST:
         raise InputError(source, "data", f"{len(xy)} points for an incidence", f"give {FEWEST}")
@@ -212,9 +200,9 @@ def from_measurements(
         if isotropic:
             grid = incidence.isotropic(lights, pixels.cover, depth, pixels.cells, report)
         else:
-            mirrored = incidence.mirrored(lights, symmetry)
-            notes += [f"{name}: {text}" for text in mirrored.notes]
-            grid = incidence.anisotropic(mirrored.lights, pixels.cover, depth, pixels.cells, report)
+            lights, mirrors = incidence.mirrored(lights, symmetry)
+            notes += [f"{name}: {text}" for text in mirrors]
+            grid = incidence.anisotropic(lights, pixels.cover, depth, pixels.cells, report)
         components[name] = merge(TensorTree.of_grid(grid), percent=0, tolerance=tolerance)
         notes.append(f"{name}: from {len(measured)} incidences")
     names = [m.name for m in all_of_them if m.name]

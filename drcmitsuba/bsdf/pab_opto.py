@@ -27,6 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drcmitsuba.bsdf.lobes import directions
 from drcmitsuba.runtime.errors import InputError
 
 MAX_BYTES = 1 << 28
@@ -35,6 +36,11 @@ GRAZING = 88.0
 """Largest outgoing angle from the normal [deg]; beyond it a small cosine magnifies noise."""
 NOISE = 0.01
 """Negative values down to −NOISE · the largest value are noise and count as 0."""
+
+QUANTITIES = ("dsf", "bsdf", "brdf", "btdf")
+"""Quantities that `format` may name."""
+ANGLES = {"upphi": "up", "inphi": "phi", "intheta": "theta"}
+"""Keys of one angle, and the field of the header that holds it."""
 
 
 @dataclass(frozen=True)
@@ -144,13 +150,8 @@ def _header(path: Path, number: int, line: str, header: _Header) -> _Header | No
         shown = "".join(c for c in rest if c.isprintable())
         return replace(header, name=shown.strip('"')[:200])
     if key == "format":
-        words = rest.lower().split()
-        if words[:2] != ["theta", "phi"] or words[2:3] not in (
-            ["dsf"],
-            ["bsdf"],
-            ["brdf"],
-            ["btdf"],
-        ):
+        words = rest.lower().split()[:3]
+        if words not in [["theta", "phi", quantity] for quantity in QUANTITIES]:
             remedy = "give theta phi DSF, BSDF, BRDF or BTDF"
             raise InputError(path, where, repr(rest[:40]), remedy)
         return replace(header, quantity=words[2])
@@ -158,12 +159,8 @@ def _header(path: Path, number: int, line: str, header: _Header) -> _Header | No
         if rest.upper() not in ("CIE-Y", "CIE-XYZ"):
             raise InputError(path, where, repr(rest[:40]), "give CIE-Y or CIE-XYZ")
         return replace(header, columns=5 if rest.upper() == "CIE-XYZ" else 3)
-    if key == "upphi":
-        return replace(header, up=_angles(path, number, key, rest, 1)[0])
-    if key == "inphi":
-        return replace(header, phi=_angles(path, number, key, rest, 1)[0])
-    if key == "intheta":
-        return replace(header, theta=_angles(path, number, key, rest, 1)[0])
+    if key in ANGLES:
+        return replace(header, **{ANGLES[key]: _angles(path, number, key, rest, 1)[0]})
     if key == "incident_angle":
         theta, phi = _angles(path, number, key, rest, 2)
         return replace(header, theta=theta, phi=phi)
@@ -223,9 +220,3 @@ def _measurement(
         got = f"light arrives at {header.theta:g}°"
         raise InputError(path, where, got, "give an incidence that meets the surface")
     return Measurement(str(path), header.name, incident, outgoing[used], value)
-
-
-def directions(theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Unit vectors (…, 3) at angles [deg] from +z and +x."""
-    t, p = np.radians(theta), np.radians(phi)
-    return np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)

@@ -9,7 +9,7 @@ import textwrap
 from typing import Any
 
 import numpy as np
-from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.bsdf_file import BsdfFile, Component
 from drcmitsuba_plugins.tensor import to_disk
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -60,57 +60,53 @@ def figures(
 
 def _heading(figure: Figure, title: str, subtitle: str) -> None:
     height = figure.get_figheight()
-    style: dict[str, Any] = {"va": "top", "color": INK}
     shown = textwrap.shorten(" ".join(title.split()), 70, placeholder=" …")
-    title_style = {"fontsize": 12, "weight": "bold", "parse_math": False}  # a name is no formula
-    figure.text(0.03, 1 - 0.12 / height, shown, **title_style, **style)
+    style: dict[str, Any] = {"fontsize": 12, "weight": "bold", "color": INK, "va": "top"}
+    figure.text(0.03, 1 - 0.12 / height, shown, parse_math=False, **style)  # a name is no formula
     figure.text(0.03, 1 - 0.38 / height, subtitle, fontsize=9.5, va="top", color=GREY)
 
 
 def _sun_text(elevation: float, azimuth: float) -> str:
-    side = (
-        "" if azimuth == 0 else f", {abs(azimuth):.0f}° to the {'right' if azimuth > 0 else 'left'}"
-    )
+    side = f", {abs(azimuth):.0f}° to the {'right' if azimuth > 0 else 'left'}" if azimuth else ""
     return f"sun outside, {elevation:.0f}° high{side}"
 
 
-def _mean_text(file: BsdfFile, incident: np.ndarray) -> str:
-    """Number of incident cells in the mean of the lobes, in words; empty for one cell."""
-    components = [c for c in map(file.component, ("tb", "rb")) if c is not None]
-    count = max((len(cells_at(c, incident)) for c in components), default=1)
-    if count == 1:
-        return ""
-    return f": on the border of {count} cells of the file, of which the mean is shown"
+def _components(file: BsdfFile) -> dict[int, Component]:
+    """Components of light from outside, by the side to which it leaves: room 1, outside −1."""
+    both = {1: file.component("tb"), -1: file.component("rb")}
+    return {side: component for side, component in both.items() if component is not None}
 
 
 def lobes(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Figure:
     """Maps of f [1/sr] over outgoing directions of the sun's light, to the room and outside."""
     incident = sun(elevation, azimuth)
+    components = _components(file)
     figure = Figure(figsize=(9.6, 5.35))
-    _heading(figure, title, _sun_text(elevation, azimuth) + _mean_text(file, incident))
-    sides = (("tb", "transmitted into the room", 1.0), ("rb", "reflected to the outside", -1.0))
-    values = {}
-    for name, _, side in sides:
-        component = file.component(name)
-        if component is not None:
-            values[name] = lobe(component, incident, side, CELLS)
-    largest = max((float(v.value.max()) for v in values.values()), default=0.0) or 1.0
+    subtitle = _sun_text(elevation, azimuth)
+    count = max((len(cells_at(c, incident)) for c in components.values()), default=1)
+    if count > 1:
+        subtitle += f": on the border of {count} cells of the file, of which the mean is shown"
+    _heading(figure, title, subtitle)
+    light_to = {side: lobe(c, incident, float(side), CELLS) for side, c in components.items()}
+    largest = max((float(v.value.max()) for v in light_to.values()), default=0.0) or 1.0
     least = min(
-        (float(v.value[v.value > 0].min(initial=largest)) for v in values.values()), default=0
+        (float(v.value[v.value > 0].min(initial=largest)) for v in light_to.values()), default=0
     )
     norm = LogNorm(min(max(least, largest / 10**DECADES), largest / 10), largest)
     mesh: Any = None
-    for at, (name, text, _) in enumerate(sides):
+    for at, (side, text, label) in enumerate((
+        (1, "transmitted into the room", "undeviated"),
+        (-1, "reflected to the outside", "as a mirror"),
+    )):  # fmt: skip
         ax = figure.add_axes((0.02 + 0.435 * at, 0.01, 0.42, 0.42 * 9.6 / 5.35))
         _disk(ax)
-        if name not in values:
+        if side not in light_to:
             ax.text(0, 0, "not in the file", ha="center", va="center", color=GREY)
             ax.set_title(text, fontsize=10.5, color=INK, pad=4)
             continue
-        light = values[name]
+        light = light_to[side]
         mesh = _map(ax, light, norm)
         through = -incident[:2]
-        label = "undeviated" if name == "tb" else "as a mirror"
         box = {"boxstyle": "round,pad=0.2", "fc": INK, "ec": "none", "alpha": 0.75}
         ax.plot(*through, "o", ms=16, mfc="none", mec="white", mew=2.6, clip_on=False)
         ax.plot(*through, "o", ms=16, mfc="none", mec=INK, mew=1.2, clip_on=False)
@@ -118,13 +114,11 @@ def lobes(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Figur
             label, through, (0, -19), textcoords="offset points", ha="center", fontsize=8.5,
             color="white", bbox=box,
         )  # fmt: skip
-        up = light.upward()
-        total = 100 * light.power.sum()
+        up, total = light.upward(), 100 * light.power.sum()
+        shares = f"{total * up:.1f} % up, {total * (1 - up):.1f} % down"
         ax.set_title(
-            f"{text}: {total:.1f} % of the light\n{total * up:.1f} % up, "
-            f"{total * (1 - up):.1f} % down",
-            fontsize=10.5, color=INK, pad=4,
-        )  # fmt: skip
+            f"{text}: {total:.1f} % of the light\n{shares}", fontsize=10.5, color=INK, pad=4
+        )
     if mesh is not None:
         bar = figure.add_axes((0.915, 0.08, 0.018, 0.56))
         figure.colorbar(mesh, cax=bar, extend="min")
@@ -147,13 +141,9 @@ def _disk(ax: Axes) -> None:
                     bbox={"boxstyle": "round,pad=0.12", "fc": INK, "ec": "none", "alpha": 0.45},
                     )  # fmt: skip
     ax.plot([-1, 1], [0, 0], color="white", linewidth=1.1, linestyle=(0, (4, 3)), zorder=3)
-    places = {
-        "up": (0, 1.07, 0),
-        "down": (0, -1.07, 0),
-        "left": (-1.07, 0, 90),
-        "right": (1.07, 0, 270),
-    }
-    for text, (x, y, turned) in places.items():
+    for text, x, y, turned in (
+        ("up", 0, 1.07, 0), ("down", 0, -1.07, 0), ("left", -1.07, 0, 90), ("right", 1.07, 0, 270)
+    ):  # fmt: skip
         ax.text(x, y, text, ha="center", va="center", fontsize=9, color=GREY, rotation=turned)
 
 
@@ -181,12 +171,8 @@ def section(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Fig
     ax = figure.add_axes((0.02, 0.01, 0.96, 0.87))
     ax.set(xlim=(-1.5, 1.5), ylim=(-1.4, 1.16), aspect="equal")
     ax.axis("off")
-    lobes_by_side = {}
-    for name, side in (("tb", 1), ("rb", -1)):
-        component = file.component(name)
-        if component is not None:
-            lobes_by_side[side] = lobe(component, incident, float(side))
-    shares = {side: _profile(light) for side, light in lobes_by_side.items()}
+    light_to = {side: lobe(c, incident, float(side)) for side, c in _components(file).items()}
+    shares = {side: _profile(light) for side, light in light_to.items()}
     largest = max((float(v.max()) for v in shares.values()), default=0.0) or 1.0
     _angles(ax)
     for side, colour, place, word in (
@@ -194,9 +180,9 @@ def section(file: BsdfFile, title: str, elevation: float, azimuth: float) -> Fig
         (1, BLUE, "room", "transmitted"),
     ):
         text = f"{word}: not in the file"
-        if side in lobes_by_side:
+        if side in light_to:
             _wedges(ax, side, shares[side], largest, colour)
-            total, up = 100 * lobes_by_side[side].power.sum(), lobes_by_side[side].upward()
+            total, up = 100 * light_to[side].power.sum(), light_to[side].upward()
             text = f"{word} {total:.1f} %: {total * up:.1f} % up, {total * (1 - up):.1f} % down"
         style: dict[str, Any] = {"ha": "right" if side > 0 else "left", "va": "bottom"}
         ax.text(1.45 * side, -1.31, place, fontsize=10.5, color=INK, weight="bold", **style)
@@ -229,15 +215,9 @@ def _angles(ax: Axes) -> None:
             style = {"color": "#DDDDDD"} if angle else dashed
             ax.plot([0, 1.06 * x], [0, 1.06 * y], linewidth=0.8, zorder=0, **style)
             if side > 0:  # on the outside the sun's ray would cross the labels
-                at = 1.13 * x, 1.13 * y
-                ax.text(
-                    *at,
-                    f"{angle:+d}°".replace("+0", "0"),
-                    fontsize=8,
-                    color=GREY,
-                    ha="center",
-                    va="center",
-                )
+                text = f"{angle:+d}°".replace("+0", "0")
+                place: dict[str, Any] = {"ha": "center", "va": "center"}
+                ax.text(1.13 * x, 1.13 * y, text, fontsize=8, color=GREY, **place)
 
 
 def _sun_ray(ax: Axes, profile: float) -> None:
@@ -252,25 +232,19 @@ def _sun_ray(ax: Axes, profile: float) -> None:
     ax.text(-reach * c - 0.03, reach * s, "sun", fontsize=10, **style)
 
 
-def _plateau_text(report: CheckReport) -> str:
-    """Sentence on the corners and plateaus of curves."""
-    if report.kind == "Klems":
-        return (
-            "The file holds one value for each ring of incidences: points are the rings' centres."
-        )
-    return (
-        "The file holds one value for each cell of incidences: T and R are constant within a cell "
-        "(plateaus); the widest cells lie near 90°."
-    )
-
-
 def curves(report: CheckReport, title: str) -> Figure:
     """T and R over incidence, for light from outside and from the room."""
     figure = Figure(figsize=(9.6, 4.5))
     _heading(figure, title, "directional-hemispherical transmittance T and reflectance R")
     axes = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.07, right=0.985, bottom=0.17, top=0.76, wspace=0.08)
-    figure.text(0.07, 0.02, _plateau_text(report), fontsize=8.5, color=GREY, va="bottom")
+    note = "The file holds one value for each cell of incidences: T and R are constant within a "
+    note += "cell (plateaus); the widest cells lie near 90°."
+    if report.kind == "Klems":
+        note = (
+            "The file holds one value for each ring of incidences: points are the rings' centres."
+        )
+    figure.text(0.07, 0.02, note, fontsize=8.5, color=GREY, va="bottom")
     colours = {"above": BLUE, "below": ORANGE, "right": GREEN, "left": PURPLE, "any": BLUE}
     styles: dict[str, Any] = {"left": {"linestyle": (0, (3, 2))}}
     top = max((max(c.transmittance + c.reflectance) for c in report.curves), default=1.0)
@@ -295,12 +269,6 @@ def curves(report: CheckReport, title: str) -> Figure:
         axes[1].plot([], [], color=INK, alpha=a, label=k, linewidth=1.8)[0]
         for k, a in (("T", 1), ("R", 0.45))
     ]
-    figure.legend(
-        handles=keys,
-        loc="upper right",
-        bbox_to_anchor=(0.99, 0.9),
-        ncols=6,
-        frameon=False,
-        fontsize=9,
-    )
+    place = {"loc": "upper right", "bbox_to_anchor": (0.99, 0.9)}
+    figure.legend(handles=keys, ncols=6, frameon=False, fontsize=9, **place)
     return figure

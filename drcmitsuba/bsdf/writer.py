@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
-import tempfile
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -12,6 +12,7 @@ from drcmitsuba_plugins import braces
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 from drcmitsuba_plugins.tensor import TensorTree
 
+from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
 DIGITS = 4
@@ -116,17 +117,9 @@ def save(
     path = Path(path)
     content = text(file, thickness=thickness, width=width, height=height)
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        path.parent.stat()  # saving would make the folder
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        storage.save_text(content, path)
     except OSError as error:
         raise InputError(path, "file", str(error.strerror), "choose a writable folder") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as out:
-            out.write(content)
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(temporary).chmod(0o666 & ~mask)  # mkstemp makes files for the owner only
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise InputError(path, "file", str(error.strerror), "choose a writable place") from None
-    finally:
-        Path(temporary).unlink(missing_ok=True)
