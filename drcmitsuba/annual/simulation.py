@@ -212,7 +212,7 @@ def simulate(
         The known coefficients belong to another case.
     """
     effects = run.enabled_effects
-    simulated = case if effects.shade else case.without_shading()
+    simulated = case if effects.shade else case.with_tables(shading=None)
     if known is not None:
         _refuse_others(known, case, daylight, effects)
     states = {} if known is None else known.states

@@ -8,7 +8,6 @@ floor, x to the east, y to the north, z up.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -50,7 +49,7 @@ from drcmitsuba.case.toml import (
     read_toml,
     shortened,
 )
-from drcmitsuba.case.unit_check import ask_about_spacing
+from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
 from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
 from drcmitsuba.runtime.errors import InputError
 
@@ -160,7 +159,9 @@ class Case(Table):
             if self.room is None:
                 ask_about_spacing(self.sensors.spacing)
             else:
-                self.room.ask_about_lengths(self.furniture)
+                ask_about_room(self.room.size)
+                for i, piece in enumerate(self.furniture):
+                    ask_about_furniture(f"furniture.{i}", piece.corner, piece.size, self.room.size)
         for side, facade in self.facade.items():
             self._check_facade(side, facade)
         if self.shading is not None:
@@ -196,52 +197,26 @@ class Case(Table):
         """Resolve a file that the case names: relative ones lie beside the case file."""
         return file if file.is_absolute() else self._folder / file
 
-    def _with(self, **tables: object) -> Case:
+    def with_tables(self, **tables: object) -> Case:
+        """Replace tables by name, unchecked: values are those of the tables' classes, or None."""
         changed = self.model_copy(update=tables)
         changed._source, changed._folder = self._source, self._folder
         return changed
 
     def with_facade(self, side: Side, facade: Facade) -> Case:
-        """Replace one façade.
-
-        Raises
-        ------
-        InputError
-            The façade does not fit into the room.
-        """
+        """Replace one façade; InputError where it does not fit into the room."""
         self._check_facade(side, facade)
-        return self._with(facade={**self.facade, side: facade})
-
-    def with_materials(self, materials: Mapping[str, Material]) -> Case:
-        """Replace the materials; their names stay the same."""
-        return self._with(materials=dict(materials))
-
-    def with_components(self, components: Mapping[str, Component]) -> Case:
-        """Replace the components; their names stay the same."""
-        return self._with(components=dict(components))
-
-    def moved(
-        self,
-        sensors: Sensors,
-        furniture: tuple[Furniture, ...],
-        components: Mapping[str, Component],
-    ) -> Case:
-        """Replace the tables with coordinates of a case without room."""
-        return self._with(sensors=sensors, furniture=furniture, components=dict(components))
+        return self.with_tables(facade={**self.facade, side: facade})
 
     def with_dark_hours(self) -> Case:
         """Simulate the suns of all time stamps, for coefficients that serve any weather."""
-        return self._with(effects=self.effects.model_copy(update={"dark_hours": "all"}))
-
-    def without_shading(self) -> Case:
-        """Leave the shade out."""
-        return self._with(shading=None)
+        return self.with_tables(effects=self.effects.model_copy(update={"dark_hours": "all"}))
 
     def with_weather(self, file: Path | None) -> Case:
         """Replace the weather file; None keeps the case's own."""
         if file is None:
             return self
-        return self._with(weather=WeatherFile(file=Path(file).absolute()))
+        return self.with_tables(weather=WeatherFile(file=Path(file).absolute()))
 
 
 def load_case(path: str | Path) -> Case:

@@ -106,18 +106,8 @@ class Design(Table):
     ) -> None:
         """Refuse a search for a façade of unknown materials, or in a side without panes.
 
-        Parameters
-        ----------
-        height : float
-            Height of the room [m].
-        films, clear : sequence of str
-            Names of the materials that can be the film, or the clear material.
-        glazed : sequence of {'south', 'east', 'north', 'west'}
-            Sides that have panes.
-
-        Raises
-        ------
-        InputError
+        The room has a `height` [m]; `films` and `clear` are the names of the materials that can be
+        the film or the clear material, `glazed` the sides that have panes.
         """
         for key, name, known in (("film", self.film, films), ("clear", self.clear, clear)):
             if name is not None and name not in known:
@@ -137,17 +127,7 @@ class Design(Table):
             raise InputError("case", "design.side", got, "give band and wwr = [low, high]")
 
     def check_tilt(self, structures: Sequence[str], standing: Sequence[str]) -> None:
-        """Refuse to tilt a component that is no structure, or that no strip names.
-
-        Parameters
-        ----------
-        structures, standing : sequence of str
-            Names of the components that are structures, and of the placed components.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse to tilt a component that is not among the `structures`, or not `standing`."""
         name, where = str(self.component), "design.component"
         if name not in structures:
             got = f"{shortened(name)} is no structure in [components]"

@@ -57,13 +57,7 @@ class Facade(Table):
     """Strips of panes; the rest of the side is wall."""
 
     def columns(self) -> list[tuple[range, tuple[Strip, ...]]]:
-        """Group neighbouring segments that have the same strips.
-
-        Returns
-        -------
-        list of (range, tuple of Strip)
-            Segments of a group, and their strips from the bottom up.
-        """
+        """Groups of neighbouring segments with the same strips, and these from the bottom up."""
         groups: list[tuple[range, tuple[Strip, ...]]] = []
         for i in range(self.segments):
             stack = sorted((s for s in self.strips if s.covers(i)), key=lambda s: s.bottom)
@@ -76,17 +70,10 @@ class Facade(Table):
     def check(
         self, side: Side, wall: tuple[float, float], known: Sequence[str], named: Sequence[str]
     ) -> None:
-        """Refuse strips that do not fit into their wall, or of an unknown material.
+        """Refuse strips that do not fit into their wall (width, height [m]), or of no material.
 
-        Parameters
-        ----------
-        side : {'south', 'east', 'north', 'west'}
-        wall : tuple of float
-            Width and height [m].
-        known : sequence of str
-            Names of the materials that a strip can have.
-        named : sequence of str
-            Names of all materials and components of the case.
+        `known` are the names of the materials that a strip can have, `named` those of all materials
+        and components of the case.
 
         Raises
         ------

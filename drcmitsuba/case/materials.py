@@ -17,18 +17,10 @@ Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
 
 
 def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0) -> None:
-    """Refuse a pane whose transmittance and reflectance together exceed 1.
+    """Raise InputError for a pane whose transmittance and reflectance [–] together exceed 1.
 
-    Parameters
-    ----------
-    transmittance, reflectance : float
-        Values at normal incidence [–].
-    exponent : float
-        Exponent p of a glazing [–], which is checked at 201 incidences; 0 for other panes.
-
-    Raises
-    ------
-    InputError
+    Both are those at normal incidence. The exponent p of a glazing [–] is checked at 201
+    incidences; it is 0 for other panes.
     """
     x = 1 - np.linspace(0, 1, 201)
     total = np.array([transmittance + reflectance])
@@ -109,10 +101,11 @@ class MirrorMaterial(Table):
     @model_validator(mode="after")
     def _clear_coating(self) -> MirrorMaterial:
         if self.coating is not None and self.roughness > 0:
-            got = f"with a roughness of {self.roughness:g}"
-            raise InputError(
-                "material", "coating", got, "coatings are for smooth mirrors: drop one"
+            got, remedy = (
+                f"with a roughness of {self.roughness:g}",
+                "coatings are for smooth mirrors",
             )
+            raise InputError("material", "coating", got, f"{remedy}: drop one")
         return self
 
 
@@ -136,12 +129,7 @@ Material = Annotated[
 
 
 def check_names(materials: Mapping[str, Material]) -> None:
-    """Refuse materials with the names that strips use for wall and holes.
-
-    Raises
-    ------
-    InputError
-    """
+    """Raise InputError for materials with the names that strips use for wall and holes."""
     for name in ("wall", "open"):
         if name in materials:
             got = "strips use this name for no material"

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 from pydantic import Field
 
-from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.case.materials import Reflectance
 from drcmitsuba.case.toml import Length, Side, Table
-from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room
 
 
 class Room(Table):
@@ -31,9 +28,3 @@ class Room(Table):
         """Length and height of a wall [m]."""
         width, depth, height = self.size
         return (width if side in ("south", "north") else depth), height
-
-    def ask_about_lengths(self, furniture: Sequence[Furniture]) -> None:
-        """Refuse a size, or furniture beside the room, that looks like millimetres."""
-        ask_about_room(self.size)
-        for i, piece in enumerate(furniture):
-            ask_about_furniture(f"furniture.{i}", piece.corner, piece.size, self.size)

@@ -20,12 +20,7 @@ class Shading(Table):
     """Fraction of points [–]; the shade closes where at least this fraction needs it."""
 
     def check(self, materials: Mapping[str, Material]) -> None:
-        """Refuse an unknown material, and one that is neither a diffuser nor a bsdf.
-
-        Raises
-        ------
-        InputError
-        """
+        """Raise InputError for a material that is unknown, or neither a diffuser nor a bsdf."""
         known = named_of_kind(materials, (DiffuserMaterial, BsdfMaterial))
         if self.material not in known:
             got = f"{shortened(self.material)} is no diffuser or bsdf in [materials]"

@@ -63,21 +63,7 @@ T = TypeVar("T", bound=Table)
 
 
 def checked(table: type[T], data: dict[str, Any], source: str | Path) -> T:
-    """Check plain values, and make a table of them.
-
-    Parameters
-    ----------
-    table : type
-        Class of the table.
-    data : dict
-        Values from TOML.
-    source : str or Path
-        Origin of the values, for messages.
-
-    Returns
-    -------
-    Table
-        An instance of the class.
+    """Check plain values from TOML, whose origin is `source`, and make a table of them.
 
     Raises
     ------

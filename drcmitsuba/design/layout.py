@@ -158,7 +158,7 @@ class Layout:
             value = float(optimum.values[factor.parameter.key][0])
             table = materials[name].model_dump() | {"transmittance": value}
             materials[name] = checked(type(materials[name]), table, case.source)
-        return case.with_materials(materials)
+        return case.with_tables(materials=materials)
 
     def problem(self, year: BasisYear) -> FacadeProblem:
         """Optimisation problem of a year.

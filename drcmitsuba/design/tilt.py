@@ -315,7 +315,7 @@ class TiltProblem:
 def _tilted(case: Case, name: str, tilt: float) -> Case:
     """Case with another tilt [deg] of a component."""
     component = case.components[name].model_copy(update={"tilt": tilt})
-    return case.with_components({**case.components, name: component})
+    return case.with_tables(components={**case.components, name: component})
 
 
 def _tensor(values: np.ndarray) -> mi.TensorXf:

@@ -40,7 +40,7 @@ class Plan:
     def simulated(self) -> Case:
         """The case as it is simulated: without a shade that never closes."""
         case = self.facts.case
-        return case if self.scope.shade else case.without_shading()
+        return case if self.scope.shade else case.with_tables(shading=None)
 
     def notes(self) -> list[str]:
         """Reasons of the effects that are left out though the scene calls for them."""

@@ -10,7 +10,8 @@ import shutil
 import sys
 import uuid
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -34,9 +35,19 @@ def _replace(temporary: Path, path: Path) -> None:
     temporary.replace(path)
 
 
-def _temporary(path: Path) -> Path:
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """Temporary path that takes the place of `path` where the block ends without an error."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    return path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
+    try:
+        yield temporary
+        _replace(temporary, path)
+    finally:
+        if temporary.is_dir():
+            shutil.rmtree(temporary, ignore_errors=True)
+        else:
+            temporary.unlink(missing_ok=True)
 
 
 def _refuse_full_disk(path: Path, size: int) -> None:
@@ -63,13 +74,9 @@ def save_netcdf(data: xr.Dataset, path: Path) -> None:
     OSError
         The disk is full, or the folder may not be written.
     """
-    temporary = _temporary(path)
-    try:
+    with _whole(path) as temporary:
         _refuse_full_disk(temporary, data.nbytes + data.nbytes // 20 + SPARE)
         data.to_netcdf(temporary, engine="h5netcdf")
-        _replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path, along: str = "time") -> None:
@@ -80,15 +87,11 @@ def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path, along: str = 
     The format is zarr 2, whose consolidated metadata and strings are standard; with format 3 xarray
     warns where the file has them, and where it has not.
     """
-    temporary = _temporary(path)
-    try:
+    with _whole(path) as temporary:
         parts = iter([data] if isinstance(data, xr.Dataset) else data)
         next(parts).to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
         for part in parts:
             part.to_zarr(temporary, append_dim=along, zarr_format=2, consolidated=True)
-        _replace(temporary, path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def save_json(data: object, path: Path) -> None:
@@ -99,12 +102,8 @@ def save_json(data: object, path: Path) -> None:
 
 def save_text(text: str, path: Path) -> None:
     """Write text; never leaves half a file at `path`."""
-    temporary = _temporary(path)
-    try:
+    with _whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-        _replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def open_dataset(path: Path, *variables: str) -> xr.Dataset:

@@ -210,7 +210,7 @@ def recentred(case: Case) -> Case:
     }
     pieces = [piece.model_copy(update={"corner": near(piece.corner)}) for piece in case.furniture]
     sensors = case.sensors.model_copy(update={"corner": near(case.sensors.corner)})
-    return case.moved(sensors, tuple(pieces), components)
+    return case.with_tables(sensors=sensors, furniture=tuple(pieces), components=components)
 
 
 def around(case: Case) -> str:

@@ -119,7 +119,7 @@ def with_mesh(file, material="silver", room=True, **changes):
 
 def moved(case, **changes):
     thing = case.components["thing"].model_copy(update=changes)
-    return case.with_components({"thing": thing})
+    return case.with_tables(components={"thing": thing})
 
 
 @pytest.mark.parametrize("turn", [0.0, 90.0])
