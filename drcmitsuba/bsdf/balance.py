@@ -18,27 +18,19 @@ SIDES = {"outside": ("tb", "rb", -1.0), "room": ("tf", "rf", 1.0)}
 
 @dataclass(frozen=True)
 class Energy:
-    """Energy of the light from one side.
-
-    Parameters
-    ----------
-    side : str
-        'outside' or 'room'.
-    transmittance, reflectance : float
-        T and R of diffuse light.
-    largest : float
-        Largest T + R over all incidences of the file.
-    theta, phi : float
-        Direction of the incidence with the largest T + R [deg]; θ from that side's normal, φ from
-        the right, up at 90°.
-    """
+    """Energy of the light from one side."""
 
     side: str
+    """'outside' or 'room'."""
     transmittance: float
     reflectance: float
+    """T and R of diffuse light."""
     largest: float
+    """Largest T + R over all incidences of the file."""
     theta: float
     phi: float
+    """Direction of the incidence with the largest T + R [deg]; θ from that side's normal, φ from
+    the right, up at 90°."""
 
     @property
     def verdict(self) -> str:

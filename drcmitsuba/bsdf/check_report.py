@@ -26,46 +26,31 @@ class Curve:
 
 @dataclass(frozen=True)
 class Sunlight:
-    """Transmitted light of the sun in the plane normal to the façade.
-
-    Parameters
-    ----------
-    elevation : float
-        Elevation of the sun [deg].
-    transmittance, upward : float
-        T, and the share of the transmitted light that goes up.
-    """
+    """Transmitted light of the sun in the plane normal to the façade."""
 
     elevation: float
+    """Elevation of the sun [deg]."""
     transmittance: float
     upward: float
+    """T, and the share of the transmitted light that goes up."""
 
 
 @dataclass(frozen=True)
 class Width:
-    """Main peak of the transmitted light.
-
-    Parameters
-    ----------
-    elevation : float
-        Elevation of the sun [deg].
-    toward : float
-        Elevation of the peak [deg], up positive.
-    half_maximum, half_light : float
-        Full openings [deg] of the cones with the solid angle of the directions above half of the
-        largest f, and of the brightest directions that hold half of the light.
-    share : float
-        Share of the transmitted light in directions above half of the largest f.
-    resolution : float
-        Full opening [deg] of the cone with the solid angle of the file's cell at the peak.
-    """
+    """Main peak of the transmitted light."""
 
     elevation: float
+    """Elevation of the sun [deg]."""
     toward: float
+    """Elevation of the peak [deg], up positive."""
     half_maximum: float
     half_light: float
+    """Full openings [deg] of the cones with the solid angle of the directions above half of the
+    largest f, and of the brightest directions that hold half of the light."""
     share: float
+    """Share of the transmitted light in directions above half of the largest f."""
     resolution: float
+    """Full opening [deg] of the cone with the solid angle of the file's cell at the peak."""
 
     @property
     def is_resolved(self) -> bool:

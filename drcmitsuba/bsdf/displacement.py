@@ -31,18 +31,12 @@ LITTLE = 0.01
 
 @dataclass(frozen=True)
 class Passage:
-    """Moving lobes and resting light of two distributions a and b.
-
-    Parameters
-    ----------
-    lobes : tuple of (array, array, (int, int))
-        Light of a lobe in a and in b, shape (m, m) each, and its shift from a to b [pixel].
-    rest : (array, array)
-        Remaining light of a and of b, shape (m, m) each, which is cross-faded in place.
-    """
+    """Moving lobes and resting light of two distributions a and b."""
 
     lobes: tuple[tuple[np.ndarray, np.ndarray, tuple[int, int]], ...]
+    """Light of a lobe in a and in b, shape (m, m) each, and its shift from a to b [pixel]."""
     rest: tuple[np.ndarray, np.ndarray]
+    """Remaining light of a and of b, shape (m, m) each, which is cross-faded in place."""
 
     def at(self, t: float) -> np.ndarray:
         """Distribution (m, m) between a (t = 0) and b (t = 1)."""

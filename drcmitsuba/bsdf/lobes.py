@@ -49,21 +49,14 @@ def cone_width(solid_angle: float | np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Lobe:
-    """Transmitted or reflected light from one direction.
-
-    Parameters
-    ----------
-    incident : np.ndarray, shape (3,)
-        Direction to the source of the light.
-    outgoing : np.ndarray, shape (grid², 3)
-        Directions in which the light leaves.
-    value : np.ndarray, shape (grid²,)
-        f [1/sr].
-    """
+    """Transmitted or reflected light from one direction."""
 
     incident: np.ndarray
+    """Direction to the source of the light, shape (3,)."""
     outgoing: np.ndarray
+    """Directions in which the light leaves, shape (grid², 3)."""
     value: np.ndarray
+    """f [1/sr], shape (grid²,)."""
 
     @cached_property
     def power(self) -> np.ndarray:
@@ -173,24 +166,16 @@ def resolution(component: Component, incident: np.ndarray, outgoing: np.ndarray)
 
 @dataclass(frozen=True)
 class StraightThrough:
-    """View through a pane.
-
-    Parameters
-    ----------
-    stands_out : bool
-        Whether the straight-through cells stand out enough to be simulated as a view through.
-    share : float
-        Share of the transmitted light that goes straight through, all incidences together.
-    normal : float
-        Transmittance of the undeviated ray at normal incidence.
-    ratio : float or None
-        Straight-through f over that of its neighbours at normal incidence; None if they are 0.
-    """
+    """View through a pane."""
 
     stands_out: bool
+    """Whether the straight-through cells stand out enough to be simulated as a view through."""
     share: float
+    """Share of the transmitted light that goes straight through, all incidences together."""
     normal: float
+    """Transmittance of the undeviated ray at normal incidence."""
     ratio: float | None
+    """Straight-through f over that of its neighbours at normal incidence; None if they are 0."""
 
 
 def straight_through(component: Component) -> StraightThrough:

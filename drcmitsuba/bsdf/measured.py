@@ -33,15 +33,10 @@ FEWEST = 16
 
 @dataclass(frozen=True)
 class Pixels:
-    """Square pixels of direction cosines, and how they lie in the cells of a tree.
-
-    Parameters
-    ----------
-    depth : int
-        Number of levels of the tree.
-    """
+    """Square pixels of direction cosines, and how they lie in the cells of a tree."""
 
     depth: int
+    """Number of levels of the tree."""
 
     @property
     def m(self) -> int:

@@ -45,25 +45,17 @@ ANGLES = {"upphi": "up", "inphi": "phi", "intheta": "theta"}
 
 @dataclass(frozen=True)
 class Measurement:
-    """Scattered light for one direction of incidence.
-
-    Parameters
-    ----------
-    source, name : str
-        Path of the file, and the sample's name.
-    incident : np.ndarray, shape (3,)
-        Direction away from the surface, +z the sample's front, +y its top.
-    outgoing : np.ndarray, shape (n, 3)
-        Directions in which the light leaves.
-    value : np.ndarray, shape (n,)
-        f [1/sr] without the cosine.
-    """
+    """Scattered light for one direction of incidence."""
 
     source: str
     name: str
+    """Path of the file, and the sample's name."""
     incident: np.ndarray
+    """Direction away from the surface, +z the sample's front, +y its top, shape (3,)."""
     outgoing: np.ndarray
+    """Directions in which the light leaves, shape (n, 3)."""
     value: np.ndarray
+    """f [1/sr] without the cosine, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +69,7 @@ class _Header:
 
 
 def read(paths: Iterable[str | Path]) -> list[Measurement]:
-    """Read measurement files; a file may hold several measurements, each with its header.
-
-    Parameters
-    ----------
-    paths : iterable of path
-
-    Returns
-    -------
-    list of Measurement
-        Measurements in the order of the files.
+    """Read measurements in the order of the files; a file may hold several, each with its header.
 
     Raises
     ------

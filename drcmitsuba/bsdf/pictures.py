@@ -33,15 +33,9 @@ STEP = 5
 def figures(
     file: BsdfFile, report: CheckReport, sun: tuple[float, float] = (45.0, 0.0)
 ) -> dict[str, Figure]:
-    """Draw a BSDF file.
+    """Draw a BSDF file and its `check`, for the sun at an elevation and an azimuth [deg].
 
-    Parameters
-    ----------
-    file : BsdfFile
-    report : CheckReport
-        Result of `check`.
-    sun : (float, float)
-        Elevation [deg], and azimuth from the façade's normal, clockwise from above [deg].
+    The azimuth is from the façade's normal, clockwise from above.
 
     Returns
     -------

@@ -12,18 +12,12 @@ from drcmitsuba.runtime.errors import InputError
 
 
 class Target(NamedTuple):
-    """Largest half width of the 95 % intervals.
-
-    Parameters
-    ----------
-    value : float
-        Half width, in `unit`.
-    unit : {'point', '%'}
-        Points of sDA and of ASE, or per cent of the mean illuminance.
-    """
+    """Largest half width of the 95 % intervals."""
 
     value: float
+    """Half width, in `unit`."""
     unit: str
+    """'point' (of sDA and of ASE) or '%' (of the mean illuminance)."""
 
     @classmethod
     def parse(cls, text: str) -> Target:

@@ -24,13 +24,7 @@ SAME_SUBDIVISION = "compute sky and coefficients with the same subdivision"
 
 
 def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
-    """Positions of bins by label.
-
-    Raises
-    ------
-    InputError
-        A label is not among the coefficients' bins.
-    """
+    """Positions of bins by label; InputError where one is not among the coefficients' bins."""
     try:
         return positions(labels, coefficients["bin"].values)
     except UnknownLabelsError as error:
@@ -187,21 +181,12 @@ def _add_straight(
 def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -> np.ndarray:
     """Total illuminance E at some sensors, by each replicate of C.
 
-    Parameters
-    ----------
-    coefficients, sky : xr.Dataset
-        As for `by_source`.
-    sensors : np.ndarray of int, shape (sensor,)
+    Arguments and errors are those of `by_source`; `sensors` are indices.
 
     Returns
     -------
     np.ndarray, shape (replicate, time, sensor)
         E [lx].
-
-    Raises
-    ------
-    InputError
-        A bin of the sky has no coefficients.
     """
     patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = _suns(coefficients, sky), sky["sky"].values.astype(np.float32)

@@ -117,16 +117,12 @@ def smooth_msda(
     *,
     sharpness: float,
 ) -> mi.TensorXf:
-    """Twin of `msda`, of the months that have time stamps.
+    """Twin of `msda`, of the months that have time stamps; arguments as for `smooth_sda`, and:
 
     Parameters
     ----------
-    illuminance : mi.TensorXf (time, sensor)
-        As for `smooth_sda` [lx].
     months : np.ndarray, shape (time,)
         Month of each time stamp, 1 to 12, in any order.
-    threshold, fraction, sharpness : float
-        As for `smooth_sda`.
 
     Returns
     -------

@@ -29,19 +29,13 @@ NOT_SIMULATED = {
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Coefficients C of a case, ∂E/∂L [sr].
-
-    Parameters
-    ----------
-    open : xr.Dataset
-        C from `transport.coefficients.compute` for all suns. Its attributes hold for both states:
-        the rule of the shade, the place of the suns, the origin of C.
-    shaded : xr.Dataset or None
-        C for the suns of all hours in which the shade may close; None where it never closes.
-    """
+    """Coefficients C of a case, ∂E/∂L [sr]."""
 
     open: xr.Dataset
+    """C from `transport.coefficients.compute` for all suns. Its attributes hold for both states:
+    the rule of the shade, the place of the suns, the origin of C."""
     shaded: xr.Dataset | None = None
+    """C for the suns of all hours in which the shade may close; None where it never closes."""
 
     @classmethod
     def of(cls, joined: xr.Dataset) -> Coefficients:

@@ -26,21 +26,14 @@ from drcmitsuba.sky.daylight import Daylight
 
 @dataclass(frozen=True)
 class EvaluatedMetrics:
-    """Illuminance and metrics.
-
-    Parameters
-    ----------
-    illuminance : xr.Dataset
-        E from `illuminance.illuminance` [lx].
-    draws : Draws
-        Draws of the metrics, from which the intervals follow.
-    metrics : dict
-        Values and intervals from `summarise` [%].
-    """
+    """Illuminance and metrics."""
 
     illuminance: xr.Dataset
+    """E from `illuminance.illuminance` [lx]."""
     draws: Draws
+    """Draws of the metrics, from which the intervals follow."""
     metrics: dict[str, Any]
+    """Values and intervals from `summarise` [%]."""
 
     def half_width(self, unit: str) -> float:
         """Half the width of the intervals, in the unit of an `accuracy.Target`."""

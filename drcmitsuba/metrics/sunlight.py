@@ -138,16 +138,12 @@ def smooth_mse(
     *,
     sharpness: float,
 ) -> mi.TensorXf:
-    """Twin of `mse`, of the months that have time stamps.
+    """Twin of `mse`, of the months that have time stamps; arguments as for `smooth_ase`, and:
 
     Parameters
     ----------
-    direct : mi.TensorXf (time, sensor)
-        As for `smooth_ase` [lx].
     months : np.ndarray, shape (time,)
         Month of each time stamp, 1 to 12, in any order.
-    threshold, hours, step_hours, sharpness : float
-        As for `smooth_ase`.
 
     Returns
     -------

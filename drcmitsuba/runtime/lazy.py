@@ -10,21 +10,9 @@ from types import ModuleType
 
 
 def submodule(package: str, name: str) -> ModuleType:
-    """Import a module of a package, whose own modules then resolve in the same way.
+    """Import the module `name` of a package, whose own modules then resolve in the same way.
 
-    Parameters
-    ----------
-    package, name : str
-        Full name of the package, and name of the module in it.
-
-    Returns
-    -------
-    ModuleType
-
-    Raises
-    ------
-    AttributeError
-        The package has no such module.
+    A package without such a module raises AttributeError, as attributes do.
     """
     full = f"{package}.{name}"
     if name.startswith("_") or importlib.util.find_spec(full) is None:
@@ -36,20 +24,10 @@ def submodule(package: str, name: str) -> ModuleType:
 
 
 def attributes(package: str, names: Mapping[str, str]) -> Callable[[str], object]:
-    """Make the function `__getattr__` of a package.
+    """Make `__getattr__` of a package, which imports one of `names`, or any module of the package.
 
-    Parameters
-    ----------
-    package : str
-        Full name of the package.
-    names : mapping of str to str
-        Places of the public names in the package: "room.module" for a module under another name,
-        "room.module:name" for a class or function.
-
-    Returns
-    -------
-    callable
-        Function that imports one of these names, or any module of the package.
+    The names have their place in the package: "room.module" for a module under another name,
+    "room.module:name" for a class or function.
     """
 
     def resolve(name: str) -> object:

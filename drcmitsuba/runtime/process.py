@@ -36,20 +36,10 @@ class JobError(RuntimeError):
 
 
 def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -> T:
-    """Do a job in another process and wait for it.
+    """Do a job in another process, wait for it, and return its result.
 
-    Parameters
-    ----------
-    job : Job
-    deadline : float
-        Time by `time.monotonic` [s] at which an unfinished job is stopped.
-    progress : callable
-        Called with the share [–] of the time until the deadline that has passed.
-
-    Returns
-    -------
-    object
-        Result of the job.
+    An unfinished job is stopped at the `deadline`, a time by `time.monotonic` [s]; `progress` is
+    called with the share [–] of the time until then that has passed.
 
     Raises
     ------

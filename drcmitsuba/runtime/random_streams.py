@@ -98,20 +98,9 @@ Key = tuple[Any, ...]
 
 
 def launch_seed(base: int, stream: Stream, *indices: int) -> int:
-    """Seed of one launch; launches of different streams or indices are independent.
+    """Seed of one launch, below 2³²; launches of different streams or indices are independent.
 
-    Parameters
-    ----------
-    base : int
-        Seed of the case.
-    stream : Stream
-    indices : int
-        Indices of the stream's form: replicate, material, … .
-
-    Returns
-    -------
-    int
-        Seed below 2³².
+    `base` is the seed of the case; `indices` fill the stream's form: replicate, material, … .
     """
     key = stream.key(*indices)
     return int(np.random.SeedSequence(base, spawn_key=key).generate_state(1)[0])
@@ -134,23 +123,9 @@ def even_numbers(
     """Point of an even sequence in [0, 1)², one of two pairs of dimensions.
 
     Every row, place and seed has a random shift of its own (Cranley and Patterson), which makes
-    estimates unbiased and rows independent.
-
-    Parameters
-    ----------
-    index : mi.UInt32
-        Number of the point in the sequence.
-    row : mi.UInt32
-        Number of the sequence: that of a sensor, cell, sun … .
-    seed : int
-    pair : {0, 1}
-        First or second pair of the four dimensions.
-    place : mi.UInt32 or int
-        Second number of the sequence.
-
-    Returns
-    -------
-    mi.Point2f
+    estimates unbiased and rows independent. The sequence has the number `row`, that of a sensor,
+    cell, sun …, and a second one, `place`; `index` counts its points, and the `pair` 0 or 1 of its
+    four dimensions is taken.
     """
     shifts = random_bits(row, seed + 0x9E3779B9 * pair, place)
     numbers = (

@@ -172,10 +172,8 @@ def parameters(
     dni, dhi : ndarray, shape (time,)
         Direct normal and diffuse horizontal irradiance [W/m²]. Any sizes give finite parameters:
         ε is clipped to 1 … 11.9, Δ to 0.01 … 0.6. Without diffuse light the sky counts as clear.
-    solar_zenith : ndarray, shape (time,)
-        Solar zenith angle [deg].
-    day : ndarray, shape (time,)
-        Day of the year, 1 for 1 January.
+    solar_zenith, day : ndarray, shape (time,)
+        Solar zenith angle [deg]; day of the year, 1 for 1 January.
 
     Returns
     -------

@@ -59,20 +59,14 @@ class PatchCentres:
 
 @dataclass(frozen=True)
 class PatchMeans:
-    """Mean luminance of each patch, ∫ l dΩ / Ω, by Gauss nodes in sin(altitude) and azimuth.
-
-    Parameters
-    ----------
-    far : tuple of int
-        Nodes in altitude and in azimuth of each patch. Altitude takes more, since exp(b / cos ζ)
-        is steep in the row above the horizon.
-    near : tuple of int
-        The same for patches whose centre is within 1.5 row heights of the sun, where exp(dγ) of the
-        circumsolar glow has its cusp.
-    """
+    """Mean luminance of each patch, ∫ l dΩ / Ω, by Gauss nodes in sin(altitude) and azimuth."""
 
     far: tuple[int, int] = (8, 5)
+    """Nodes in altitude and in azimuth of each patch. Altitude takes more, since exp(b / cos ζ) is
+    steep in the row above the horizon."""
     near: tuple[int, int] = (10, 10)
+    """The same for patches whose centre is within 1.5 row heights of the sun, where exp(dγ) of the
+    circumsolar glow has its cusp."""
 
     def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
         """Value of each patch, shape (time, patch)."""

@@ -33,18 +33,13 @@ ENTRIES = 128
 
 
 class Multipliers(NamedTuple):
-    """Random numbers of the draws.
-
-    Parameters
-    ----------
-    replicates : np.ndarray, shape (replicate, draw)
-        Weights q·w / √(n (n − 1)).
-    others : np.ndarray, shape (group, draw)
-        Normal random numbers for errors that no replicate holds; a sensor takes its group's.
-    """
+    """Random numbers of the draws."""
 
     replicates: np.ndarray
+    """Weights q·w / √(n (n − 1)), shape (replicate, draw)."""
     others: np.ndarray
+    """Normal random numbers for errors that no replicate holds, shape (group, draw); a sensor takes
+    its group's."""
 
 
 def multipliers(replicates: int, seed: int) -> Multipliers:
@@ -59,24 +54,16 @@ def multipliers(replicates: int, seed: int) -> Multipliers:
 
 @dataclass(frozen=True)
 class State:
-    """Illuminance of one state of the shade at the hours that need it.
-
-    Parameters
-    ----------
-    coefficients : xr.Dataset
-    sky : xr.Dataset
-        Luminances of the rows: the time stamps that need the state.
-    row : np.ndarray, shape (time,)
-        Row of every time stamp, −1 where the state is not needed.
-    mean, error : np.ndarray, shape (row, sensor)
-        Illuminance and its standard error [lx].
-    """
+    """Illuminance of one state of the shade at the hours that need it."""
 
     coefficients: xr.Dataset
     sky: xr.Dataset
+    """Luminances of the rows: the time stamps that need the state."""
     row: np.ndarray
+    """Row of every time stamp, −1 where the state is not needed, shape (time,)."""
     mean: np.ndarray
     error: np.ndarray
+    """Illuminance and its standard error [lx], shape (row, sensor)."""
 
     @classmethod
     def of(

@@ -47,7 +47,7 @@ def draw(
     Parameters
     ----------
     coefficients : Coefficients
-        Both states: `replicates` (replicate, sensor, bin) [sr], luminance or by channel.
+        `replicates` (replicate, sensor, bin) [sr] of both states, luminance or by channel.
     sky : xr.Dataset
         From `sky.radiance`.
     illuminance : xr.Dataset

@@ -25,20 +25,13 @@ def t_factor(replicates: int, level: float = LEVEL) -> float:
 
 @dataclass(frozen=True)
 class Rules:
-    """Thresholds of the metrics and of the shade.
-
-    Parameters
-    ----------
-    metrics : Metrics
-        Thresholds of sDA and ASE.
-    shade_threshold, shade_area : float
-        The shade closes when the fraction `shade_area` of the sensors gets at least
-        `shade_threshold` of direct sun [lx].
-    step_hours : float
-        Length of the interval that a time stamp stands for [h].
-    """
+    """Thresholds of the metrics and of the shade."""
 
     metrics: Metrics
+    """Thresholds of sDA and ASE."""
     shade_threshold: float
     shade_area: float
+    """The shade closes when the fraction `shade_area` of the sensors gets at least
+    `shade_threshold` of direct sun [lx]."""
     step_hours: float
+    """Length of the interval that a time stamp stands for [h]."""

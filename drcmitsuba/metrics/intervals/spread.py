@@ -17,30 +17,21 @@ from drcmitsuba.schema import luminance
 
 @dataclass(frozen=True)
 class Draws:
-    """Draws of the metrics [%], and how likely each sensor passes.
-
-    Parameters
-    ----------
-    annual : dict of np.ndarray, shape (draw,)
-        `sDA`, `ASE`, `shade_closed`.
-    monthly : dict of np.ndarray, shape (month, draw)
-        `msDA`, `MSE`, `shade_closed_monthly`, January first; NaN for a month without hours.
-    passing : dict of np.ndarray, shape (sensor,)
-        `sDA`, `ASE`: share of the draws in which a sensor counts, 0 to 1.
-    hours : dict of np.ndarray of int, shape (time,)
-        `sDA`, `ASE`: at how many of the undecided sensors an hour is in doubt.
-    mean_illuminance : Interval
-        Mean over all hours and sensors, shade applied [lx].
-    may_close : np.ndarray of bool, shape (time,)
-        Time stamps at which the shade closes in some draw.
-    """
+    """Draws of the metrics [%], and how likely each sensor passes."""
 
     annual: dict[str, np.ndarray]
+    """`sDA`, `ASE`, `shade_closed`, shape (draw,)."""
     monthly: dict[str, np.ndarray]
+    """`msDA`, `MSE`, `shade_closed_monthly`, January first, shape (month, draw); NaN for a month
+    without hours."""
     passing: dict[str, np.ndarray]
+    """`sDA`, `ASE`, shape (sensor,): share of the draws in which a sensor counts, 0 to 1."""
     hours: dict[str, np.ndarray]
+    """`sDA`, `ASE`, shape (time,): at how many of the undecided sensors an hour is in doubt."""
     mean_illuminance: Interval
+    """Mean over all hours and sensors, shade applied [lx]."""
     may_close: np.ndarray
+    """Time stamps at which the shade closes in some draw, shape (time,)."""
 
     def interval(self, name: str, value: float, month: int | None = None) -> Interval:
         """95 % interval of a metric, which always holds its value.
@@ -85,17 +76,12 @@ class Bounds:
     correlation of errors between sensors and hours is unknown without replicates; independent
     errors would cancel out in the metrics and give intervals that are too narrow. These intervals
     are wider than 95 % calls for.
-
-    Parameters
-    ----------
-    annual : dict
-        (low, high) of each metric [%].
-    monthly : dict
-        (low, high) of each metric, shape (month,) each.
     """
 
     annual: dict[str, tuple[float, float]]
+    """(low, high) of each metric [%]."""
     monthly: dict[str, tuple[np.ndarray, np.ndarray]]
+    """(low, high) of each metric, shape (month,) each."""
 
     @classmethod
     def of(cls, illuminance: xr.Dataset, rules: Rules) -> Bounds:

@@ -48,19 +48,14 @@ def _exceeds(mean: np.ndarray, error: np.ndarray, threshold: float) -> np.ndarra
 
 @dataclass(frozen=True)
 class SunDraws:
-    """Entries of the direct sun that are in doubt, and whether they reach the thresholds.
-
-    Parameters
-    ----------
-    time, sensor : np.ndarray, shape (entry,)
-    exposed, closing : np.ndarray of bool, shape (entry, draw)
-        Whether they reach the threshold of ASE, and that of the shade.
-    """
+    """Entries of the direct sun that are in doubt, and whether they reach the thresholds."""
 
     time: np.ndarray
     sensor: np.ndarray
+    """Indices of the entries, shape (entry,)."""
     exposed: np.ndarray
     closing: np.ndarray
+    """Whether they reach the threshold of ASE, and that of the shade, shape (entry, draw)."""
 
 
 def draw_sun(
@@ -126,21 +121,14 @@ def _hidden(
 
 @dataclass(frozen=True)
 class Closures:
-    """When the shade closes.
-
-    Parameters
-    ----------
-    closed : np.ndarray of bool, shape (time,)
-        Time stamps that close by the mean of the direct sun.
-    hours : np.ndarray, shape (hour,)
-        Time stamps that close in some draws only.
-    drawn : np.ndarray of bool, shape (hour, draw)
-        Whether they close in each draw.
-    """
+    """When the shade closes."""
 
     closed: np.ndarray
+    """Time stamps that close by the mean of the direct sun, shape (time,)."""
     hours: np.ndarray
+    """Time stamps that close in some draws only, shape (hour,)."""
     drawn: np.ndarray
+    """Whether they close in each draw, shape (hour, draw)."""
 
     @classmethod
     def never(cls, stamps: int) -> Closures:

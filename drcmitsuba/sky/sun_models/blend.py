@@ -1,4 +1,9 @@
-"""Suns with their labels, and how they are blended into the sun of each time stamp."""
+"""Suns with their labels, and how they are blended into the sun of each time stamp.
+
+The functions that blend take unit vectors `directions` (time, 3) to the suns, and `up` (time,):
+whether each is above the horizon; elsewhere a time stamp has no bins. The angle across the sun is
+the `diameter` [deg].
+"""
 
 from __future__ import annotations
 
@@ -13,23 +18,15 @@ from drcmitsuba.sky import sun_labels
 
 @dataclass(frozen=True)
 class Suns:
-    """Suns whose coefficients are computed.
-
-    Parameters
-    ----------
-    labels : tuple of str
-    directions : np.ndarray, shape (sun, 3)
-        Unit vectors towards them.
-    diameter : float
-        Angle across a sun [deg].
-    straight : bool
-        Whether sensors receive light straight from the suns; surfaces always do.
-    """
+    """Suns whose coefficients are computed."""
 
     labels: tuple[str, ...]
     directions: np.ndarray
+    """Unit vectors towards them, shape (sun, 3)."""
     diameter: float = 0.5
+    """Angle across a sun [deg]."""
     straight: bool = True
+    """Whether sensors receive light straight from the suns; surfaces always do."""
 
     @classmethod
     def of(cls, sun: xr.Dataset, diameter: float) -> Suns:
@@ -59,17 +56,12 @@ class Blend:
     """Bins that stand together for the sun of each time stamp.
 
     With a sun of luminance L, the bin has w·L: E = L Σ_k w[k] C[bin[k]].
-
-    Parameters
-    ----------
-    bins : np.ndarray of str, shape (time, k)
-        Labels; "" where fewer bins are blended.
-    weights : np.ndarray, shape (time, k)
-        0 where there is no bin.
     """
 
     bins: np.ndarray
+    """Labels, shape (time, k); "" where fewer bins are blended."""
     weights: np.ndarray
+    """0 where there is no bin, shape (time, k)."""
 
     @classmethod
     def own(cls, labels: np.ndarray) -> Blend:

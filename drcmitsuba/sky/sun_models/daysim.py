@@ -54,14 +54,8 @@ def between_daysim_suns(
 
     Parameters
     ----------
-    directions : np.ndarray, shape (time, 3)
-        Unit vectors to the sun.
-    up : np.ndarray of bool, shape (time,)
-        Where the sun is above the horizon.
-    latitude : float
-        Latitude of the place [deg north].
-    diameter : float
-        Angle across the sun [deg].
+    directions, up, latitude, diameter
+        As in `blend`; the latitude of the place is in degrees north.
 
     Returns
     -------

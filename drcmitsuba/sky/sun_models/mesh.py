@@ -47,13 +47,7 @@ def directions_of(nodes: np.ndarray) -> np.ndarray:
 
 
 def triangles(directions: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of a level that directions fall into.
-
-    Parameters
-    ----------
-    directions : np.ndarray, shape (n, 3)
-        Unit vectors, not below the horizon.
-    level : int
+    """Triangles of a level that directions (n, 3), not below the horizon, fall into.
 
     Returns
     -------
@@ -113,11 +107,8 @@ def blend(directions: np.ndarray, up: np.ndarray, labels: Sequence[str]) -> Blen
 
     Parameters
     ----------
-    directions : np.ndarray, shape (time, 3)
-    up : np.ndarray of bool, shape (time,)
-        Where the sun is above the horizon.
-    labels : sequence of str
-        Labels of the bins that are known; those of other kinds play no part.
+    directions, up, labels
+        As in `blend`; `labels` are those of the known bins, other kinds of bins play no part.
 
     Returns
     -------

@@ -37,13 +37,8 @@ def spread_over_patches(
 
     Parameters
     ----------
-    directions : np.ndarray, shape (time, 3)
-        Unit vectors to the sun.
-    up : np.ndarray of bool, shape (time,)
-        Where the sun is above the horizon; elsewhere it has no bins.
-    patches : Patches
-    diameter : float
-        Angle across the sun [deg].
+    directions, up, patches, diameter
+        As in `blend`; the light goes to the sky's patches.
 
     Returns
     -------
@@ -68,7 +63,7 @@ def moved_to_patch(directions: np.ndarray, up: np.ndarray, diameter: float) -> t
     Parameters
     ----------
     directions, up, diameter
-        As for `spread_over_patches`.
+        As in `blend`.
 
     Returns
     -------

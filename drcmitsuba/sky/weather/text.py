@@ -20,17 +20,9 @@ CUT = "the file is cut or damaged: get it again"
 
 
 def read_text(path: str | Path) -> str:
-    r"""Read a text file of at most 32 MiB and 600 000 lines.
+    r"""Read a text file of at most 32 MiB and 600 000 lines, in UTF-8 or, failing that, Latin-1.
 
-    Parameters
-    ----------
-    path : str or Path
-        UTF-8 or, failing that, Latin-1.
-
-    Returns
-    -------
-    str
-        Lines end in "\n" whatever they ended in.
+    Lines of the text end in "\n", whatever they ended in.
 
     Raises
     ------
