@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -30,8 +30,8 @@ from drcmitsuba.runtime.errors import InputError
 Extent = Annotated[float, Field(ge=1e-3, le=10_000, strict=True)]
 """Width or length of a pipe or duct [m]; smaller values are taken for mistakes."""
 
-Wanted = tuple[str | None, tuple[type[Table], ...]]
-"""Name of a material, or None, and the classes that this material may have."""
+Kinds = dict[str, tuple[type[Table], ...]]
+"""Classes that the materials of a component may have, by key."""
 
 Clear = (GlazingMaterial,)
 Pane = (GlazingMaterial, DiffuserMaterial)
@@ -60,9 +60,7 @@ class StructureComponent(Table):
     casing: Fraction = 0.5
     """Reflectance of the casing, and of the part of the pane that no whole period fills [–]."""
 
-    def materials(self) -> dict[str, Wanted]:
-        """Names of the materials by key, and the classes that each may have."""
-        return {"outer": (self.outer, Clear), "inner": (self.inner, Clear)}
+    kinds: ClassVar[Kinds] = {"outer": Clear, "inner": Clear}
 
 
 class LightPipe(Table):
@@ -85,13 +83,7 @@ class LightPipe(Table):
     bottom: str | None = None
     """Glazing or diffuser in the ceiling; default: open."""
 
-    def materials(self) -> dict[str, Wanted]:
-        """Names of the materials by key, and the classes that each may have."""
-        return {
-            "mirror": (self.mirror, Mirror),
-            "top": (self.top, Clear),
-            "bottom": (self.bottom, Pane),
-        }
+    kinds: ClassVar[Kinds] = {"mirror": Mirror, "top": Clear, "bottom": Pane}
 
 
 class Duct(Table):
@@ -123,13 +115,7 @@ class Duct(Table):
     bottom: str | None = None
     """Glazing or diffuser in the ceiling; default: open."""
 
-    def materials(self) -> dict[str, Wanted]:
-        """Names of the materials by key, and the classes that each may have."""
-        return {
-            "mirror": (self.mirror, Mirror),
-            "cover": (self.cover, Clear),
-            "bottom": (self.bottom, Pane),
-        }
+    kinds: ClassVar[Kinds] = {"mirror": Mirror, "cover": Clear, "bottom": Pane}
 
 
 class MeshComponent(Table):
@@ -150,9 +136,7 @@ class MeshComponent(Table):
     ports: Annotated[tuple[tuple[Point, Point, Point, Point], ...], Field(max_length=1000)] = ()
     """Corners of rectangles by which light reaches the mesh [m]; default: its bounding box."""
 
-    def materials(self) -> dict[str, Wanted]:
-        """Names of the materials by key, and the classes that each may have."""
-        return {"material": (self.material, Solid)}
+    kinds: ClassVar[Kinds] = {"material": Solid}
 
 
 Component = Annotated[
@@ -170,7 +154,8 @@ def check_components(
             raise InputError("case", where, "the name is taken", "choose another name")
         if not has_room and not isinstance(component, MeshComponent):
             raise InputError("case", where, "there is no room", "add a [room]")
-        for key, (used, kinds) in component.materials().items():
+        for key, kinds in component.kinds.items():
+            used = getattr(component, key)
             if used is not None and not isinstance(materials.get(used), kinds):
                 known = named_of_kind(materials, kinds)
                 wanted = " or ".join(k.__name__.removesuffix("Material").lower() for k in kinds)

@@ -101,11 +101,9 @@ class MirrorMaterial(Table):
     @model_validator(mode="after")
     def _clear_coating(self) -> MirrorMaterial:
         if self.coating is not None and self.roughness > 0:
-            got, remedy = (
-                f"with a roughness of {self.roughness:g}",
-                "coatings are for smooth mirrors",
-            )
-            raise InputError("material", "coating", got, f"{remedy}: drop one")
+            got = f"with a roughness of {self.roughness:g}"
+            remedy = "coatings are for smooth mirrors: drop one"
+            raise InputError("material", "coating", got, remedy)
         return self
 
 

@@ -3,9 +3,7 @@
 text
     Text of strangers: bounded, decoded, rows counted.
 record
-    `Weather`: a site and its irradiances.
-values
-    Rows of numbers to irradiances.
+    `Weather`: a site and its irradiances, from rows of numbers.
 formats
     `read` for any of these files, `default` for the year that pvlib ships.
 """

@@ -19,7 +19,14 @@ import pandas as pd
 import pvlib
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.sky.weather.record import NOMINAL_YEAR, Weather
+from drcmitsuba.sky.weather.record import (
+    HIGHEST,
+    NOMINAL_YEAR,
+    Weather,
+    hourly,
+    site_of,
+    weather_of,
+)
 from drcmitsuba.sky.weather.text import (
     CUT,
     NumberedRows,
@@ -27,11 +34,9 @@ from drcmitsuba.sky.weather.text import (
     number,
     quoted,
     read_text,
-    refuse,
     rows_of,
     show,
 )
-from drcmitsuba.sky.weather.values import HIGHEST, hourly, site_of, weather_of
 
 DATE, CLOCK = "Date (MM/DD/YYYY)", "Time (HH:MM)"
 TMY3_COLUMNS = {DATE, CLOCK, "Dew-point (C)", "GHI (W/m^2)", "DNI (W/m^2)", "DHI (W/m^2)"}
@@ -60,7 +65,7 @@ def _read_epw(path: Path, lines: list[str]) -> Weather:
     clean = [",".join(["LOCATION", *"-----", *head[6:10]]), *"------", "DATA PERIODS"]
     clean += [",".join(fields(line)[:35]) for line in table.lines]
     frame = by_pvlib(path, pvlib.iotools.read_epw, clean, coerce_year=NOMINAL_YEAR)
-    return hourly(path, site, frame, pd.Timedelta("0h"), table)
+    return hourly(site, frame, pd.Timedelta("0h"), table)
 
 
 def _read_tmy3(path: Path, lines: list[str]) -> Weather:
@@ -81,7 +86,7 @@ def _read_tmy3(path: Path, lines: list[str]) -> Weather:
     clean = [",".join(["0", "-", "-", *head[3:7]]), ",".join(names)]
     clean += [",".join(fields(line)[: len(names)]) for line in table.lines]
     frame = by_pvlib(path, pvlib.iotools.read_tmy3, clean, map_variables=True)
-    return hourly(path, site, frame, pd.Timedelta("1h"), table)
+    return hourly(site, frame, pd.Timedelta("1h"), table)
 
 
 def _read_tmy2(path: Path, lines: list[str]) -> Weather:
@@ -98,7 +103,7 @@ def _read_tmy2(path: Path, lines: list[str]) -> Weather:
     clean = [lines[0].replace(name, re.sub(r"\s+", "_", name), 1), *table.lines]
     frame = by_pvlib(path, lambda file: pvlib.iotools.read_tmy2(str(file)), clean)
     frame = frame.rename(columns={name.upper(): name for name in HIGHEST})
-    return hourly(path, site, frame.assign(temp_dew=frame.DewPoint / 10), pd.Timedelta("0h"), table)
+    return hourly(site, frame.assign(temp_dew=frame.DewPoint / 10), pd.Timedelta("0h"), table)
 
 
 def _read_wea(path: Path, lines: list[str]) -> Weather:
@@ -121,13 +126,13 @@ def _read_wea(path: Path, lines: list[str]) -> Weather:
     month, day, hour, dni, dhi = zip(*(line.split()[:5] for line in table.lines), strict=True)
     dates = {"year": NOMINAL_YEAR, "month": pd.Series(month), "day": pd.Series(day)}
     days = pd.DatetimeIndex(pd.to_datetime({k: pd.to_numeric(v) for k, v in dates.items()}))
-    time, step, sun_time = _wea_time(path, days, pd.Series(hour), table)
+    time, step, sun_time = _wea_time(days, pd.Series(hour), table)
     columns = {"dni": pd.Series(dni), "dhi": pd.Series(dhi)}
-    return weather_of(path, site, step, time, columns, None, sun_time, table)
+    return weather_of(site, step, time, columns, None, sun_time, table)
 
 
 def _wea_time(
-    path: Path, days: pd.DatetimeIndex, hour: pd.Series, table: NumberedRows
+    days: pd.DatetimeIndex, hour: pd.Series, table: NumberedRows
 ) -> tuple[pd.DatetimeIndex, float, str]:
     """Starts of the intervals, step [h] and what a stamp is: the middle or the sun's instant."""
     hours = pd.to_numeric(hour, errors="coerce").to_numpy(float)
@@ -136,7 +141,7 @@ def _wea_time(
     # Two or three decimals: 0.17 h and 0.167 h are both ten minutes.
     off = ~((np.abs(hours * 60 - minutes) < 0.31) & (minutes < 24 * 60))
     remedy = "use 0 to 24, exclusive, and whole minutes"
-    refuse(path, "hour", hour, off, table, "no time of day", remedy)
+    table.refuse("hour", hour, off, "no time of day", remedy)
     stamps = (days + pd.to_timedelta(minutes, unit="min")).as_unit("ns")
     gaps = np.diff(stamps.to_numpy()) / np.timedelta64(1, "m")
     same_day = np.asarray(days[1:] == days[:-1])
@@ -146,7 +151,7 @@ def _wea_time(
         row = int(np.argmax(wrong)) + 1
         got = f"{stamps[row]:%m-%d %H:%M} after {stamps[row - 1]:%m-%d %H:%M}"
         remedy = f"stamps must rise, within a day by one step (here {step:g} min)"
-        raise InputError(path, f"line {table.numbers[row]}", got, remedy)
+        raise InputError(table.path, f"line {table.numbers[row]}", got, remedy)
     if step == 60 and (minutes % 60 == 30).all():
         return stamps - pd.Timedelta("30min"), 1.0, "middle"
     return stamps, step / 60, "instant"

@@ -56,9 +56,17 @@ def read_text(path: str | Path) -> str:
 class NumberedRows(NamedTuple):
     """Rows of a file without 29 February, each with its line number."""
 
+    path: Path
     lines: list[str]
     numbers: list[int]
     leap_rows: int
+
+    def refuse(self, name: str, column: pd.Series, bad: np.ndarray, what: str, remedy: str) -> None:
+        """Raise InputError for the first bad row of a column, and say how many there are."""
+        if bad.any():
+            row = int(np.argmax(bad))
+            got = f"{show(column.iloc[row])}, {what} (rows like it: {np.count_nonzero(bad)})"
+            raise InputError(self.path, f"line {self.numbers[row]}, {name}", got, remedy)
 
 
 def rows_of(
@@ -94,23 +102,7 @@ def rows_of(
             numbers.append(number)
     if not kept:
         raise InputError(path, "rows", "none", CUT)
-    return NumberedRows(kept, numbers, leap_rows)
-
-
-def refuse(
-    path: Path,
-    name: str,
-    column: pd.Series,
-    bad: np.ndarray,
-    table: NumberedRows,
-    what: str,
-    remedy: str,
-) -> None:
-    """Raise for the first bad row, and say how many there are."""
-    if bad.any():
-        row = int(np.argmax(bad))
-        got = f"{show(column.iloc[row])}, {what} (rows like it: {np.count_nonzero(bad)})"
-        raise InputError(path, f"line {table.numbers[row]}, {name}", got, remedy)
+    return NumberedRows(path, kept, numbers, leap_rows)
 
 
 def number(path: Path, field: str, got: str | float, low: float, high: float) -> float:
