@@ -207,12 +207,10 @@ def illuminance(
     ----------
     is_open, shaded : xr.Dataset
         C of the two states [sr]; `shaded` may be None where the shade never closes.
-    sky : xr.Dataset
-        `Daylight.sky`.
+    sky, direct : xr.Dataset
+        As for `by_source` of the open state.
     closed : xr.DataArray of bool, dim time
         Whether the shade is closed.
-    direct : xr.Dataset, optional
-        Direct sun from `direct_sun` of the open state; computed by default.
 
     Returns
     -------

@@ -8,19 +8,12 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.metrics import smooth_step
-from drcmitsuba.metrics.thresholds import (
-    checked,
-    exact_fraction,
-    monthly_share,
-    share,
-    stamps_reached,
-)
+from drcmitsuba.metrics import smooth_step, thresholds
 
 
 def autonomy_stamps(fraction: float, stamps: int) -> int:
     """Time stamps, out of `stamps`, at which a sensor needs enough daylight: ⌈τ·t⌉."""
-    return math.ceil(exact_fraction("fraction", fraction) * stamps)
+    return math.ceil(thresholds.exact_fraction("fraction", fraction) * stamps)
 
 
 def sda(illuminance: xr.DataArray, threshold: float = 300.0, fraction: float = 0.5) -> float:
@@ -47,8 +40,9 @@ def sda(illuminance: xr.DataArray, threshold: float = 300.0, fraction: float = 0
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
     """
-    E = checked(illuminance, "illuminance")
-    return share(stamps_reached(E, threshold) >= autonomy_stamps(fraction, len(E)))
+    E = thresholds.checked(illuminance, "illuminance")
+    stamps = thresholds.stamps_reached(E, threshold)
+    return thresholds.share(stamps >= autonomy_stamps(fraction, len(E)))
 
 
 def msda(
@@ -76,7 +70,7 @@ def msda(
     InputError
         As `sda`; stamps that are not dates.
     """
-    shares = monthly_share(
+    shares = thresholds.monthly_share(
         illuminance, "illuminance", threshold, lambda t_m, t_y: autonomy_stamps(fraction, t_m)
     )
     shares.attrs["long_name"] = "monthly spatial daylight autonomy"

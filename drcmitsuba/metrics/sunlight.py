@@ -8,15 +8,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.metrics import smooth_step
-from drcmitsuba.metrics.thresholds import (
-    checked,
-    exact,
-    monthly_share,
-    not_negative,
-    share,
-    stamps_reached,
-)
+from drcmitsuba.metrics import smooth_step, thresholds
 from drcmitsuba.runtime.errors import InputError
 
 
@@ -26,10 +18,10 @@ def exposure_stamps(hours: float, step_hours: float, t_m: int = 1, t_y: int = 1)
     `hours` of exposure in the whole period and the `step_hours` of a time stamp are in h; of t_y
     time stamps in all, the month has t_m.
     """
-    step = exact(not_negative("step_hours", step_hours))
+    step = thresholds.exact(thresholds.not_negative("step_hours", step_hours))
     if step == 0:
         raise InputError("metrics", "step_hours", f"{step_hours}", "give hours above 0")
-    return math.ceil(exact(not_negative("hours", hours)) / step * t_m / t_y)
+    return math.ceil(thresholds.exact(thresholds.not_negative("hours", hours)) / step * t_m / t_y)
 
 
 def ase(
@@ -61,8 +53,8 @@ def ase(
     InputError
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
     """
-    a_j = stamps_reached(checked(direct, "direct"), threshold)
-    return share(a_j >= exposure_stamps(hours, step_hours))
+    a_j = thresholds.stamps_reached(thresholds.checked(direct, "direct"), threshold)
+    return thresholds.share(a_j >= exposure_stamps(hours, step_hours))
 
 
 def mse(
@@ -91,7 +83,7 @@ def mse(
     InputError
         As `ase`; stamps that are not dates.
     """
-    shares = monthly_share(
+    shares = thresholds.monthly_share(
         direct, "direct", threshold, lambda t_m, t_y: exposure_stamps(hours, step_hours, t_m, t_y)
     )
     shares.attrs["long_name"] = "monthly sunlight exposure"

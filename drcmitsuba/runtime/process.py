@@ -11,32 +11,25 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from drcmitsuba.runtime.errors import BackendError, InputError
 from drcmitsuba.runtime.progress import Progress
 
-T_co = TypeVar("T_co", covariant=True)
 T = TypeVar("T")
 
 POLL = 0.05
 """Seconds between two looks at a process."""
 
 
-class Job(Protocol[T_co]):
-    """Work that can be pickled, with a result that can be pickled."""
-
-    def __call__(self) -> T_co:
-        """Do the work."""
-
-
 class JobError(RuntimeError):
     """A process ended without a result; the message names its signal or exit code."""
 
 
-def run(job: Job[T], deadline: float, progress: Progress = lambda share: None) -> T:
-    """Do a job in another process, wait for it, and return its result.
+def run(job: Callable[[], T], deadline: float, progress: Progress = lambda share: None) -> T:
+    """Do a job in another process, wait for it, and return its result; both can be pickled.
 
     An unfinished job is stopped at the `deadline`, a time by `time.monotonic` [s]; `progress` is
     called with the share [–] of the time until then that has passed.

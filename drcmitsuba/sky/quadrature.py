@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -29,16 +29,6 @@ class SkyLight(NamedTuple):
     """Direct normal illuminance [lx], shape (time,); 0 while the sun's centre is not up."""
 
 
-class PatchValues(Protocol):
-    """One value of a sky per patch, and the patches' weights in a horizontal illuminance."""
-
-    def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
-        """Value of each patch; `sun` (time, 3) unit vectors; returns (time, patch), no ground."""
-
-    def horizontal(self, patches: Patches) -> np.ndarray:
-        """Illuminance that a unit luminance of each sky patch gives [sr], shape (patch,)."""
-
-
 @dataclass(frozen=True)
 class PatchCentres:
     """Luminance and cosine at the centre of each patch, as `gendaymtx` takes them.
@@ -48,12 +38,12 @@ class PatchCentres:
     """
 
     def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
-        """Value of each patch, shape (time, patch)."""
+        """Value of each patch, shape (time, patch), no ground; `sun` (time, 3) are unit vectors."""
         nodes = patches.directions[1:, None]
         return _integrate(luminance, sun, nodes, np.ones((len(nodes), 1)))
 
     def horizontal(self, patches: Patches) -> np.ndarray:
-        """Ω cos θ at the centre [sr], shape (patch,)."""
+        """Illuminance by a unit luminance of each patch: Ω cos θ at the centre [sr], (patch,)."""
         return (patches.solid_angles * patches.directions[:, 2])[1:]
 
 
@@ -86,6 +76,8 @@ class PatchMeans:
         return patches.projected_solid_angles[1:]
 
 
+PatchValues = PatchCentres | PatchMeans
+"""Way to one luminance per patch, and the weights of the patches in a horizontal illuminance."""
 PATCH_MEANS = PatchMeans()
 """The default of every sky model."""
 
