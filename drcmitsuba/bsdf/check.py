@@ -11,18 +11,9 @@ import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 from drcmitsuba_plugins.klems_basis import KlemsMatrix
 
-from drcmitsuba.bsdf import advice, balance
+from drcmitsuba.bsdf import advice, balance, lobes
 from drcmitsuba.bsdf.balance import SIDES
 from drcmitsuba.bsdf.check_report import CheckReport, Curve, Sunlight, Width
-from drcmitsuba.bsdf.lobes import (
-    around,
-    cells_at,
-    directions,
-    lobe,
-    resolution,
-    straight_through,
-    sun,
-)
 from drcmitsuba.bsdf.reader import read
 
 THETAS = tuple(map(float, range(0, 90, 5)))
@@ -73,7 +64,7 @@ def check(file: BsdfFile | str | Path) -> CheckReport:
     sunlight = _sunlight(file)
     widths = _widths(file) if any(s.transmittance > 1e-3 for s in sunlight) else ()
     component = file.component("tb")
-    straight = straight_through(component) if component is not None else None
+    straight = lobes.straight_through(component) if component is not None else None
     lambertian = {name: c.lambertian() for name, c in file.components.items()}
     mounting = _mounting(file)
     model, reasons = advice.model(file.kind, widths, straight, lambertian, energy)
@@ -114,7 +105,7 @@ def _curves(file: BsdfFile) -> tuple[Curve, ...]:
     curves = []
     for side, (_, _, z) in SIDES.items():
         for plane, phi in planes.items():
-            near = around(directions(np.array(thetas), phi) * [1, 1, z]).reshape(-1, 3)
+            near = lobes.around(lobes.directions(np.array(thetas), phi) * [1, 1, z]).reshape(-1, 3)
             T, R = (v.reshape(-1, 4).mean(axis=1).tolist() for v in file.hemispherical(near))
             curves.append(Curve(side, plane, thetas, tuple(T), tuple(R)))
     return tuple(curves)
@@ -127,9 +118,10 @@ def _sunlight(file: BsdfFile) -> tuple[Sunlight, ...]:
         return ()
     sunlight = []
     for elevation in ELEVATIONS:
-        incident = sun(elevation)
-        T = float(component.hemispherical(cells_at(component, incident)).mean())
-        sunlight.append(Sunlight(float(elevation), T, lobe(component, incident, 1.0).upward()))
+        incident = lobes.sun(elevation)
+        T = float(component.hemispherical(lobes.cells_at(component, incident)).mean())
+        upward = lobes.lobe(component, incident, 1.0).upward()
+        sunlight.append(Sunlight(float(elevation), T, upward))
     return tuple(sunlight)
 
 
@@ -142,7 +134,7 @@ def _widths(file: BsdfFile) -> tuple[Width, ...]:
         nearest = (float(rings[abs(rings - e).argmin()]) for e in PEAK_ELEVATIONS)
         elevations = tuple(dict.fromkeys(nearest))
     for elevation in elevations:
-        light = lobe(component, sun(elevation), 1.0, one_cell=True)
+        light = lobes.lobe(component, lobes.sun(elevation), 1.0, one_cell=True)
         if light.power.sum() == 0:
             continue
         toward = light.brightest()
@@ -153,7 +145,7 @@ def _widths(file: BsdfFile) -> tuple[Width, ...]:
                 light.width_at_half_maximum(),
                 light.width_of_half_the_light(),
                 light.share(light.half_maximum()),
-                resolution(component, light.incident, toward),
+                lobes.resolution(component, light.incident, toward),
             )
         )
     return tuple(widths)
@@ -173,8 +165,8 @@ def _mounting(file: BsdfFile) -> dict[str, float]:
             continue
         parts = []
         for elevation in REDIRECTED:
-            incident = sun(elevation) * [1, turned, swapped]
-            light = lobe(component, incident, float(swapped), grid=64)
+            incident = lobes.sun(elevation) * [1, turned, swapped]
+            light = lobes.lobe(component, incident, float(swapped), grid=64)
             up = light.outgoing[:, 1] * turned > 0
             parts.append(float(light.power[up].sum()))
         upward[name] = float(np.mean(parts))

@@ -71,10 +71,7 @@ class _Header:
 def read(paths: Iterable[str | Path]) -> list[Measurement]:
     """Read measurements in the order of the files; a file may hold several, each with its header.
 
-    Raises
-    ------
-    InputError
-        A file cannot be read, has no measurement, or a line of it is wrong.
+    A file that cannot be read or has no measurement, and a wrong line, raise InputError.
     """
     measurements: list[Measurement] = []
     left = MAX_BYTES

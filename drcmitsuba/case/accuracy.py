@@ -21,13 +21,7 @@ class Target(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Target:
-        """Read "1 point", "0.5 points" or "2 %".
-
-        Raises
-        ------
-        InputError
-            The text is none of these, or the value is not above 0 and at most 100.
-        """
+        """Read "1 point", "0.5 points" or "2 %"; above 0, at most 100, else InputError."""
         match = re.fullmatch(r"\s*(\d{1,3}(?:\.\d{1,6})?)\s*(points?|%)\s*", text, re.ASCII)
         if match is None or not 0 < float(match[1]) <= 100:
             got = shortened(text)

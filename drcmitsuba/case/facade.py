@@ -70,16 +70,11 @@ class Facade(Table):
     def check(
         self, side: Side, wall: tuple[float, float], known: Sequence[str], named: Sequence[str]
     ) -> None:
-        """Refuse strips that do not fit into their wall (width, height [m]), or of no material.
+        """Raise InputError for strips that do not fit into their wall (width, height [m]).
 
-        `known` are the names of the materials that a strip can have, `named` those of all materials
-        and components of the case.
-
-        Raises
-        ------
-        InputError
-            A strip is higher than the wall, overlaps another one, has no such segment or material,
-            or is all frame.
+        A strip may not be higher than the wall, overlap another one, lie in no segment, be all
+        frame, or be of a material that is not among the `known` names. `named` are the names of
+        all materials and components of the case.
         """
         width, height = wall
 

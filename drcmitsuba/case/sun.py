@@ -58,12 +58,9 @@ Sun = Annotated[
 
 
 def check_sun(sun: Sun, effects: Effects, has_components: bool) -> None:
-    """Refuse a model of the sun that the components or the chosen effects exclude.
+    """Raise InputError for a sun that the components or the chosen effects exclude.
 
-    Raises
-    ------
-    InputError
-        A mesh of suns with mirrored light; a three-phase sun without suns or without sky.
+    These are a mesh of suns with mirrored light, and a three-phase sun without suns or sky.
     """
     if isinstance(sun, Adaptive) and has_components:
         got = "a mesh of suns would blur what components mirror"

@@ -65,10 +65,7 @@ T = TypeVar("T", bound=Table)
 def checked(table: type[T], data: dict[str, Any], source: str | Path) -> T:
     """Check plain values from TOML, whose origin is `source`, and make a table of them.
 
-    Raises
-    ------
-    InputError
-        A key is unknown or missing, or a value is out of its range.
+    An unknown or missing key, and a value out of its range, raise InputError.
     """
     try:
         return table.model_validate(data)
@@ -175,10 +172,7 @@ def is_file(path: Path, source: object, field: str) -> bool:
 def read_toml(file: Path, most: int) -> dict[str, Any]:
     """Read a TOML file of at most `most` bytes.
 
-    Raises
-    ------
-    InputError
-        The file is missing, too large, a device, or no TOML.
+    A file that is missing, too large, a device, or no TOML raises InputError.
     """
     try:
         if file.exists() and not file.is_file():  # a device would never end

@@ -41,10 +41,7 @@ class Coefficients:
     def of(cls, joined: xr.Dataset) -> Coefficients:
         """Split the dataset of `joined`, or of `coefficients.zarr`, into its states.
 
-        Raises
-        ------
-        InputError
-            There is no state `open`, or a single replicate.
+        Without a state `open`, or with a single replicate, it raises InputError.
         """
         states = [str(state) for state in joined["state"].values]
         if "open" not in states or joined.sizes["replicate"] < 2:

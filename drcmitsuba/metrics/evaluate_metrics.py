@@ -120,12 +120,8 @@ def evaluate_metrics(
 ) -> EvaluatedMetrics:
     """Accumulate E from coefficients and draw its metrics.
 
-    `direct` is from `illuminance.direct_sun` [lx] and computed by default.
-
-    Raises
-    ------
-    InputError
-        A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
+    `direct` is from `illuminance.direct_sun` [lx] and computed by default. Errors are those of
+    `illuminance.illuminance`.
     """
     E = illuminance(coefficients, daylight.sky, direct)
     E.attrs["step_hours"] = daylight.step_hours

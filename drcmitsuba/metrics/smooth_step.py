@@ -64,10 +64,7 @@ def step(value: mi.TensorXf, threshold: float | mi.TensorXf, sharpness: float) -
 def passed(E: mi.TensorXf, threshold: float, sharpness: float) -> mi.TensorXf:
     """Soft E ≥ threshold, shape (time, sensor); a threshold of 0 lx is always reached.
 
-    Raises
-    ------
-    InputError
-        No time stamp or sensor, a threshold or a sharpness out of range.
+    No time stamp or sensor, a threshold or a sharpness out of range raise InputError.
     """
     if len(E.shape) != 2 or 0 in E.shape:
         raise InputError("smooth", "shape", f"{E.shape}", "give a tensor (time, sensor)")
@@ -103,12 +100,8 @@ def monthly_share(
     """Soft share [%] of the sensors that reach the threshold at `required(t_m, t_y)` time stamps.
 
     E has the shape (time, sensor) [lx], `months` (time,), the result (present,): the months in
-    `np.unique(months)`. A month has t_m of the t_y time stamps.
-
-    Raises
-    ------
-    InputError
-        As `passed`; not one month for each time stamp.
+    `np.unique(months)`. A month has t_m of the t_y time stamps. Errors are those of `passed`, and
+    InputError where there is not one month for each time stamp.
     """
     if np.shape(months) != E.shape[:1]:
         got = f"shape {np.shape(months)}"

@@ -51,10 +51,7 @@ def months(array: xr.DataArray, name: str = "illuminance") -> np.ndarray:
 def checked(array: xr.DataArray, name: str) -> np.ndarray:
     """Values E[time, sensor] of an array, a view where it is held in memory.
 
-    Raises
-    ------
-    InputError
-        Other dims, no time stamp or sensor, or values that are not finite real numbers.
+    InputError for other dims, no time stamp or sensor, or values that are not finite real numbers.
     """
     if not isinstance(array, xr.DataArray):
         raise InputError(name, "type", type(array).__name__, "give an xarray DataArray")
@@ -99,10 +96,7 @@ def monthly_share(
 ) -> xr.DataArray:
     """Share [%] of the sensors that reach the threshold at `required(t_m, t_y)` time stamps.
 
-    Returns
-    -------
-    DataArray (month,)
-        Months 1 to 12, NaN for a month without time stamps.
+    It has the dim `month`, 1 to 12; NaN for a month without time stamps.
     """
     E, month = checked(array, name), months(array, name)
     shares = xr.DataArray(np.full(12, np.nan), {"month": np.arange(1, 13)}, attrs={"units": "%"})

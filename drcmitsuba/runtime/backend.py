@@ -37,13 +37,7 @@ def llvm_version() -> tuple[int, ...] | None:
 
 
 def check_llvm() -> None:
-    """Refuse a missing or unfit LLVM.
-
-    Raises
-    ------
-    BackendError
-        LLVM is missing or older than 17.
-    """
+    """Raise BackendError where LLVM is missing or older than 17."""
     version = llvm_version()
     if version is None:
         raise BackendError(f"no LLVM found, or one older than 15; {REMEDY}")

@@ -60,13 +60,7 @@ class Stream(Enum):
     """Straight light on the receivers of a basis; replicate, material, kind, tile, `Draw`."""
 
     def key(self, *indices: int) -> tuple[int, ...]:
-        """Key of a launch: the form, with the indices in their places.
-
-        Raises
-        ------
-        ValueError
-            There are more or fewer indices than the form has places.
-        """
+        """Key of a launch: the form, with the indices in their places, as many as it has."""
         places = sum(number is None for number in self.value)
         if len(indices) != places:
             raise ValueError(f"{self.name}: {len(indices)} indices, the stream has {places}")

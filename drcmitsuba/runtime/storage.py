@@ -65,14 +65,9 @@ def _refuse_full_disk(path: Path, size: int) -> None:
 
 
 def save_netcdf(data: xr.Dataset, path: Path) -> None:
-    """Write a dataset as NetCDF; never leaves half a file at `path`.
+    """Write a dataset as NetCDF; OSError where the disk is full or the folder not writable.
 
     The file is not compressed: compression takes ten times as long and saves a third.
-
-    Raises
-    ------
-    OSError
-        The disk is full, or the folder may not be written.
     """
     with _whole(path) as temporary:
         _refuse_full_disk(temporary, data.nbytes + data.nbytes // 20 + SPARE)

@@ -20,19 +20,6 @@ HOUR = np.timedelta64(3600, "s")
 class Period:
     """Part of a year, in clock time.
 
-    Parameters
-    ----------
-    months : tuple of int
-        1 (January) to 12.
-    hours : tuple of float
-        Clock hours [first, last): (8, 18) is eight in the morning to six in the evening.
-    days_per_week : int
-        1 to 7, counted from Monday: 5 is Monday to Friday.
-    daylight_saving : tuple of str, optional
-        First and last day, "MM-DD". From 0:00 standard time of the first day to 0:00 standard time
-        of the last day (itself exclusive) the clock is one hour ahead of standard time. A first day
-        after the last one is a southern summer, across the turn of the year.
-
     Raises
     ------
     InputError
@@ -45,9 +32,15 @@ class Period:
     """
 
     months: tuple[int, ...] = tuple(range(1, 13))
+    """1 (January) to 12."""
     hours: tuple[float, float] = (8, 18)
+    """Clock hours [first, last): (8, 18) is eight in the morning to six in the evening."""
     days_per_week: int = 5
+    """1 to 7, counted from Monday: 5 is Monday to Friday."""
     daylight_saving: tuple[str, str] | None = None
+    """First and last day, "MM-DD". From 0:00 standard time of the first day to 0:00 standard time
+    of the last day (itself exclusive) the clock is one hour ahead of standard time. A first day
+    after the last one is a southern summer, across the turn of the year."""
 
     def __post_init__(self) -> None:
         for field in ("months", "hours"):

@@ -102,13 +102,9 @@ class Bounds:
 def values(
     illuminance: xr.Dataset, rules: Rules, errors: float = 0.0
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-    """Metrics of the year and by month [%], of E with so many standard errors added.
+    """Metrics [%] of E with so many standard errors added: of the year, and by month (month,).
 
-    Returns
-    -------
-    dict, dict
-        `sDA`, `ASE`, `shade_closed`; `msDA`, `MSE`, `shade_closed_monthly` (month,), NaN for a
-        month without hours.
+    `sDA`, `ASE`, `shade_closed`; `msDA`, `MSE`, `shade_closed_monthly`, NaN without hours.
     """
     total, direct = (
         luminance(illuminance[name]) + errors * luminance(illuminance[f"{name}_se"])

@@ -2,7 +2,7 @@
 
 The functions that blend take unit vectors `directions` (time, 3) to the suns, and `up` (time,):
 whether each is above the horizon; elsewhere a time stamp has no bins. The angle across the sun is
-the `diameter` [deg].
+the `diameter` [deg]. They return a `Blend`, with its `Suns` where these are not patches of the sky.
 """
 
 from __future__ import annotations

@@ -50,23 +50,9 @@ def between_daysim_suns(
     """Blend each sun from the four of DAYSIM's suns about it.
 
     The suns stand at full solar hours on five days. A sun between two days is blended by its
-    declination, a sun between two hours by its hour angle.
-
-    Parameters
-    ----------
-    directions, up, latitude, diameter
-        As in `blend`; the latitude of the place is in degrees north.
-
-    Returns
-    -------
-    suns : Suns
-        65 of them at mid latitudes, `sun_daysim_01` …
-    blend : Blend
-        Four bins each.
-
-    Notes
-    -----
-    A day whose sun stays below 2° has none; the nearest day with suns stands in for it.
+    declination, a sun between two hours by its hour angle. There are 65 suns at mid latitudes,
+    `sun_daysim_01` …, and four bins in a blend. A day whose sun stays below 2° has none; the
+    nearest day with suns stands in for it. The latitude of the place is in degrees north.
     """
     hours = [_hours_of_day(latitude, d) for d in DECLINATIONS]
     days = np.flatnonzero([len(h) > 0 for h in hours])

@@ -49,12 +49,7 @@ def directions_of(nodes: np.ndarray) -> np.ndarray:
 def triangles(directions: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
     """Triangles of a level that directions (n, 3), not below the horizon, fall into.
 
-    Returns
-    -------
-    corners : np.ndarray of int, shape (n, 3, 2)
-        Nodes.
-    weights : np.ndarray, shape (n, 3)
-        Barycentric coordinates.
+    Each has the nodes of its corners (n, 3, 2), of int, and barycentric coordinates (n, 3).
     """
     uv = directions[:, :2] / abs(directions).sum(axis=1, keepdims=True)
     signs = np.where(uv < 0, -1, 1)
@@ -105,15 +100,8 @@ def possible_suns(latitude: float) -> np.ndarray:
 def blend(directions: np.ndarray, up: np.ndarray, labels: Sequence[str]) -> Blend:
     """Blend each sun from the corners of the finest triangle about it whose corners are known.
 
-    Parameters
-    ----------
-    directions, up, labels
-        As in `blend`; `labels` are those of the known bins, other kinds of bins play no part.
-
-    Returns
-    -------
-    Blend
-        Three bins for each sun; "" where not even the coarsest triangle is known.
+    `labels` are those of the known bins; other kinds of bins play no part. A sun has three bins; ""
+    where not even the coarsest triangle is known.
     """
     size = 2 * _STEPS + 1
     known = np.zeros((size, size), bool)

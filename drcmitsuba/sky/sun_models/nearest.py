@@ -33,18 +33,8 @@ def spread_over_patches(
 ) -> Blend:
     r"""Spread each sun over the four patches with the nearest centres: three-phase method.
 
-    A patch at angle γ gets the share w / Σw of the sun's light, w = 1 / (1.002 − cos γ).
-
-    Parameters
-    ----------
-    directions, up, patches, diameter
-        As in `blend`; the light goes to the sky's patches.
-
-    Returns
-    -------
-    Blend
-        Bins are sky patches; a weight is the share times the ratio of the solid angles of sun and
-        patch.
+    A patch at angle γ gets the share w / Σw of the sun's light, w = 1 / (1.002 − cos γ). Its weight
+    is the share times the ratio of the solid angles of sun and patch.
     """
     bins = np.zeros((len(up), SPREAD), np.int64)
     weights = np.zeros((len(up), SPREAD))
@@ -60,21 +50,9 @@ def spread_over_patches(
 def moved_to_patch(directions: np.ndarray, up: np.ndarray, diameter: float) -> tuple[Suns, Blend]:
     """Move each sun to the nearest centre of a patch of Reinhart's MF 6: five-phase method.
 
-    Parameters
-    ----------
-    directions, up, diameter
-        As in `blend`.
-
-    Returns
-    -------
-    suns : Suns
-        The centres in use, `sun_mf6_0001` …
-    blend : Blend
-
-    Notes
-    -----
-    The published method moves the sun for its direct light only and leaves what is interreflected
-    to the patches of the three-phase method; here all light comes from the moved sun.
+    The suns are the centres in use, `sun_mf6_0001` … . The published method moves the sun for its
+    direct light only and leaves what is interreflected to the patches of the three-phase method;
+    here all light comes from the moved sun.
     """
     patches = Patches(FIVE_PHASE)
     bins = np.zeros(len(up), np.int64)

@@ -19,24 +19,9 @@ import pandas as pd
 import pvlib
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.sky.weather.record import (
-    HIGHEST,
-    NOMINAL_YEAR,
-    Weather,
-    hourly,
-    site_of,
-    weather_of,
-)
-from drcmitsuba.sky.weather.text import (
-    CUT,
-    NumberedRows,
-    fields,
-    number,
-    quoted,
-    read_text,
-    rows_of,
-    show,
-)
+from drcmitsuba.sky.weather import record, text
+from drcmitsuba.sky.weather.record import Weather
+from drcmitsuba.sky.weather.text import NumberedRows
 
 DATE, CLOCK = "Date (MM/DD/YYYY)", "Time (HH:MM)"
 TMY3_COLUMNS = {DATE, CLOCK, "Dew-point (C)", "GHI (W/m^2)", "DNI (W/m^2)", "DHI (W/m^2)"}
@@ -50,30 +35,30 @@ WEA_HEAD += ["weather_data_file_units"]
 
 
 def _read_epw(path: Path, lines: list[str]) -> Weather:
-    head = quoted(path, lines[0])
+    head = text.quoted(path, lines[0])
     tags = [line[:12].upper() for line in lines[:40]]
     if head[0].upper() != "LOCATION" or len(head) < 10 or "DATA PERIODS" not in tags:
         remedy = "an EPW starts with LOCATION and 9 more fields and has a line DATA PERIODS"
-        raise InputError(path, "header", show(lines[0]), remedy)
+        raise InputError(path, "header", text.show(lines[0]), remedy)
     first = tags.index("DATA PERIODS") + 1
     if [field.strip() for field in lines[first - 1].split(",")[1:3]] != ["1", "1"]:
         remedy = "give one data period of hourly records"
-        raise InputError(path, f"line {first}", show(lines[first - 1]), remedy)
-    site = site_of(path, head[1], *head[6:10])
-    table = rows_of(path, lines, first, fields, lambda fields: fields[1:4], least=16)
+        raise InputError(path, f"line {first}", text.show(lines[first - 1]), remedy)
+    site = record.site_of(path, head[1], *head[6:10])
+    table = text.rows_of(path, lines, first, text.fields, lambda fields: fields[1:4], least=16)
     # A comma in the quoted city, a quote left open in a comment or a 36th column lead pvlib astray.
     clean = [",".join(["LOCATION", *"-----", *head[6:10]]), *"------", "DATA PERIODS"]
-    clean += [",".join(fields(line)[:35]) for line in table.lines]
-    frame = by_pvlib(path, pvlib.iotools.read_epw, clean, coerce_year=NOMINAL_YEAR)
-    return hourly(site, frame, pd.Timedelta("0h"), table)
+    clean += [",".join(text.fields(line)[:35]) for line in table.lines]
+    frame = by_pvlib(path, pvlib.iotools.read_epw, clean, coerce_year=record.NOMINAL_YEAR)
+    return record.hourly(site, frame, pd.Timedelta("0h"), table)
 
 
 def _read_tmy3(path: Path, lines: list[str]) -> Weather:
-    head = quoted(path, lines[0])
-    names = fields(lines[1]) if len(lines) > 1 else []
+    head = text.quoted(path, lines[0])
+    names = text.fields(lines[1]) if len(lines) > 1 else []
     lacking = sorted(TMY3_COLUMNS - set(names))
     if len(head) < 7 or lacking:
-        got = f"no column {lacking[0]!r}" if lacking else show(lines[0])
+        got = f"no column {lacking[0]!r}" if lacking else text.show(lines[0])
         raise InputError(path, "header", got, "a .csv must be a TMY3 file with its two head lines")
     date, clock = names.index(DATE), names.index(CLOCK)
 
@@ -81,29 +66,32 @@ def _read_tmy3(path: Path, lines: list[str]) -> Weather:
         hour = fields[clock].split(":")[0]
         return [*fields[date].split("/")[:2], "24" if hour in ("0", "00") else hour]
 
-    site = site_of(path, head[1], head[4], head[5], head[3], head[6])
-    table = rows_of(path, lines, 2, fields, day_and_hour, least=len(names))
+    site = record.site_of(path, head[1], head[4], head[5], head[3], head[6])
+    table = text.rows_of(path, lines, 2, text.fields, day_and_hour, least=len(names))
     clean = [",".join(["0", "-", "-", *head[3:7]]), ",".join(names)]
-    clean += [",".join(fields(line)[: len(names)]) for line in table.lines]
+    clean += [",".join(text.fields(line)[: len(names)]) for line in table.lines]
     frame = by_pvlib(path, pvlib.iotools.read_tmy3, clean, map_variables=True)
-    return hourly(site, frame, pd.Timedelta("1h"), table)
+    return record.hourly(site, frame, pd.Timedelta("1h"), table)
 
 
 def _read_tmy2(path: Path, lines: list[str]) -> Weather:
     head = TMY2_HEAD.fullmatch(lines[0][:200].strip())
     if head is None:
-        raise InputError(path, "line 1", show(lines[0]), "give a TMY2 file with its head line")
+        raise InputError(path, "line 1", text.show(lines[0]), "give a TMY2 file with its head line")
     _, name, _, zone, north, lat, lat_minute, east, lon, lon_minute, metres = head.groups()
     latitude = (1 if north == "N" else -1) * (int(lat) + int(lat_minute) / 60)
     longitude = (1 if east == "E" else -1) * (int(lon) + int(lon_minute) / 60)
-    site = site_of(path, name, latitude, longitude, zone, metres)
+    site = record.site_of(path, name, latitude, longitude, zone, metres)
     # Fixed columns: every character is a field.
-    table = rows_of(path, lines, 1, list, lambda c: ["".join(c[i : i + 2]) for i in (3, 5, 7)], 142)
+    table = text.rows_of(
+        path, lines, 1, list, lambda c: ["".join(c[i : i + 2]) for i in (3, 5, 7)], 142
+    )
     # pvlib splits the head line at its spaces, also those of the city.
     clean = [lines[0].replace(name, re.sub(r"\s+", "_", name), 1), *table.lines]
     frame = by_pvlib(path, lambda file: pvlib.iotools.read_tmy2(str(file)), clean)
-    frame = frame.rename(columns={name.upper(): name for name in HIGHEST})
-    return hourly(site, frame.assign(temp_dew=frame.DewPoint / 10), pd.Timedelta("0h"), table)
+    frame = frame.rename(columns={name.upper(): name for name in record.HIGHEST})
+    frame = frame.assign(temp_dew=frame.DewPoint / 10)
+    return record.hourly(site, frame, pd.Timedelta("0h"), table)
 
 
 def _read_wea(path: Path, lines: list[str]) -> Weather:
@@ -114,21 +102,21 @@ def _read_wea(path: Path, lines: list[str]) -> Weather:
         head[key] = "".join(value)
     if set(head) != set(WEA_HEAD):
         remedy = f"start with the lines {', '.join(WEA_HEAD)}"
-        raise InputError(path, "header", show(", ".join(head)), remedy)
+        raise InputError(path, "header", text.show(", ".join(head)), remedy)
     if head["weather_data_file_units"] != "1":
-        got = show(head["weather_data_file_units"])
+        got = text.show(head["weather_data_file_units"])
         raise InputError(path, "weather_data_file_units", got, "use 1 (dni and dhi in W/m²)")
-    west = number(path, "longitude (degrees west)", head["longitude"], -180, 180)
-    zone = number(path, "time_zone (degrees west)", head["time_zone"], -210, 180)
+    west = text.number(path, "longitude (degrees west)", head["longitude"], -180, 180)
+    zone = text.number(path, "time_zone (degrees west)", head["time_zone"], -210, 180)
     elevation = head["site_elevation"]
-    site = site_of(path, head["place"], head["latitude"], 0 - west, 0 - zone / 15, elevation)
-    table = rows_of(path, lines, first, str.split, lambda words: [*words[:2], "1"], least=5)
+    site = record.site_of(path, head["place"], head["latitude"], 0 - west, 0 - zone / 15, elevation)
+    table = text.rows_of(path, lines, first, str.split, lambda words: [*words[:2], "1"], least=5)
     month, day, hour, dni, dhi = zip(*(line.split()[:5] for line in table.lines), strict=True)
-    dates = {"year": NOMINAL_YEAR, "month": pd.Series(month), "day": pd.Series(day)}
+    dates = {"year": record.NOMINAL_YEAR, "month": pd.Series(month), "day": pd.Series(day)}
     days = pd.DatetimeIndex(pd.to_datetime({k: pd.to_numeric(v) for k, v in dates.items()}))
     time, step, sun_time = _wea_time(days, pd.Series(hour), table)
     columns = {"dni": pd.Series(dni), "dhi": pd.Series(dhi)}
-    return weather_of(site, step, time, columns, None, sun_time, table)
+    return record.weather_of(site, step, time, columns, None, sun_time, table)
 
 
 def _wea_time(
@@ -169,7 +157,7 @@ def by_pvlib(
         try:
             return reader(clean, **options)[0]
         except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
-            raise InputError(path, "rows", show(error), CUT) from error
+            raise InputError(path, "rows", text.show(error), text.CUT) from error
 
 
 READERS: dict[str, Callable[[Path, list[str]], Weather]] = {
@@ -209,7 +197,7 @@ def read(path: str | Path) -> Weather:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(path, "suffix", repr(path.suffix), f"use one of {', '.join(READERS)}")
-    return reader(path, read_text(path).split("\n"))
+    return reader(path, text.read_text(path).split("\n"))
 
 
 def default() -> Weather:

@@ -22,12 +22,8 @@ CUT = "the file is cut or damaged: get it again"
 def read_text(path: str | Path) -> str:
     r"""Read a text file of at most 32 MiB and 600 000 lines, in UTF-8 or, failing that, Latin-1.
 
-    Lines of the text end in "\n", whatever they ended in.
-
-    Raises
-    ------
-    InputError
-        No such file, unreadable, empty, binary or too large.
+    Lines of the text end in "\n", whatever they ended in. A file that is missing, unreadable,
+    empty, binary or too large raises InputError.
     """
     path = Path(path)
     try:

@@ -198,7 +198,7 @@ def test_diffuse_illuminance_is_exact():
         data.dni.to_numpy(),
         data.dhi.to_numpy(),
         sun.solar_zenith.to_numpy(),
-        perez.day_of_year(data.time.to_numpy()),
+        data.time.dt.dayofyear.to_numpy(),
     )
     diffuse, _ = perez.efficacies(model, perez.precipitable_water(data.dew_point.to_numpy()))
     np.testing.assert_allclose(L.diffuse_horizontal_illuminance, data.dhi * diffuse, rtol=1e-12)
