@@ -53,8 +53,9 @@ def passage(a: np.ndarray, b: np.ndarray, cover: np.ndarray, reach: float) -> Pa
     `a`, `b` and `cover`, the fraction of each pixel that lies in the disk, have the shape (m, m);
     `reach` is the longest shift [pixel].
     """
-    floors = [_floor(g, cover) for g in (a, b)]
-    left_a, left_b = np.maximum(a - floors[0], 0), np.maximum(b - floors[1], 0)
+    inside = cover > 0.99
+    # The Lambertian part of a distribution, its least value inside the disk, rests.
+    left_a, left_b = (np.maximum(g - float(g[inside].min()) * cover, 0) for g in (a, b))
     enough = LITTLE * min(left_a.sum(), left_b.sum())
     lobes = []
     for _ in range(ROUNDS):
@@ -66,12 +67,6 @@ def passage(a: np.ndarray, b: np.ndarray, cover: np.ndarray, reach: float) -> Pa
         lobes.append((part_a, part_b, shift))
         left_a, left_b = left_a - part_a, left_b - part_b
     return Passage(tuple(lobes), (a - sum(p for p, *_ in lobes), b - sum(p for _, p, _ in lobes)))
-
-
-def _floor(g: np.ndarray, cover: np.ndarray) -> np.ndarray:
-    """Lambertian part (m, m) of a distribution: its least value inside the disk."""
-    inside = cover > 0.99
-    return float(g[inside].min()) * cover
 
 
 def _likely_shift(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[int, int]:

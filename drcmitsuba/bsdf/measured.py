@@ -25,7 +25,7 @@ from drcmitsuba.bsdf import incidence, pab_opto
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.bsdf.pab_opto import Measurement
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.progress import Progress, part
 
 FEWEST = 16
 """Least number of scattered directions of one incidence."""
@@ -185,10 +185,7 @@ def from_measurements(
     pixels = Pixels(depth)
     components, notes = {}, []
     for i, (name, measured) in enumerate(parts.items()):
-
-        def report(share: float, done: int = i) -> None:
-            progress((done + share) / len(parts))
-
+        report = part(progress, i / len(parts), (i + 1) / len(parts))
         lights = [
             (key, gathered(xy, value, pixels, all_of_them[0].source)) for key, xy, value in measured
         ]

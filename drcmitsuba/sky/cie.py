@@ -110,13 +110,10 @@ class CieSky:
             zenith = np.maximum(zenith, 90 - HIGHEST_SUN)
         cos_sun = np.cos(np.radians(zenith))[:, None]
 
-        def luminance(
-            time: slice | np.ndarray, cos_zenith: np.ndarray, cos_gamma: np.ndarray
-        ) -> np.ndarray:
-            return relative(self.kind, cos_zenith, cos_gamma, cos_sun[time])
-
         centre = sun_module.direction(zenith, azimuth[up])
-        values = self.patch_values(luminance, centre, patches)
+        values = self.patch_values(
+            lambda time, *cosines: relative(self.kind, *cosines, cos_sun[time]), centre, patches
+        )
         horizontal = self.patch_values.horizontal(patches)
         if self.diffuse_horizontal_illuminance is None:
             sky[up] = values * zenith_luminance(str(self.kind), cos_sun, self.turbidity)
@@ -130,10 +127,10 @@ class CieSky:
 def relative(
     kind: int | str, cos_zenith: np.ndarray, cos_gamma: np.ndarray, cos_sun: np.ndarray
 ) -> np.ndarray:
-    """Luminance over that of the zenith, L / Lz, from cosines: to the zenith, to the sun, of Zs.
+    """Luminance over that of the zenith, L / Lz, shape of the cosines, which broadcast.
 
-    `kind` is that of `CieSky`; the shapes of the cosines broadcast. Directions below the horizon
-    are taken as on it; Zs is the sun's zenith angle.
+    They are cosines of the angles to the zenith, ζ, and to the sun, γ, and of the sun's zenith
+    angle Zs. Directions below the horizon are taken as on it. `kind` is that of `CieSky`.
 
     ISO types: f(γ) φ(ζ) / (f(Zs) φ(0)), φ = 1 + a exp(b / cos ζ),
     f = 1 + c (exp(dγ) − exp(dπ/2)) + e cos² γ.

@@ -30,8 +30,8 @@ TMY2_HEAD = re.compile(
     r"\s+(-?\d+)",
     re.ASCII,
 )
-WEA_HEAD = ["place", "latitude", "longitude", "time_zone", "site_elevation"]
-WEA_HEAD += ["weather_data_file_units"]
+WEA_UNITS = "weather_data_file_units"
+WEA_HEAD = ["place", "latitude", "longitude", "time_zone", "site_elevation", WEA_UNITS]
 
 
 def _read_epw(path: Path, lines: list[str]) -> Weather:
@@ -103,9 +103,9 @@ def _read_wea(path: Path, lines: list[str]) -> Weather:
     if set(head) != set(WEA_HEAD):
         remedy = f"start with the lines {', '.join(WEA_HEAD)}"
         raise InputError(path, "header", text.show(", ".join(head)), remedy)
-    if head["weather_data_file_units"] != "1":
-        got = text.show(head["weather_data_file_units"])
-        raise InputError(path, "weather_data_file_units", got, "use 1 (dni and dhi in W/m²)")
+    if head[WEA_UNITS] != "1":
+        got = text.show(head[WEA_UNITS])
+        raise InputError(path, WEA_UNITS, got, "use 1 (dni and dhi in W/m²)")
     west = text.number(path, "longitude (degrees west)", head["longitude"], -180, 180)
     zone = text.number(path, "time_zone (degrees west)", head["time_zone"], -210, 180)
     elevation = head["site_elevation"]
