@@ -120,9 +120,9 @@ def _filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Values (m, m), each unknown one replaced by the nearest known one."""
     have, lack = np.argwhere(known), np.argwhere(~known)
     out = values.copy()
-    for part in np.array_split(lack, max(1, len(lack) // 256)):
-        distance = ((part[:, None] - have) ** 2).sum(axis=2)
-        out[tuple(part.T)] = values[tuple(have[distance.argmin(axis=1)].T)]
+    for block in np.array_split(lack, max(1, len(lack) // 256)):
+        distance = ((block[:, None] - have) ** 2).sum(axis=2)
+        out[tuple(block.T)] = values[tuple(have[distance.argmin(axis=1)].T)]
     return out
 
 
