@@ -22,7 +22,7 @@ PLANES = {"above": 90.0, "below": 270.0, "right": 0.0, "left": 180.0}
 """Azimuth [deg] of the light's origin; right and left as seen from the room."""
 ELEVATIONS = tuple(range(10, 90, 10))
 """Elevations [deg] of the suns in `CheckReport.sunlight`."""
-PEAK_ELEVATIONS = (15.0, 30.0, 45.0, 60.0)
+PEAK_ELEVATIONS: tuple[float, ...] = (15.0, 30.0, 45.0, 60.0)
 """Elevations [deg] of the suns in `CheckReport.widths`; for Klems those of the nearest rings."""
 REDIRECTED = tuple(range(25, 65, 5))
 """Elevations [deg] of the suns whose light a redirecting film is to send up."""

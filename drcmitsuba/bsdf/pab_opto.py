@@ -24,6 +24,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -140,7 +141,8 @@ def _header(path: Path, number: int, line: str, header: _Header) -> _Header | No
             raise InputError(path, where, repr(rest[:40]), "give CIE-Y or CIE-XYZ")
         return replace(header, columns=5 if rest.upper() == "CIE-XYZ" else 3)
     if key in ANGLES:
-        return replace(header, **{ANGLES[key]: _angles(path, number, key, rest, 1)[0]})
+        angle: dict[str, Any] = {ANGLES[key]: _angles(path, number, key, rest, 1)[0]}
+        return replace(header, **angle)
     if key == "incident_angle":
         theta, phi = _angles(path, number, key, rest, 2)
         return replace(header, theta=theta, phi=phi)

@@ -112,8 +112,9 @@ class CieSky:
 
         centre = sun_module.direction(zenith, azimuth[up])
         values = self.patch_values(
-            lambda time, *cosines: relative(self.kind, *cosines, cos_sun[time]), centre, patches
-        )
+            lambda time, to_zenith, to_sun: relative(self.kind, to_zenith, to_sun, cos_sun[time]),
+            centre, patches,
+        )  # fmt: skip
         horizontal = self.patch_values.horizontal(patches)
         if self.diffuse_horizontal_illuminance is None:
             sky[up] = values * zenith_luminance(str(self.kind), cos_sun, self.turbidity)
