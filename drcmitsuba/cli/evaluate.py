@@ -6,11 +6,10 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.options import CaseName, Output, Weather, load
+from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError
 
@@ -49,16 +48,11 @@ def evaluate(
     weather: Weather = None,
     coefficients: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FOLDER", help="coefficients.zarr of this case; any weather may have made it."
-        ),
+        option("FOLDER", "coefficients.zarr of this case; any weather may have made it."),
     ] = None,
     variants: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Other façades: cases beside this one, such as o1,o2; each gets a folder.",
-        ),
+        option("NAMES", "Other façades: cases beside this one, such as o1,o2; each gets a folder."),
     ] = None,
 ) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""

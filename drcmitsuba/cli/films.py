@@ -7,61 +7,40 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.options import AsJson, Depth, FilmOutput, film_path, named
+from drcmitsuba.cli.options import AnyOutput, AsJson, Depth, FilmOutput, argument, film_path, option
 from drcmitsuba.cli.terminal import show, stages
 from drcmitsuba.runtime.errors import InputError
 
 
 def bsdf(
     files: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE", help="BSDF file (.xml), or measurements (PAB-opto text)."),
+        list[Path], argument("FILE", "BSDF file (.xml), or measurements (PAB-opto text).")
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="NAME",
-            parser=named,
-            help="Folder for pictures and JSON; with measurements, the film's .xml.",
-        ),
-    ] = None,
+    output: AnyOutput = None,
     sun: Annotated[
         tuple[float, float],
-        typer.Option(
-            metavar="ELEVATION AZIMUTH",
-            help="Sun of the pictures, its azimuth from the façade's normal [deg].",
+        option(
+            "ELEVATION AZIMUTH", "Sun of the pictures, its azimuth from the façade's normal [deg]."
         ),
     ] = (45.0, 0.0),
     as_json: AsJson = False,
     depth: Depth = 5,
     symmetry: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="Measured sample: auto, bilateral, quadrilateral or none."
-        ),
+        str, option("NAME", "Measured sample: auto, bilateral, quadrilateral or none.")
     ] = "auto",
     front: Annotated[
-        str,
-        typer.Option(metavar="SIDE", help="Measured sample: side that its front (θ < 90°) faces."),
+        str, option("SIDE", "Measured sample: side that its front (θ < 90°) faces.")
     ] = "room",
 ) -> None:
     """Check and show a BSDF file; or turn goniophotometer measurements into one."""
-    from drcmitsuba import bsdf as library
-    from drcmitsuba.bsdf import check, writer
-    from drcmitsuba.report import plots
-    from drcmitsuba.runtime import storage
-
     if not math.isfinite(sum(sun)) or not (0 <= sun[0] <= 90 and -90 < sun[1] < 90):
         got = f"{sun[0]:g} {sun[1]:g}"
         raise InputError("command line", "--sun", got, "elevation 0 … 90, azimuth −90 … 90 deg")
     if all(f.suffix.lower() != ".xml" for f in files):
-        from drcmitsuba.bsdf import measured
+        from drcmitsuba.bsdf import measured, writer
 
         path = film_path(output)
         with stages() as stage, stage("interpolation") as progress:
@@ -70,10 +49,19 @@ def bsdf(
             )
             writer.save(film, path)
         print(f"{path}: {film.kind}; see `drcmitsuba bsdf {path}`")
-        return
-    if len(files) > 1:
+    elif len(files) > 1:
         raise InputError(files[1], "files", f"{len(files)} came", "give one BSDF file at a time")
-    film = library.read(files[0])
+    else:
+        _show_film(files[0], output, sun, as_json)
+
+
+def _show_film(file: Path, output: Path | None, sun: tuple[float, float], as_json: bool) -> None:
+    """Check a BSDF file, and show it under a sun at elevation and azimuth [deg]."""
+    from drcmitsuba.bsdf import check, pictures, read
+    from drcmitsuba.report import plots
+    from drcmitsuba.runtime import storage
+
+    film = read(file)
     report = check.check(film)
     if as_json:
         print(json.dumps(report.to_dict(), indent=2))
@@ -85,9 +73,6 @@ def bsdf(
             table.add_row(*map(escape, row))
         show(table)
     if output is not None:
-        from drcmitsuba.bsdf import pictures
-
-        output.mkdir(parents=True, exist_ok=True)
         storage.save_json(report.to_dict(), output / "bsdf.json")
         for name, figure in pictures.figures(film, report, sun).items():
             plots.save(figure, output / name)
@@ -97,23 +82,14 @@ def bsdf(
 
 def goniophotometer(
     recipe: Annotated[
-        str,
-        typer.Argument(
-            metavar="RECIPE", help="Micro-structure (TOML), or a shipped one: films/prism."
-        ),
+        str, argument("RECIPE", "Micro-structure (TOML), or a shipped one: films/prism.")
     ],
     output: FilmOutput = None,
     depth: Depth = 5,
-    rank: Annotated[
-        int, typer.Option(metavar="NUMBER", help="Rank of the tree: 4, or 3 (isotropic).")
-    ] = 4,
-    samples: Annotated[
-        int, typer.Option(metavar="NUMBER", help="Number of rays from each incident cell.")
-    ] = 4096,
-    seed: Annotated[int, typer.Option(metavar="NUMBER", help="Seed of the random numbers.")] = 0,
-    percent: Annotated[
-        float, typer.Option(metavar="NUMBER", help="Share of possible merges of cells [%].")
-    ] = 90.0,
+    rank: Annotated[int, option("NUMBER", "Rank of the tree: 4, or 3 (isotropic).")] = 4,
+    samples: Annotated[int, option("NUMBER", "Number of rays from each incident cell.")] = 4096,
+    seed: Annotated[int, option("NUMBER", "Seed of the random numbers.")] = 0,
+    percent: Annotated[float, option("NUMBER", "Share of possible merges of cells [%].")] = 90.0,
 ) -> None:
     """Measure a micro-structure virtually: a tensor-tree BSDF."""
     from drcmitsuba import goniophotometer as library

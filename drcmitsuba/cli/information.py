@@ -7,9 +7,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from rich.table import Table
 
+from drcmitsuba.cli.options import argument
 from drcmitsuba.cli.terminal import show
 from drcmitsuba.runtime.errors import InputError
 
@@ -33,9 +33,7 @@ def doctor() -> None:
 
 
 def new(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Name of the case file.")] = Path(
-        "case.toml"
-    ),
+    file: Annotated[Path, argument("FILE", "Name of the case file.")] = Path("case.toml"),
 ) -> None:
     """Write a commented case file to start from."""
     text = (resources.files("drcmitsuba.case") / "new.toml").read_text(encoding="utf-8")

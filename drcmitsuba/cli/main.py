@@ -87,10 +87,8 @@ def main() -> None:
         sys.stdout.flush()
     except (typer.Abort, KeyboardInterrupt):
         _exit(LINE, STOPPED)
-    except InputError as error:
-        _exit(f"drcmitsuba: {error}\n", 2)
-    except BackendError as error:
-        _exit(f"drcmitsuba: {error}\n", 1)
+    except (InputError, BackendError) as error:
+        _exit(f"drcmitsuba: {error}\n", 2 if isinstance(error, InputError) else 1)
     except SystemExit as stop:
         if not _is_closed_pipe(stop):
             raise

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.models import ArgumentInfo, OptionInfo
 
 from drcmitsuba.runtime.errors import InputError
 
@@ -41,35 +42,37 @@ def _writable(folder: Path | None) -> Path | None:
     return folder
 
 
-CaseName = Annotated[
-    str, typer.Argument(metavar="CASE", help="Case file (TOML), or a shipped case by name.")
-]
+def argument(metavar: str, text: str) -> ArgumentInfo:
+    """Argument with its name in the help, and the text of the help."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
+def option(metavar: str, text: str) -> OptionInfo:
+    """Option with the name of its value in the help, and the text of the help."""
+    return typer.Option(metavar=metavar, help=text)
+
+
+def _output(metavar: str, text: str, is_folder: bool = False) -> OptionInfo:
+    """Option -o; a folder is checked before any work is done."""
+    check = _writable if is_folder else None
+    return typer.Option("-o", "--output", metavar=metavar, parser=named, callback=check, help=text)
+
+
+CaseName = Annotated[str, argument("CASE", "Case file (TOML), or a shipped case by name.")]
 Weather = Annotated[
     Path | None,
     typer.Option(
         "--weather", metavar="FILE", parser=named, help="Weather file in place of the case's own."
     ),
 ]
-Output = Annotated[
-    Path,
-    typer.Option(
-        "-o", "--output", metavar="FOLDER", parser=named, callback=_writable,
-        help="Folder for the results.",
-    ),
-]  # fmt: skip
-OptionalOutput = Annotated[
-    Path | None,
-    typer.Option(
-        "-o", "--output", metavar="FOLDER", parser=named, callback=_writable,
-        help="Folder for the JSON file; without it, nothing is written.",
-    ),
-]  # fmt: skip
-FilmOutput = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", metavar="FILE", parser=named, help="The film's .xml."),
-]
+Output = Annotated[Path, _output("FOLDER", "Folder for the results.", is_folder=True)]
+JSON_FOLDER = "Folder for the JSON file; without it, nothing is written."
+OptionalOutput = Annotated[Path | None, _output("FOLDER", JSON_FOLDER, is_folder=True)]
+ANY_FOLDER = "Folder for pictures and JSON; with measurements, the film's .xml."
+AnyOutput = Annotated[Path | None, _output("NAME", ANY_FOLDER)]
+FilmOutput = Annotated[Path | None, _output("FILE", "The film's .xml.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON in place of the table.")]
-Depth = Annotated[int, typer.Option("--depth", metavar="NUMBER", help="Levels of the tensor tree.")]
+Depth = Annotated[int, option("NUMBER", "Levels of the tensor tree.")]
 
 
 def film_path(path: Path | None) -> Path:

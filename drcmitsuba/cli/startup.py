@@ -40,19 +40,14 @@ def _native_code_unheard() -> Iterator[None]:
         os.close(null)
 
 
-def _import_backend() -> None:
-    """Import Mitsuba and Dr.Jit, and wait for the thread in which Dr.Jit looks for LLVM."""
-    if "mitsuba" not in sys.modules:
-        with _native_code_unheard():
-            importlib.import_module("drcmitsuba.runtime.backend").llvm_version()
-
-
 def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
     """Make a command import Mitsuba first; Ctrl-C during the import ends the process at once."""
 
     @wraps(command)
     def run(*arguments: P.args, **options: P.kwargs) -> T:
-        _import_backend()
+        if "mitsuba" not in sys.modules:
+            with _native_code_unheard():  # waits for the thread in which Dr.Jit looks for LLVM
+                importlib.import_module("drcmitsuba.runtime.backend").llvm_version()
         importlib.import_module("drcmitsuba.annual.result")
         with interruption.raised():
             return command(*arguments, **options)

@@ -6,10 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from drcmitsuba.cli.evaluate import metrics_tables
-from drcmitsuba.cli.options import CaseName, OptionalOutput, Output, Weather, load
+from drcmitsuba.cli.options import CaseName, OptionalOutput, Output, Weather, argument, load, option
 from drcmitsuba.cli.terminal import show, stages
 
 
@@ -49,8 +47,8 @@ def coefficients(case: CaseName, output: Output = Path("results"), weather: Weat
 
 
 def illuminance(
-    c: Annotated[Path, typer.Argument(metavar="C", help="coefficients.zarr")],
-    l: Annotated[Path, typer.Argument(metavar="L", help="sky.zarr")],  # noqa: E741
+    c: Annotated[Path, argument("C", "coefficients.zarr")],
+    l: Annotated[Path, argument("L", "sky.zarr")],  # noqa: E741
     output: Output = Path("results"),
 ) -> None:
     """Compute the illuminance E = C·L: illuminance.nc."""
@@ -70,17 +68,13 @@ def illuminance(
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
 
 
-def _threshold(text: str) -> typer.models.OptionInfo:
-    return typer.Option(metavar="NUMBER", help=text)
-
-
 def metrics(
-    e: Annotated[Path, typer.Argument(metavar="E", help="illuminance.nc")],
+    e: Annotated[Path, argument("E", "illuminance.nc")],
     output: OptionalOutput = None,
-    sda_threshold: Annotated[float | None, _threshold("sDA: enough daylight [lx].")] = None,
-    sda_fraction: Annotated[float | None, _threshold("sDA: fraction of the hours.")] = None,
-    ase_threshold: Annotated[float | None, _threshold("ASE: too much sun [lx].")] = None,
-    ase_hours: Annotated[float | None, _threshold("ASE: hours of too much sun [h].")] = None,
+    sda_threshold: Annotated[float | None, option("NUMBER", "sDA: enough daylight [lx].")] = None,
+    sda_fraction: Annotated[float | None, option("NUMBER", "sDA: fraction of the hours.")] = None,
+    ase_threshold: Annotated[float | None, option("NUMBER", "ASE: too much sun [lx].")] = None,
+    ase_hours: Annotated[float | None, option("NUMBER", "ASE: hours of too much sun [h].")] = None,
 ) -> None:
     """Compute sDA, ASE, msDA, MSE and shade hours of an illuminance file.
 
@@ -114,7 +108,7 @@ def metrics(
 
 
 def plot(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of an evaluation.")],
+    folder: Annotated[Path, argument("FOLDER", "Folder of an evaluation.")],
 ) -> None:
     """Draw the plots of an evaluation again."""
     from drcmitsuba.case.case import Case

@@ -29,14 +29,9 @@ class _Share(TaskProgressColumn):
 
 @contextmanager
 def stages() -> Iterator[Stage]:
-    """Progress bars on a terminal, one for each stage.
+    """Progress bars on a terminal: yields a function that opens a stage by its name.
 
     The bars vanish where the work fails or is stopped; the line with the reason remains.
-
-    Yields
-    ------
-    Stage
-        Function that opens a stage by its name.
     """
     columns = (TextColumn("{task.description:<24}"), BarColumn(), _Share())
     console = Console(stderr=True)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.options import CaseName, Output, Weather, load
+from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import show, stages
 from drcmitsuba.runtime.errors import InputError
 
@@ -19,9 +18,7 @@ def tradeoff(
     case: CaseName,
     output: Output = Path("tradeoff"),
     weather: Weather = None,
-    minutes: Annotated[
-        float, typer.Option(metavar="MINUTES", help="Time limit of the command [min].")
-    ] = 10.0,
+    minutes: Annotated[float, option("MINUTES", "Time limit of the command [min].")] = 10.0,
 ) -> None:
     """Show what accuracy costs in time: error and seconds of many settings of a case."""
     from drcmitsuba.annual.tradeoff import tradeoff as measure
