@@ -47,7 +47,6 @@ class Result:
 
     Parameters
     ----------
-    case : Case
     metrics : dict
         Content of `metrics.json`.
     illuminance : xr.Dataset
@@ -96,7 +95,6 @@ class Result:
             The same result, with the seconds and bytes of writing in `metrics` and `plan`.
         """
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
         start = time.perf_counter()
         with stage("writing") as done:
             storage.save_netcdf(self.illuminance, folder / "illuminance.nc")
@@ -106,7 +104,8 @@ class Result:
             save_luminances(self.daylight, folder / "sky.zarr", self.illuminance.get("channel"))
             done(0.6)
             pictures = self._save_pictures(folder)
-            seconds = self.metrics["seconds"] | {"writing": _elapsed(start)}
+            elapsed = round(time.perf_counter() - start, 3)
+            seconds = self.metrics["seconds"] | {"writing": elapsed}
             metrics = self.metrics | {"seconds": seconds, "peak_memory_bytes": peak_memory()}
             storage.save_json(metrics, folder / "metrics.json")
             data = ("illuminance.nc", "coefficients.zarr", "sky.zarr", "metrics.json")
@@ -138,23 +137,17 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Table of the metrics with their 95 % intervals, and the months as a picture."""
-        import base64
         from html import escape
-        from io import BytesIO
 
         from drcmitsuba.report import figures, plots
 
-        buffer = BytesIO()
         figure = figures.monthly(self.case, self.illuminance, self.metrics)
-        plots.write(figure, buffer, dpi=100)
-        picture = base64.b64encode(buffer.getvalue()).decode()
-        names = {"sDA": "sDA", "ASE": "ASE", "shade_closed": "shade closed"}
         rows = "".join(
-            f"<tr><th>{label}</th><td>{_text(self.metrics[name])}</td></tr>"
-            for name, label in names.items()
+            f"<tr><th>{name.replace('_', ' ')}</th><td>{_text(self.metrics[name])}</td></tr>"
+            for name in ("sDA", "ASE", "shade_closed")
         )
         remarks = "".join(f"<p>{escape(n)}</p>" for n in self.metrics["settings"]["notes"])
-        image = f'<img alt="metrics by month" src="data:image/png;base64,{picture}">'
+        image = plots.html_image(figure, "metrics by month")
         head = f"<caption>{escape(self.case.name)}, 95 % intervals</caption>"
         return f"<table>{head}{rows}</table>{image}{remarks}"
 
@@ -162,10 +155,6 @@ class Result:
 def _text(number: Mapping[str, float]) -> str:
     """Write a metric and its interval [%]."""
     return f"{number['value']:.1f} % ({number['low']:.1f} … {number['high']:.1f})"
-
-
-def _elapsed(start: float) -> float:
-    return round(time.perf_counter() - start, 3)
 
 
 def _bytes(path: Path) -> int:
@@ -177,11 +166,7 @@ def _bytes(path: Path) -> int:
 def _with_actual(
     cost: Mapping[str, Any], metrics: Mapping[str, Any], more: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Entry `cost` of a plan, with the actual cost of the evaluation beside its forecast.
-
-    `metrics` has `seconds` by stage and `peak_memory_bytes`; `more` has further actual numbers:
-    `rays` by kind, `disk_bytes`.
-    """
+    """Entry `cost` of a plan, with the actual cost beside the forecast; `more`: rays, bytes."""
     actual = {
         **cost.get("actual", {}),
         "seconds": round(sum(metrics["seconds"].values()), 3),
@@ -268,22 +253,7 @@ def summed_up(
 ) -> Result:  # fmt: skip
     """Put the parts of an evaluation together, with settings, notes and cost.
 
-    Parameters
-    ----------
-    planned : Plan
-    coefficients : Coefficients
-    evaluated : EvaluatedMetrics
-    run : Run
-    remarks : list of str
-        Notes on films and shade.
-    outcome : SamplingOutcome, optional
-        Outcome of the sampling, where the case has a target.
-    expected : Forecast, optional
-        Forecast of the cost.
-
-    Returns
-    -------
-    Result
+    `remarks` are the notes on films and shade; a case with a target has an `outcome`.
     """
     case, light = planned.facts.case, planned.facts.light
     settings = simulation.settings(case, light)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drcmitsuba.annual.variants import evaluate_variants
 from drcmitsuba.case.case import Case
@@ -29,6 +29,9 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.transport import facade_basis
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 Months = list[dict[str, float] | None]
 
 
@@ -38,7 +41,6 @@ class Season:
 
     Parameters
     ----------
-    name : str
     design, clear, opening : list of dict or None
         msDA of twelve months, January first, as {"value", "low", "high"} [%]; None without hours.
     """
@@ -72,30 +74,24 @@ class Season:
             name: getattr(self, name) for name in ("design", "clear", "opening", "relative", "gain")
         }
         storage.save_json({"name": self.name, "msDA": numbers}, folder / "season.json")
-        plots.save(plots.season(self), folder / "season.png")
+        plots.save(self._figure(), folder / "season.png")
 
     def _repr_png_(self) -> bytes:
-        from io import BytesIO
-
         from drcmitsuba.report import plots
 
-        buffer = BytesIO()
-        plots.season(self).savefig(buffer, format="png", dpi=100)
-        return buffer.getvalue()
+        return plots.png(self._figure())
+
+    def _figure(self) -> Figure:
+        from drcmitsuba.report import plots
+
+        return plots.season(
+            self.name, design=self.design, clear=self.clear, opening=self.opening,
+            relative=self.relative,
+        )  # fmt: skip
 
 
 def season(case: Case, stage: Stage = silent) -> Season:
-    """Evaluate a case beside clear glazing and an unobstructed opening.
-
-    Parameters
-    ----------
-    case : Case
-        Case with windows in one side of its room.
-    stage : callable, optional
-
-    Returns
-    -------
-    Season
+    """Evaluate a case, windows in one side, beside clear glazing and an unobstructed opening.
 
     Raises
     ------

@@ -19,21 +19,10 @@ DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 
 def caption(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> str:
-    """Weather, period and 95 % intervals of an evaluation.
+    """Weather, period and 95 % intervals of an evaluation, with numbers as in `metrics.json`.
 
-    Parameters
-    ----------
-    case : Case
-    illuminance : xr.Dataset
-        E [lx] of the case's period; attribute `step_hours`.
-    numbers : mapping
-        As in `metrics.json`, with `settings`.
-
-    Returns
-    -------
-    str
-        Such as "723170TYA.CSV; Jan–Dec, Mon–Fri, 8–18 h: 2610 h; 95 % intervals: sDA 83.3–84.7 %,
-        ASE 39.8–39.8 %".
+    Such as "723170TYA.CSV; Jan–Dec, Mon–Fri, 8–18 h: 2610 h; 95 % intervals: sDA 83.3–84.7 %,
+    ASE 39.8–39.8 %".
     """
     weather = numbers.get("settings", {}).get("weather_source", "")
     source = f"{Path(weather).name}; " if weather else ""

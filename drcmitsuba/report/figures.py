@@ -96,8 +96,8 @@ def _outlines(case: Case) -> dict[str, Any]:
     width, depth, _ = case.room.size
     corners = np.array([[0, 0], [width, 0], [width, depth], [0, depth]], float)
     turn = rotation(case)[:2, :2].T
-    sides = dict(zip(("south", "east", "north", "west"), range(4), strict=True))
-    glazed = [corners[[sides[side], (sides[side] + 1) % 4]] @ turn for side in case.glazed]
+    at = [("south", "east", "north", "west").index(side) for side in case.glazed]
+    glazed = [corners[[i, (i + 1) % 4]] @ turn for i in at]
     unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     pieces: dict[bool, list[np.ndarray]] = {True: [], False: []}
     for corner, size in (box for piece in case.furniture for box in boxes(piece)):
@@ -111,70 +111,55 @@ def _outlines(case: Case) -> dict[str, Any]:
 
 
 def _too_close(
-    case: Case, illuminance: xr.Dataset, numbers: dict[str, Any], drawn: dict[str, Any]
+    case: Case, passing: dict[str, xr.DataArray], numbers: dict[str, Any], drawn: dict[str, Any]
 ) -> dict[str, Figure]:
     """Plans of the probability to pass, for metrics with sensors too close to a limit."""
-    t, stamps = case.metrics, illuminance.sizes["time"]
-    step_hours = float(illuminance.attrs.get("step_hours", 1.0))
-    asked = {
-        "sDA": ("total", t.sda_threshold, metrics.autonomy_stamps(t.sda_fraction, stamps)),
-        "ASE": ("direct_sun", t.ase_threshold, metrics.exposure_stamps(t.ase_hours, step_hours)),
-    }
     figures = {}
-    for metric, (name, threshold, required) in asked.items():
+    for metric, passes in passing.items():
         undecided = [u for u in numbers.get("undecided", []) if u["metric"] == metric]
         if undecided:
-            count = (luminance(illuminance[name]) >= threshold).sum("time")
-            passing = (count >= required) * 100.0
-            passing[[u["sensor"] for u in undecided]] = [100 * u["probability"] for u in undecided]
+            share = passes * 100.0
+            share[[u["sensor"] for u in undecided]] = [100 * u["probability"] for u in undecided]
             figures[f"undecided_{metric.lower()}_plan.png"] = plots.plan(
-                passing, title=f"{case.name}: probability that a point counts for {metric}",
+                share, title=f"{case.name}: probability that a point counts for {metric}",
                 label="probability [%]", norm=Normalize(0, 100), **drawn,
             )  # fmt: skip
     return figures
 
 
 def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> dict[str, Figure]:
-    """Draw all pictures of an evaluation.
+    """Draw all pictures of an evaluation, by file name.
 
-    Parameters
-    ----------
-    case : Case
-    illuminance : xr.Dataset
-        E as on disk: `total`, `direct_sun` (time, sensor) [lx].
-    numbers : dict
-        As in `metrics.json`.
-
-    Returns
-    -------
-    dict of Figure
-        Figures by file name.
+    E is as on disk, `total` and `direct_sun` (time, sensor) [lx]; numbers as in `metrics.json`.
     """
     drawn: dict[str, Any] = {**_outlines(case), "caption": caption(case, illuminance, numbers)}
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
     mean = total.mean("time", dtype=float).assign_attrs(units="lx", long_name="mean illuminance")
     t, stamps = case.metrics, total.sizes["time"]
     step_hours = float(illuminance.attrs.get("step_hours", 1.0))
-    autonomy = 100 * (total >= t.sda_threshold).sum("time") / stamps
-    in_sun = (direct >= t.ase_threshold).sum("time") * step_hours
+    enough = (total >= t.sda_threshold).sum("time")
+    in_sun = (direct >= t.ase_threshold).sum("time")
+    autonomy_stamps = metrics.autonomy_stamps(t.sda_fraction, stamps)
+    exposure_stamps = metrics.exposure_stamps(t.ase_hours, step_hours)
+    passing = {"sDA": enough >= autonomy_stamps, "ASE": in_sun >= exposure_stamps}
     shade = ", shade applied" if has_shade(case, illuminance) else ""
     return {
         "illuminance_plan.png": plots.plan(
             mean, title=f"{case.name}: mean illuminance{shade}", **drawn
         ),
         "autonomy_plan.png": plots.plan(
-            autonomy, title=f"{case.name}: hours with {t.sda_threshold:g} lx{shade}",
+            100 * enough / stamps, title=f"{case.name}: hours with {t.sda_threshold:g} lx{shade}",
             label="share of hours [%]", norm=Normalize(0, 100),
-            limit=100 * metrics.autonomy_stamps(t.sda_fraction, stamps) / stamps,
+            limit=100 * autonomy_stamps / stamps,
             limit_label=f"{100 * t.sda_fraction:g} % (sDA)", **drawn,
         ),
         "sun_plan.png": plots.plan(
-            in_sun, title=f"{case.name}: hours with {t.ase_threshold:g} lx of direct sun",
-            label="hours [h]", limit_label=f"{t.ase_hours:g} h (ASE)",
-            limit=metrics.exposure_stamps(t.ase_hours, step_hours) * step_hours, **drawn,
+            in_sun * step_hours, label="hours [h]",
+            title=f"{case.name}: hours with {t.ase_threshold:g} lx of direct sun", **drawn,
+            limit=exposure_stamps * step_hours, limit_label=f"{t.ase_hours:g} h (ASE)",
         ),
         "monthly.png": monthly(case, illuminance, numbers),
-        **_too_close(case, illuminance, numbers, drawn),
+        **_too_close(case, passing, numbers, drawn),
     }  # fmt: skip
 
 

@@ -9,45 +9,19 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drcmitsuba.report.captions import MONTHS
-from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE
+from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE, tidy
 
 ACCEPTED, PREFERRED = 55, 75
 """Spatial daylight autonomy that LM-83 calls nominally accepted, preferred [%]."""
-
-
 Months = Sequence[Mapping[str, float] | None]
 """Twelve values with their 95 % intervals, January first; None for a month without hours."""
-
-
-class SeasonNumbers(Protocol):
-    """msDA of a façade, of clear glazing and of an unobstructed opening [%]."""
-
-    @property
-    def name(self) -> str:
-        """Name of the case."""
-
-    @property
-    def design(self) -> Months:
-        """Ratio of msDA of the case's façade [%]."""
-
-    @property
-    def clear(self) -> Months:
-        """Ratio of msDA of clear glazing [%]."""
-
-    @property
-    def opening(self) -> Months:
-        """Ratio of msDA of the unobstructed opening [%]."""
-
-    @property
-    def relative(self) -> Sequence[float | None]:
-        """Ratio of the façade's msDA to that of the opening [%]."""
 
 
 def monthly(
@@ -90,7 +64,7 @@ def monthly(
         ax.set_title(name, loc="left", fontsize=10, color=GREY, pad=24, **NAME)
         ax.set_ylim(0, 100)
         ax.set_yticks(range(0, 101, 10))
-        _frame(ax)
+        tidy(ax, "#E4E4E4", 0.7, axis="y")
 
     for at, (name, colour) in enumerate((("sDA", BLUE), ("ASE", ORANGE))):
         _bar(year, at, metrics[name], colour)
@@ -116,12 +90,19 @@ def monthly(
     return figure
 
 
-def season(comparison: SeasonNumbers) -> Figure:
+def season(
+    title: str, *, design: Months, clear: Months, opening: Months, relative: Sequence[float | None]
+) -> Figure:
     """Draw msDA of a façade beside clear glazing and an unobstructed opening.
 
     Parameters
     ----------
-    comparison : SeasonNumbers
+    title : str
+        Name of the case, above the panels.
+    design, clear, opening : sequence of 12 mappings or None
+        msDA by month, as `{"value", "low", "high"}` [%]; None for a month without hours.
+    relative : sequence of 12 floats or None
+        Ratio of the façade's msDA to that of the opening [%].
 
     Returns
     -------
@@ -131,20 +112,20 @@ def season(comparison: SeasonNumbers) -> Figure:
     figure = Figure(figsize=(9.6, 4.3))
     ax, share = figure.subplots(1, 2, width_ratios=[1.5, 1])
     figure.subplots_adjust(left=0.075, right=0.985, bottom=0.1, top=0.8, wspace=0.2)
-    _head(figure, comparison.name)
-    _line(ax, comparison.opening, "unobstructed opening, no shade", color=GREY, marker=".")
-    _line(ax, comparison.clear, "clear glazing", color=ORANGE, marker="s")
-    _line(ax, comparison.design, "design", color=BLUE, marker="o")
-    relative = [np.nan if v is None else v for v in comparison.relative]
-    share.bar(np.arange(1, 13), relative, color=BLUE, width=0.7)
+    _head(figure, title)
+    _line(ax, opening, "unobstructed opening, no shade", color=GREY, marker=".")
+    _line(ax, clear, "clear glazing", color=ORANGE, marker="s")
+    _line(ax, design, "design", color=BLUE, marker="o")
+    ratio = [np.nan if v is None else v for v in relative]
+    share.bar(np.arange(1, 13), ratio, color=BLUE, width=0.7)
     share.set_title("msDA over that of the opening [%]", loc="left", fontsize=10, color=GREY)
-    share.set_ylim(0, max(105.0, np.nanmax([*relative, 0.0]) + 5))
+    share.set_ylim(0, max(105.0, np.nanmax([*ratio, 0.0]) + 5))
     share.tick_params(axis="x", labelsize=8)
     ax.set(ylabel="msDA [%]", ylim=(0, 105))
     for axes in (ax, share):
         axes.set_xlim(0.4, 12.6)
         axes.set_xticks(range(1, 13), MONTHS)
-        _frame(axes)
+        tidy(axes, "#E4E4E4", 0.7, axis="y")
     _legend(ax)
     return figure
 
@@ -154,13 +135,6 @@ def _head(figure: Figure, title: str, caption: str = "") -> None:
     bold: dict[str, Any] = {"fontsize": 12, "weight": "bold", "color": INK}
     figure.text(0.075, 0.955, title, va="center", **bold, **NAME)
     figure.text(0.075, 0.9, caption, va="center", fontsize=8, color=GREY, **NAME)
-
-
-def _frame(ax: Axes) -> None:
-    """Draw light lines behind the values, and no frame above and beside them."""
-    ax.grid(axis="y", color="#E4E4E4", linewidth=0.7)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _legend(ax: Axes) -> None:

@@ -93,10 +93,13 @@ def plan(
         "glazing": [np.asarray(line, dtype=float) for line in glazing],
     }
     view = _view(np.concatenate([extent, *lines["room"], *lines["glazing"]]))
-    lines = {name: [line for line in kind if _reaches(line, view)] for name, kind in lines.items()}
+    low, high = view
+    for name, kind in lines.items():
+        lines[name] = [
+            line for line in kind if (line.min(0) < high).all() and (line.max(0) > low).all()
+        ]
     if limit is not None:
-        passed = numbers >= limit
-        lines["limit"] = [] if grid is None else list(grid.boundary(passed))
+        lines["limit"] = [] if grid is None else list(grid.boundary(numbers >= limit))
     keys = {name: LINES[name] for name, kind in lines.items() if kind}
     if limit is not None:  # the colour bar marks it, too
         keys["limit"] = LINES["limit"]
@@ -147,11 +150,6 @@ def _view(points: np.ndarray) -> np.ndarray:
     size = (high - low) * 1.06
     size = np.maximum(size, size.max() / 2.5)  # a corridor still leaves room for the colour bar
     return (low + high) / 2 + np.array([[-0.5], [0.5]]) * size
-
-
-def _reaches(line: np.ndarray, view: np.ndarray) -> bool:
-    """True if the bounding box of a line overlaps the view."""
-    return bool(((line.min(axis=0) < view[1]) & (line.max(axis=0) > view[0])).all())
 
 
 def _sheet(

@@ -1,4 +1,4 @@
-"""Colours and lines that the pictures share, and files that are written whole.
+"""Colours and lines that the pictures share; PNG files, which are written whole.
 
 Figures do not use pyplot: no global state changes, no window opens, and any thread can draw them.
 Colour-blind readers can tell the colours apart [1]_.
@@ -11,11 +11,14 @@ References
 
 from __future__ import annotations
 
+import base64
 import os
 import warnings
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
@@ -44,19 +47,30 @@ def write(figure: Figure, file: Path | IO[bytes], dpi: int) -> None:
         figure.savefig(file, format="png", dpi=dpi)
 
 
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG, as Jupyter shows it."""
+    buffer = BytesIO()
+    write(figure, buffer, dpi=100)
+    return buffer.getvalue()
+
+
+def html_image(figure: Figure, text: str) -> str:
+    """Return a figure as an image of HTML; `text` stands in its place where no image is shown."""
+    picture = base64.b64encode(png(figure)).decode()
+    return f'<img alt="{text}" src="data:image/png;base64,{picture}">'
+
+
+def tidy(ax: Axes, colour: str = "#EEEEEE", linewidth: float = 0.8, axis: str = "both") -> None:
+    """Draw light lines behind the values, and no frame above and beside them."""
+    ax.grid(axis=axis, color=colour, linewidth=linewidth)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure as PNG, whole or not at all.
+    """Write a figure as PNG, whole or not at all, and return its path.
 
-    Parameters
-    ----------
-    figure : Figure
-    path : path
-        File to write; an older one is replaced once the new one is complete.
-
-    Returns
-    -------
-    Path
-        The file.
+    An older file is replaced once the new one is complete.
     """
     target = Path(path)
     part = target.with_name(f".{target.name}.{os.getpid()}.part")

@@ -76,17 +76,7 @@ class SensorTiles:
         return grid
 
     def boundary(self, passed: np.ma.MaskedArray) -> np.ndarray:
-        """Edges between sensors that passed and sensors that did not.
-
-        Parameters
-        ----------
-        passed : masked array of bool, shape (sensor,)
-
-        Returns
-        -------
-        np.ndarray, shape (edge, 2, 2)
-            Both ends x, y of each edge [m].
-        """
+        """Edges between sensors that `passed` (sensor,) and others: both ends [m], (edge, 2, 2)."""
         grid = self.grid(passed)
         differ = [np.ma.filled(grid[1:] != grid[:-1], False)]
         differ.append(np.ma.filled(grid[:, 1:] != grid[:, :-1], False))
