@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,7 @@ class _Sampling:
     ) -> None:
         """Add a round of some sensors and of the suns of some time stamps."""
         seed = launch_seed(self.case.accuracy.seed, Stream.ROUNDS, number)
-        run = self.run.with_seed(seed >> 2)  # below a case's limit
+        run = replace(self.run, seed=seed >> 2)  # below a case's limit
         for state, samples in self.states.items():
             at = hours if state == "open" else hours[evaluated.draws.may_close[hours]]
             labels = sources(self.daylight.sky.isel(time=at))
@@ -123,24 +123,8 @@ def toward_target(
 ) -> tuple[Coefficients, EvaluatedMetrics, SamplingOutcome]:  # fmt: skip
     """Add rounds until the case's target or its limit of time is reached.
 
-    Parameters
-    ----------
-    case : Case
-        Simulated case, with an `accuracy.target`.
-    daylight : Daylight
-    coefficients : Coefficients
-        First round, from `simulation.simulate`.
-    evaluated : EvaluatedMetrics
-        Metrics of the first round.
-    run : Run
-
-    Returns
-    -------
-    coefficients : Coefficients
-        Mean of all rounds.
-    evaluated : EvaluatedMetrics
-        Metrics of these coefficients.
-    outcome : SamplingOutcome
+    Starts from the first round, `simulation.simulate`, and its metrics; the case has an
+    `accuracy.target`. Returns the mean of all rounds, its metrics, and the outcome.
     """
     target = case.accuracy.goal
     assert target is not None

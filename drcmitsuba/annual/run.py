@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.progress import Progress, Stage, silent, timed
@@ -22,11 +22,9 @@ class Run:
     enabled_effects : EnabledEffects
         Effects that are simulated.
     stage : callable
-        Function that shows the stages of the work.
-    seconds : dict of str to float
-        Seconds of the finished stages, by name.
-    ray_counter : Counter of str
-        Number of rays by kind so far.
+        Shows the stages of the work.
+    seconds, ray_counter : dict and Counter of str
+        Seconds of the finished stages by name; number of rays so far by kind.
     """
 
     seed: int
@@ -43,11 +41,3 @@ class Run:
     def timed(self, name: str) -> AbstractContextManager[Progress]:
         """Show a stage and record its seconds."""
         return timed(self.stage, name, self.seconds)
-
-    def with_seed(self, seed: int) -> Run:
-        """Make a run with another seed and the same records."""
-        return replace(self, seed=seed)
-
-    def branch(self) -> Run:
-        """Make a run with a copy of the records."""
-        return replace(self, seconds=dict(self.seconds), ray_counter=Counter(self.ray_counter))

@@ -48,14 +48,9 @@ class SampleAccumulator:
             self._rounds[dim] = np.pad(rounds, ((0, 0), (0, len(new))), constant_values=1)
 
     def add(self, more: xr.Dataset, sensors: np.ndarray) -> None:
-        """Average one more round into the entries that it holds.
+        """Average one more round of C [sr], of some sensors and known bins, into its entries.
 
-        Parameters
-        ----------
-        more : xr.Dataset
-            C from `simulation.transport` for some sensors and known bins [sr].
-        sensors : np.ndarray of int, shape (n,)
-            Indices of these sensors among the sensors of the coefficients.
+        `sensors` (n,) are the indices of these sensors among the sensors of the coefficients.
         """
         for dim, rounds in self._rounds.items():
             bins = positions(more[dim].values, self.coefficients[dim].values)

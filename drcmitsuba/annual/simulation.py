@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -182,14 +182,10 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
     }
 
 
-def _brightest(case: Case) -> float:
-    """Largest luminance of a sun [cd/m²]."""
-    return BRIGHTEST / (math.pi * math.sin(math.radians(case.outside.sun_diameter / 2)) ** 2)
-
-
 def simulate(
-    case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None
-) -> tuple[Coefficients, xr.Dataset]:
+    case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None,
+    needed: Callable[[xr.Dataset], np.ndarray] | None = None,
+) -> tuple[Coefficients, xr.Dataset]:  # fmt: skip
     """Simulate C of both states, shaded only for the suns of hours in which the shade may close.
 
     Parameters
@@ -199,12 +195,14 @@ def simulate(
     run : Run
     known : Coefficients, optional
         C of this case for another weather [sr]; its bins are not computed again.
+    needed : callable, optional
+        Turns direct sun into a mask (time,) of the hours whose suns the shaded state needs, where
+        these are not the hours in which the shade may close.
 
     Returns
     -------
-    coefficients : Coefficients
-    direct : xr.Dataset
-        Direct sun from `illuminance.direct_sun` [lx], which decides when the shade may close.
+    coefficients, direct
+        C [sr], and direct sun [lx] by `illuminance.direct_sun`, which decides on these hours.
 
     Raises
     ------
@@ -226,9 +224,14 @@ def simulate(
         return Coefficients(coefficients.open), direct
     possible = direct
     if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
-        sky = daylight.sky.assign(sun=xr.full_like(daylight.sky["sun"], _brightest(case)))
+        radius = math.radians(case.outside.sun_diameter / 2)
+        brightest = BRIGHTEST / (math.pi * math.sin(radius) ** 2)  # [cd/m²]
+        sky = daylight.sky.assign(sun=xr.full_like(daylight.sky["sun"], brightest))
         possible = illuminance.direct_sun(coefficients, sky)
-    closing = may_close(simulated, daylight.step_hours, possible) | effects.every_shade
+    if needed is not None:
+        closing = needed(direct)
+    else:
+        closing = may_close(simulated, daylight.step_hours, possible) | effects.every_shade
     if not closing.any():
         return coefficients, direct
     suns, mesh = suns.only(sources(daylight.sky.isel(time=closing))), mesh_of(C)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,19 +27,9 @@ from drcmitsuba.transport import facade_basis
 
 
 def load_variants(path: str, names: Sequence[str]) -> list[Case]:
-    """Load a case and its variants in the same folder.
+    """Load a case, a TOML file or a shipped one, and its variants in the same folder.
 
-    Parameters
-    ----------
-    path : str
-        A TOML file, or the name of a shipped case.
-    names : sequence of str
-        Names of files in the same folder, without their ending.
-
-    Returns
-    -------
-    list of Case
-        The case, then its variants.
+    `names` are the names of the variants' files, without their ending.
 
     Raises
     ------
@@ -51,12 +42,8 @@ def load_variants(path: str, names: Sequence[str]) -> list[Case]:
         if not name or Path(name).name != name or every.count(name) > 1:
             got = f"{name!r}"
             raise InputError("command line", "--variants", got, "name files beside the case, once")
-    return [load_case(path), *(load_case(_beside(first, name)) for name in names)]
-
-
-def _beside(first: Path, name: str) -> str:
-    """Path, or shipped name, of a variant in the folder of the first case."""
-    return str(first.with_name(name + (first.suffix if first.is_file() else "")))
+    ending = first.suffix if first.is_file() else ""  # shipped cases have none
+    return [load_case(path), *(load_case(str(first.with_name(name + ending))) for name in names)]
 
 
 def evaluate_variants(
@@ -107,7 +94,7 @@ def evaluate_variants(
             subdivision=first.sky.subdivision, progress=done,
         )  # fmt: skip
     for case, share, remark in zip(judged or cases, shares, remarks, strict=True):
-        own = run.branch()
+        own = replace(run, seconds=dict(run.seconds), ray_counter=Counter(run.ray_counter))
         with own.timed(case.name):
             planned = plan(case, light)
             own = replace(own, enabled_effects=planned.scope)

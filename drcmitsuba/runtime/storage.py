@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
@@ -93,6 +94,11 @@ def save_json(data: object, path: Path) -> None:
     """Write JSON; never leaves half a file at `path`. NaN raises ValueError."""
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False, default=str)
     save_text(text + "\n", path)
+
+
+def save_csv(table: pd.DataFrame, path: Path) -> None:
+    """Write a table as CSV with six digits; never leaves half a file at `path`."""
+    save_text(table.to_csv(index=False, float_format="%.6g"), path)
 
 
 def save_text(text: str, path: Path) -> None:

@@ -30,7 +30,6 @@ class SettingResult:
     total, total_open, direct_sun : np.ndarray, shape (time, sensor)
         Illuminance with the shade applied, with it open, and by direct sun [lx].
     closed : np.ndarray of bool, shape (time,)
-        Whether the shade is closed.
     seconds : float
         Seconds of the whole period, without start-up and writing.
     memory : int
@@ -52,20 +51,17 @@ class Estimate:
     value: float
     error: float = 0.0
 
+    @classmethod
+    def of(cls, samples: np.ndarray) -> Estimate:
+        """Mean of independent samples (sample,)."""
+        error = samples.std(ddof=1) / np.sqrt(len(samples))
+        return cls(float(samples.mean()), float(error))
+
 
 def jackknife(value: Callable[[np.ndarray], float], rounds: int) -> Estimate:
     """Value of all rounds, and its standard error from leaving out one round at a time.
 
-    Parameters
-    ----------
-    value : callable
-        Function of the indices of rounds that returns their value.
-    rounds : int
-        Number of rounds; at least 3 for a value that needs pairs.
-
-    Returns
-    -------
-    Estimate
+    `value` takes the indices of some rounds; if it needs pairs, there must be 3 rounds or more.
     """
     every = np.arange(rounds)
     left_out = np.array([value(np.delete(every, r)) for r in every])
@@ -88,14 +84,11 @@ class Errors:
     ----------
     square : Estimate
         Mean square error of E over the squared mean E, without the reference's noise.
-    mean : Estimate
-        Error of the mean E [%].
-    sda, ase : Estimate
-        Errors of sDA and ASE [points].
-    direct_sun : Estimate
-        Share of the sensor-hours on the wrong side of the threshold of ASE [%].
-    shade : Estimate
-        Share of the hours with the shade in the wrong state [%].
+    mean, sda, ase : Estimate
+        Errors of the mean E [%], of sDA and of ASE [points].
+    direct_sun, shade : Estimate
+        Shares of the sensor-hours on the wrong side of the threshold of ASE, and of the hours with
+        the shade in the wrong state [%].
     """
 
     square: Estimate
@@ -125,6 +118,11 @@ class Errors:
         """Standard error of the RMS [%]."""
         return 0.0 if self.rms == 0 else 50e2 * self.square.error / self.rms
 
+    @property
+    def shown(self) -> float:
+        """RMS error [%], or its upper bound where the noise hides it."""
+        return self.rms_below if self.is_hidden else self.rms
+
 
 UNKNOWN = Estimate(float("nan"), float("nan"))
 
@@ -135,8 +133,6 @@ class Yardstick:
 
     Parameters
     ----------
-    reference : Reference
-    thresholds : Metrics
     share : float
         Share of the period's time stamps that the reference has [–]; the hours of ASE shrink with
         it, as the hours of a month do in `metrics.mse`.
@@ -162,8 +158,7 @@ class Yardstick:
     @cached_property
     def mean(self) -> Estimate:
         """Mean E [lx]."""
-        means = self._rounds.mean(axis=(1, 2), dtype=float)
-        return Estimate(float(means.mean()), float(means.std(ddof=1) / np.sqrt(self.count)))
+        return Estimate.of(self._rounds.mean(axis=(1, 2), dtype=float))
 
     @cached_property
     def own_rms(self) -> float:
@@ -174,11 +169,7 @@ class Yardstick:
     @cached_property
     def sda(self) -> Estimate:
         """Daylight autonomy, sDA, of the reference on its hours and sensors [%]."""
-
-        def value(rounds: np.ndarray) -> float:
-            return self._sda(self._rounds[rounds].mean(axis=0))
-
-        return jackknife(value, self.count)
+        return jackknife(lambda some: self._sda(self._rounds[some].mean(axis=0)), self.count)
 
     @cached_property
     def ase(self) -> float:
@@ -196,21 +187,11 @@ class Yardstick:
         return metrics.ase(E, t.ase_threshold, t.ase_hours * self.share, self.step_hours)
 
     def errors(self, setting: SettingResult, *, same_sensors: bool) -> Errors:
-        """Compare an evaluation with the reference, hour by hour.
+        """Compare an evaluation at all sensors of its grid with the reference, hour by hour.
 
         E is compared in the same state of the shade: open where either has it open. Hours with
-        different states count in `shade` and sDA; in E a single one would outweigh all else.
-
-        Parameters
-        ----------
-        setting : SettingResult
-            E at the reference's time stamps and at all sensors of the setting's grid.
-        same_sensors : bool
-            Whether this is the reference's grid; otherwise only sDA, ASE and shade are compared.
-
-        Returns
-        -------
-        Errors
+        different states count in `shade` and sDA; in E a single one would outweigh all else. If the
+        sensors are not those of the reference's grid, only sDA, ASE and shade are compared.
         """
         ref, mean = self.reference, self.mean
         shade = Estimate(100 * float((setting.closed != ref.closed).mean()))
@@ -225,10 +206,9 @@ class Yardstick:
         products = d @ d.T / d.shape[1]
         limit = self.thresholds.ase_threshold
         wrong = (setting.direct_sun >= limit) != (ref.direct_sun >= limit)
-        offsets = 100 * d.mean(axis=1, dtype=float)
         return Errors(
             square=jackknife(lambda rounds: mean_square(products, rounds), self.count),
-            mean=Estimate(float(offsets.mean()), float(offsets.std(ddof=1) / np.sqrt(self.count))),
+            mean=Estimate.of(100 * d.mean(axis=1, dtype=float)),
             sda=Estimate(self._sda(setting.total[:, at]) - self.sda.value, self.sda.error),
             ase=ase,
             direct_sun=Estimate(100 * float(wrong.mean())),
@@ -241,19 +221,10 @@ NOT_RUN = "not run"
 
 @dataclass(frozen=True)
 class Row:
-    """Row of the table: one setting with its status, errors and cost.
+    """Row of the table: one setting with its status, errors, seconds and memory [bytes].
 
-    Parameters
-    ----------
-    name, varied : str
-        Name of the setting and of the varied quantity, see `settings.Setting`.
-    status : str
-        "done", "not run", or "failed: …".
-    errors : Errors or None
-    seconds : float
-        Seconds of the whole period.
-    memory : int
-        Largest memory of the process [bytes].
+    Name and varied quantity are those of `settings.Setting`; the status is "done", "not run", or
+    "failed: …".
     """
 
     name: str
@@ -293,10 +264,9 @@ class Row:
         if self.errors is None:
             return self.name, self.status, *[""] * 6
         e = self.errors
-        rms = f"< {e.rms_below:.1f}" if e.is_hidden else f"{e.rms:.1f}"
         return (
             self.name,
-            _number(e.square.value, rms),
+            _number(e.square.value, f"{'< ' * e.is_hidden}{e.shown:.1f}"),
             _number(e.mean.value, _signed(e.mean.value)),
             _signed(e.sda.value),
             _signed(e.ase.value),

@@ -45,21 +45,8 @@ DISK_SAMPLES, DISK_ROUNDS = 8, 32
 
 
 def some_hours(times: np.ndarray, about: int = HOURS) -> np.ndarray:
-    """Choose every n-th time stamp, spread over the year and over the hours of the day.
+    """Positions of every n-th of `times` (time,), spread over the year and the hours of the day.
 
-    Parameters
-    ----------
-    times : np.ndarray of datetime64, shape (time,)
-    about : int
-        Approximate number of time stamps to choose.
-
-    Returns
-    -------
-    np.ndarray of int, shape (chosen time,)
-        Positions in `times`.
-
-    Notes
-    -----
     n has no factor in common with the number of time stamps in a day: every hour of the day comes.
     """
     _, of_day = np.unique(times.astype("datetime64[D]"), return_counts=True)
@@ -98,7 +85,6 @@ class Reference:
     closed : np.ndarray of bool, shape (time,)
     paths : int
         Number of paths from every sensor in all rounds, for each state.
-    seconds : float
     """
 
     times: np.ndarray
@@ -127,6 +113,15 @@ class ReferenceDaylight:
     directions: np.ndarray
     diameter: float
 
+    @classmethod
+    def of(cls, case: Case, times: np.ndarray) -> ReferenceDaylight:
+        """Exact suns and a fine sky for some of a case's hours."""
+        sky = case.sky.model_copy(update={"subdivision": SUBDIVISION})
+        whole = daylight(case.model_copy(update={"sky": sky, "sun": TrueSun()}))
+        L, sun = whole.sky.sel(time=times), whole.sun.sel(time=times)
+        directions = sun["direction"].transpose("time", "axis").values
+        return cls(L["sky"].values, L["sun"].values, directions, case.outside.sun_diameter)
+
     def only(self, hours: np.ndarray) -> ReferenceDaylight:
         """Daylight of some hours only."""
         return ReferenceDaylight(
@@ -139,72 +134,48 @@ class ReferenceDaylight:
         return np.flatnonzero(self.sun > 0)
 
 
-def reference_daylight(case: Case, times: np.ndarray) -> ReferenceDaylight:
-    """Exact suns and a fine sky for some of a case's hours."""
-    sky = case.sky.model_copy(update={"subdivision": SUBDIVISION})
-    whole = daylight(case.model_copy(update={"sky": sky, "sun": TrueSun()}))
-    L, sun = whole.sky.sel(time=times), whole.sun.sel(time=times)
-    directions = sun["direction"].transpose("time", "axis").values
-    return ReferenceDaylight(
-        L["sky"].values, L["sun"].values, directions, case.outside.sun_diameter
+def trace_reference(case: Case, times: np.ndarray, until: float) -> Reference:
+    """Trace the reference at `times` (time,), in rounds until a time by `time.monotonic` [s].
+
+    Four rounds are traced in any case.
+    """
+    start = time.monotonic()
+    backend.select()
+    light = ReferenceDaylight.of(case, times)
+    direct = direct_sun(case, light)
+    shading = case.shading
+    closed = np.zeros(len(times), bool)
+    if shading is not None:
+        as_array = xr.DataArray(direct, dims=("time", "sensor"))
+        closed = metrics.shade_closed(as_array, shading.threshold, shading.area).values
+    sensors = some_sensors(case)
+    states = [_TracedState.of(case, "open", light, sensors)]
+    if closed.any():
+        states.append(_TracedState.of(case, "shaded", light.only(closed), sensors))
+    spp, rounds = _sampled(states, until)
+    E = [np.stack(of_state) for of_state in zip(*rounds, strict=True)]
+    shaded = E[1] if closed.any() else np.zeros((len(rounds), 0, len(sensors)), np.float32)
+    return Reference(
+        times, sensors, E[0], shaded, direct, closed, spp * len(rounds), time.monotonic() - start
     )
 
 
-@dataclass(frozen=True)
-class TraceReference:
-    """Job: trace the reference in rounds until a time.
-
-    Parameters
-    ----------
-    case : Case
-    times : np.ndarray of datetime64, shape (time,)
-    until : float
-        Time at which tracing ends, by `time.monotonic` [s]; four rounds are traced in any case.
-    """
-
-    case: Case
-    times: np.ndarray
-    until: float
-
-    def __call__(self) -> Reference:
-        """Trace the reference."""
-        start = time.monotonic()
-        backend.select()
-        light = reference_daylight(self.case, self.times)
-        direct = direct_sun(self.case, light)
-        shading = self.case.shading
-        closed = np.zeros(len(self.times), bool)
-        if shading is not None:
-            as_array = xr.DataArray(direct, dims=("time", "sensor"))
-            closed = metrics.shade_closed(as_array, shading.threshold, shading.area).values
-        sensors = some_sensors(self.case)
-        states = [_TracedState.of(self.case, "open", light, sensors)]
-        if closed.any():
-            states.append(_TracedState.of(self.case, "shaded", light.only(closed), sensors))
-        spp, rounds = self._sampled(states)
-        E = [np.stack(of_state) for of_state in zip(*rounds, strict=True)]
-        shaded = E[1] if closed.any() else np.zeros((len(rounds), 0, len(sensors)), np.float32)
-        return Reference(
-            self.times, sensors, E[0], shaded, direct, closed, spp * len(rounds),
-            time.monotonic() - start,
-        )  # fmt: skip
-
-    def _sampled(self, states: list[_TracedState]) -> tuple[int, list[list[np.ndarray]]]:
-        """Number of paths from a sensor in each round, and E [lx] by round and state."""
-        pilot = max(1, PILOT // states[0].size)
-        for seed in (0, 1):  # the first one compiles
-            begin = time.monotonic()
-            _ = [state.illuminance(pilot, seed) for state in states]
-        pace = (time.monotonic() - begin) / pilot
-        left = max(self.until - time.monotonic(), 0) / ROUNDS
-        spp = int(np.clip(left / pace, 1, max(1, PATHS // states[0].size)))
-        rounds: list[list[np.ndarray]] = []
-        while len(rounds) < FEWEST_ROUNDS or time.monotonic() + spp * pace < self.until:
-            # The spread reads all rounds, so it is computed once in `ROUNDS` rounds only.
-            if len(rounds) % ROUNDS == 0 and len(rounds) > 0 and _spread(rounds) < ENOUGH:
-                break
-            rounds.append([state.illuminance(spp, 2 + len(rounds)) for state in states])
-        return spp, rounds
+def _sampled(states: list[_TracedState], until: float) -> tuple[int, list[list[np.ndarray]]]:
+    """Number of paths from a sensor in each round, and E [lx] by round and state."""
+    pilot = max(1, PILOT // len(states[0].points))
+    for seed in (0, 1):  # the first one compiles
+        begin = time.monotonic()
+        _ = [state.illuminance(pilot, seed) for state in states]
+    pace = (time.monotonic() - begin) / pilot
+    left = max(until - time.monotonic(), 0) / ROUNDS
+    spp = int(np.clip(left / pace, 1, max(1, PATHS // len(states[0].points))))
+    rounds: list[list[np.ndarray]] = []
+    while len(rounds) < FEWEST_ROUNDS or time.monotonic() + spp * pace < until:
+        # The spread reads all rounds, so it is computed once in `ROUNDS` rounds only.
+        if len(rounds) % ROUNDS == 0 and len(rounds) > 0 and _spread(rounds) < ENOUGH:
+            break
+        rounds.append([state.illuminance(spp, 2 + len(rounds)) for state in states])
+    return spp, rounds
 
 
 def _spread(rounds: list[list[np.ndarray]]) -> float:
@@ -237,10 +208,9 @@ def direct_sun(case: Case, light: ReferenceDaylight) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _TracedState:
-    """One state of the shade: a scene for every channel, the daylight and the sensors."""
+    """One state of the shade: a scene and a weight for every channel, the daylight and sensors."""
 
-    scenes: tuple[Any, ...]
-    weights: tuple[float, ...]
+    channels: list[tuple[mi.Scene, float]]
     light: ReferenceDaylight
     points: np.ndarray
     normals: np.ndarray
@@ -250,28 +220,20 @@ class _TracedState:
         cls, case: Case, state: State, light: ReferenceDaylight, sensors: np.ndarray
     ) -> _TracedState:
         points, normals = (a[sensors] for a in sensor_points(case))
-        channels, weights = zip(*_channels(case), strict=True)
-        scenes = tuple(_with_sources(scene.load(case, state, c).full, light) for c in channels)
-        return cls(scenes, weights, light, points, normals)
-
-    @property
-    def size(self) -> int:
-        """Number of sensors."""
-        return len(self.points)
+        channels = [
+            (_with_sources(scene.load(case, state, channel).full, light), weight)
+            for channel, weight in _channels(case)
+        ]
+        return cls(channels, light, points, normals)
 
     def illuminance(self, spp: int, seed: int) -> np.ndarray:
         """E (time, sensor) [lx] of `spp` paths from every sensor."""
-        plugin = mi.load_dict(
-            {
-                "type": "coefficient",
-                "suns_per_vertex": SUNS_PER_VERTEX,
-                "suns_per_pane": SUNS_PER_VERTEX,
-            }
-        )
+        many = {"suns_per_vertex": SUNS_PER_VERTEX, "suns_per_pane": SUNS_PER_VERTEX}
+        plugin = mi.load_dict({"type": "coefficient", **many})
         lit, bins = self.light.shining, self.light.sky.shape[1]
-        E = np.zeros((len(self.light.sun), self.size))
-        for channel, (world, weight) in enumerate(zip(self.scenes, self.weights, strict=True)):
-            key = seed * len(self.scenes) + channel
+        E = np.zeros((len(self.light.sun), len(self.points)))
+        for channel, (world, weight) in enumerate(self.channels):
+            key = seed * len(self.channels) + channel
             parts = plugin.sensors(world, self.points, self.normals, spp, key).numpy()
             C = weight * parts.sum(axis=0)
             E += self.light.sky @ C[:, :bins].T

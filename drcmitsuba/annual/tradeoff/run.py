@@ -6,15 +6,16 @@ import math
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import drjit as dr
 import numpy as np
 
-from drcmitsuba.annual.result import Result, evaluate
+from drcmitsuba.annual.result import evaluate
 from drcmitsuba.annual.tradeoff.errors import Row, SettingResult, Yardstick
-from drcmitsuba.annual.tradeoff.reference import TraceReference, some_hours
+from drcmitsuba.annual.tradeoff.reference import some_hours, trace_reference
 from drcmitsuba.annual.tradeoff.settings import Setting, default, design
 from drcmitsuba.annual.tradeoff.table import Tradeoff
 from drcmitsuba.case.case import Case
@@ -33,57 +34,33 @@ START_UP = 5.0
 """Approximate seconds of a process beside its evaluation: imports, kernels from the cache."""
 
 
-@dataclass(frozen=True)
-class EvaluateSetting:
-    """Job: evaluate a case as a user would, and keep the results at `times`.
+def evaluate_setting(case: Case, times: np.ndarray) -> SettingResult:
+    """Evaluate a case as a user would, and keep the results at `times` (time,).
 
-    Parameters
-    ----------
-    case : Case
-    times : np.ndarray of datetime64, shape (time,)
+    The case is evaluated again if kernels had to be compiled: users compile them once.
     """
-
-    case: Case
-    times: np.ndarray
-
-    def __call__(self) -> SettingResult:
-        """Evaluate the case, and again if kernels had to be compiled: users compile them once."""
-        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-            result = evaluate(self.case)
-            kernels = dr.kernel_history([dr.KernelType.JIT])
-        if any(not k["cache_hit"] and not k["cache_disk"] for k in kernels):
-            del result, kernels
-            dr.flush_malloc_cache()
-            result = evaluate(self.case)
-        return self._kept(result)
-
-    def _kept(self, result: Result) -> SettingResult:
-        E = result.illuminance.sel(time=self.times)
-        total, total_open, direct = (
-            luminance(E[name]).transpose("time", "sensor").values
-            for name in ("total", "total_open", "direct_sun")
-        )
-        return SettingResult(
-            total, total_open, direct, E["shade_closed"].values.astype(bool),
-            sum(result.metrics["seconds"].values()), int(result.metrics["peak_memory_bytes"]),
-        )  # fmt: skip
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        result = evaluate(case)
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    if any(not k["cache_hit"] and not k["cache_disk"] for k in kernels):
+        del result, kernels
+        dr.flush_malloc_cache()
+        result = evaluate(case)
+    E = result.illuminance.sel(time=times)
+    total, total_open, direct = (
+        luminance(E[name]).transpose("time", "sensor").values
+        for name in ("total", "total_open", "direct_sun")
+    )
+    return SettingResult(
+        total, total_open, direct, E["shade_closed"].values.astype(bool),
+        sum(result.metrics["seconds"].values()), int(result.metrics["peak_memory_bytes"]),
+    )  # fmt: skip
 
 
 def announcement(count: int, seconds: float, minutes: float) -> str:
-    """Say how many settings fit into the time.
+    """Say how many of `count` settings fit into the time [min].
 
-    Parameters
-    ----------
-    count : int
-        Number of settings.
-    seconds : float
-        Forecast of the default setting [s], taken as the mean of all settings.
-    minutes : float
-        Time of the trade-off [min].
-
-    Returns
-    -------
-    str
+    The forecast [s] of the default setting is taken as the mean of all settings.
     """
     each = seconds + START_UP
     fitting = int(60 * minutes * (1 - SHARE_OF_REFERENCE) / each)
@@ -113,11 +90,11 @@ def tradeoff(
     minutes : float
         Time limit [min], at most half of it for the reference; further settings are "not run".
     stage : callable, optional
-        Function that shows the stages of the work, as the command line does.
+        Shows the stages of the work.
     seen : callable, optional
-        Function that is called with the `Tradeoff` so far, after the reference and each setting.
+        Called with the `Tradeoff` so far, after the reference and each setting.
     announce : callable, optional
-        Function that is called first, with a sentence on how many settings fit into the time.
+        Called first, with a sentence on how many settings fit into the time.
 
     Returns
     -------
@@ -140,7 +117,7 @@ def tradeoff(
         raise InputError("tradeoff", "minutes", f"{minutes:g}", "give minutes above 0")
     case.refuse_components("the reference of tradeoff")
     start = time.monotonic()
-    deadline = start + 60 * minutes
+    until, deadline = (start + 60 * minutes * share for share in (SHARE_OF_REFERENCE, 1))
     backend.select()
     sensor_points(case)  # refuses unfit sensors before the work begins
     light = daylight(case)
@@ -150,8 +127,7 @@ def tradeoff(
         count = len(design(case, Path(folder)))
     announce(announcement(count, forecast(plan(default(case), light)).seconds, minutes))
     with stage("reference") as progress:
-        until = start + 60 * minutes * SHARE_OF_REFERENCE
-        job = TraceReference(case, times, until)
+        job = partial(trace_reference, case, times, until)
         share = (deadline - time.monotonic()) / max(until - time.monotonic(), 1e-3)
         try:
             reference = process.run(job, deadline, lambda done: progress(min(done * share, 1.0)))
@@ -165,7 +141,7 @@ def tradeoff(
     with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as folder:
         settings = design(case, Path(folder))
         rows = tuple(Row(setting.name, setting.varied) for setting in settings)
-        so_far = Tradeoff.of(case, yardstick, len(year), rows)
+        so_far = Tradeoff(case.name, rows, yardstick, len(year))
         seen(so_far)
         with stage("settings") as progress:
             for i, setting in enumerate(settings):
@@ -184,10 +160,10 @@ def _row(
 ) -> Row:
     """Evaluate one setting and compare it with the reference; a failure only marks its row."""
     try:
-        result = process.run(EvaluateSetting(setting.case, times), deadline)
+        result = process.run(partial(evaluate_setting, setting.case, times), deadline)
     except TimeoutError:
         return Row(setting.name, setting.varied)
     except process.JobError as failure:
         return Row(setting.name, setting.varied, status=f"failed: {failure}")
-    errors = yardstick.errors(result, same_sensors=setting.same_sensors(case))
+    errors = yardstick.errors(result, same_sensors=setting.case.sensors == case.sensors)
     return Row(setting.name, setting.varied, "done", errors, result.seconds, result.memory)

@@ -51,16 +51,11 @@ class Setting:
     varied : str
         Varied quantity: "default", "yours", "samples", "cell size", "film", "sun model", "sky",
         "sensor spacing" or "combination".
-    case : Case
     """
 
     name: str
     varied: str
     case: Case
-
-    def same_sensors(self, case: Case) -> bool:
-        """Whether the setting has the sensors of a case, so that E is compared point by point."""
-        return self.case.sensors == case.sensors
 
 
 def times_samples(accuracy: Accuracy, factor: float) -> Accuracy:
@@ -123,7 +118,7 @@ def design(case: Case, folder: Path) -> list[Setting]:
     def cells(size: float, accuracy: Accuracy = base.accuracy) -> Accuracy:
         return accuracy.model_copy(update={"cell_size": size})
 
-    adaptive = Adaptive(model="adaptive")
+    adaptive = SUN_MODELS[0][0]
     own = (case.accuracy, case.sky, case.sun) == (base.accuracy, base.sky, base.sun)
     settings = [Setting("default, yours" if own else "default", "default", base)]
     if not own:
@@ -142,10 +137,9 @@ def design(case: Case, folder: Path) -> list[Setting]:
             Setting(f"film −{n} level{'s' * (n > 1)}", "film", with_coarser_films(base, n, folder))
             for n in (1, 2)
         ]
-    settings += [
-        Setting(_sun_name(sun, sky), "sun model", changed(sky=sky, sun=sun))
-        for sun, sky in SUN_MODELS
-    ]
+    for sun, sky in SUN_MODELS:
+        name = sun.model.replace("_", "-") + (f", MF {sky}" if sky > 1 else "")
+        settings.append(Setting(name, "sun model", changed(sky=sky, sun=sun)))
     fast, fine = cells(0.9, samples(1 / 4)), cells(0.3, samples(2))
     settings += [
         Setting("spacing × 2", "sensor spacing", spaced(base, 2)),
@@ -164,25 +158,8 @@ def design(case: Case, folder: Path) -> list[Setting]:
     return settings
 
 
-def _sun_name(sun: Sun, subdivision: int) -> str:
-    name = sun.model.replace("_", "-")
-    return name if subdivision == 1 else f"{name}, MF {subdivision}"
-
-
 def coarser(tree: TensorTree, levels: int) -> TensorTree:
-    """Cut the finest levels off a tree: a cell gets the mean of its leaves.
-
-    Parameters
-    ----------
-    tree : TensorTree
-    levels : int
-        Number of levels to cut off; the root stays.
-
-    Returns
-    -------
-    TensorTree
-        Tree with the same mean BSDF over all pairs of directions [1/sr].
-    """
+    """Cut the finest levels off a tree, not the root: a cell gets the mean [1/sr] of its leaves."""
     cut = min(levels, tree.depth)
     depth = tree.depth - cut
     cell, first = np.unique(tree.start >> tree.rank * cut, return_index=True)

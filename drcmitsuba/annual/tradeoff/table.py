@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from drcmitsuba.annual.tradeoff.errors import HEADER, Row, Yardstick
-from drcmitsuba.case.case import Case
 from drcmitsuba.report import plots
 from drcmitsuba.report.plots import BLUE, GREY, INK, ORANGE
 from drcmitsuba.runtime import storage
@@ -55,20 +52,9 @@ def pareto(seconds: np.ndarray, error: np.ndarray) -> np.ndarray:
 def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     """Draw seconds against the RMS error of E on logarithmic axes.
 
-    Parameters
-    ----------
-    name : str
-        Name of the case.
-    rows : sequence of Row
-    own_rms : float
-        RMS error of the reference itself [%].
-
-    Returns
-    -------
-    Figure
-        A setting whose error the reference's noise hides stands at the upper bound of its error,
-        with an arrow down. The grey bands show the reference's own error, and the errors that its
-        noise hides.
+    A setting whose error the reference's noise hides stands at the upper bound of its error, with
+    an arrow down. The grey bands show the reference's own RMS error [%], and the errors that its
+    noise hides.
     """
     figure = Figure(figsize=(9.0, 6.2), layout="constrained")
     ax = figure.add_subplot()
@@ -81,9 +67,10 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
         ax.text(0.5, 0.5, "no setting was reached", transform=ax.transAxes, ha="center")
         return figure
     seconds = np.array([row.seconds for row in rows])
-    error = np.array([_shown(row) for row in rows])
+    error = np.array([row.errors.shown for row in rows if row.errors is not None])
     _axes(ax, seconds, np.append(error, own_rms))
-    hidden = _hidden(rows)
+    spread = min(row.errors.square.error for row in rows if row.errors is not None)
+    hidden = 100 * float(np.sqrt(spread))  # smallest error that the reference's noise shows
     for error_of_reference, grey in ((own_rms, OWN), (hidden, HIDDEN)):
         ax.axhspan(ax.get_ylim()[0], error_of_reference, color=grey, zorder=0, linewidth=0)
     at = pareto(seconds, error)
@@ -93,18 +80,6 @@ def frontier(name: str, rows: Sequence[Row], own_rms: float) -> Figure:
     _labels(figure, ax, rows, np.column_stack([seconds, error]), at)
     _legend(figure, rows, own_rms, hidden)
     return figure
-
-
-def _hidden(rows: Sequence[Row]) -> float:
-    """Smallest RMS error [%] that the noise of the reference does not hide."""
-    spread = min(row.errors.square.error for row in rows if row.errors is not None)
-    return 100 * float(np.sqrt(spread))
-
-
-def _shown(row: Row) -> float:
-    """RMS error [%] of a row on the plot; its upper bound where the noise hides it."""
-    assert row.errors is not None
-    return row.errors.rms_below if row.errors.is_hidden else row.errors.rms
 
 
 def _axes(ax: Axes, x: np.ndarray, y: np.ndarray) -> None:
@@ -120,9 +95,7 @@ def _axes(ax: Axes, x: np.ndarray, y: np.ndarray) -> None:
         axis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
         axis.set_minor_formatter(NullFormatter())
-    ax.grid(color="#EEEEEE", linewidth=0.8)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
+    plots.tidy(ax)
 
 
 def _point(ax: Axes, row: Row, x: float, y: float) -> None:
@@ -213,10 +186,11 @@ def _legend(figure: Figure, rows: Sequence[Row], own_rms: float, hidden: float) 
         )
         for name in varied
     ]  # fmt: skip
-    keys.append(Line2D([], [], color=GREY, linewidth=1.2, label="frontier"))
-    own = f"own error of the reference, {own_rms:.1f} %"
-    keys.append(Patch(color=OWN, label=own))
-    keys.append(Patch(color=HIDDEN, label=f"errors that its noise hides, to {hidden:.1f} %"))
+    keys += [
+        Line2D([], [], color=GREY, linewidth=1.2, label="frontier"),
+        Patch(color=OWN, label=f"own error of the reference, {own_rms:.1f} %"),
+        Patch(color=HIDDEN, label=f"errors that its noise hides, to {hidden:.1f} %"),
+    ]
     figure.legend(handles=keys, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
 
 
@@ -224,85 +198,41 @@ def _legend(figure: Figure, rows: Sequence[Row], own_rms: float, hidden: float) 
 class Tradeoff:
     """Errors and costs of the settings of one case; shows itself in Jupyter.
 
-    Parameters
-    ----------
-    name : str
-        Name of the case.
-    rows : tuple of Row
-    own_rms, own_mean : float
-        Errors of the reference itself: RMS of E, and of the mean E [%].
-    mean : float
-        Mean E of the reference [lx].
-    sda, sda_error, ase : float
-        sDA with its standard error, and ASE, of the reference over its hours [%].
-    paths, rounds : int
-        Number of paths of the reference from every sensor, and of its rounds.
-    reference_seconds : float
-    hours, year : int
-        Number of time stamps of the reference, and of the period.
-    sensors : int
-        Number of sensors of the reference.
+    The yardstick is the reference with its own errors; the period has `year` time stamps.
     """
 
     name: str
     rows: tuple[Row, ...]
-    own_rms: float
-    own_mean: float
-    mean: float
-    sda: float
-    sda_error: float
-    ase: float
-    paths: int
-    rounds: int
-    reference_seconds: float
-    hours: int
+    yardstick: Yardstick
     year: int
-    sensors: int
-
-    @classmethod
-    def of(cls, case: Case, yardstick: Yardstick, year: int, rows: tuple[Row, ...]) -> Tradeoff:
-        """Take the numbers of the reference from its yardstick."""
-        ref = yardstick.reference
-        return cls(
-            name=case.name,
-            rows=rows,
-            own_rms=yardstick.own_rms,
-            own_mean=100 * yardstick.mean.error / yardstick.mean.value,
-            mean=yardstick.mean.value,
-            sda=yardstick.sda.value,
-            sda_error=yardstick.sda.error,
-            ase=yardstick.ase,
-            paths=ref.paths,
-            rounds=yardstick.count,
-            reference_seconds=ref.seconds,
-            hours=len(ref.times),
-            year=year,
-            sensors=len(ref.sensors),
-        )
 
     @property
     def frame(self) -> pd.DataFrame:
         """Table of all numbers; its first row is the reference with its own errors."""
+        mean = self.yardstick.mean
         reference = {
             "setting": "reference",
             "varied": "reference",
             "status": "done",
-            "E_rms_percent": self.own_rms,
-            "E_mean_se": self.own_mean,
-            "seconds": round(self.reference_seconds, 3),
+            "E_rms_percent": self.yardstick.own_rms,
+            "E_mean_se": 100 * mean.error / mean.value,
+            "seconds": round(self.yardstick.reference.seconds, 3),
         }
         return pd.DataFrame([reference, *(row.as_dict() for row in self.rows)])
 
     def notes(self) -> list[str]:
         """Notes for the reader of the numbers."""
+        yardstick, ref = self.yardstick, self.yardstick.reference
+        mean, sda = yardstick.mean, yardstick.sda
         return [
-            f"Reference: unbiased path tracing, {self.paths} paths from each of {self.sensors} "
-            f"sensors in {self.rounds} rounds, {self.reference_seconds:.0f} s; its own error is "
-            f"{self.own_rms:.1f} % RMS and {self.own_mean:.2f} % of the mean, {self.mean:.0f} lx. "
+            f"Reference: unbiased path tracing, {ref.paths} paths from each of {len(ref.sensors)} "
+            f"sensors in {yardstick.count} rounds, {ref.seconds:.0f} s; its own error is "
+            f"{yardstick.own_rms:.1f} % RMS and {100 * mean.error / mean.value:.2f} % of the mean, "
+            f"{mean.value:.0f} lx. "
             "Its noise is subtracted from the errors; '<' is an upper bound (95 %).",
-            f"Errors compare {self.hours} of {self.year} time stamps, E in the same state of the "
-            f"shade. The reference's sDA ({self.sda:.1f} ± {1.96 * self.sda_error:.1f} %) and ASE "
-            f"({self.ase:.1f} %) count these hours, by the rules of the year.",
+            f"Errors compare {len(ref.times)} of {self.year} time stamps, E in the same state of "
+            f"the shade. The reference's sDA ({sda.value:.1f} ± {1.96 * sda.error:.1f} %) and ASE "
+            f"({yardstick.ase:.1f} %) count these hours, by the rules of the year.",
             "Seconds count the whole period, without start-up and compilation.",
             *self._doubts(),
         ]
@@ -318,25 +248,19 @@ class Tradeoff:
 
     def save(self, folder: str | Path) -> None:
         """Write `tradeoff.csv` and `tradeoff.png`, each whole or not at all."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
         self.save_csv(folder)
-        plots.save(self.figure(), folder / "tradeoff.png")
+        plots.save(self.figure(), Path(folder) / "tradeoff.png")
 
     def save_csv(self, folder: str | Path) -> None:
         """Write `tradeoff.csv`, whole or not at all."""
-        text = self.frame.to_csv(index=False, float_format="%.6g")
-        storage.save_text(text, Path(folder) / "tradeoff.csv")
+        storage.save_csv(self.frame, Path(folder) / "tradeoff.csv")
 
     def figure(self) -> Figure:
         """Draw the frontier: seconds against the RMS error of E."""
-        return frontier(self.name, self.rows, self.own_rms)
+        return frontier(self.name, self.rows, self.yardstick.own_rms)
 
     def _repr_html_(self) -> str:
-        buffer = BytesIO()
-        self.figure().savefig(buffer, format="png", dpi=100)
-        picture = base64.b64encode(buffer.getvalue()).decode()
         shown = pd.DataFrame([row.cells() for row in self.rows], columns=HEADER)
         remarks = "".join(f"<p>{note}</p>" for note in self.notes())
-        image = f'<img alt="seconds against error" src="data:image/png;base64,{picture}">'
+        image = plots.html_image(self.figure(), "seconds against error")
         return f"{shown.to_html(index=False, border=0)}{remarks}{image}"

@@ -5,6 +5,7 @@ import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -332,16 +333,29 @@ def rows():
             Row("sky MF 6", "sky"))  # fmt: skip
 
 
-@pytest.fixture
-def found():
-    return Tradeoff(
-        name="room", rows=rows(), own_rms=1.2, own_mean=0.1, mean=800.0, sda=55.0, sda_error=0.5,
-        ase=12.0, paths=4096, rounds=16, reference_seconds=60.0, hours=201, year=2610, sensors=576,
+def known_yardstick(own_rms, mean, sda, ase, rounds, **reference):
+    """A reference whose numbers are given."""
+    return SimpleNamespace(
+        own_rms=own_rms, mean=Estimate(*mean), sda=Estimate(*sda), ase=ase, count=rounds,
+        reference=SimpleNamespace(**reference),
     )  # fmt: skip
 
 
+@pytest.fixture
+def found():
+    known = known_yardstick(
+        1.2, mean=(800.0, 0.8), sda=(55.0, 0.5), ase=12.0, rounds=16, paths=4096, seconds=60.0,
+        times=range(201), sensors=range(576),
+    )  # fmt: skip
+    return Tradeoff("room", rows(), known, 2610)
+
+
 def tradeoff_of(rows):
-    return Tradeoff("room", tuple(rows), 1.0, 0.1, 500.0, 60.0, 1.0, 5.0, 99, 4, 9.0, 20, 200, 12)
+    known = known_yardstick(
+        1.0, mean=(500.0, 0.5), sda=(60.0, 1.0), ase=5.0, rounds=4, paths=99, seconds=9.0,
+        times=range(20), sensors=range(12),
+    )  # fmt: skip
+    return Tradeoff("room", tuple(rows), known, 200)
 
 
 def test_points_that_tell_nothing_are_remarked_upon():
