@@ -5,7 +5,6 @@
 - `layout`, `problem`, `optimise`, `realise`: the façade, from `[design]` to a case to be built
 - `tilt`, `tilt_search`: the tilt of lamellae
 - `film`, `film_bins`, `film_year`: a year as a function of its film; `film_problem`, `film_search`
-- `reflectances`, `traced_room`, `bounce_counts`, `annual_illuminance`: a year as a function of the
-  reflectances in the room
+- `reflectances`, `traced_room`, `bounce_counts`: a year as a function of the reflectances in a room
 - `pictures`: plots of fronts, façades, searches and tilts
 """

@@ -91,16 +91,7 @@ def powers(ratios: list[mi.Float], digits: list[list[mi.Bool]]) -> mi.Float:
 def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene, Hits]:
     """Scene with one mesh for every kind of surface, and the counter of hits on them.
 
-    Parameters
-    ----------
-    case : Case
-    state : {"open", "shaded"}
-    values : dict of str to float
-        Reflectances of the kinds: `floor`, `ceiling`, `walls`, or the names of furniture.
-
-    Returns
-    -------
-    tuple of Scene and Hits
+    `values` are the reflectances by kind: `floor`, `ceiling`, `walls`, or the names of furniture.
     """
     quads: dict[str, list[np.ndarray]] = {key: [] for key in values}
     others = []
@@ -133,7 +124,6 @@ class Sums:
     mark : mi.UInt32, shape (entry,)
         Number of the entry's mark.
     value : mi.Float, shape (entry,)
-        Weight of the entry.
     size : int
         Number of places.
     """

@@ -1,4 +1,4 @@
-"""Maps from parameters to façades: a window by heights, a window by ratios, or single tiles.
+"""Maps from parameters to façades: a window by its ratios, or single tiles.
 
 A map turns a dictionary of `mi.Float` by parameter into the composition of the façade, `share`
 (tile, material), and keeps gradients. The overlap of a strip with a tile is piecewise linear in the
@@ -10,7 +10,6 @@ the inside of the range, the only one that an optimiser can follow.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -20,7 +19,7 @@ import numpy as np
 from drcmitsuba.case.toml import choose
 from drcmitsuba.design.parameters import Parameter, Values, inward
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.facade_basis import BasisYear, Tiles
+from drcmitsuba.transport.facade_basis import Tiles
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,6 @@ class Panes:
 
     Parameters
     ----------
-    tiles : Tiles
     materials : tuple of str
         Columns of a composition.
     clear, film : str
@@ -52,11 +50,6 @@ class Panes:
                 remedy = choose(name, list(self.materials))
                 raise InputError("design", key, f"no material {name!r} in the year", remedy)
 
-    @classmethod
-    def of(cls, year: BasisYear, clear: str, film: str) -> Panes:
-        """Tiles and materials of a year."""
-        return cls(year.tiles, year.materials, clear, film)
-
     @property
     def count(self) -> int:
         """Number of tiles."""
@@ -73,18 +66,11 @@ class Panes:
         return mi.TensorXf(flat, (self.count, columns))
 
     def between(self, edges: Edges, at: Edges) -> mi.TensorXf:
-        """Composition of a façade with a window and a film between heights.
+        """Composition (tile, material) of a façade with a window and a film between heights [m].
 
-        Parameters
-        ----------
-        edges : Edges
-            Heights with gradients [m].
-        at : Edges
-            Heights moved inward, without gradients [m]: they select the tiles.
-
-        Returns
-        -------
-        mi.TensorXf, shape (tile, material)
+        Film outside the window counts as wall; where an upper edge is not above its lower one,
+        there is no window or no film. `at` are the heights moved inward, without gradients: they
+        select the tiles.
         """
         bottom, top = (mi.Float(self.tiles.bounds[:, i].astype(np.float32)) for i in (2, 3))
 
@@ -110,38 +96,6 @@ class Edges(NamedTuple):
     head: Any
     film_bottom: Any
     film_top: Any
-
-
-@dataclass(frozen=True)
-class Heights:
-    """Window given by the heights of its edges, over the whole width of the tiles.
-
-    Film outside the window counts as wall; where an upper edge is not above its lower one, there is
-    no window or no film.
-
-    Parameters
-    ----------
-    panes : Panes
-    sill, head, film_bottom, film_top : Parameter
-        Heights [m].
-    """
-
-    panes: Panes
-    sill: Parameter
-    head: Parameter
-    film_bottom: Parameter
-    film_top: Parameter
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters of the map."""
-        return self.sill, self.head, self.film_bottom, self.film_top
-
-    def share(self, values: Values) -> mi.TensorXf:
-        """Give the composition, mi.TensorXf (tile, material)."""
-        within = inward(values, self.parameters)
-        edges, at = (Edges(*(v[p.key] for p in self.parameters)) for v in (values, within))
-        return self.panes.between(edges, at)
 
 
 @dataclass(frozen=True)
@@ -179,12 +133,6 @@ class Window:
         """Parameters of the map."""
         return self.sill, self.wwr, self.dwr, self.position
 
-    @cached_property
-    def width(self) -> float:
-        """Area of all tiles over their height [m]."""
-        bounds = self.panes.tiles.bounds
-        return float(self.panes.tiles.area.sum() / (bounds[:, 3].max() - bounds[:, 2].min()))
-
     def share(self, values: Values) -> mi.TensorXf:
         """Give the composition, mi.TensorXf (tile, material)."""
         within = inward(values, self.parameters)
@@ -192,7 +140,9 @@ class Window:
 
     def _edges(self, values: Values) -> Edges:
         sill, wwr, dwr, position = (values[p.key] for p in self.parameters)
-        height = wwr * (self.wall / self.width)
+        bounds = self.panes.tiles.bounds
+        width = float(self.panes.tiles.area.sum() / (bounds[:, 3].max() - bounds[:, 2].min()))
+        height = wwr * (self.wall / width)
         film = dwr * height
         foot = sill + position * (height - film)
         return Edges(sill, sill + height, foot, foot + film)
@@ -200,14 +150,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Strips:
-    """Every tile with its own share of window, and of film within the window.
-
-    Parameters
-    ----------
-    panes : Panes
-    window, film : Parameter
-        One value for each tile, 0 to 1, or one for all.
-    """
+    """Every tile with its own share of window, 0 to 1, and of film in it; or one share for all."""
 
     panes: Panes
     window: Parameter

@@ -188,7 +188,6 @@ class Mix:
 
     Parameters
     ----------
-    first, second : Film
     share : mi.Float or float
         Share of the second film, 0 … 1.
     """
@@ -210,7 +209,6 @@ class Leaves:
 
     Parameters
     ----------
-    film : MeasuredFilm
     values : mi.Float, shape (leaf,)
         BSDF f [1/sr], in the order of `film.values`.
 
@@ -234,20 +232,14 @@ class Leaves:
 
 @dataclass(frozen=True)
 class LeavesOfAnswer:
-    """Leaves whose values add up to an answer A.
+    """Leaves whose values add up to an answer A of a `shape`, cells and bins.
 
     Parameters
     ----------
     leaf : mi.UInt32, shape (direction · cell · point,)
         Number of the leaf from 1 on; 0 where the file has none.
-    weight : mi.Float, shape (direction,)
-        Weight of an arriving direction, divided by the number of points [sr].
-    bin : mi.UInt32, shape (direction,)
-        Bin of an arriving direction.
-    points : int
-        Number of points of an outgoing cell.
-    shape : tuple of int
-        Number of cells and of bins.
+    weight, bin : mi.Float and mi.UInt32, shape (direction,)
+        Weight of an arriving direction, divided by the number of `points` of a cell [sr]; its bin.
     """
 
     leaf: mi.UInt32
@@ -281,20 +273,19 @@ def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
     fits = bsdf.out_even and bsdf.out_cells in [1 << 2 * k for k in range(bins.depth + 1)]
     points = 1 if fits else WITHIN**2
     arriving = bins.arriving(8, 4) if fits else bins.arriving(WITHIN, 1)
-    to = bins.points(points)
-    per_direction = len(to)
-    from_, to = _floats(arriving.d), _floats(to)
-    leaves, total = [], len(arriving.d) * per_direction
+    to, from_ = bins.points(points), _floats(arriving.d)
+    leaves, total = [], len(arriving.d) * len(to)
     si = dr.zeros(mi.SurfaceInteraction3f)
     # A horizontal pane has the world's y axis, so that local directions are those of the pane.
     si.n = mi.Normal3f(0, 0, 1)
     si.sh_frame = mi.Frame3f(si.n)
-    stride = dr.opaque(mi.UInt32, per_direction)
+    stride, to = dr.opaque(mi.UInt32, len(to)), _floats(to)
     for start in range(0, total, SHADOW_RAYS):
         lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, total - start)) + dr.opaque(mi.UInt32, start)
         si.wi = dr.gather(mi.Vector3f, to, lane % stride)
         leaves.append(bsdf.leaf(si, dr.gather(mi.Vector3f, from_, lane // stride)))
         dr.eval(leaves[-1])
-    weight = _floats(arriving.weight / points)
-    shape = (bins.cells, len(bins))
-    return LeavesOfAnswer(dr.concat(leaves), weight, _indices(arriving.bin), points, shape)
+    return LeavesOfAnswer(
+        dr.concat(leaves), _floats(arriving.weight / points), _indices(arriving.bin), points,
+        shape=(bins.cells, len(bins)),
+    )  # fmt: skip

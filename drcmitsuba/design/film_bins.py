@@ -8,7 +8,7 @@ cells, so that measured films of this depth or a lower one are represented exact
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -38,14 +38,9 @@ class Arriving(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Parts of the outgoing cells, the same number for each, cell by cell.
+    """Parts of the outgoing cells, the same number for each, cell by cell (cell · part).
 
-    Parameters
-    ----------
-    d : np.ndarray, shape (cell · part, 3)
-        Unit vectors to the parts' middles, into the room, in the pane's frame.
-    solid_angle : np.ndarray, shape (cell · part,)
-        Solid angle of the parts [sr].
+    Unit vectors d to the parts' middles, into the room, in the pane's frame; solid angles [sr].
     """
 
     d: np.ndarray
@@ -62,7 +57,6 @@ class Bins:
         Rows: the pane's x, y (up) and normal into the room, in the world's frame.
     subdivision : int
         Reinhart's factor MF of the sky.
-    suns : Suns
     depth : int
         2ᵈᵉᵖᵗʰ outgoing cells along each side of the square.
     """
@@ -81,26 +75,11 @@ class Bins:
         """Number of outgoing cells."""
         return 1 << 2 * self.depth
 
-    @cached_property
-    def irradiance(self) -> np.ndarray:
-        """Irradiance on the film's outer face per unit radiance of every bin [sr], shape (bin,)."""
-        arriving = self.arriving(8, 4)
-        return np.bincount(arriving.bin, arriving.weight, len(self))
-
     def arriving(self, per_side: int, per_sun: int) -> Arriving:
         """Directions that represent all bins before the pane.
 
-        Parameters
-        ----------
-        per_side : int
-            Number n of directions along the side of a Tregenza patch: n² in the patch, 32 n² on the
-            ground, fewer in the smaller patches of a finer sky.
-        per_sun : int
-            Number of directions on a sun's disk: 1 at its centre, more on a ring of half its area.
-
-        Returns
-        -------
-        Arriving
+        A Tregenza patch has `per_side`² directions, the ground 32 times as many, a smaller patch of
+        a finer sky fewer. On a sun's disk 1 is at its centre, more are on a ring of half its area.
         """
         d, vector, number = _sky(self.subdivision, per_side)
         on_disks = _on_disks(self.suns, per_sun)
@@ -117,24 +96,18 @@ class Bins:
 
         Unit vectors into the room, in the pane's frame, uniform by projected solid angle.
         """
-        return _points(self.depth, count)
+        # Points of Roberts' sequence, shifted in each cell: all points of a lattice's row would
+        # have one radius and lie on the same side of a border.
+        steps = np.outer(np.arange(count), [0.7548776662466927, 0.5698402909980532])
+        shifts = np.random.default_rng(0).random((self.cells, 1, 2))
+        within = (steps + (shifts if count > 1 else 0.5)) % 1
+        corner = np.stack(unpack(np.arange(self.cells), 2, self.depth), axis=-1)[:, None]
+        s, t = np.moveaxis((corner + within) / (1 << self.depth), -1, 0)
+        return to_direction(s, t).reshape(-1, 3)
 
     def parts(self, per_side: int) -> Parts:
         """Cut each outgoing cell into per_side² parts, even in the angle from the normal."""
         return _parts(self.depth, per_side)
-
-
-@lru_cache(maxsize=8)
-def _points(depth: int, count: int) -> np.ndarray:
-    cells = 1 << 2 * depth
-    # Points of Roberts' sequence, shifted in each cell: all points of a lattice's row would have
-    # one radius and lie on the same side of a border.
-    steps = np.outer(np.arange(count), [0.7548776662466927, 0.5698402909980532])
-    shift = np.random.default_rng(0).random((cells, 1, 2)) if count > 1 else np.full((1, 1, 2), 0.5)
-    within = (steps + shift) % 1
-    corner = np.stack(unpack(np.arange(cells), 2, depth), axis=-1)[:, None]
-    s, t = np.moveaxis((corner + within) / (1 << depth), -1, 0)
-    return to_direction(s, t).reshape(-1, 3)
 
 
 @lru_cache(maxsize=8)

@@ -7,7 +7,7 @@ how much the derivatives differ between paths.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -43,20 +43,9 @@ Objective = Callable[[Any], Any]
 def gradient(
     year: LitByFilm, objective: Objective, film: Any, values: Mapping[str, float]
 ) -> tuple[float, np.ndarray]:
-    """Evaluate an objective and its derivatives by parameters of a film.
+    """Evaluate an objective and its derivatives (parameter,) by parameters of a film.
 
-    Parameters
-    ----------
-    year : FilmYear
-    objective : callable
-    film : Film
-    values : mapping of str to float
-        Parameters of the derivatives, and the values at which they are taken.
-
-    Returns
-    -------
-    tuple of float and np.ndarray, shape (parameter,)
-        Objective, and its derivatives, each per unit of its parameter.
+    Derivatives are taken at `values` of these parameters, each per unit of its parameter.
 
     Raises
     ------
@@ -80,48 +69,29 @@ def gradient(
 def gradient_error(
     year: LitByFilm, objective: Objective, film: Any, values: Mapping[str, float]
 ) -> np.ndarray:
-    """Estimate the standard errors of the derivatives by the delete-one jackknife [1]_.
+    """Estimate the standard errors (parameter,) of `gradient` by the delete-one jackknife [1]_.
 
     Every replicate is left out once, se² = (n − 1)/n Σ (g₍ᵣ₎ − ḡ)², so that the error contains the
-    noise of the light as well as that of the point at which the objective is differentiated.
-
-    Parameters
-    ----------
-    year, objective, film, values
-        As for `gradient`.
-
-    Returns
-    -------
-    np.ndarray, shape (parameter,)
-        Errors, each per unit of its parameter; NaN where the year has no `leave_one_out`.
-
-    Notes
-    -----
-    The time is that of n gradients, with n the number of replicates.
+    noise of the light as well as that of the point at which the objective is differentiated. The
+    time is that of n gradients, with n the number of replicates. Errors are NaN where the year has
+    no `leave_one_out`.
 
     References
     ----------
     .. [1] B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics 9, 1981.
     """
-    leave_one_out: Callable[[], Iterable[LitByFilm]] | None
-    leave_one_out = getattr(year, "leave_one_out", None)
-    if leave_one_out is None:
+    if not hasattr(year, "leave_one_out"):
         return np.full(len(values), np.nan)
-    slopes = np.stack([gradient(each, objective, film, values)[1] for each in leave_one_out()])
+    years = year.leave_one_out()
+    slopes = np.stack([gradient(each, objective, film, values)[1] for each in years])
     return np.sqrt((len(slopes) - 1) * slopes.var(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class FilmCandidate:
-    """One film with its objective.
+    """One film: x (parameter,), 0 to 1 within the ranges, its objective and gradient (parameter,).
 
-    Parameters
-    ----------
-    x : np.ndarray, shape (parameter,)
-        Parameters as fractions of their ranges, 0 to 1.
-    objective : float
-    gradient : np.ndarray, shape (parameter,)
-        Derivatives of the objective per unit of the parameters.
+    The gradient has the derivatives per unit of the parameters.
     """
 
     x: np.ndarray
@@ -135,8 +105,6 @@ class FilmProblem:
 
     Parameters
     ----------
-    year : FilmYear
-    objective : callable
     film : Film
         Film whose other parameters stay fixed.
     ranges : mapping of str to (low, high)

@@ -1,9 +1,16 @@
-"""Search for the film that maximises an objective: gradient ascent from several starts."""
+"""Search for the film that maximises an objective: gradient ascent from several starts [1]_.
+
+References
+----------
+.. [1] R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, "A limited memory algorithm for bound constrained
+   optimization", SIAM J. Scientific Computing 16(5), 1995.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -13,7 +20,7 @@ from scipy.stats import qmc
 
 from drcmitsuba.design.film import LEAST_SPREAD, Film, ParametricFilm
 from drcmitsuba.design.film_problem import FilmCandidate, FilmProblem, LitByFilm, Objective
-from drcmitsuba.design.search import History, Optimum, run
+from drcmitsuba.design.search import History, Optimum
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 
@@ -101,52 +108,31 @@ def optimise_film(
     problem = FilmProblem(year, objective, film, ranges)
     spread = qmc.Sobol(len(ranges), rng=seed).random(1 << (starts - 1).bit_length())
     points = [problem.start, *spread[: starts - 1]]
-    searches = [GradientAscent(f"start {i}", x, iterations) for i, x in enumerate(points, 1)]
-    history: FilmHistory = History(problem)
-    finished = run(history, searches, progress)
-    return FilmOptimum(problem, history.best(), history, finished)
+    ascent = partial(_gradient_ascent, iterations=iterations)
+    searches = [partial(ascent, f"start {i}", x) for i, x in enumerate(points, 1)]
+    return FilmOptimum.of(History(problem), searches, progress)
 
 
-@dataclass(frozen=True, eq=False)
-class GradientAscent:
-    """Gradient ascent by L-BFGS-B [1]_ from one start, until the gradient is within its noise.
+def _gradient_ascent(
+    label: str, start: np.ndarray, history: FilmHistory, progress: Progress, iterations: int
+) -> None:
+    """Gradient ascent by L-BFGS-B from one start, until the gradient is within its noise."""
+    problem, begin, done = history.problem, len(history), 0
 
-    Parameters
-    ----------
-    label : str
-    start : np.ndarray, shape (parameter,)
-        0 to 1 within the ranges.
-    iterations : int
-        Largest number of iterations.
+    def descent(x: np.ndarray) -> tuple[float, np.ndarray]:
+        candidate = history.evaluate(x, label)
+        return -candidate.objective, -candidate.gradient * problem.width
 
-    References
-    ----------
-    .. [1] R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, "A limited memory algorithm for bound constrained
-       optimization", SIAM J. Scientific Computing 16(5), 1995.
-    """
+    def look(x: np.ndarray) -> None:
+        nonlocal done
+        done += 1
+        progress(min(done / iterations, 1))
+        own = history.candidates[begin:]
+        if problem.is_within_noise(min(own, key=lambda c: float(abs(c.x - x).max()))):
+            raise StopIteration
 
-    label: str
-    start: np.ndarray
-    iterations: int
-
-    def __call__(self, history: FilmHistory, progress: Progress) -> None:
-        """Climb."""
-        problem, begin, done = history.problem, len(history), 0
-
-        def descent(x: np.ndarray) -> tuple[float, np.ndarray]:
-            candidate = history.evaluate(x, self.label)
-            return -candidate.objective, -candidate.gradient * problem.width
-
-        def look(x: np.ndarray) -> None:
-            nonlocal done
-            done += 1
-            progress(min(done / self.iterations, 1))
-            own = history.candidates[begin:]
-            if problem.is_within_noise(min(own, key=lambda c: float(abs(c.x - x).max()))):
-                raise StopIteration
-
-        minimize(
-            descent, self.start, jac=True, method="L-BFGS-B", callback=look,
-            bounds=[(0, 1)] * len(self.start),
-            options={"maxiter": self.iterations, "ftol": 1e-6, "gtol": 1e-6},
-        )  # fmt: skip
+    minimize(
+        descent, start, jac=True, method="L-BFGS-B", callback=look,
+        bounds=[(0, 1)] * len(start),
+        options={"maxiter": iterations, "ftol": 1e-6, "gtol": 1e-6},
+    )  # fmt: skip

@@ -52,14 +52,7 @@ CELL = "film_{:04d}"
 class CellDeposit(Deposit):
     """Deposit whose bins are sky patches, then a film's outgoing cells, then suns.
 
-    Parameters
-    ----------
-    film : PanePatches
-        Patches of the film, in place of `films`.
-    mount : Mount
-        Orientation of the film.
-    depth : int
-        Depth of the outgoing cells.
+    The patches of the film take the place of `films`; `depth` is that of the outgoing cells.
     """
 
     film: PanePatches = field(kw_only=True)
@@ -104,30 +97,19 @@ class CellDeposit(Deposit):
 
 
 def _mount(case: Case, films: Films | None) -> Mount:
-    """Orientation of a case's only film.
-
-    Raises
-    ------
-    InputError
-        There is no film, or there are several films or orientations, something shades the film, or
-        it has a view straight through.
-    """
+    """Orientation of a case's only film, which nothing shades and which has no view through."""
     mounts = films.mounts if films else ()
     if len(mounts) != 1:
-        raise InputError(
-            case.source, "facade", f"{len(mounts)} films or orientations of films",
-            'give strips of one material of type "bsdf" on one side',
-        )  # fmt: skip
+        got = f"{len(mounts)} films or orientations of films"
+        remedy = 'give strips of one material of type "bsdf" on one side'
+        raise InputError(case.source, "facade", got, remedy)
     if not mounts[0].exposed:
-        raise InputError(
-            case.source, "facade", "a film that other things shade or light from the room reaches",
-            "leave other façades without openings, and nothing before this one",
-        )  # fmt: skip
+        got = "a film that other things shade or light from the room reaches"
+        remedy = "leave other façades without openings, and nothing before this one"
+        raise InputError(case.source, "facade", got, remedy)
     if mounts[0].bsdf.has_view:
-        raise InputError(
-            case.source, "materials", "a film with a view straight through",
-            'set straight_through = "off"',
-        )  # fmt: skip
+        got, remedy = "a film with a view straight through", 'set straight_through = "off"'
+        raise InputError(case.source, "materials", got, remedy)
     return mounts[0]
 
 
@@ -137,7 +119,6 @@ class FilmYear:
 
     Parameters
     ----------
-    bins : Bins
     transfer : mi.TensorXf, shape (sensor, cell)
         W, mean of the replicates [sr].
     transfers : np.ndarray, shape (replicate, sensor, cell)

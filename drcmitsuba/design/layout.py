@@ -34,8 +34,6 @@ class Layout:
 
     Parameters
     ----------
-    case : Case
-    design : Design
     side : {'south', 'east', 'north', 'west'}
     clear, film : str
         Material that the shade covers, and material that it does not cover.
@@ -82,7 +80,8 @@ class Layout:
             got = f"frames of {facade.frame:g} m, which the search does not know"
             remedy = "set frame = 0, and take the frames' share off the glass"
             raise InputError(case.source, f"facade.{side}.frame", got, remedy)
-        _check_ranges(case, design, facade)
+        clear = design.clear or _clear(case, facade)
+        _check_ranges(case, design, clear)
         length, height = case.room.wall(side)
         panes = [s for s in facade.strips if s.material != "wall"]
         band = design.band or (min(s.bottom for s in panes), max(s.top for s in panes))
@@ -100,7 +99,7 @@ class Layout:
             case=case,
             design=design,
             side=side,
-            clear=design.clear or _clear(case, facade),
+            clear=clear,
             film=design.film,
             length=length,
             band=band,
@@ -150,11 +149,9 @@ class Layout:
         year, share = optimum.problem.year, optimum.best.share
         case = realise(self.case, self.side, year.tiles, share, year.materials, self.film)
         materials = dict(case.materials)
-        named = {"glazing_transmittance": self.clear}
-        if case.shading is not None:
-            named["shade_vlt"] = case.shading.material
+        named = _transmittances(self.case, self.design, self.clear)
         for factor in optimum.problem.factors:
-            name = named[factor.parameter.key]
+            name, _ = named[factor.parameter.key]
             value = float(optimum.values[factor.parameter.key][0])
             table = materials[name].model_dump() | {"transmittance": value}
             materials[name] = checked(type(materials[name]), table, case.source)
@@ -170,7 +167,8 @@ class Layout:
         """
         assert self.case.room is not None
         wall = self.length * self.case.room.size[2]
-        fills = self.wwr[0] * self.case.room.size[2] >= (self.band[1] - self.band[0]) * (1 - 1e-6)
+        part = self.wwr[0] * self.case.room.size[2] / (self.band[1] - self.band[0])
+        fills = part >= 1 - 1e-6
         by_strips = self.design.parameters == "strips"
         area = (self.wwr[0] * wall, self.wwr[1] * wall) if by_strips and not fills else None
         goal = Goal(
@@ -181,8 +179,10 @@ class Layout:
             ase_limit=self.design.ase_limit,
             window_area=area,
         )
-        panes = Panes.of(year, self.clear, self.film)
-        facade = self._strips(panes, fills) if by_strips else self._window(panes, wall)
+        panes = Panes(year.tiles, year.materials, self.clear, self.film)
+        facade = (
+            self._strips(panes, 1.0 if fills else part) if by_strips else self._window(panes, wall)
+        )
         return FacadeProblem(year, facade, goal, self._factors(year))
 
     def known(self, problem: FacadeProblem) -> list[np.ndarray]:
@@ -213,11 +213,10 @@ class Layout:
             for film in films
         ]
 
-    def _strips(self, panes: Panes, fills: bool) -> Map:
-        assert self.case.room is not None
-        part = self.wwr[0] * self.case.room.size[2] / (self.band[1] - self.band[0])
+    def _strips(self, panes: Panes, part: float) -> Map:
+        """Map of single tiles; `part` of the band is window, all of it if 1."""
         window = Parameter("window", 0.0, 1.0, part, panes.count)
-        if fills:
+        if part == 1:
             window = Parameter.fixed("window", 1.0)
         return Strips(panes, window, Parameter("film", 0.0, 1.0, 0.5, panes.count))
 
@@ -237,15 +236,11 @@ class Layout:
         )
 
     def _factors(self, year: BasisYear) -> tuple[Factor, ...]:
-        shade = self.case.shading.material if self.case.shading is not None else None
+        """Materials whose transmittance is free."""
         factors = []
-        for key, name, limits in (
-            ("glazing_transmittance", self.clear, self.design.glazing_transmittance),
-            ("shade_vlt", shade, self.design.shade_vlt),
-        ):
-            if limits is None:
-                continue
-            material = self.case.materials.get(name or "")
+        named = _transmittances(self.case, self.design, self.clear)
+        for key, (name, limits) in named.items():
+            material = self.case.materials.get(name)
             is_clear = isinstance(material, GlazingMaterial | DiffuserMaterial)
             if not is_clear or not material.transmittance > 0:  # type: ignore[union-attr]
                 got = f"{name or 'no shade'}: its transmittance is not known"
@@ -258,15 +253,23 @@ class Layout:
         return tuple(factors)
 
 
-def _check_ranges(case: Case, design: Design, facade: Facade) -> None:
+def _transmittances(
+    case: Case, design: Design, clear: str
+) -> dict[str, tuple[str, tuple[float, float]]]:
+    """Material, "" where there is no shade, and range of each free transmittance, by key."""
+    shade = "" if case.shading is None else case.shading.material
+    named = (
+        ("glazing_transmittance", clear, design.glazing_transmittance),
+        ("shade_vlt", shade, design.shade_vlt),
+    )
+    return {key: (name, limits) for key, name, limits in named if limits is not None}
+
+
+def _check_ranges(case: Case, design: Design, clear: str) -> None:
     """Refuse ranges of transmittance with T + R > 1."""
-    shade = case.shading.material if case.shading is not None else None
-    for key, name in (
-        ("glazing_transmittance", design.clear or _clear(case, facade)),
-        ("shade_vlt", shade),
-    ):
-        limits, material = getattr(design, key), case.materials.get(name or "")
-        if limits is None or not isinstance(material, GlazingMaterial | DiffuserMaterial):
+    for key, (name, limits) in _transmittances(case, design, clear).items():
+        material = case.materials.get(name)
+        if not isinstance(material, GlazingMaterial | DiffuserMaterial):
             continue
         try:
             exponent = material.exponent if isinstance(material, GlazingMaterial) else 0.0

@@ -6,8 +6,9 @@ only the hard numbers, those of `drcmitsuba.metrics`, are reported.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import drjit as dr
 import mitsuba as mi
@@ -20,6 +21,8 @@ from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.transport.facade_basis.year import Illuminances
 
 Aim = Literal["sDA", "worst month"]
+NAMES: Mapping[Aim, str] = {"sDA": "sDA", "worst month": "msDA of the worst month"}
+"""Names of the aims in tables and pictures."""
 SOFTEST = 50.0
 """Months within SOFTEST / sharpness [%] of the lowest msDA count as the worst together."""
 ASE_TOLERANCE = 1e-9
@@ -28,16 +31,9 @@ ASE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Score:
-    """One design in numbers, hard or smooth.
+    """One design in numbers, hard or smooth [%].
 
-    Parameters
-    ----------
-    value : float
-        Objective: aim − cost [%].
-    aim : float
-        sDA, or msDA of the worst month [%].
-    ase : float
-        ASE [%].
+    `value` is the objective, the aim less its cost; the aim is sDA, or msDA of the worst month.
     """
 
     value: float
@@ -55,7 +51,6 @@ class RatedCandidate:
         Free values as fractions of their ranges, 0 to 1.
     sharpness : float
         Sharpness of the smooth twins.
-    smooth, hard : Score
     """
 
     x: np.ndarray
@@ -71,69 +66,62 @@ class RatedCandidate:
     def merit(self, ase_limit: float | None, area_error: float = 0.0) -> tuple[float, ...]:
         """Sort key: the largest hard objective among the candidates that hold the constraints.
 
-        If no candidate holds them, the least ASE among candidates with the required area. Equal
+        These are a largest ASE [%] and an area of panes, by its deviation as a fraction. If no
+        candidate holds them, the least ASE among candidates with the required area. Equal
         candidates are ordered by the smooth objective at the highest sharpness, so that the search
         does not stop at the edge of a plateau of the hard metric.
-
-        Parameters
-        ----------
-        ase_limit : float, optional
-            Largest ASE [%].
-        area_error : float
-            Deviation of the panes' area as a fraction of the required area.
-
-        Returns
-        -------
-        tuple of float
         """
         over = 0.0 if ase_limit is None else max(self.hard.ase - ase_limit - ASE_TOLERANCE, 0.0)
         return -area_error, -over, self.hard.value, self.sharpness, self.smooth.value
 
-    def numbers(self, aim: Aim) -> dict[str, float]:
+
+class RatedProblem:
+    """Merit and constraints of a `goal`, which has an `aim` and an `ase_limit` [%]."""
+
+    goal: Any
+
+    def area_error(self, score: Any) -> float:
+        """Deviation of the panes' area as a fraction of the required area; 0 within tolerance."""
+        return 0.0
+
+    def is_feasible(self, score: Any) -> bool:
+        """True if a hard score holds the constraints."""
+        limit = self.goal.ase_limit
+        holds_ase = limit is None or score.ase <= limit + ASE_TOLERANCE
+        return holds_ase and self.area_error(score) == 0
+
+    def holds(self, candidate: Any) -> bool:
+        """True if the candidate's hard numbers hold the constraints."""
+        return self.is_feasible(candidate.hard)
+
+    def merit(self, candidate: Any) -> tuple[float, ...]:
+        """Sort key of candidates; see `RatedCandidate.merit`."""
+        return candidate.merit(self.goal.ase_limit, self.area_error(candidate.hard))
+
+    def numbers(self, candidate: Any) -> dict[str, float]:
         """Columns of the history: hard and smooth numbers [%]."""
-        name = "sDA" if aim == "sDA" else "worst_msDA"
+        name = "sDA" if self.goal.aim == "sDA" else "worst_msDA"
         return {
-            "sharpness": self.sharpness,
-            "value": self.hard.value,
-            name: self.hard.aim,
-            "ASE": self.hard.ase,
-            "smooth_value": self.smooth.value,
-            f"smooth_{name}": self.smooth.aim,
-            "smooth_ASE": self.smooth.ase,
+            "sharpness": candidate.sharpness,
+            "value": candidate.hard.value,
+            name: candidate.hard.aim,
+            "ASE": candidate.hard.ase,
+            "smooth_value": candidate.smooth.value,
+            f"smooth_{name}": candidate.smooth.aim,
+            "smooth_ASE": candidate.smooth.ase,
         }
 
 
 @dataclass(frozen=True)
 class Measure:
-    """Rules by which illuminances are rated.
-
-    Parameters
-    ----------
-    rules : Rules
-        Thresholds of the metrics and of the shade.
-    aim : {'sDA', 'worst month'}
-        Metric that is maximised.
-    months : np.ndarray of int, shape (time,)
-        Month of each time stamp, 1 … 12.
-    """
+    """Rules by which illuminances are rated, and the month 1 … 12 of each time stamp (time,)."""
 
     rules: Rules
     aim: Aim
     months: np.ndarray
 
     def smooth(self, E: Illuminances, sharpness: float) -> tuple[mi.Float, mi.Float]:
-        """Rate illuminances by the smooth twins, with gradients.
-
-        Parameters
-        ----------
-        E : Illuminances
-        sharpness : float
-
-        Returns
-        -------
-        tuple of mi.Float
-            Aim and ASE [%].
-        """
+        """Rate illuminances by the smooth twins: aim and ASE [%], with gradients."""
         rules, t, k = self.rules, self.rules.metrics, sharpness
         closed = smooth.shade_closed(E.direct, rules.shade_threshold, rules.shade_area, sharpness=k)
         total = smooth.applied(E.open, E.shaded, closed)
@@ -147,17 +135,7 @@ class Measure:
         )
 
     def hard(self, E: Illuminances) -> tuple[float, float]:
-        """Rate illuminances by `metrics`.
-
-        Parameters
-        ----------
-        E : Illuminances
-
-        Returns
-        -------
-        tuple of float
-            Aim and ASE [%].
-        """
+        """Rate illuminances by `metrics`: aim and ASE [%]."""
         rules, t = self.rules, self.rules.metrics
         direct, is_open, shaded = (v.numpy() for v in (E.direct, E.open, E.shaded))
         direct_sun = _dated(direct, self.months)

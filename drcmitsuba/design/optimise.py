@@ -16,11 +16,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import minimize
 
 from drcmitsuba.design.problem import FacadeCandidate, FacadeProblem
@@ -43,18 +45,7 @@ FacadeOptimum: TypeAlias = Optimum[FacadeProblem, FacadeCandidate]
 
 @dataclass(frozen=True)
 class Search:
-    """Settings of the search for a façade.
-
-    Parameters
-    ----------
-    starts : int
-        Number of starts: the parameters' own first, then random ones.
-    sharpness : tuple of float
-        Sharpness of the twins in each stage of the continuation.
-    iterations : int
-        Largest number of iterations of SLSQP in a stage.
-    seed : int
-        Seed of the random starts.
+    """Settings of the search for a façade, see the keys of `[design]`.
 
     Raises
     ------
@@ -75,17 +66,9 @@ class Search:
 
 @dataclass(frozen=True)
 class Front:
-    """Pareto front of the objective and ASE.
+    """Pareto front of the objective and ASE; `finished` is False if the sweep was stopped.
 
-    Parameters
-    ----------
-    problem : FacadeProblem
-    points : tuple of FacadeCandidate
-        Candidates that no other one beats in both, by rising ASE.
-    history : History
-        All evaluations.
-    finished : bool
-        True if the sweep came to its end, False if it was stopped.
+    `points` are the candidates that no other one in the history beats in both, by rising ASE.
     """
 
     problem: FacadeProblem
@@ -95,10 +78,8 @@ class Front:
 
     def save(self, file: Path) -> None:
         """Write the points as CSV, whole or not at all."""
-        import pandas as pd
-
-        frame = pd.DataFrame([row(self.problem, point) for point in self.points])
-        storage.save_text(frame.to_csv(index=False, float_format="%.6g"), file)
+        table = pd.DataFrame([row(self.problem, point) for point in self.points])
+        storage.save_csv(table, file)
 
 
 def optimise(
@@ -144,14 +125,10 @@ def optimise(
         starts.insert(0, None)
     limit = problem.goal.ase_limit
     for i, start in enumerate(starts, 1):
-        searches.append(
-            Continuation(f"start {i}", start, search.sharpness, search.iterations, limit)
-        )
+        searches.append(partial(_continuation, f"start {i}", start, search, limit))
     if problem.size <= FEW:
         searches.append(pattern_search)
-    history: FacadeHistory = History(problem)
-    finished = run(history, searches, progress)
-    return Optimum(problem, history.best(), history, finished)
+    return Optimum.of(History(problem), searches, progress)
 
 
 def pareto(
@@ -179,8 +156,9 @@ def pareto(
         Front of all evaluations made, also where Ctrl-C stopped the sweep.
     """
     problem, history = optimum.problem, History(optimum.problem, list(optimum.history.steps))
+    last = replace(search, sharpness=search.sharpness[-2:])
     searches = [
-        Continuation(f"ASE ≤ {limit:g} %", None, search.sharpness[-2:], search.iterations, limit)
+        partial(_continuation, f"ASE ≤ {limit:g} %", None, last, limit)
         for limit in sorted(limits, reverse=True)
     ]
     finished = run(history, searches, progress)
@@ -201,71 +179,58 @@ def nondominated(
     return front
 
 
-@dataclass(frozen=True, eq=False)
-class Continuation:
-    """Gradient ascent by SLSQP in stages of rising sharpness.
+def _continuation(
+    label: str, start: np.ndarray | None, search: Search, ase_limit: float | None,
+    history: FacadeHistory, progress: Progress,
+) -> None:  # fmt: skip
+    """Gradient ascent by SLSQP in stages of rising sharpness, within a limit of ASE [%].
 
-    Parameters
-    ----------
-    label : str
-    start : np.ndarray, shape (free,), optional
-        By default the best candidate so far.
-    sharpness : tuple of float
-        Sharpness of each stage.
-    iterations : int
-        Largest number of iterations in a stage.
-    ase_limit : float, optional
-        Largest ASE [%].
+    The start, shape (free,), is by default the best candidate so far.
     """
+    problem, x = history.problem, start
+    if x is None:
+        x = history.best(lambda c: c.merit(ase_limit, problem.area_error(c.hard))).x
+    stage = partial(_stage, history, label, search.iterations, ase_limit)
+    for i, k in enumerate(search.sharpness):
+        x = stage(x, k)
+        beyond = ase_limit is not None and history.steps[-1].candidate.hard.ase > ase_limit
+        if beyond and i + 1 == len(search.sharpness):
+            # The stage's start shifted the limit: once more, shifted by the stage's end.
+            stage(x, k)
+        progress((i + 1) / len(search.sharpness))
 
-    label: str
-    start: np.ndarray | None
-    sharpness: tuple[float, ...]
-    iterations: int
-    ase_limit: float | None
 
-    def __call__(self, history: FacadeHistory, progress: Progress) -> None:
-        """Go through the stages."""
-        problem, limit = history.problem, self.ase_limit
-        x = self.start
-        if x is None:
-            x = history.best(lambda c: c.merit(limit, problem.area_error(c.hard))).x
-        for i, k in enumerate(self.sharpness):
-            x = self._stage(history, x, k)
-            beyond = limit is not None and history.steps[-1].candidate.hard.ase > limit
-            if beyond and i + 1 == len(self.sharpness):
-                # The stage's start shifted the limit: once more, shifted by the stage's end.
-                self._stage(history, x, k)
-            progress((i + 1) / len(self.sharpness))
+def _stage(
+    history: FacadeHistory, label: str, iterations: int, ase_limit: float | None,
+    x: np.ndarray, sharpness: float,
+) -> np.ndarray:  # fmt: skip
+    """Maximise at one sharpness, and return the last point, shape (free,)."""
+    evaluated: dict[bytes, FacadeCandidate] = {}
 
-    def _stage(self, history: FacadeHistory, x: np.ndarray, k: float) -> np.ndarray:
-        """Maximise at one sharpness, and return the last point, shape (free,)."""
-        evaluated: dict[bytes, FacadeCandidate] = {}
+    def at(point: np.ndarray) -> FacadeCandidate:
+        # If constraints contradict each other, SLSQP may evaluate NaN: the start replaces it.
+        inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
+        key = inside.tobytes()  # value and gradients are asked for one by one
+        if key not in evaluated:
+            evaluated[key] = history.evaluate(inside, label, sharpness)
+        return evaluated[key]
 
-        def at(point: np.ndarray) -> FacadeCandidate:
-            # If constraints contradict each other, SLSQP may evaluate NaN: the start replaces it.
-            inside = np.clip(np.where(np.isfinite(point), point, x), 0, 1)
-            key = inside.tobytes()  # value and gradients are asked for one by one
-            if key not in evaluated:
-                evaluated[key] = history.evaluate(inside, self.label, k)
-            return evaluated[key]
-
-        constraints = _area_constraints(history.problem.goal.window_area, at)
-        if self.ase_limit is not None:
-            constraints.append(_ase_constraint(self.ase_limit, at, at(x)))
-        with warnings.catch_warnings():
-            # SLSQP warns of points outside the bounds by rounding; `at` clips them.
-            warnings.simplefilter("ignore", RuntimeWarning)
-            end = minimize(
-                lambda p: -at(p).smooth.value / 100,
-                x,
-                jac=lambda p: -at(p).gradient / 100,
-                method="SLSQP",
-                bounds=[(0.0, 1.0)] * len(x),
-                constraints=constraints,
-                options={"maxiter": self.iterations, "ftol": 1e-5},
-            )
-        return at(end.x).x
+    constraints = _area_constraints(history.problem.goal.window_area, at)
+    if ase_limit is not None:
+        constraints.append(_ase_constraint(ase_limit, at, at(x)))
+    with warnings.catch_warnings():
+        # SLSQP warns of points outside the bounds by rounding; `at` clips them.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        end = minimize(
+            lambda p: -at(p).smooth.value / 100,
+            x,
+            jac=lambda p: -at(p).gradient / 100,
+            method="SLSQP",
+            bounds=[(0.0, 1.0)] * len(x),
+            constraints=constraints,
+            options={"maxiter": iterations, "ftol": 1e-5},
+        )
+    return at(end.x).x
 
 
 At = Callable[[np.ndarray], FacadeCandidate]

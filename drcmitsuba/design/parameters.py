@@ -86,13 +86,7 @@ class Map(Protocol):
 class Factor:
     """A material whose light is scaled: another transmittance of the shade or the glazing.
 
-    Parameters
-    ----------
-    material : str
-    parameter : Parameter
-        Transmittance.
-    now : float
-        Transmittance with which the year was simulated.
+    `now` is the transmittance with which the year was simulated.
     """
 
     material: str

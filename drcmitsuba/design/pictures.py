@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 
+from drcmitsuba.design.measure import NAMES
 from drcmitsuba.design.optimise import Front
 from drcmitsuba.design.problem import FacadeScore
 from drcmitsuba.design.search import Optimum
 from drcmitsuba.design.tilt_search import TiltOptimum
+from drcmitsuba.report import plots
 from drcmitsuba.report.plots import BLUE, GREY, INK, ORANGE
 from drcmitsuba.transport.facade_basis import Tiles
 
@@ -26,28 +28,17 @@ def front(
 ) -> Figure:
     """Draw the aim over ASE, with the Pareto front.
 
-    Parameters
-    ----------
-    pareto : Front
-    named : mapping of str to Score, optional
-        Compositions with names, such as the variants of a study.
-    chosen : Score, optional
-        The optimum.
-
-    Returns
-    -------
-    Figure
-        Dots on the line are façades that no other evaluated façade beats in both numbers; upper
-        left is better. Small grey dots are all evaluations.
+    Dots on the line are façades that no other evaluated façade beats in both numbers; upper left is
+    better. Small grey dots are all evaluations. `named` are compositions with names, such as the
+    variants of a study; `chosen` is the optimum.
     """
     figure = Figure(figsize=(7.6, 5.4), layout="constrained")
     ax = figure.add_subplot()
     goal = pareto.problem.goal
-    name = "sDA" if goal.aim == "sDA" else "msDA of the worst month"
     cost = ", less the film's cost" if goal.film_cost > 0 else ""
     ax.set_title("More daylight or less sun?", loc="left", weight="bold", fontsize=11)
     ax.set_xlabel("ASE, sensors in the sun for too long [%]")
-    ax.set_ylabel(f"{name}{cost} [%]")
+    ax.set_ylabel(f"{NAMES[goal.aim]}{cost} [%]")
     everything = np.array([[c.hard.ase, c.hard.value] for c in pareto.history.candidates])
     if len(everything):
         ax.scatter(*everything.T, 6, color="#C8C8C8", zorder=1, linewidth=0, label="evaluated")
@@ -66,7 +57,7 @@ def front(
     if goal.ase_limit is not None:
         text = f"limit {goal.ase_limit:g} %"
         ax.axvline(goal.ase_limit, color=GREY, linewidth=1, linestyle=(0, (4, 3)), label=text)
-    _tidy(ax)
+    plots.tidy(ax)
     left, right = ax.get_xlim()
     ax.set_xlim(min(-1.0, left), right + 0.08 * (right - left))  # room for the names
     # Named compositions may lie anywhere in the axes.
@@ -77,21 +68,9 @@ def front(
 def facade(
     tiles: Tiles, share: np.ndarray, materials: Sequence[str], film: str, title: str = ""
 ) -> Figure:
-    """Draw a façade from outside, each tile filled by its materials.
+    """Draw a façade from outside, to scale, each tile filled by its `share` (tile, material).
 
-    Parameters
-    ----------
-    tiles : Tiles
-    share : np.ndarray, shape (tile, material)
-    materials : sequence of str
-    film : str
-        Drawn above the clear part of a tile; wall is drawn above both.
-    title : str
-
-    Returns
-    -------
-    Figure
-        To scale; in a mixed tile the heights are the shares of the materials.
+    In a mixed tile the heights are the shares: the film above the clear part, wall above both.
     """
     left, right, bottom, top = np.array(tiles.bounds).T
     size = np.array([right.max() - left.min(), top.max() - bottom.min()])
@@ -103,29 +82,23 @@ def facade(
     clear = [name for name in materials if name not in ("wall", film)]
     colours = {film: FILM, "wall": WALL}
     colours |= dict(zip(clear, (GLASS, *OTHER, *[GREY] * len(clear)), strict=False))
-    for i in range(len(left)):
-        foot = bottom[i]
-        for name in (*clear, film, "wall"):
-            height = float(share[i, list(materials).index(name)]) * (top[i] - bottom[i])
-            if height > 0:
-                ax.add_patch(
-                    Rectangle((left[i], foot), right[i] - left[i], height, color=colours[name],
-                              linewidth=0)
-                )  # fmt: skip
-            foot += height
-        edge = Rectangle((left[i], bottom[i]), right[i] - left[i], top[i] - bottom[i],
-                         fill=False, edgecolor="white", linewidth=1.0)  # fmt: skip
-        ax.add_patch(edge)
+    foot = bottom
+    for name in (*clear, film, "wall"):
+        height = share[:, list(materials).index(name)] * (top - bottom)
+        ax.bar(left, height, right - left, foot, align="edge", color=colours[name], linewidth=0)
+        foot = foot + height
+    edges: dict[str, Any] = {"fill": False, "edgecolor": "white", "linewidth": 1.0}
+    ax.bar(left, top - bottom, right - left, bottom, align="edge", **edges)
     margin = 0.02 * size.max()
     ax.set(xlim=(left.min() - margin, right.max() + margin), xlabel="seen from outside [m]")
     ax.set(ylim=(bottom.min() - margin, top.max() + margin), ylabel="height [m]")
     ax.set_aspect("equal")
     ax.spines[["top", "right"]].set_visible(False)
     area = tiles.area @ np.asarray(share)
-    keys = [
+    keys = [  # between dollars matplotlib would read a formula
         Patch(
             color=colours[name],
-            label=f"{_plain(name)}, {area[list(materials).index(name)]:.1f} m²",
+            label=f"{name}, {area[list(materials).index(name)]:.1f} m²".replace("$", r"\$"),
         )
         for name in (*clear, film, "wall")
         if area[list(materials).index(name)] > 1e-3
@@ -148,7 +121,7 @@ def search(optimum: Optimum) -> Figure:
     best = np.maximum.accumulate(np.where(holds, values, -np.inf))
     ax.plot(number[best > -np.inf], best[best > -np.inf], color=INK, linewidth=1.4, label="best")
     ax.set(xlabel="evaluation", ylabel="objective [%]")
-    _tidy(ax)
+    plots.tidy(ax)
     ax.legend(loc="lower right", frameon=False, fontsize=9)
     return figure
 
@@ -169,9 +142,8 @@ def tilts(optimum: TiltOptimum) -> Figure:
     above.errorbar(at, hard, np.maximum(ends, 0).T, fmt="o", markersize=4, linewidth=1, capsize=2,
                    color=BLUE, label="with its 95 % interval")  # fmt: skip
     above.plot(at, smooth, color="#BBBBBB", linewidth=1.2, zorder=1, label="smooth twin")
-    name = "sDA" if problem.goal.aim == "sDA" else "msDA of the worst month"
     above.set_title("Which tilt?", loc="left", weight="bold", fontsize=11)
-    above.set_ylabel(f"{name} [%]")
+    above.set_ylabel(f"{NAMES[problem.goal.aim]} [%]")
     ase = [candidates[t].hard.ase for t in at]
     below.plot(at, ase, color=ORANGE, marker="o", markersize=4, linewidth=1.2)
     limit = problem.goal.ase_limit
@@ -181,17 +153,6 @@ def tilts(optimum: TiltOptimum) -> Figure:
     below.set(xlabel=f"tilt of {problem.component} [°]", ylabel="ASE [%]")
     for ax in (above, below):
         ax.axvline(problem.at(optimum.best.x), color=INK, linewidth=1, zorder=1)
-        _tidy(ax)
+        plots.tidy(ax)
     above.legend(loc="best", frameon=False, fontsize=9)
     return figure
-
-
-def _tidy(ax: Axes) -> None:
-    ax.grid(color="#EEEEEE", linewidth=0.8)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
-
-
-def _plain(name: str) -> str:
-    """Name of a material with dollars escaped, between which matplotlib would read a formula."""
-    return name.replace("$", r"\$")

@@ -21,7 +21,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.design.measure import ASE_TOLERANCE, Aim, Measure, RatedCandidate, Score
+from drcmitsuba.design.measure import Aim, Measure, RatedCandidate, RatedProblem, Score
 from drcmitsuba.design.parameters import Factor, Map, Parameter, Values
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime.errors import InputError
@@ -33,7 +33,7 @@ AREA_TOLERANCE = 2e-3
 
 @dataclass(frozen=True)
 class Goal:
-    """Objective and constraints of a façade.
+    """Objective and constraints of a façade; aim, film cost and limit of ASE as in `[design]`.
 
     Parameters
     ----------
@@ -41,12 +41,6 @@ class Goal:
         Thresholds of the metrics and of the shade.
     film : str
         Material whose area has a cost.
-    aim : {'sDA', 'worst month'}
-        Metric that is maximised.
-    film_cost : float
-        Points of the aim [%] that a façade full of film costs.
-    ase_limit : float, optional
-        Largest ASE [%].
     window_area : (float, float), optional
         Least and largest area of all panes together [m²], equal if the area is fixed; default: no
         limits.
@@ -62,13 +56,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class FacadeScore(Score):
-    """One composition in numbers.
-
-    Parameters
-    ----------
-    film_area, window_area : float
-        Area of the film and of all panes [m²].
-    """
+    """One composition in numbers, with the areas of the film and of all panes [m²]."""
 
     film_area: float
     window_area: float
@@ -80,7 +68,6 @@ class FacadeCandidate(RatedCandidate):
 
     Parameters
     ----------
-    smooth, hard : FacadeScore
     share : np.ndarray, shape (tile, material)
         Composition.
     gradient, ase_gradient, area_gradient : np.ndarray, shape (free,)
@@ -96,14 +83,11 @@ class FacadeCandidate(RatedCandidate):
 
 
 @dataclass(frozen=True)
-class FacadeProblem:
+class FacadeProblem(RatedProblem):
     """A façade with free parameters, its year, and the goal.
 
     Parameters
     ----------
-    year : BasisYear
-    facade : Map
-    goal : Goal
     factors : tuple of Factor
         Materials whose transmittance is also a parameter.
 
@@ -177,24 +161,13 @@ class FacadeProblem:
     def illuminance(self, values: Values) -> tuple[mi.TensorXf, Illuminances]:
         """Composition (tile, material) and E (time, sensor) [lx] at values of the parameters."""
         share = self.facade.share(values)
-        if not self.factors:
-            return share, self.year.illuminance(share)
         scale = {f.material: values[f.parameter.key] / f.now for f in self.factors}
-        return share, self.year.illuminance(share, scale=scale)
+        return share, self.year.illuminance(share, scale=scale or None)
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> FacadeCandidate:
-        """Evaluate a composition: smooth and hard scores, and gradients of the smooth ones.
+        """Evaluate x (free,), 0 to 1 between the bounds: scores, and gradients of the smooth ones.
 
-        Parameters
-        ----------
-        x : np.ndarray, shape (free,)
-            0 to 1 between the bounds.
-        sharpness : float
-            Sharpness of the smooth twins.
-
-        Returns
-        -------
-        FacadeCandidate
+        Smooth twins have the given sharpness.
         """
         free = mi.Float(np.clip(x, 0, 1).astype(np.float32))
         dr.enable_grad(free)
@@ -203,16 +176,11 @@ class FacadeProblem:
         aim, ase = self.measure.smooth(E, sharpness)
         value = aim - self._cost(film)
         numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
-        gradient, ase_gradient, area_gradient = _gradients(free, (value, ase, window))
+        gradients = _gradients(free, (value, ase, window))
+        hard = self._hard(E, film=numbers[3], window=numbers[4])
+        smooth = FacadeScore(*numbers)
         return FacadeCandidate(
-            x=np.array(x, float),
-            sharpness=sharpness,
-            smooth=FacadeScore(*numbers),
-            hard=self._hard(E, film=numbers[3], window=numbers[4]),
-            share=share.numpy(),
-            gradient=gradient,
-            ase_gradient=ase_gradient,
-            area_gradient=area_gradient,
+            np.array(x, float), sharpness, smooth, hard, share.numpy(), *gradients
         )
 
     def hard(self, share: np.ndarray) -> FacadeScore:
@@ -222,23 +190,8 @@ class FacadeProblem:
         E = self.year.illuminance(composition)
         return self._hard(E, float(film[0]), float(window[0]))
 
-    def merit(self, candidate: FacadeCandidate) -> tuple[float, ...]:
-        """Sort key of candidates; see `RatedCandidate.merit`."""
-        return candidate.merit(self.goal.ase_limit, self.area_error(candidate.hard))
-
-    def holds(self, candidate: FacadeCandidate) -> bool:
-        """True if the candidate's hard numbers hold the constraints."""
-        return self.is_feasible(candidate.hard)
-
-    def is_feasible(self, score: FacadeScore) -> bool:
-        """True if a score holds the constraints, areas within `AREA_TOLERANCE`."""
-        goal = self.goal
-        if goal.ase_limit is not None and score.ase > goal.ase_limit + ASE_TOLERANCE:
-            return False
-        return self.area_error(score) == 0
-
     def area_error(self, score: FacadeScore) -> float:
-        """Deviation of the panes' area as a fraction of the required area; 0 within tolerance."""
+        """Deviation of the panes' area as a fraction; 0 within `AREA_TOLERANCE`."""
         if self.goal.window_area is None:
             return 0.0
         low, high = self.goal.window_area
@@ -249,7 +202,7 @@ class FacadeProblem:
         """Columns of the history: scores [%] and areas [m²]."""
         hard = candidate.hard
         areas = {"film_m2": hard.film_area, "window_m2": hard.window_area}
-        return candidate.numbers(self.goal.aim) | areas
+        return super().numbers(candidate) | areas
 
     def details(self, candidate: FacadeCandidate) -> dict[str, Any]:
         """Further entries of `optimum.json`: the composition of every tile by material."""

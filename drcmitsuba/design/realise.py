@@ -24,40 +24,19 @@ Piece = tuple[float, float, str]
 def realise(
     case: Case, side: Side, tiles: Tiles, share: np.ndarray, materials: Sequence[str], film: str
 ) -> Case:
-    """Cut the tiles of a façade into strips of one material each.
+    """Cut the tiles of a façade into strips of one material each; the rest of the façade is wall.
 
-    In a tile of several materials, each takes its share of the height. Clear panes lie below the
-    film, unless the tile below has more film than the tile above. Wall lies at the upper edge, or
-    at the lower edge if the tile below has more wall than the tile above. A piece too low for a
-    pane with its frame goes to the tile's other pieces. Touching panes of one material become one.
-
-    Parameters
-    ----------
-    case : Case
-        Its façade on this side is replaced.
-    side : {'south', 'east', 'north', 'west'}
-    tiles : Tiles
-        Tiles; the rest of the façade is wall.
-    share : np.ndarray, shape (tile, material)
-        Composition; a share below 0.1 % counts as 0.
-    materials : sequence of str
-        Materials of the columns of `share`.
-    film : str
-        Material that lies above the others.
-
-    Returns
-    -------
-    Case
+    In a tile of several `materials`, each takes its `share`, shape (tile, material), of the height;
+    less than 0.1 % counts as 0. Clear panes lie below the film, unless the tile below has more film
+    than the tile above. Wall lies at the upper edge, or at the lower edge if the tile below has
+    more wall than the tile above. A piece too low for a pane with its frame goes to the tile's
+    other pieces. Touching panes of one material become one. Every pane has the façade's frame
+    around it, so that cut tiles have less glass than the composition says.
 
     Raises
     ------
     InputError
         The tiles are narrower than the segments and no number of segments fits.
-
-    Notes
-    -----
-    Every pane has the façade's frame around it, so that cut tiles have less glass than the
-    composition says.
     """
     assert case.room is not None
     old = case.facade.get(side, Facade())
@@ -128,8 +107,7 @@ def _heights(parts: list[tuple[str, float]], low: float, high: float, least: flo
     """Cut a tile into pieces, none of them too low for a pane."""
     height = high - low
     kept = [(name, part) for name, part in parts if part * height >= max(least, 1e-3 * height)]
-    if not kept:
-        kept = [max(parts, key=lambda p: p[1])]
+    kept = kept or [max(parts, key=lambda p: p[1])]
     total = sum(part for _, part in kept)
     edges = low + height * np.cumsum([0.0, *(part / total for _, part in kept)])
     edges[-1] = high

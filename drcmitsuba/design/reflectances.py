@@ -72,13 +72,7 @@ def reflectances(case: Case) -> dict[str, float]:
 
 
 def with_reflectances(case: Case, rho: Mapping[str, float]) -> Case:
-    """Return a case with other reflectances of some of its surfaces.
-
-    Raises
-    ------
-    InputError
-        A key is unknown, or a value is not in 0 … 1.
-    """
+    """Case with other reflectances of some of its surfaces, checked as by `Interior`."""
     _check(case.source, reflectances(case), rho)
     values = {k: float(v) for k, v in rho.items()}
     update: dict[str, object] = {
@@ -112,7 +106,7 @@ class Interior:
     Parameters
     ----------
     start : dict of str to float
-        Reflectances of the case by key: `floor`, `ceiling`, `walls`, furniture by its name.
+        Reflectances of the case by key, see `reflectances`.
     traced : dict of str to float
         Reflectances at which paths were traced.
     months : np.ndarray of int, shape (time,)
@@ -199,8 +193,8 @@ class Interior:
             A key is unknown, or a value is not in 0 … 1.
         """
         ratios = self._ratios(rho)
-        E = [state.before + state.interreflected(ratios) for state in self.states]
-        return Illuminances(E[0], E[-1], self.states[0].direct)
+        E = [state.illuminance(ratios) for state in self.states]
+        return Illuminances(E[0], E[-1], self.states[0].deposited.direct)
 
     def standard_error(self, rho: Mapping[str, mi.Float | float]) -> np.ndarray:
         """Standard error of the mean over time, shade open, (sensor,) [lx].

@@ -50,15 +50,9 @@ C = TypeVar("C", bound=Any)
 
 @dataclass(frozen=True)
 class Step(Generic[C]):
-    """One evaluation of a search.
+    """One evaluation of a search, at a time since the history began [s].
 
-    Parameters
-    ----------
-    label : str
-        Local search that proposed the candidate, such as "start 1" or "ASE ≤ 10 %".
-    seconds : float
-        Time since the history began [s].
-    candidate : C
+    `label` names the local search that proposed the candidate, such as "ASE ≤ 10 %".
     """
 
     label: str
@@ -72,7 +66,6 @@ class History(Generic[P, C]):
 
     Parameters
     ----------
-    problem : SearchProblem
     steps : list of Step
         Grows while a search runs.
     begin : float
@@ -103,13 +96,7 @@ class History(Generic[P, C]):
         return candidate
 
     def best(self, merit: Callable[[C], tuple[float, ...]] | None = None) -> C:
-        """Candidate of the largest merit; `merit` replaces the problem's sort key.
-
-        Raises
-        ------
-        ValueError
-            The history is empty.
-        """
+        """Candidate of the largest merit; `merit` replaces the problem's key."""
         return max(self.candidates, key=merit or self.problem.merit)
 
     @property
@@ -119,10 +106,6 @@ class History(Generic[P, C]):
             {"search": s.label, "seconds": round(s.seconds, 3), **row(self.problem, s.candidate)}
             for s in self.steps
         )
-
-    def save(self, file: Path) -> None:
-        """Write the table as CSV, whole or not at all."""
-        storage.save_text(self.frame.to_csv(index=False, float_format="%.6g"), file)
 
 
 def row(problem: SearchProblem, candidate: Any) -> dict[str, float]:
@@ -140,20 +123,9 @@ LocalSearch = Callable[[Any, Progress], None]
 
 
 def run(history: History[Any, Any], searches: Iterable[LocalSearch], progress: Progress) -> bool:
-    """Run local searches one after the other, which add to a history.
+    """Run local searches one after the other, which add to a history; each counts alike.
 
-    Parameters
-    ----------
-    history : History
-    searches : iterable of LocalSearch
-        Searches, such as gradient ascents from several starts.
-    progress : callable
-        Takes the share that is done; every local search counts alike.
-
-    Returns
-    -------
-    bool
-        True if all came to their end, False if Ctrl-C or a kill ended one of them.
+    Returns True if all came to their end, False if Ctrl-C or a kill ended one of them.
 
     Raises
     ------
@@ -172,24 +144,26 @@ def run(history: History[Any, Any], searches: Iterable[LocalSearch], progress: P
     return True
 
 
+T = TypeVar("T", bound="Optimum[Any, Any]")
+
+
 @dataclass(frozen=True)
 class Optimum(Generic[P, C]):
-    """Best candidate of a search, and all others.
-
-    Parameters
-    ----------
-    problem : SearchProblem
-    best : C
-    history : History
-        All evaluations.
-    finished : bool
-        True if the search came to its end, False if it was stopped.
-    """
+    """Best candidate of a search, and the history of all; `finished` is False if it was stopped."""
 
     problem: P
     best: C
     history: History[P, C]
     finished: bool
+
+    @classmethod
+    def of(
+        cls: type[T], history: History[Any, Any], searches: Iterable[LocalSearch],
+        progress: Progress,
+    ) -> T:  # fmt: skip
+        """Run local searches that add to a history, and take the best of all candidates."""
+        finished = run(history, searches, progress)
+        return cls(history.problem, history.best(), history, finished)
 
     @property
     def values(self) -> Mapping[str, Any]:
@@ -229,7 +203,5 @@ class Optimum(Generic[P, C]):
 
     def save(self, folder: str | Path) -> None:
         """Write `optimum.json` and `history.csv`, each whole or not at all."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        storage.save_json(self.to_dict(), folder / "optimum.json")
-        self.history.save(folder / "history.csv")
+        storage.save_json(self.to_dict(), Path(folder) / "optimum.json")
+        storage.save_csv(self.history.frame, Path(folder) / "history.csv")

@@ -21,7 +21,10 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import mitsuba as mi
@@ -29,50 +32,43 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual import simulation
+from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
 from drcmitsuba.case.toml import shortened
-from drcmitsuba.design.measure import ASE_TOLERANCE, Aim, Measure, RatedCandidate, Score
+from drcmitsuba.design.measure import (
+    ASE_TOLERANCE,
+    Aim,
+    Measure,
+    RatedCandidate,
+    RatedProblem,
+    Score,
+)
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.metrics import Interval, accumulate, illuminance
-from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rules
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import components
-from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import luminance
-from drcmitsuba.sky.daylight import Daylight, sources
+from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport.facade_basis.year import Illuminances
 
 
 class TiltGoal(NamedTuple):
-    """Objective and constraint of a tilt.
-
-    Parameters
-    ----------
-    aim : {'sDA', 'worst month'}
-        Metric that is maximised.
-    ase_limit : float
-        Largest ASE [%].
-    """
+    """Metric that is maximised, and largest ASE [%]."""
 
     aim: Aim
     ase_limit: float
 
 
 class SimulatedTilt(NamedTuple):
-    """A year with the lamellae at one tilt.
+    """A year with the lamellae at one tilt: E [lx], and the 95 % interval of the aim [%].
 
-    Parameters
-    ----------
-    E : Illuminances
-        E of the year [lx]; `shaded` equals `open` without direct sun, as no shade closes then.
-    aim : Interval
-        95 % interval of the aim [%].
+    The shaded E equals the open E where there is no direct sun, as no shade closes then.
     """
 
     E: Illuminances
@@ -80,28 +76,20 @@ class SimulatedTilt(NamedTuple):
 
 
 class Slope(NamedTuple):
-    """Derivatives of the smooth twins by the tilt.
-
-    Parameters
-    ----------
-    value, ase : float
-        Derivative of the objective and of ASE [% per deg].
-    """
+    """Derivatives of the smooth objective and of the smooth ASE by the tilt [% per deg]."""
 
     value: float
     ase: float
 
 
 @dataclass(frozen=True)
-class TiltProblem:
+class TiltProblem(RatedProblem):
     """Lamellae whose tilt is free, their year, and the goal.
 
     Parameters
     ----------
-    case : Case
     component : str
-    daylight : Daylight
-    goal : TiltGoal
+        Name of the lamellae.
     tilt : Parameter
         Tilt of the lamellae [deg].
     step : float
@@ -185,19 +173,7 @@ class TiltProblem:
         return self.simulated[tilt]
 
     def evaluate(self, x: np.ndarray, sharpness: float) -> RatedCandidate:
-        """Evaluate a tilt: its smooth and its hard score.
-
-        Parameters
-        ----------
-        x : np.ndarray, shape (1,)
-            0 to 1 between the bounds.
-        sharpness : float
-            Sharpness of the smooth twins.
-
-        Returns
-        -------
-        RatedCandidate
-        """
+        """Evaluate a tilt, x (1,) 0 to 1 between the bounds, by smooth twins of a sharpness."""
         E = self.simulate(self.at(x)).E
         aim, ase = (float(v[0]) for v in self.measure.smooth(E, sharpness))
         hard = self.measure.hard(E)
@@ -224,18 +200,6 @@ class TiltProblem:
     def named(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """Values of all parameters [deg]."""
         return {self.tilt.key: np.array([self.at(x)])}
-
-    def merit(self, candidate: RatedCandidate) -> tuple[float, ...]:
-        """Sort key of candidates; see `RatedCandidate.merit`."""
-        return candidate.merit(self.goal.ase_limit)
-
-    def holds(self, candidate: RatedCandidate) -> bool:
-        """True if ASE holds its limit."""
-        return candidate.hard.ase <= self.goal.ase_limit + ASE_TOLERANCE
-
-    def numbers(self, candidate: RatedCandidate) -> dict[str, float]:
-        """Columns of the history: scores [%]."""
-        return candidate.numbers(self.goal.aim)
 
     def details(self, candidate: RatedCandidate) -> dict[str, Any]:
         """Further entries of `optimum.json`; the slope only if both its tilts are simulated."""
@@ -268,41 +232,31 @@ class TiltProblem:
         The shade's smooth twin closes a little in every hour with direct sun, so the shaded state
         is simulated for all of these hours, not only for those in which the shade may close.
         """
-        coefficients, direct, sunny = self._coefficients(case, progress)
+        last = 1.0 if case.shading is None else 0.6
+
+        @contextmanager
+        def stage(name: str) -> Iterator[Progress]:
+            yield part(progress, 0, last) if name == "open façade" else part(progress, last, 1)
+
+        run = replace(Run.of(case), stage=stage)
+        hours = partial(self._has_sun, case)
+        coefficients, direct = simulation.simulate(case, self.daylight, run, needed=hours)
         judged = evaluate_metrics(case, self.daylight, coefficients, direct)
         year = judged.illuminance.map(luminance)
         is_open, direct_sun = year["total_open"].values, year["direct_sun"].values
         shaded = is_open.copy()
-        if coefficients.shaded is not None and sunny.any():
+        if coefficients.shaded is not None:
+            sunny = self._has_sun(case, direct)
             behind = coefficients.shaded, self.daylight.sky.isel(time=sunny)
             by_source = illuminance.by_channel(accumulate.by_source, *behind).map(luminance)
             shaded[sunny] = by_source["total"].values
-        E = Illuminances(*map(_tensor, (is_open, shaded, direct_sun)))
-        return SimulatedTilt(E, self._interval(judged.metrics))
-
-    def _coefficients(
-        self, case: Case, progress: Progress
-    ) -> tuple[Coefficients, xr.Dataset, np.ndarray]:
-        """C of both states, direct sun, and a mask of time stamps with direct sun, bool (time,)."""
-        sky, suns = self.daylight.sky, self.daylight.suns
-        latitude, last = sky.attrs["latitude"], 1.0 if case.shading is None else 0.6
-        done = part(progress, 0, last)
-        C = simulation.transport(case, "open", suns, latitude, progress=done)
-        attributes = simulation.attributes(case, self.daylight, ALL_EFFECTS)
-        coefficients = Coefficients(C.assign_attrs(attributes))
-        direct = illuminance.direct_sun(coefficients, sky)
-        sunny = self._has_sun(case, direct)
-        if case.shading is not None:
-            suns, done = suns.only(sources(sky.isel(time=sunny))), part(progress, last, 1)
-            C = simulation.transport(case, "shaded", suns, latitude, progress=done)
-            coefficients = Coefficients(coefficients.open, C)
-        return coefficients, direct, sunny
+        E = (np.ascontiguousarray(a, np.float32) for a in (is_open, shaded, direct_sun))
+        return SimulatedTilt(Illuminances(*map(mi.TensorXf, E)), self._interval(judged.metrics))
 
     def _has_sun(self, case: Case, direct: xr.Dataset) -> np.ndarray:
         """Mask (time,): time stamps at which a sensor has direct sun or the shade may close."""
         sunny = (luminance(direct["direct_sun"]).values > 0).any(axis=1)
-        step_hours = self.daylight.step_hours
-        return sunny | (may_close(case, step_hours, direct) if case.shading else False)
+        return sunny | may_close(case, self.daylight.step_hours, direct)
 
     def _interval(self, metrics: dict[str, Any]) -> Interval:
         """95 % interval of the aim [%]; for the worst month, the interval of that month alone."""
@@ -316,7 +270,3 @@ def _tilted(case: Case, name: str, tilt: float) -> Case:
     """Case with another tilt [deg] of a component."""
     component = case.components[name].model_copy(update={"tilt": tilt})
     return case.with_tables(components={**case.components, name: component})
-
-
-def _tensor(values: np.ndarray) -> mi.TensorXf:
-    return mi.TensorXf(np.ascontiguousarray(values, np.float32))

@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from drcmitsuba.design.measure import RatedCandidate
 from drcmitsuba.design.optimise import SHARPNESS
-from drcmitsuba.design.search import History, Optimum, run
+from drcmitsuba.design.search import History, Optimum
 from drcmitsuba.design.tilt import TiltProblem
 from drcmitsuba.runtime.progress import Progress, part
 
@@ -42,65 +42,41 @@ def optimise_tilt(
     sharpness: float = SHARPNESS[-1],
     progress: Progress = lambda share: None,
 ) -> TiltOptimum:
-    """Find the best tilt to within the problem's step.
+    """Find the best tilt to within the problem's step, by smooth twins of a sharpness.
 
-    Parameters
-    ----------
-    problem : TiltProblem
-    sharpness : float
-        Sharpness of the smooth twins.
-    progress : callable
-        Takes the share that is done.
-
-    Returns
-    -------
-    Optimum
-        The best tilt so far where Ctrl-C stopped the search.
+    Where Ctrl-C stopped the search, the optimum is the best tilt so far. Limits: a maximum that is
+    narrower than the grid, about ⅙ of the bounds, may be missed.
 
     Raises
     ------
     KeyboardInterrupt
         The search was stopped before anything was evaluated.
-
-    Notes
-    -----
-    Limits: a maximum that is narrower than the grid, about ⅙ of the bounds, may be missed.
     """
     history: TiltHistory = History(problem)
-    finished = run(history, [Sections(sharpness)], progress)
-    return Optimum(problem, history.best(), history, finished)
+    return Optimum.of(history, [partial(_sections, sharpness=sharpness)], progress)
 
 
-@dataclass(frozen=True)
-class Sections:
+def _sections(history: TiltHistory, progress: Progress, sharpness: float) -> None:
     """Coarse grid, golden sections about its best tilt, then steps to better neighbours.
 
-    Parameters
-    ----------
-    sharpness : float
-        Sharpness of the smooth twins.
+    The progress counts simulations of about as many as there will be.
     """
+    problem = history.problem
+    grid = _grid(problem)
+    widest = max(b - a for a, b in zip(grid[:-2], grid[2:], strict=True))
+    sections = math.log(2 * problem.step / widest) / math.log(1 - SECTION)
+    total = len(grid) + math.ceil(max(sections, 0)) + 2
 
-    sharpness: float
+    def at(tilt: float, label: str) -> RatedCandidate:
+        done = len(problem.simulated)
+        problem.simulate(tilt, part(progress, *(min(1, n / total) for n in (done, done + 1))))
+        return history.evaluate(problem.free(tilt), label, sharpness)
 
-    def __call__(self, history: TiltHistory, progress: Progress) -> None:
-        """Search; the progress counts simulations of about as many as there will be."""
-        problem = history.problem
-        grid = _grid(problem)
-        widest = max(b - a for a, b in zip(grid[:-2], grid[2:], strict=True))
-        sections = math.log(2 * problem.step / widest) / math.log(1 - SECTION)
-        total = len(grid) + math.ceil(max(sections, 0)) + 2
-
-        def at(tilt: float, label: str) -> RatedCandidate:
-            done = len(problem.simulated)
-            problem.simulate(tilt, part(progress, *(min(1, n / total) for n in (done, done + 1))))
-            return history.evaluate(problem.free(tilt), label, self.sharpness)
-
-        merits = [_merit(problem, at(tilt, "grid")) for tilt in grid]
-        i = max(range(len(grid)), key=merits.__getitem__)
-        bracket = grid[max(i - 1, 0)], grid[i], grid[min(i + 1, len(grid) - 1)]
-        _golden_sections(problem, at, bracket, merits[i])
-        _walk(history, at)
+    merits = [_merit(problem, at(tilt, "grid")) for tilt in grid]
+    i = max(range(len(grid)), key=merits.__getitem__)
+    bracket = grid[max(i - 1, 0)], grid[i], grid[min(i + 1, len(grid) - 1)]
+    _golden_sections(problem, at, bracket, merits[i])
+    _walk(history, at)
 
 
 def _grid(problem: TiltProblem) -> list[float]:

@@ -11,7 +11,6 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.design.annual_illuminance import AnnualIlluminance
 from drcmitsuba.design.bounce_counts import Sums, marked, numbered, powers
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
@@ -19,27 +18,80 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
+from drcmitsuba.schema import positions
+from drcmitsuba.sky import daylight as lights
 from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.sun_models import Blend
 from drcmitsuba.transport.cells import Cells, Grid, draw_points
-from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import gather
 
 
+@dataclass(frozen=True)
+class AnnualIlluminance:
+    """E = D·L of receivers over a year: luminances of every time stamp, and bins of its suns.
+
+    Parameters
+    ----------
+    sky : np.ndarray, shape (time, bin)
+        L of sky patches and ground [cd/m²]; the suns' bins follow.
+    sun, column : np.ndarray, shape (time, k)
+        Luminances of up to k suns [cd/m²], and their bins.
+    """
+
+    sky: np.ndarray
+    sun: np.ndarray
+    column: np.ndarray
+
+    @classmethod
+    def of(cls, daylight: Daylight) -> AnnualIlluminance:
+        """L and the suns of a case's daylight."""
+        sky = daylight.sky
+        # An adaptive sun model has no blend: each time stamp's own sun takes its place.
+        known = "blend_bin" in sky
+        blend = lights.blended(sky) if known else Blend.own(sky["sun_bin"].values)
+        labels = [*map(str, sky["bin"].values), *daylight.suns.labels]
+        column = positions(blend.bins, labels, missing=0).astype(np.uint32)
+        sun = blend.weights * sky["sun"].values[:, None]
+        return cls(sky["sky"].values.astype(np.float32), sun.astype(np.float32), column)
+
+    def by_sun(self, d: Irradiance) -> mi.TensorXf:
+        """Illuminance E by the suns [lx], shape (time, receiver)."""
+        shape = len(self.sky), d.sky.shape[0]
+        entry, width = dr.arange(mi.UInt32, shape[0] * shape[1]), dr.opaque(mi.UInt32, shape[1])
+        time, receiver = entry // width, entry % width
+        out = dr.zeros(mi.Float, dr.width(entry))
+        first = dr.opaque(mi.UInt32, d.sky.shape[1])
+        for columns, values in zip(self.column.T, self.sun.T, strict=True):
+            column = dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(columns)), time)
+            value = dr.gather(mi.Float, mi.Float(np.ascontiguousarray(values)), time)
+            here = column < first
+            for part, at, mine in ((d.sky, column, here), (d.sun, column - first, ~here)):
+                if part.shape[1]:
+                    index = receiver * dr.opaque(mi.UInt32, part.shape[1]) + at
+                    out += value * dr.gather(mi.Float, part.array, index, mine)
+        dr.eval(out)
+        return mi.TensorXf(out, shape)
+
+    def by_all(self, d: Irradiance) -> mi.TensorXf:
+        """Illuminance E by sky and suns [lx], shape (time, receiver)."""
+        E = mi.TensorXf(self.sky) @ d.sky.T + self.by_sun(d)
+        dr.eval(E)
+        return E
+
+
 class Deposited(NamedTuple):
-    """Illuminance of sensors and cells before any diffuse reflection, D·L.
+    """Illuminance of sensors and cells before any diffuse reflection, D·L [lx].
 
     Parameters
     ----------
     sensors, direct : mi.TensorXf, shape (time, sensor)
-        Illuminance before any diffuse reflection, and its part by direct sun [lx].
+        Illuminance of the sensors, and its part by direct sun.
     cells : mi.TensorXf, shape (time, cell)
-        D·L of the cells [lx].
-    sensor_means : np.ndarray, shape (replicate, sensor)
-        Mean over time in each replicate [lx].
-    cell_means : np.ndarray, shape (replicate, cell)
-        Mean over time in each replicate [lx].
+    sensor_means, cell_means : np.ndarray, shape (replicate, sensor), (replicate, cell)
+        Mean over time in each replicate.
     """
 
     sensors: mi.TensorXf
@@ -55,27 +107,16 @@ class TracedRoom:
 
     Parameters
     ----------
-    before : mi.TensorXf, shape (time, sensor)
-        Illuminance before any diffuse reflection [lx].
-    direct : mi.TensorXf, shape (time, sensor)
-        Illuminance by direct sun [lx].
-    cells : mi.TensorXf, shape (time, cell)
-        D·L of the cells [lx].
     gathered : Sums
         Path weights; place: cell · sensors + sensor.
-    means_before : np.ndarray, shape (replicate, sensor)
-        Mean of `before` over time, in each replicate [lx].
     means : Sums
         Mean of the interreflected illuminance over time; place: replicate · sensors + sensor.
     digits : list of list of mi.Bool
         Binary digits of every mark's number of hits on every kind of surface.
     """
 
-    before: mi.TensorXf
-    direct: mi.TensorXf
-    cells: mi.TensorXf
+    deposited: Deposited
     gathered: Sums
-    means_before: np.ndarray
     means: Sums
     digits: list[list[mi.Bool]]
 
@@ -84,20 +125,7 @@ class TracedRoom:
         cls, case: Case, state: State, daylight: Daylight, rho: Mapping[str, float],
         progress: Progress,
     ) -> TracedRoom:  # fmt: skip
-        """Trace paths and deposits at some reflectances, and multiply the deposits by L.
-
-        Parameters
-        ----------
-        case : Case
-        state : {"open", "shaded"}
-        daylight : Daylight
-        rho : mapping of str to float
-            Reflectances of the case by key.
-        progress : callable
-
-        Returns
-        -------
-        TracedRoom
+        """Trace paths and deposits at a case's reflectances `rho`, and multiply deposits by L.
 
         Raises
         ------
@@ -127,23 +155,23 @@ class TracedRoom:
         mean_there = dr.gather(mi.Float, mi.Float(D.cell_means.ravel()), at)
         size, rows = cells.count * len(points), a.replicates * len(points)
         return cls(
-            D.sensors, D.direct, D.cells,
+            D,
             Sums.of(cell * count + row % count, mark, weight / a.replicates, size),
-            D.sensor_means,
             Sums.of(row, mark, weight * mean_there, rows),
             marks.digits(kinds),
         )  # fmt: skip
 
-    def interreflected(self, ratios: list[mi.Float]) -> mi.TensorXf:
-        """G·D·L (time, sensor) [lx] at ratios ρ/ρ′ of the reflectances to the traced ones."""
-        cells, sensors = self.cells.shape[1], self.before.shape[1]
+    def illuminance(self, ratios: list[mi.Float]) -> mi.TensorXf:
+        """E (time, sensor) [lx] at ratios ρ/ρ′ of the reflectances to the traced ones."""
+        D = self.deposited
         G = self.gathered.weighed(powers(ratios, self.digits))
-        return self.cells @ mi.TensorXf(G, (cells, sensors))
+        return D.sensors + D.cells @ mi.TensorXf(G, (D.cells.shape[1], D.sensors.shape[1]))
 
     def standard_error(self, ratios: list[mi.Float]) -> np.ndarray:
         """Standard error of the mean of E over time, (sensor,) [lx]."""
+        before = self.deposited.sensor_means
         inner = self.means.weighed(powers(ratios, self.digits)).numpy()
-        total = self.means_before + inner.reshape(self.means_before.shape)
+        total = before + inner.reshape(before.shape)
         return total.std(axis=0, ddof=1) / np.sqrt(len(total))
 
 

@@ -1,13 +1,15 @@
 """Façades by parameters: exact areas, rows that add up, gradients, those at the bounds too."""
 
+from dataclasses import dataclass
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
 
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.design.facade_maps import Heights, Panes, Strips, Window
-from drcmitsuba.design.parameters import Factor, Parameter
+from drcmitsuba.design.facade_maps import Edges, Panes, Strips, Window
+from drcmitsuba.design.parameters import Factor, Parameter, inward
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
@@ -35,6 +37,26 @@ def panes(tiles):
 
 def values(**given):
     return {key: mi.Float(np.atleast_1d(value).astype(np.float32)) for key, value in given.items()}
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Window given by the heights of its edges [m], over the whole width of the tiles."""
+
+    panes: Panes
+    sill: Parameter
+    head: Parameter
+    film_bottom: Parameter
+    film_top: Parameter
+
+    @property
+    def parameters(self):
+        return self.sill, self.head, self.film_bottom, self.film_top
+
+    def share(self, values):
+        within = inward(values, self.parameters)
+        edges, at = (Edges(*(v[p.key] for p in self.parameters)) for v in (values, within))
+        return self.panes.between(edges, at)
 
 
 def heights(tiles):

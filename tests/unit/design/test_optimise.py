@@ -41,7 +41,7 @@ def year():
 
 
 def by_window(year, **goal):
-    panes = Panes.of(year, "glass", "film")
+    panes = Panes(year.tiles, year.materials, "glass", "film")
     dwr, position = (Parameter(k, 0.0, 1.0, 0.5) for k in ("dwr", "position"))
     fixed = Parameter.fixed("sill", 0.9), Parameter.fixed("wwr", 0.5)
     facade = Window(panes, WALL, *fixed, dwr, position)
@@ -49,7 +49,7 @@ def by_window(year, **goal):
 
 
 def by_strips(year, window=None, **goal):
-    panes = Panes.of(year, "glass", "film")
+    panes = Panes(year.tiles, year.materials, "glass", "film")
     window = window or Parameter.fixed("window", 1.0)
     facade = Strips(panes, window, Parameter("film", 0.0, 1.0, 0.5, panes.count))
     return FacadeProblem(year, facade, Goal(RULES, "film", film_cost=5.0, **goal))
