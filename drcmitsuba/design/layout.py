@@ -34,7 +34,6 @@ class Layout:
 
     Parameters
     ----------
-    side : {'south', 'east', 'north', 'west'}
     clear, film : str
         Material that the shade covers, and material that it does not cover.
     length : float

@@ -63,7 +63,7 @@ class RatedCandidate:
         """Objective by the hard metrics [%]."""
         return self.hard.value
 
-    def merit(self, ase_limit: float | None, area_error: float = 0.0) -> tuple[float, ...]:
+    def merit(self, ase_limit: float | None, area_error: float) -> tuple[float, ...]:
         """Sort key: the largest hard objective among the candidates that hold the constraints.
 
         These are a largest ASE [%] and an area of panes, by its deviation as a fraction. If no

@@ -54,8 +54,7 @@ class Estimate:
     @classmethod
     def of(cls, samples: np.ndarray) -> Estimate:
         """Mean of independent samples (sample,)."""
-        error = samples.std(ddof=1) / np.sqrt(len(samples))
-        return cls(float(samples.mean()), float(error))
+        return cls(float(samples.mean()), float(samples.std(ddof=1) / np.sqrt(len(samples))))
 
 
 def jackknife(value: Callable[[np.ndarray], float], rounds: int) -> Estimate:

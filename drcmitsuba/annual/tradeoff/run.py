@@ -123,23 +123,22 @@ def tradeoff(
     light = daylight(case)
     year = light.sky["time"].values
     times = year[some_hours(year)]
-    with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as folder:
-        count = len(design(case, Path(folder)))
-    announce(announcement(count, forecast(plan(default(case), light)).seconds, minutes))
-    with stage("reference") as progress:
-        job = partial(trace_reference, case, times, until)
-        share = (deadline - time.monotonic()) / max(until - time.monotonic(), 1e-3)
-        try:
-            reference = process.run(job, deadline, lambda done: progress(min(done * share, 1.0)))
-        except TimeoutError:
-            remedy = "give more --minutes"
-            raise InputError("tradeoff", "minutes", f"{minutes:g}: no reference", remedy) from None
-    if not reference.is_open.any():
-        got = f"no light at the {len(times)} that are compared"
-        raise InputError(case.source, "period, time stamps", got, "take some with daylight")
-    yardstick = Yardstick(reference, case.metrics, len(times) / len(year), light.step_hours)
+    seconds = forecast(plan(default(case), light)).seconds
     with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as folder:
         settings = design(case, Path(folder))
+        announce(announcement(len(settings), seconds, minutes))
+        with stage("reference") as progress:
+            job = partial(trace_reference, case, times, until)
+            share = (deadline - time.monotonic()) / max(until - time.monotonic(), 1e-3)
+            try:
+                reference = process.run(job, deadline, lambda t: progress(min(t * share, 1.0)))
+            except TimeoutError:
+                got, remedy = f"{minutes:g}: no reference", "give more --minutes"
+                raise InputError("tradeoff", "minutes", got, remedy) from None
+        if not reference.is_open.any():
+            got = f"no light at the {len(times)} that are compared"
+            raise InputError(case.source, "period, time stamps", got, "take some with daylight")
+        yardstick = Yardstick(reference, case.metrics, len(times) / len(year), light.step_hours)
         rows = tuple(Row(setting.name, setting.varied) for setting in settings)
         so_far = Tradeoff(case.name, rows, yardstick, len(year))
         seen(so_far)
