@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal
@@ -18,18 +17,11 @@ Purpose = tuple[str, ...]
 
 
 class RayCounter:
-    """Counts rays where they are traced, within kernels as well.
-
-    Attributes
-    ----------
-    lanes : Counter
-        Number of lanes that were launched to trace rays, by purpose and kind; a loop counts once.
-    """
+    """Counts rays where they are traced, within kernels as well."""
 
     def __init__(self) -> None:
         self._purpose: Purpose = ()
         self._counts: dict[Purpose, mi.UInt64] = {}
-        self.lanes: Counter[tuple[Purpose, Kind]] = Counter()
         self._open()
 
     def _open(self) -> None:
@@ -54,13 +46,11 @@ class RayCounter:
         """Count one ray for each active lane; a launch outside of a loop has `width` lanes."""
         index = dr.full(mi.UInt32, KINDS.index(kind), width)
         dr.scatter_add(self._counts[self._purpose], mi.UInt64(1), index, active)
-        self.lanes[self._purpose, kind] += width
 
-    def take(self, kind: Kind, number: int, lanes: int = 0) -> None:
-        """Count `number` rays, traced by `lanes` lanes."""
+    def take(self, kind: Kind, number: int) -> None:
+        """Count `number` rays."""
         counts = self._counts[self._purpose]
         dr.scatter_add(counts, mi.UInt64(number), mi.UInt32(KINDS.index(kind)))
-        self.lanes[self._purpose, kind] += lanes
 
     def by_purpose(self) -> dict[Purpose, dict[str, int]]:
         """Number of rays by purpose and kind."""

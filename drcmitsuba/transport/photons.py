@@ -269,7 +269,7 @@ class PhotonTracer:
         """Follow `photons` photons of each source and add their flux to `sums`."""
         columns = start.p, start.d, start.flux, start.bin
         dr.eval(*columns)
-        launched, lanes = dr.width(start.flux), dr.compress(start.flux > 0)
+        lanes = dr.compress(start.flux > 0)
         if dr.width(lanes) == 0:
             return FluxLedger()
         start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
@@ -282,7 +282,7 @@ class PhotonTracer:
         )  # fmt: skip
         dr.eval(fates, sums)  # together: each sum alone would follow all photons again
         *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
-        self.ports[0].scene.ray_counter.take("photon", round(segments), launched)
+        self.ports[0].scene.ray_counter.take("photon", round(segments))
         names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
         by_fate = dict(zip(names, fluxes, strict=True))
         return FluxLedger(photons=dr.width(lanes), segments=round(segments), **by_fate)

@@ -7,9 +7,9 @@ once before where its kernels had to be compiled. The first table has the foreca
 happened, in wall seconds, processor seconds, memory, disk and rays. Processor seconds tell more
 where the machine has other work: those of the forecast are the reference machine's, twice the
 seconds of kernels. The second has all effects forced on (`[effects]` all "all") beside the plan's
-choice. `--fit` fits the units of work, `forecast.cost.UNITS`, by non-negative least squares to the
-processor seconds of all these evaluations and of some with one setting of `[accuracy]` changed;
-what the measurements do not tell apart stays near the present values.
+choice. `--fit` fits the units of work, `KERNELS` and `HOST` of `forecast.cost`, by non-negative
+least squares to the processor seconds of all these evaluations and of some with one setting of
+`[accuracy]` changed; units that the measurements do not tell apart stay near their present values.
 """
 
 from __future__ import annotations
@@ -35,19 +35,30 @@ from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.shipped import shipped_cases
 from drcmitsuba.plan import plan
 from drcmitsuba.plan.forecast import REFERENCE, Forecast, forecast
-from drcmitsuba.plan.forecast.cost import UNITS
+from drcmitsuba.plan.forecast.cost import HOST, KERNELS
 from drcmitsuba.runtime import backend, process
 from drcmitsuba.sky.daylight import daylight
 from tests.bench.__main__ import machine, table
+from tests.hard.test_hard_geometry import house, street
+from tests.hard.test_hard_rooms import film_case, slit_case
 
 MOST = 3600.0
 """Seconds that an evaluation may take."""
-AROUND = ("evaluation", "luminance", "accumulated", "illuminance", "byte", "picture")
-"""Units of what is not transport."""
+AROUND = ("evaluation", "illuminance", "byte", "picture")
+"""Units of work outside of transport."""
 NEARNESS = 0.15
 """Weight of the present values in a fit."""
 THREADS = 2
-"""Of the reference machine."""
+"""Number of threads of the reference machine."""
+SECONDS = {unit: THREADS * seconds for unit, seconds in KERNELS.items()} | dict(HOST)
+"""Processor seconds of a unit of work on the reference machine."""
+HARD = {
+    "hard: slit of 1 mm": slit_case,
+    "hard: film of 1 cm²": film_case,
+    "hard: street": street,
+    "hard: house": house,
+}
+"""Rooms of tests/hard."""
 VARIED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("classroom/existing", {"paths": 512}),
     ("classroom/existing", {"cell_sky_rays": 1024}),
@@ -86,12 +97,12 @@ class Evaluation:
         backend.select()
         planned = plan(self.case, daylight(self.case))
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-            found = self._measured(planned)
+            actual = self._measured(planned)
             kernels = dr.kernel_history([dr.KernelType.JIT])
         if any(not k["cache_hit"] and not k["cache_disk"] for k in kernels):
             dr.flush_malloc_cache()
-            found = self._measured(planned)
-        return found
+            actual = self._measured(planned)
+        return actual
 
     def _measured(self, planned: Any) -> Actual:
         processor: dict[str, float] = {}
@@ -132,23 +143,20 @@ def varied(name: str, change: dict[str, Any]) -> Case:
 
 
 def processor_seconds(expected: Forecast) -> float:
-    """Of the reference machine."""
-    return sum(
-        amount * UNITS[unit].seconds * (THREADS if UNITS[unit].kernel else 1)
-        for unit, amount in expected.items.items()
-    )
+    """Processor seconds of a forecast on the reference machine."""
+    return sum(amount * SECONDS[unit] for unit, amount in expected.items.items())
 
 
 def ratio(expected: float, actual: float) -> str:
     return f"{expected / actual:.2f}"
 
 
-def forecasts(found: dict[str, Actual]) -> None:
-    """Print forecasts beside what happened."""
+def forecasts(actual: dict[str, Actual]) -> None:
+    """Print forecasts beside the actual costs."""
     head = ["case", "forecast s", "took s", "ratio", "CPU s", "ratio", "memory MiB", "ratio",
             "disk MB", "ratio", "million rays", "ratio"]  # fmt: skip
     rows = []
-    for name, a in found.items():
+    for name, a in actual.items():
         cpu, rays = a.transport + a.around, sum(a.rays.values())
         rows.append([
             name, f"{a.expected.seconds:.1f}", f"{a.seconds:.1f}",
@@ -167,6 +175,8 @@ def savings(planned: dict[str, Actual]) -> None:
             "million rays", "CPU seconds spared"]  # fmt: skip
     rows = []
     for name, as_planned in planned.items():
+        if name in HARD:
+            continue
         everything = run(forced(load_case(name)))
         both = [(one.seconds, one.transport + one.around, sum(one.rays.values()) / 1e6)
                 for one in (everything, as_planned)]  # fmt: skip
@@ -177,21 +187,20 @@ def savings(planned: dict[str, Actual]) -> None:
     table(head, rows)
 
 
-def fit(found: list[Actual]) -> None:
+def fit(actual: list[Actual]) -> None:
     """Print the units that fit best."""
     for around in (False, True):
-        units = [name for name in UNITS if (name in AROUND) == around]
-        now = np.array([
-            UNITS[u].seconds * (THREADS if UNITS[u].kernel else 1) for u in units
-        ])  # fmt: skip
-        amounts = np.array([[a.on_reference.items.get(u, 0.0) for u in units] for a in found])
-        took = np.array([a.around if around else a.transport for a in found])
+        units = [name for name in SECONDS if (name in AROUND) == around]
+        now = np.array([SECONDS[unit] for unit in units])
+        amounts = np.array([[a.on_reference.items.get(u, 0.0) for u in units] for a in actual])
+        took = np.array([a.around if around else a.transport for a in actual])
         relative = amounts * now / took[:, None]
         system = np.vstack([relative, NEARNESS * np.eye(len(units))])
         wanted = np.concatenate([np.ones(len(took)), np.full(len(units), NEARNESS)])
         factors, _ = nnls(system, wanted)
         fitted = relative @ factors
-        rows = [[u, f"{UNITS[u].seconds * f:.2e}", f"{f:.2f}"]
+        present = {**KERNELS, **HOST}
+        rows = [[u, f"{present[u] * f:.2e}", f"{f:.2f}"]
                 for u, f in zip(units, factors, strict=True)]  # fmt: skip
         table(["unit", "seconds", "of the present value"], rows)
         print(f"fitted over measured: {fitted.min():.2f} to {fitted.max():.2f}\n", flush=True)
@@ -203,11 +212,11 @@ def main() -> None:
     parser.add_argument("--fit", action="store_true", help="fit the units of work")
     parser.add_argument("--skip-forced", action="store_true", help="only the forecasts")
     options = parser.parse_args()
-    names = options.cases or shipped_cases()
+    names = options.cases or [*shipped_cases(), *HARD]
     print(f"{machine()}; {backend.select()}; load {os.getloadavg()[0]:.1f}\n", flush=True)
     planned = {}
     for name in names:
-        planned[name] = run(load_case(name))
+        planned[name] = run(HARD[name]() if name in HARD else load_case(name))
         print(f"{name}: {planned[name].seconds:.1f} s, load {os.getloadavg()[0]:.1f}", flush=True)
     print()
     forecasts(planned)

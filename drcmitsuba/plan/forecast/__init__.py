@@ -14,6 +14,6 @@ size
 
 from drcmitsuba.plan.forecast.cost import Forecast, forecast, to_dict
 from drcmitsuba.plan.forecast.machine import REFERENCE, Speed, speed
-from drcmitsuba.plan.forecast.work import Work, count
+from drcmitsuba.plan.forecast.work import Work, work
 
-__all__ = ["REFERENCE", "Forecast", "Speed", "Work", "count", "forecast", "speed", "to_dict"]
+__all__ = ["REFERENCE", "Forecast", "Speed", "Work", "forecast", "speed", "to_dict", "work"]

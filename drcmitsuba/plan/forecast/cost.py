@@ -2,59 +2,47 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast import machine, size
 from drcmitsuba.plan.forecast.machine import Speed
-from drcmitsuba.plan.forecast.work import count
+from drcmitsuba.plan.forecast.work import work
 
 REST = "rest"
 """Share of the work that no effect saves: weather, sky, accumulation, metrics, files."""
 
 
-class Unit(NamedTuple):
-    """Seconds of one unit of work on the reference machine, in kernels or in NumPy and Python."""
-
-    seconds: float
-    kernel: bool = True
-
-
-UNITS: Mapping[str, Unit] = {
+KERNELS: Mapping[str, float] = {
     # Rays: towards sky and suns, of the gather, towards panes that scatter, of photons.
-    "shadow": Unit(2.5e-8),
-    "path": Unit(7.2e-8),
-    "pane": Unit(1.8e-8),
-    "photon": Unit(5.4e-8),
-    # Shadow rays by clear panes, in addition; lanes that may trace a ray; photons at their ports.
-    "pierced": Unit(4.5e-8),
-    "sky_lane": Unit(1.2e-8),
-    "sun_lane": Unit(1.25e-8),
-    "look": Unit(8e-9),
-    "start": Unit(6e-8),
-    # Numbers of D, products of G·D, answers of films: to suns, to the sky, and their sums.
-    "deposit": Unit(2.4e-9),
-    "product": Unit(2.4e-11),
-    "film_sun": Unit(1.45e-8),
-    "film_sky": Unit(4e-8),
-    "film_sum": Unit(1.8e-9),
-    # Scenes, blocks of sensors in a replicate, coefficients of a replicate.
-    "state": Unit(0.04, kernel=False),
-    "launch": Unit(0.05, kernel=False),
-    "entry": Unit(4.5e-8, kernel=False),
-    # Time stamps × patches, products of C·L, illuminances of replicates and their draws.
-    "evaluation": Unit(0.3, kernel=False),
-    "luminance": Unit(9e-7, kernel=False),
-    "accumulated": Unit(3e-11, kernel=False),
-    "illuminance": Unit(2.8e-8, kernel=False),
-    "byte": Unit(6e-9, kernel=False),
-    "picture": Unit(1.0, kernel=False),
+    "shadow": 2.5e-8,
+    "path": 7.2e-8,
+    "pane": 1.8e-8,
+    "photon": 5.4e-8,
+    # Numbers of D, products of G·D, answers of films to suns, and the sums of answers.
+    "deposit": 2.4e-9,
+    "product": 2.4e-11,
+    "film_sun": 1.45e-8,
+    "film_sum": 1.8e-9,
 }
-"""Units of work, fitted by `python -m tests.bench.forecast --fit` to processor seconds; those of
-kernels are halved for the two threads of the reference machine."""
+"""Seconds of a unit of work in kernels."""
+HOST: Mapping[str, float] = {
+    # Blocks of sensors in a replicate, coefficients of a replicate, evaluations.
+    "launch": 0.05,
+    "entry": 4.5e-8,
+    "evaluation": 0.3,
+    # Illuminances of replicates; bytes of files; pictures.
+    "illuminance": 2.8e-8,
+    "byte": 6e-9,
+    "picture": 1.0,
+}
+"""Seconds of a unit of work in NumPy and Python.
+
+Both are seconds on the reference machine, fitted by `python -m tests.bench.forecast --fit` to
+processor seconds; those of kernels are halved for the two threads of the reference machine."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +60,7 @@ class Forecast:
     rays : dict of str to int
         Number of rays by kind, see `ray_counter.KINDS`.
     items : dict of str to float
-        Amount of work by unit, see `UNITS`.
+        Amount of work by unit, see `KERNELS` and `HOST`.
     files : dict of str to int
         Number of bytes by file.
     shares : dict of str to float
@@ -153,20 +141,21 @@ def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
     that adaptive sampling adds toward a target; `time_limit` bounds these.
     """
     here = machine.speed() if on is None else on
-    counted = count(plan)
+    counted = work(plan)
     files = size.disk(counted)
-    counted.work.add([(REST, "byte", sum(files.values()) - files.get("pictures", 0))])
-    seconds: dict[str, float] = defaultdict(float)
-    for (effect, unit), amount in counted.work.amounts.items():
-        each, kernel = UNITS[unit]
-        seconds[effect] += amount * each / (here.rays if kernel else here.host)
+    counted.add([(REST, "byte", sum(files.values()) - files.get("pictures", 0))])
+    each = {name: value / here.rays for name, value in KERNELS.items()}
+    each |= {name: value / here.host for name, value in HOST.items()}
+    seconds: Counter[str] = Counter()
+    for (effect, unit), amount in counted.amounts.items():
+        seconds[effect] += amount * each[unit]  # type: ignore[assignment]
     whole = sum(seconds.values())
     return Forecast(
         seconds=whole,
         memory_bytes=size.memory(counted),
         disk_bytes=sum(files.values()),
-        rays=counted.work.rays,
-        items=counted.work.by_unit,
+        rays=counted.rays,
+        items=counted.by_unit,
         files=files,
         shares={name: seconds[name] / whole for name in (*plan.effects, REST)},
     )

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from time import perf_counter
+from timeit import repeat
 
 import drjit as dr
 import mitsuba as mi
@@ -14,9 +13,8 @@ import numpy as np
 from drcmitsuba.scene.geometry import box
 from drcmitsuba.scene.scene import quad_mesh
 
-RAYS, NUMBERS = 1 << 19, 1 << 18
-TIMES, LIMIT = 9, 0.12
-"""Largest number of repetitions, and seconds after which no repetition begins."""
+RAYS, NUMBERS, TIMES = 1 << 19, 1 << 18, 9
+"""Number of rays, of sorted numbers, and of repetitions of each."""
 RAYS_PER_SECOND, NUMBERS_PER_SECOND = 41e6, 21.8e6
 """Closest hits in a box, and sorted numbers, on the reference: 2 cores with AVX-512, LLVM 19."""
 
@@ -48,17 +46,8 @@ def speed() -> Speed:
 
     numbers = np.random.default_rng(0).random(NUMBERS)
     rays()  # compiles the kernel, or loads it from the cache
-    return Speed(
-        RAYS / _mean(rays) / RAYS_PER_SECOND,
-        NUMBERS / _mean(lambda: np.sort(numbers)) / NUMBERS_PER_SECOND,
+    for_rays, for_numbers = (
+        float(np.mean(repeat(one, number=1, repeat=TIMES)))
+        for one in (rays, lambda: np.sort(numbers))
     )
-
-
-def _mean(work: Callable[[], object]) -> float:
-    """Mean seconds of some runs."""
-    taken: list[float] = []
-    while len(taken) < TIMES and sum(taken) < LIMIT:
-        start = perf_counter()
-        work()
-        taken.append(perf_counter() - start)
-    return sum(taken) / len(taken)
+    return Speed(RAYS / for_rays / RAYS_PER_SECOND, NUMBERS / for_numbers / NUMBERS_PER_SECOND)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil, prod
 from typing import NamedTuple
 
 import mitsuba as mi
@@ -27,7 +28,7 @@ from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import launch_size
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.coefficients import compute, straight_suns
+from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import SUN_SAMPLES, Films
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
@@ -41,8 +42,6 @@ SENSORS, RAYS, VERTICES = 48, 1 << 20, 1 << 16
 """Largest numbers of sensors and of their rays to the sky; approximate number of vertices."""
 SUNS, PHOTONS, FILM_SAMPLES = 128, 1 << 14, 8
 """Largest number of suns; approximate photons of a replicate; directions from a film's cell."""
-ANSWERED = 0.9
-"""Part of the rays to films that reach the film."""
 
 Amount = tuple[str, str, float]
 """Effect, unit of work, number of units."""
@@ -76,18 +75,16 @@ class Paths(NamedTuple):
             return cls()
         grid, counted = Grid.of(scene, a.cell_size), scene.ray_counter.counted
         seed = launch_seed(a.seed, Stream.PATH_LENGTHS)
-        start = counted()["path"]
         bounces = expected_bounces(scene, points, normals, a.paths, grid, seed)
         before = counted()["path"]
-        some = pilot_sensors(len(points), a, bounces)
+        some = _sensors(len(points), a, bounces)
         vertices = gather(
             scene, points[some], normals[some], replicates=REPLICATES, paths=a.paths, grid=grid,
             seed=launch_seed(a.seed, Stream.PATHS), bounces=bounces,
         )  # fmt: skip
-        rays = counted()["path"] - before
-        traced = REPLICATES * len(some) * a.paths
+        traced, rays = REPLICATES * len(some) * a.paths, counted()["path"] - before
         times = np.unique(vertices.key.numpy(), return_counts=True)[1]
-        return cls(rays / traced, len(vertices) / traced, before - start, bounces, times)
+        return cls(rays / traced, len(vertices) / traced, before, bounces, times)
 
     def cells(self, vertices: float) -> float:
         """Number of cells that this number of vertices meets, by Chao's estimator [1]_.
@@ -108,19 +105,13 @@ class Pilot:
 
     Parameters
     ----------
-    scene : Scene
-    points, normals : np.ndarray, shape (sensor, 3)
-        Positions [m] and normals of all sensors.
-    suns : Suns
-        All suns that the evaluation simulates.
+    scene, points, normals, suns, accuracy
+        Scene, sensors, suns and accuracy of the evaluation, as for `compute`.
     bins : tuple of int
         Number of bins of sky and ground, and of suns.
-    accuracy : Accuracy
-        Accuracy of the case.
-    paths : Paths
     coefficients : xr.Dataset
         C of the pilot's sensors for the sky and the pilot's suns [sr].
-    rays : dict of Purpose to dict of str to int
+    traced : dict of Purpose to dict of str to int
         Number of rays of the pilot by purpose and kind.
     scale : dict of str to float
         Factors from the rays of the pilot to those of the evaluation, by names of the purpose.
@@ -134,7 +125,7 @@ class Pilot:
     accuracy: Accuracy
     paths: Paths
     coefficients: xr.Dataset
-    rays: dict[Purpose, dict[str, int]]
+    traced: dict[Purpose, dict[str, int]]
     scale: dict[str, float]
 
     @classmethod
@@ -147,20 +138,20 @@ class Pilot:
         bins = patches, len(suns.labels)
         few = suns.where(np.isin(np.arange(bins[1]), spread(bins[1], SUNS)))
         paths = Paths.of(scene, points, normals, a) if any(bins) else Paths()
-        some = pilot_sensors(len(points), a, paths.bounces)
-        photons = max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1))
-        less = {"photons": photons, "film_sky_samples": FILM_SAMPLES}
-        less = {name: min(number, getattr(a, name)) for name, number in less.items()}
-        pilot = a.model_copy(update={**less, "replicates": REPLICATES})
+        some = _sensors(len(points), a, paths.bounces)
+        photons = min(a.photons, max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1)))
+        film_samples = min(a.film_sky_samples, FILM_SAMPLES)
+        less = {"photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES}
         C = compute(
-            scene, points[some], normals[some], few, pilot, subdivision=case.sky.subdivision
-        )
+            scene, points[some], normals[some], few, a.model_copy(update=less),
+            subdivision=case.sky.subdivision,
+        )  # fmt: skip
         whole = a.replicates * a.paths * len(points) * paths.vertices
         scale = {
             Stream.SENSORS.name: len(points) / len(some),
             Stream.CELLS.name: paths.cells(whole) / max(1, len(paths.times)),
-            Stream.PHOTONS.name: a.photons / less["photons"],
-            "answers": a.film_sky_samples / less["film_sky_samples"],
+            Stream.PHOTONS.name: a.photons / photons,
+            Stream.FILMS.name + Draw.SKY.name: a.film_sky_samples / film_samples,
             Draw.SUN.name: bins[1] / max(1, len(few.labels)),
             Draw.PEAKS.name: bins[1] / max(1, len(few.labels)),
         }
@@ -178,11 +169,15 @@ class Pilot:
         return self.paths.cells(self.count * self.paths.vertices)
 
     @property
-    def block(self) -> int:
-        """Number of sensors that are gathered at once."""
-        a = self.accuracy
-        most = int(launch_size.PATHS * USUAL / self.paths.bounces) // (a.replicates * a.paths)
-        return min(len(self.points), max(1, min(launch_size.SENSORS, most)))
+    def vertices(self) -> float:
+        """Number of vertices of all replicates for which memory is reserved."""
+        return self.count * self.paths.bounces
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks of sensors that are gathered one after another."""
+        most = launch_size.PATHS * USUAL
+        return max(-(-len(self.points) // launch_size.SENSORS), ceil(self.vertices / most))
 
     @cached_property
     def films(self) -> Films | None:
@@ -191,13 +186,10 @@ class Pilot:
         return Films.of(self.scene, size, suns.directions, suns.diameter)
 
     @property
-    def film_rows(self) -> tuple[float, float, float]:
-        """Number of rows of the films' tables, by sky and by suns; values of f for each sun."""
-        if self.films is None:
-            return 0, 0, 0
-        mounts = self.films.mounts
-        values = (m.rows * SUN_SAMPLES["even" if m.bsdf.out_even else "uneven"] for m in mounts)
-        return int(self.films.first_sky_rows()[-1]), sum(m.rows for m in mounts), sum(values)
+    def film_values(self) -> int:
+        """Number of values of the films' BSDFs that a replicate looks up for each sun."""
+        mounts = () if self.films is None else self.films.mounts
+        return sum(m.rows * SUN_SAMPLES["even" if m.bsdf.out_even else "uneven"] for m in mounts)
 
     @cached_property
     def faces(self) -> int:
@@ -205,47 +197,19 @@ class Pilot:
         quads = [panes.quads for panes in self.scene.scattering]
         return 2 * len(PanePatches.of(quads, 2 * self.accuracy.cell_size)) if quads else 0
 
-    @property
-    def scatters(self) -> bool:
-        """Whether a pane or component sends light on in new directions."""
-        return bool(self.faces) or self.films is not None or self.scene.followed
-
-    @cached_property
-    def seen(self) -> tuple[float, float, float]:
-        """Shares [–] of pairs of sensor and sky bin, and of sensor and sun, that see each other;
-        share of the ground in the light of sky and ground."""  # noqa: D209
-        D = np.split(self.coefficients["straight"].values, [-min(self.bins[1], SUNS)], axis=1)
-        sky, sun = (part if part.size else np.zeros((1, 1)) for part in D)
-        ground = float(sky[:, 0].sum() / max(sky.sum(), 1e-30))
-        return float((sky > 0).mean()), float((sun > 0).mean()), ground
-
-    def traced(self) -> Iterator[Amount]:
-        """Rays and lanes of the evaluation, by effect."""
-        lanes, paths = self.scene.ray_counter.lanes, self.paths
-        vertices = self.count * paths.vertices
+    def rays(self) -> Iterator[Amount]:
+        """Rays of the evaluation by effect and kind, and the sums of the answers of films."""
+        vertices = self.count * self.paths.vertices
         again = 2 - KEPT / max(KEPT, vertices)  # paths beyond the memory are traced twice
-        yield "interreflection", "path", again * self.count * paths.rays + paths.before
-        for purpose, rays in self.rays.items():
-            stream, draw = (*purpose, "", "")[:2]
-            shadow, pane, photon = rays["shadow"], rays["pane"], rays["photon"]
-            answers = (stream, draw) == (Stream.FILMS.name, Draw.SKY.name)
-            names = (*purpose, "answers") if answers else purpose
-            scale = self.accuracy.replicates / REPLICATES if purpose else 1.0
-            scale *= float(np.prod([self.scale.get(name, 1.0) for name in names]))
+        yield "interreflection", "path", again * self.count * self.paths.rays + self.paths.before
+        for purpose, rays in self.traced.items():
+            scale = prod(self.scale.get(name, 1.0) for name in (*purpose, "".join(purpose)))
+            scale *= self.accuracy.replicates / REPLICATES if purpose else 1.0
             for effect, share in self._effects(purpose):
-                some = share * scale
-                yield effect, "shadow", some * shadow
-                yield effect, "pane", some * pane
-                yield effect, "photon", some * photon
-                yield effect, "look", some * lanes[purpose, "pane"]
-                yield effect, "start", some * lanes[purpose, "photon"]
-                if draw == Draw.FILMS.name and self.films is not None:
-                    bins = self.bins[0] + len(self.films.suns)
-                    yield effect, "film_sum", ANSWERED * some * pane * bins
-                if stream != Stream.PHOTONS.name and purpose and not answers:
-                    lane = "sky_lane" if draw == Draw.SKY.name else "sun_lane"
-                    yield effect, lane, some * lanes[purpose, "shadow"]
-                    yield effect, "pierced", some * shadow * (self.scene.clear is not None)
+                for kind in ("shadow", "pane", "photon"):
+                    yield effect, kind, share * scale * rays[kind]
+            if Draw.FILMS.name in purpose:
+                yield "films", "film_sum", scale * rays["pane"] * sum(self.bins)
 
     def _effects(self, purpose: Purpose) -> list[tuple[str, float]]:
         """Effects that the rays of a purpose serve, each with its share [–]."""
@@ -258,17 +222,9 @@ class Pilot:
             return [("scattering_panes", 1.0)]
         if draw == Draw.SUN.name:
             return [("suns", 1.0)]
-        ground = self.seen[2] if self.scene.effects.sky else 1.0
+        D = self.coefficients["straight"].values[:, : self.bins[0]]
+        ground = float(D[:, 0].sum() / max(D.sum(), 1e-30)) if self.scene.effects.sky else 1.0
         return [("sky", 1 - ground), ("ground", ground)]
-
-    def straight(self, suns: Suns) -> float:
-        """Number of shadow rays of all sensors to suns that give straight light only."""
-        few = suns.where(np.isin(np.arange(len(suns.labels)), spread(len(suns.labels), SUNS)))
-        some = pilot_sensors(len(self.points), self.accuracy, USUAL)
-        before = self.scene.ray_counter.counted()["shadow"]
-        straight_suns(self.scene, self.points[some], self.normals[some], few, self.accuracy)
-        rays = self.scene.ray_counter.counted()["shadow"] - before
-        return rays * len(self.points) / len(some) * len(suns.labels) / max(1, len(few.labels))
 
     def sunlit(self, directions: np.ndarray) -> np.ndarray:
         """Share [–] of a sun's normal illuminance on each sensor, shape (sensor, direction)."""
@@ -286,7 +242,7 @@ def spread(count: int, most: int) -> np.ndarray:
     return np.linspace(0, count - 1, min(count, max(1, most))).round().astype(int)
 
 
-def pilot_sensors(count: int, a: Accuracy, bounces: float) -> np.ndarray:
+def _sensors(count: int, a: Accuracy, bounces: float) -> np.ndarray:
     """Indices of the pilot's sensors among all `count` sensors."""
     by_paths = int(VERTICES / (REPLICATES * a.paths * bounces))
     return spread(count, min(SENSORS, RAYS // a.sensor_sky_rays, by_paths))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from drcmitsuba.case.sun import Adaptive
+import numpy as np
+
 from drcmitsuba.plan.forecast.pilot import Pilot
-from drcmitsuba.plan.forecast.work import Counted
+from drcmitsuba.plan.forecast.work import Work
 
 FLOAT, DOUBLE = 4, 8
 VARIABLES = 10
@@ -33,10 +34,10 @@ HELD = {
 not returned; fitted to the shipped cases, a coloured one, and one of 5184 sensors."""
 
 
-def disk(counted: Counted) -> dict[str, int]:
+def disk(counted: Work) -> dict[str, int]:
     """Number of bytes of the files that an evaluation writes, by name."""
     stamps, channels = counted.plan.facts.hours, counted.channels
-    coefficients = sum(_numbers(pilot, counted) for pilot in counted.pilots.values())
+    coefficients = sum(_numbers(pilot) for pilot in counted.pilots.values())
     files = {
         "illuminance.nc": VARIABLES * FLOAT * counted.entries + LABEL * stamps,
         "coefficients.zarr": KEPT * FLOAT * channels * coefficients,
@@ -48,32 +49,36 @@ def disk(counted: Counted) -> dict[str, int]:
     return {name: round(size) for name, size in files.items()}
 
 
-def _numbers(pilot: Pilot, counted: Counted) -> float:
+def _numbers(pilot: Pilot) -> float:
     """Number of coefficients of a state that are not 0."""
-    (patches, suns), (of_sky, of_sun, _) = pilot.bins, pilot.seen
-    straight = of_sun * suns * pilot.suns.straight + of_sky * patches
-    direct = suns + patches if pilot.scatters else straight
-    around = suns + patches if pilot.scene.effects.depth != 0 else direct
-    numbers = 2 * straight + 2 * direct + (2 + pilot.accuracy.replicates) * around
-    if isinstance(counted.plan.facts.case.sun, Adaptive):
-        numbers += 2 * of_sun * len(counted.plan.facts.light.suns.labels)
-    return len(pilot.points) * numbers
+    C, (patches, suns) = pilot.coefficients, pilot.bins
+    few = C.sizes["bin"] - patches
+    by_bin = np.repeat([1.0, suns / max(1, few)], [patches, few])
+    times = {"replicates": pilot.accuracy.replicates / C.sizes["replicate"]}
+    pairs = (
+        times.get(str(name), 1.0) * ((part != 0).values @ by_bin).sum() for name, part in C.items()
+    )
+    return float(sum(pairs)) * len(pilot.points) / C.sizes["sensor"]
 
 
-def memory(counted: Counted) -> int:
+def memory(counted: Work) -> int:
     """Largest number of bytes that the process holds at once."""
     a, pilots = counted.plan.facts.case.accuracy, counted.pilots.values()
     deposits = [a.replicates * p.cells * sum(p.bins) for p in pilots]
     landed = [d for d, p in zip(deposits, pilots, strict=True) if p.scene.followed]
-    vertices = [a.replicates * p.block * a.paths * p.paths.bounces for p in pilots if p.paths.rays]
-    tables = [p.film_rows[0] * p.bins[0] + p.film_rows[1] * p.bins[1] for p in pilots]
+    vertices = [p.vertices / p.blocks for p in pilots]
+    films = [(p.films, *p.bins) for p in pilots if p.films is not None]
+    tables = [
+        patches * int(one.first_sky_rows()[-1]) + suns * sum(mount.rows for mount in one.mounts)
+        for one, patches, suns in films
+    ]
     whole = len(counted.plan.facts.light.suns.labels) + counted.sky_bins
     sensors = len(counted.pilots["open"].points)
     numbers = len(pilots) * counted.channels * sensors * whole
     held = {
         "vertices": VERTEX * max(vertices, default=0),
         "deposit": FLOAT * max(deposits),
-        "films": FLOAT * a.replicates * max(tables),
+        "films": FLOAT * a.replicates * max(tables, default=0),
         "landed": FLOAT * max(landed, default=0),
         "coefficients": FLOAT * numbers * (PARTS + a.replicates),
         "luminance": DOUBLE * numbers * a.replicates * (counted.channels > 1),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -16,60 +16,48 @@ from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import sources
 from drcmitsuba.sky.sun_models import Suns, mesh
+from drcmitsuba.transport.shadow_rays import RIM
 from drcmitsuba.transport.sun_interpolation import HELD_OUT
 
 MESH_SUNS = 500
 """Approximate number of suns of an adaptive mesh at its end."""
 REFLECTIONS = 4
 """Number of reflections from pane to pane."""
-LIT = 0.7
-"""Part of the cells that a bin lights directly."""
-METRICS = 2
-"""Number of accumulations of E: once for E itself, once for the draws of the metrics."""
-
-
-@dataclass
-class Work:
-    """Amounts of work by effect and unit; units that are kinds of rays count rays."""
-
-    amounts: dict[tuple[str, str], float] = field(default_factory=lambda: defaultdict(float))
-
-    def add(self, amounts: Iterable[Amount], times: float = 1.0, effect: str | None = None) -> None:
-        """Add amounts, all to one effect where it is given."""
-        for name, unit, amount in amounts:
-            if amount:
-                self.amounts[effect or name, unit] += times * amount
-
-    @property
-    def by_unit(self) -> dict[str, float]:
-        """Amounts of every unit."""
-        out: dict[str, float] = defaultdict(float)
-        for (_, unit), amount in self.amounts.items():
-            out[unit] += amount
-        return dict(out)
-
-    @property
-    def rays(self) -> dict[str, int]:
-        """Number of rays by kind, as `RayCounter` counts them."""
-        units = self.by_unit
-        return {kind: round(units.get(kind, 0)) for kind in KINDS}
 
 
 @dataclass(frozen=True)
-class Counted:
+class Work:
     """Work of an evaluation, with the pilots from which it follows.
 
     Parameters
     ----------
-    plan : Plan
-    work : Work
     pilots : dict of State to Pilot
         Pilot of each simulated state of the shade.
+    amounts : Counter of (str, str)
+        Number of units of work by effect and unit; units that are kinds of rays count rays.
     """
 
     plan: Plan
-    work: Work
-    pilots: dict[State, Pilot]
+    pilots: dict[State, Pilot] = field(default_factory=dict)
+    amounts: Counter[tuple[str, str]] = field(default_factory=Counter)
+
+    def add(self, amounts: Iterable[Amount], times: float = 1.0, effect: str | None = None) -> None:
+        """Add amounts, all to one effect where it is given."""
+        for name, unit, amount in amounts:
+            self.amounts[effect or name, unit] += times * amount  # type: ignore[assignment]
+
+    @property
+    def by_unit(self) -> dict[str, float]:
+        """Amounts of every unit."""
+        units = sorted({unit for _, unit in self.amounts})
+        return {
+            name: sum(n for (_, unit), n in self.amounts.items() if unit == name) for name in units
+        }
+
+    @property
+    def rays(self) -> dict[str, int]:
+        """Number of rays by kind, as `RayCounter` counts them."""
+        return {kind: round(self.by_unit.get(kind, 0)) for kind in KINDS}
 
     @property
     def channels(self) -> int:
@@ -87,12 +75,12 @@ class Counted:
         return len(Patches(self.plan.facts.case.sky.subdivision))
 
 
-def count(plan: Plan) -> Counted:
+def work(plan: Plan) -> Work:
     """Count the work of a plan.
 
     A mesh of suns counts with a typical number of suns. Rounds toward a target are not counted.
     """
-    counted = Counted(plan, Work(), {})
+    counted = Work(plan)
     suns: Suns | None = plan.facts.light.suns
     for state in ("open", "shaded"):
         if state == "shaded":
@@ -100,29 +88,27 @@ def count(plan: Plan) -> Counted:
         if suns is None:
             continue
         pilot = counted.pilots[state] = Pilot.of(plan, state, _followed(plan, suns))
-        behind = "shaded_state" if state == "shaded" else None
         amounts = [*_transport(pilot)]
         if isinstance(plan.facts.case.sun, Adaptive):
             amounts += _adaptive(plan, pilot, state, suns.where(plan.scope.enabled_suns(suns)))
-        counted.work.add(amounts, 1, behind)
-        counted.work.add(amounts, counted.channels - 1, behind or "colour")
-    counted.work.add(_around(counted))
+        behind = "shaded_state" if state == "shaded" else None
+        counted.add(amounts, 1, behind)
+        counted.add(amounts, counted.channels - 1, behind or "colour")
+    counted.add(_around(counted))
     return counted
 
 
 def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
     """Suns of the time stamps at which the pilot's sensors close the shade; None without any."""
-    facts, shading = plan.facts, plan.simulated.shading
+    sky, shading = plan.facts.light.sky, plan.simulated.shading
     if shading is None:
         return None
-    normal = facts.light.sky["direct_normal_illuminance"].values
+    normal = sky["direct_normal_illuminance"].values
     closes = (normal > 0) | plan.scope.every_shade
     if not plan.scope.every_shade:
-        E = normal[closes] * pilot.sunlit(facts.light.sun["direction"].values[closes])
+        E = normal[closes] * pilot.sunlit(plan.facts.light.sun["direction"].values[closes])
         closes[closes] = (shading.threshold <= E).mean(axis=0) >= shading.area
-    if not closes.any():
-        return None
-    return facts.light.suns.only(sources(facts.light.sky.isel(time=closes)))
+    return plan.facts.light.suns.only(sources(sky.isel(time=closes))) if closes.any() else None
 
 
 def _followed(plan: Plan, suns: Suns) -> Suns:
@@ -139,37 +125,28 @@ def _adaptive(plan: Plan, pilot: Pilot, state: State, suns: Suns) -> Iterator[Am
     """Work of an adaptive sun: paths for each level of the mesh; straight light of all suns."""
     levels = plan.simulated.sun.finest - mesh.COARSEST if state == "open" else 0  # type: ignore[union-attr]
     yield "suns", "path", levels * pilot.count * pilot.paths.rays
-    yield "suns", "shadow", pilot.straight(suns)
+    yield "suns", "shadow", RIM * len(pilot.points) * len(suns.labels)
     yield "suns", "entry", len(pilot.points) * len(suns.labels)
 
 
 def _transport(pilot: Pilot) -> Iterator[Amount]:
     """Work of one call of `coefficients.compute`."""
-    yield "rest", "state", 1
     if not any(pilot.bins):
         return
-    yield from pilot.traced()
+    yield from pilot.rays()
     a, n, cells, bins = pilot.accuracy, len(pilot.points), pilot.cells, sum(pilot.bins)
-    lit = 1.0 if pilot.scatters else LIT
-    yield "interreflection", "product", a.replicates * n * cells * bins * lit
+    yield "interreflection", "product", a.replicates * n * cells * bins
     yield "interreflection", "deposit", a.replicates * cells * bins
     yield "rest", "entry", a.replicates * n * bins
-    yield "rest", "launch", a.replicates * -(-n // pilot.block)
+    yield "rest", "launch", a.replicates * pilot.blocks
     products = pilot.faces * (n + cells + REFLECTIONS * pilot.faces) * bins
     yield "scattering_panes", "product", a.replicates * products
-    if pilot.films is not None:
-        (patches, _), (sky_rows, _, values) = pilot.bins, pilot.film_rows
-        yield "films", "film_sun", a.replicates * values * len(pilot.films.suns)
-        yield "films", "film_sky", a.replicates * sky_rows * a.film_sky_samples * (patches > 0)
+    yield "films", "film_sun", a.replicates * pilot.film_values * pilot.bins[1]
 
 
-def _around(counted: Counted) -> Iterator[Amount]:
-    """Work outside of transport: sky, accumulation, metrics, pictures, files."""
-    hours, replicates = counted.plan.facts.hours, counted.plan.facts.case.accuracy.replicates
-    patches = [pilot.bins[0] for pilot in counted.pilots.values()]
+def _around(counted: Work) -> Iterator[Amount]:
+    """Work outside of transport: sky, accumulation, metrics, pictures."""
+    replicates = counted.plan.facts.case.accuracy.replicates
     yield "rest", "evaluation", 1
-    yield "rest", "luminance", hours * max(1, patches[0])
-    yield "rest", "accumulated", METRICS * counted.entries * replicates * sum(patches)
     yield "rest", "illuminance", counted.entries * replicates
-    if counted.plan.scope.pictures:
-        yield "pictures", "picture", 1
+    yield "pictures", "picture", counted.plan.scope.pictures
