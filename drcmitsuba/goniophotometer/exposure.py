@@ -12,7 +12,7 @@ from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.bsdf.writer import DIGITS
 from drcmitsuba.goniophotometer.trace import prepare, shares
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import unit_cell
 
@@ -86,20 +86,11 @@ def _check(name: str, value: int, low: int, high: int) -> None:
         raise InputError("goniophotometer", name, got, f"give a whole number, {low} to {high}")
 
 
-def _quarter(progress: Progress, turn: int) -> Progress:
-    """Progress of the whole work from that of one of its four equal turns."""
-    return lambda share: progress((turn + share) / 4)
-
-
 def expose(
     recipe: Recipe, *, depth: int = 5, rank: int = 4, samples: int = 4096, seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Exposure:  # fmt: skip
     """Trace all cells of a recipe; the parameters are those of `measure`.
-
-    Returns
-    -------
-    Exposure
 
     Raises
     ------
@@ -119,7 +110,7 @@ def expose(
         for turn in (2 * side, 2 * side + 1):
             traced, lost = shares(
                 cell, sign, rank=rank, depth=depth, samples=samples // 2, seed=4 * seed + turn,
-                progress=_quarter(progress, turn),
+                progress=part(progress, turn / 4, (turn + 1) / 4),
             )  # fmt: skip
             pair.append(traced)
             lost_shares.append(lost)
@@ -190,10 +181,6 @@ def measure(
         recipe.model_dump_json(exclude_none=True),
     )
     return BsdfFile(
-        source=recipe.source,
-        name=recipe.name,
-        manufacturer=recipe.manufacturer,
-        kind=f"TensorTree{rank}",
-        components=dict(trees),
-        notes=notes,
-    )
+        source=recipe.source, name=recipe.name, manufacturer=recipe.manufacturer,
+        kind=f"TensorTree{rank}", components=dict(trees), notes=notes,
+    )  # fmt: skip

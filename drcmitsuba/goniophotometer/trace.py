@@ -3,10 +3,6 @@
 A ray that leaves the period at one side enters at the opposite one; the distance to the border is
 computed, there are no walls. Rays travel with the light (`TransportMode.Importance`), so refracted
 and reflected light of a clear dielectric sum to the incident light.
-
-References
-----------
-.. [1] M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
 """
 
 from __future__ import annotations
@@ -17,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import bsdf
@@ -57,9 +54,9 @@ class TracedPeriod:
     """
 
     scene: mi.Scene
-    corner: tuple[float, float]
-    period: tuple[float, float]
-    bounds: tuple[float, float]
+    corner: tuple[float, ...]
+    period: tuple[float, ...]
+    bounds: tuple[float, ...]
     extruded: bool
 
 
@@ -79,15 +76,7 @@ def _border(positions: np.ndarray, period: float) -> float:
 def _repeated(
     unit: UnitCell, vertices: np.ndarray, period: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Choose where the period begins, and repeat the surfaces that reach into it.
-
-    Returns
-    -------
-    vertices : np.ndarray, shape (vertex, 3)
-    faces : np.ndarray, shape (face, 3)
-    corner : np.ndarray, shape (2,)
-        Lowest coordinates x and y of the period.
-    """
+    """Vertices and faces of all surfaces that reach into a period, and its lowest x and y (2,)."""
     corners = vertices[unit.faces]
     spread = np.ptp(corners, axis=1)
     corner = np.zeros(2)
@@ -109,26 +98,13 @@ def _pane(
     x = [-1.0, 1.0] if extruded else corner[0] + period[0] * np.array([-0.5, 1.5])
     y = corner[1] + period[1] * np.array([-0.5, 1.5])
     quad = np.array([[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]])
-    material = {
-        "type": "glazing",
-        "transmittance": glass.transmittance,
-        "exponent": glass.exponent,
-        "reflectance_front": glass.reflectance,
-    }
+    material = {"type": "glazing", "reflectance_front": glass.reflectance}
+    material |= {"transmittance": glass.transmittance, "exponent": glass.exponent}
     return quad_mesh("glass", quad[None], mi.load_dict(material))
 
 
 def prepare(unit: UnitCell) -> TracedPeriod:
-    """Scale a unit cell to a period of 1 and load it with its repetitions and its glass.
-
-    Parameters
-    ----------
-    unit : UnitCell
-
-    Returns
-    -------
-    TracedPeriod
-    """
+    """Scale a unit cell to a period of 1 and load it with its repetitions and its glass."""
     scale = 1 / (unit.period[1] if unit.extruded else unit.period.max())
     # Subtracted, whatever the recipe's origin: float32 is finest about zero.
     v = unit.vertices - [0, 0, unit.vertices[:, 2].min()]
@@ -142,11 +118,8 @@ def prepare(unit: UnitCell) -> TracedPeriod:
         bounds[0] = z - MARGIN
         shapes["glass"] = _pane(unit.glass, z, corner, period, unit.extruded)
     scene = mi.load_dict({"type": "scene", **shapes}, optimize=False)
-    start, length = corner.tolist(), period.tolist()
-    return TracedPeriod(
-        scene, (start[0], start[1]), (length[0], length[1]),
-        (float(bounds[0]), float(bounds[1])), unit.extruded,
-    )  # fmt: skip
+    numbers = (tuple(map(float, pair)) for pair in (corner, period, bounds))
+    return TracedPeriod(scene, *numbers, unit.extruded)
 
 
 @dr.syntax
@@ -160,7 +133,6 @@ def follow(
 
     Parameters
     ----------
-    cell : TracedPeriod
     sampler : mi.Sampler
         Seeded for as many lanes as there are rays.
     p : mi.Point3f
@@ -180,18 +152,13 @@ def follow(
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     scene = cell.scene
+    ends = (start + length for start, length in zip(cell.corner, cell.period, strict=True))
     low = mi.Point3f(*(dr.opaque(mi.Float, v) for v in (*cell.corner, cell.bounds[0])))
-    high = mi.Point3f(
-        dr.opaque(mi.Float, cell.corner[0] + cell.period[0]),
-        dr.opaque(mi.Float, cell.corner[1] + cell.period[1]),
-        dr.opaque(mi.Float, cell.bounds[1]),
-    )
+    high = mi.Point3f(*(dr.opaque(mi.Float, v) for v in (*ends, cell.bounds[1])))
     # An extruded structure is the same at any x: rays are cast in its cross-section.
     seen = mi.Vector3f(0, 1, 1) if cell.extruded else mi.Vector3f(1, 1, 1)
     p, d = mi.Point3f(p), mi.Vector3f(d)
-    weight = mi.Float(1)
-    step = mi.UInt32(0)
-    active = mi.Bool(True)
+    weight, step, active = mi.Float(1), mi.UInt32(0), mi.Bool(True)
     while dr.hint(active, exclude=[scene, ctx, cell]):
         cast = dr.normalize(d * seen)
         ahead = (dr.select(cast > 0, high, low) - p) / cast
@@ -257,21 +224,11 @@ def _launch(
     cell: TracedPeriod, from_side: int, rank: int, n: int, cells: np.ndarray, samples: int,
     seed: int,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Trace rays from some incident cells and sum their weights in outgoing cells.
-
-    Returns
-    -------
-    shares : np.ndarray, shape (cell, 2, n²)
-        Shares of the incident light that are transmitted and reflected into each outgoing cell.
-    lost : float
-        Sum of the weights of lost rays [rays].
-    """
-    lanes = len(cells) * samples
+    """Trace some incident cells: their `shares` (cell, 2, n²), and the weight lost [rays]."""
+    lanes, per_cell = len(cells) * samples, dr.opaque(mi.UInt32, samples)
     lane = dr.arange(mi.UInt32, lanes)
-    per_cell = dr.opaque(mi.UInt32, samples)
-    slot = lane // per_cell
-    incident = dr.gather(mi.UInt32, mi.UInt32(cells.astype(np.uint32)), slot)
-    index = lane - slot * per_cell
+    slot, index = lane // per_cell, lane % per_cell
+    incident = dr.gather(mi.UInt32, flat_indices(cells), slot)
     number = [x for pair in (0, 1) for x in even_numbers(index, incident, seed, pair)]
     at, sin, cos = _incidence(rank, n, incident, number[0], number[1])
     p, d = _start(cell, from_side, at, number[3], number[2])
@@ -303,14 +260,12 @@ def shares(
 
     Parameters
     ----------
-    cell : TracedPeriod
     from_side : int
         −1 for light from outside, 1 for light from the room.
     rank, depth : int
         Rank and levels of the tree: n = 2ᵈᵉᵖᵗʰ cells along each side of the square of directions.
     samples : int
         Number of rays per incident cell.
-    seed : int
     progress : callable
         Called with the share of the incident cells that are done, 0 to 1.
 

@@ -6,6 +6,8 @@ backend
     The compiler backend: LLVM on the processor, CUDA on a GPU.
 progress
     Progress of long work.
+flat_arrays
+    NumPy arrays on the device.
 storage
     Files of results: written whole or not at all, read as untrusted input.
 process

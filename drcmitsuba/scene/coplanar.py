@@ -28,23 +28,14 @@ _PLANES = ("west wall", "east wall", "south wall", "north wall", "floor", "ceili
 
 @dataclass(frozen=True)
 class RoomPlane:
-    """One of the six planes of a room.
-
-    Parameters
-    ----------
-    axis : int
-        Axis of its normal: 0, 1, 2 for x, y, z.
-    at : float
-        Coordinate on that axis [m].
-    inward : int
-        Sign of the normal of the room's own surface.
-    name : str
-        Name for messages, such as "west wall".
-    """
+    """One of the six planes of a room; its name for messages is such as "west wall"."""
 
     axis: int
+    """Axis of its normal: 0, 1, 2 for x, y, z."""
     at: float
+    """Coordinate on that axis [m]."""
     inward: int
+    """Sign of the normal of the room's own surface."""
     name: str
 
     @property
@@ -122,9 +113,10 @@ def _check_pieces(case: Case, pieces: list[tuple[Furniture, np.ndarray]]) -> Non
     owner = np.repeat(np.arange(len(pieces)), [len(f) for _, f in pieces])
     colour = np.array([colours[piece.reflectance] for piece, _ in pieces])[owner]
     n = normals(faces)
-    plates = np.array([piece.size[2] == 0 for piece, _ in pieces])[owner]
-    faces, n = np.concatenate([faces, faces[plates]]), np.concatenate([n, -n[plates]])
-    owner, colour = np.append(owner, owner[plates]), np.append(colour, colour[plates])
+    plates = np.flatnonzero(np.array([piece.size[2] == 0 for piece, _ in pieces])[owner])
+    twice = np.append(np.arange(len(faces)), plates)  # a plate has two sides
+    n = np.concatenate([n, -n[plates]])
+    faces, owner, colour = faces[twice], owner[twice], colour[twice]
     axis = abs(n).argmax(axis=1)
     sign = np.take_along_axis(n, axis[:, None], 1)[:, 0] > 0
     at = np.take_along_axis(faces[:, 0], axis[:, None], 1)[:, 0]
@@ -149,24 +141,15 @@ def _check_pieces(case: Case, pieces: list[tuple[Furniture, np.ndarray]]) -> Non
                 raise InputError(case.source, f"furniture.{two}", got, "move it 1 mm")
 
 
-def refuse_in_walls(
-    case: Case, name: str, triangles: np.ndarray, two_sided: bool
-) -> None:  # fmt: skip
-    """Refuse a mesh with triangles (triangle, 3, 3) in the plane of a pane, a wall or the floor.
+def refuse_in_walls(case: Case, name: str, triangles: np.ndarray, two_sided: bool) -> None:
+    """Refuse a mesh with triangles (triangle, 3, 3) [m] in the plane of a wall, floor or ceiling.
 
-    Parameters
-    ----------
-    case : Case
-    name : str
-    triangles : np.ndarray, shape (triangle, 3, 3)
-        Corners in the room's frame [m].
-    two_sided : bool
-        Whether both sides of the triangles are seen; else only fronts that face the room matter.
+    Unless the triangles are `two_sided`, only fronts that face the room matter.
 
     Raises
     ------
     InputError
-        A triangle lies in the plane of a wall, the floor or the ceiling.
+        A triangle lies in one of the planes.
     """
     for plane in planes(case):
         assert case.room is not None

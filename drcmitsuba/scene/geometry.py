@@ -42,14 +42,9 @@ class Surface:
 
 @dataclass(frozen=True)
 class Port:
-    """Rectangle (4, 3) [m] that light passes on its way to a component; its front faces inward.
+    """Rectangle (4, 3) [m] that light passes on its way to a component; "" for panes of the room.
 
-    Parameters
-    ----------
-    component : str
-        Name of the component; "" for panes of the room.
-    quad : np.ndarray, shape (4, 3)
-        Corners [m]; the normal (q₁ − q₀) × (q₃ − q₀) has the direction of the light.
+    Its normal (q₁ − q₀) × (q₃ − q₀) has the direction of the light.
     """
 
     component: str
@@ -113,9 +108,8 @@ def wall(
     length = float(np.linalg.norm(along))
     along = along / length
 
-    def rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarray:
-        start = foot + along * left + UP * bottom
-        return quad(start, UP * (top - bottom), along * (right - left))
+    def rectangle(*edges: float) -> np.ndarray:
+        return _upright(foot, along, *edges)
 
     opaque: list[np.ndarray] = []
     frame: list[np.ndarray] = []
@@ -147,6 +141,20 @@ def wall(
     return opaque, frame, panes
 
 
+def _upright(
+    foot: np.ndarray, along: np.ndarray, left: float, right: float, bottom: float, top: float
+) -> np.ndarray:
+    """Rectangle (4, 3) on a side from its foot [m] and its direction; the front faces inward."""
+    start = foot + along * left + UP * bottom
+    return quad(start, UP * (top - bottom), along * (right - left))
+
+
+def overhead(hole: np.ndarray, height: float) -> np.ndarray:
+    """Rectangle (4, 3) from lowest and highest x, then y, and its height [m]; front downward."""
+    x0, x1, y0, y1 = hole
+    return quad([x0, y0, height], [0, y1 - y0, 0], [x1 - x0, 0, 0])
+
+
 def ceiling(room: Room, holes: list[np.ndarray]) -> list[np.ndarray]:
     """Cut the ceiling around holes (lowest and highest x, then y [m]), fronts downward."""
     width, depth, height = room.size
@@ -157,7 +165,7 @@ def ceiling(room: Room, holes: list[np.ndarray]) -> list[np.ndarray]:
         for left, right in pairwise(x):
             middle = (left + right) / 2, (low + high) / 2
             if not any(h[0] < middle[0] < h[1] and h[2] < middle[1] < h[3] for h in holes):
-                quads.append(quad([left, low, height], [0, high - low, 0], [right - left, 0, 0]))
+                quads.append(overhead(np.array([left, right, low, high]), height))
     return quads
 
 
@@ -169,10 +177,7 @@ def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
     assert case.room is not None
     foot, along = side_of(case.room, side)
     along = along / np.linalg.norm(along)
-    quads = [
-        quad(foot + along * left + UP * bottom, UP * (top - bottom), along * (right - left))
-        for left, right, bottom, top in rectangles
-    ]
+    quads = [_upright(foot, along, *edges) for edges in rectangles]
     return np.reshape(quads, (-1, 4, 3)) @ rotation(case).T
 
 
@@ -198,16 +203,12 @@ def recentred(case: Case) -> Case:
     def near(point: tuple[float, ...]) -> tuple[float, ...]:
         return tuple(float(v) for v in np.subtract(point, start))
 
-    components = {
-        name: c.model_copy(
-            update={
-                "position": near(c.position),
-                "ports": tuple(tuple(near(corner) for corner in port) for port in c.ports),
-            }
-        )
-        for name, c in case.components.items()
-        if isinstance(c, MeshComponent)  # without a room there is nothing else
-    }
+    components = {}
+    for name, c in case.components.items():
+        if isinstance(c, MeshComponent):  # without a room there is nothing else
+            ports = tuple(tuple(near(corner) for corner in port) for port in c.ports)
+            moved = {"position": near(c.position), "ports": ports}
+            components[name] = c.model_copy(update=moved)
     pieces = [piece.model_copy(update={"corner": near(piece.corner)}) for piece in case.furniture]
     sensors = case.sensors.model_copy(update={"corner": near(case.sensors.corner)})
     return case.with_tables(sensors=sensors, furniture=tuple(pieces), components=components)

@@ -46,7 +46,6 @@ class FilmFile:
 
     Parameters
     ----------
-    file : BsdfFile
     largest_albedo : float
         Largest T + R over the incidences of the file, which is scaled down to 1 at most.
     share_through : float
@@ -68,10 +67,6 @@ class FilmFile:
 
 def film(path: Path) -> FilmFile:
     """Read the BSDF file of a material.
-
-    Returns
-    -------
-    FilmFile
 
     Raises
     ------
@@ -141,24 +136,24 @@ def _uniform(value: float) -> dict[str, Any]:
     return {"type": "uniform", "value": value}
 
 
+def _rough(alpha: float) -> dict[str, Any]:
+    return {"alpha": alpha, "distribution": "ggx"}
+
+
 def _mirror(material: MirrorMaterial) -> dict[str, Any]:
     """One side of a mirror: its mirrored part, its diffuse part, or both."""
     matt = {"type": "diffuse", "reflectance": _uniform(material.reflectance)}
     if material.specular == 0:
         return matt
-    clear: dict[str, Any] = {
-        "type": "conductor",
-        "material": "none",
-        "specular_reflectance": _uniform(material.reflectance),
-    }
+    clear: dict[str, Any]
     if material.coating is not None:
-        clear = {
-            "type": "coated_mirror",
-            "reflectance": material.reflectance,
-            "ior": material.coating,
-        }
-    elif material.roughness:
-        clear |= {"type": "roughconductor", "alpha": material.roughness, "distribution": "ggx"}
+        rho, ior = material.reflectance, material.coating
+        clear = {"type": "coated_mirror", "reflectance": rho, "ior": ior}
+    else:
+        shine = _uniform(material.reflectance)
+        clear = {"type": "conductor", "material": "none", "specular_reflectance": shine}
+        if material.roughness:
+            clear |= {"type": "roughconductor"} | _rough(material.roughness)
     if material.specular == 1:
         return clear
     return {"type": "blendbsdf", "weight": material.specular, "first": matt, "second": clear}
@@ -169,7 +164,6 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
 
     Parameters
     ----------
-    material : SurfaceMaterial
     channel : int
         Colour channel that is simulated: 0 for grey and red, 1 for green, 2 for blue; −1 for
         luminance.
@@ -193,32 +187,19 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
             "channel": channel if measured.coloured else -1,
         }
     if isinstance(material, Lambertian):
-        inner = {
-            "type": "diffuse",
-            "reflectance": _uniform(channel_of(material.reflectance, channel)),
-        }
-        return {"type": "twosided", "bsdf": inner}
+        rho = _uniform(channel_of(material.reflectance, channel))
+        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rho}}
     if isinstance(material, MirrorMaterial):
         return {"type": "twosided", "bsdf": _mirror(material)}
     if isinstance(material, DielectricMaterial):
-        rough = {"alpha": material.roughness, "distribution": "ggx"}
-        return {
-            "type": "roughdielectric" if material.roughness else "dielectric",
-            "int_ior": material.ior,
-            "ext_ior": 1.0,
-            **(rough if material.roughness else {}),
-        }
-    if isinstance(material, GlazingMaterial):
-        return {
-            "type": "glazing",
-            "transmittance": material.transmittance,
-            "exponent": material.exponent,
-            "reflectance_front": material.reflectance,
-            "reflectance_back": 0.0,
-        }
+        solid = {"type": "dielectric", "int_ior": material.ior, "ext_ior": 1.0}
+        if material.roughness:
+            solid |= {"type": "roughdielectric"} | _rough(material.roughness)
+        return solid
+    is_clear = isinstance(material, GlazingMaterial)
     return {
-        "type": "diffuser",
+        "type": "glazing" if is_clear else "diffuser",
         "transmittance": material.transmittance,
         "reflectance_front": material.reflectance,
         "reflectance_back": 0.0,
-    }
+    } | ({"exponent": material.exponent} if is_clear else {})

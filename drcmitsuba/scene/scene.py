@@ -10,6 +10,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import Port, Surface
@@ -23,11 +24,8 @@ class Part:
 
     Parameters
     ----------
-    name : str
-    bsdf : mi.BSDF
-    material : SurfaceMaterial
-    component : str
     quads : np.ndarray, shape (quad, 4, 3)
+        Corners [m]; the fronts of panes face the room.
     closed : bool
         Whether they enclose a body.
     """
@@ -38,24 +36,6 @@ class Part:
     component: str
     quads: np.ndarray
     closed: bool
-
-
-@dataclass(frozen=True)
-class ScatteringPanes:
-    """Quadrilaterals (pane, 4, 3) of one diffusing material; the front faces the room."""
-
-    quads: np.ndarray
-    transmittance: float
-    reflectance: float
-
-
-@dataclass(frozen=True)
-class FilmPanes:
-    """Quadrilaterals (pane, 4, 3) of one measured material; the front faces the room."""
-
-    quads: np.ndarray
-    bsdf: Any
-    """The plugin `tensor_tree` or `klems`."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +50,6 @@ class Scene:
         All surfaces but the panes that let light straight through: any hit is a shadow.
     clear : mi.Scene or None
         Only those panes; None without any.
-    scattering : tuple of ScatteringPanes
-        Diffusing panes, for the deposit D by points on them.
-    films : tuple of FilmPanes
-        Panes with a measured BSDF.
     corners : np.ndarray, shape (corner, 3)
         Corners of all surfaces [m].
     enclosure : Enclosure or None
@@ -91,14 +67,25 @@ class Scene:
     full: mi.Scene
     opaque: mi.Scene
     clear: mi.Scene | None
-    scattering: tuple[ScatteringPanes, ...]
-    films: tuple[FilmPanes, ...]
     corners: np.ndarray
     enclosure: Enclosure | None = None
     parts: tuple[Part, ...] = ()
     ports: tuple[Port, ...] = ()
     effects: EnabledEffects = ALL_EFFECTS
     ray_counter: RayCounter = field(default_factory=RayCounter)
+
+    @property
+    def scattering(self) -> tuple[Part, ...]:
+        """Diffusing panes of the room, for the deposit D by points on them."""
+        return self._panes(DiffuserMaterial)
+
+    @property
+    def films(self) -> tuple[Part, ...]:
+        """Panes of the room with a measured BSDF, the plugin `tensor_tree` or `klems`."""
+        return self._panes(BsdfMaterial)
+
+    def _panes(self, kind: type) -> tuple[Part, ...]:
+        return tuple(p for p in self.parts if isinstance(p.material, kind) and not p.component)
 
     @property
     def followed(self) -> bool:
@@ -123,8 +110,8 @@ def mesh(name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: mi.BSDF | Non
         props["bsdf"] = bsdf
     made = mi.Mesh(name, vertex_count=len(vertices), face_count=len(faces), props=props)
     params = mi.traverse(made)
-    params["vertex_positions"] = mi.Float(vertices.astype(np.float32).ravel())
-    params["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
+    params["vertex_positions"] = flat(vertices)
+    params["faces"] = flat_indices(faces)
     params.update()
     return made
 
@@ -140,77 +127,33 @@ def build(
     surfaces: list[Surface], channel: int = 0, enclosure: Enclosure | None = None,
     ports: tuple[Port, ...] = (),
 ) -> Scene:  # fmt: skip
-    """Make the Mitsuba scenes of a list of surfaces.
+    """Make the Mitsuba scenes of a list of surfaces in one colour channel.
 
-    Parameters
-    ----------
-    surfaces : list of Surface
-    channel : int
-        Colour channel that is simulated.
-    enclosure : Enclosure, optional
-        The room, where there is one; shadow rays that cannot leave it are spared.
-    ports : tuple of Port
-        Rectangles at which photons start.
-
-    Returns
-    -------
-    Scene
+    Shadow rays that cannot leave the enclosure are spared; photons start at the ports.
     """
-    made = _outlined(surfaces, channel, enclosure, ports)
-    meshes = [quad_mesh(part.name, part.quads, part.bsdf) for part in made.parts]
-
-    def scene(keep: Any) -> mi.Scene:
-        shapes = {
-            f"shape{i}": mesh
-            for i, (part, mesh) in enumerate(zip(made.parts, meshes, strict=True))
-            if keep(part)
-        }
-        return mi.load_dict({"type": "scene", **shapes}, optimize=False)
-
-    def is_clear(part: Part) -> bool:
-        return lets_through(part.material)
-
-    full, panes = scene(lambda part: True), any(map(is_clear, made.parts))
-    return replace(
-        made,
-        full=full,
-        opaque=scene(lambda part: not is_clear(part)) if panes else full,
-        clear=scene(is_clear) if panes else None,
-    )
-
-
-def _outlined(
-    surfaces: list[Surface], channel: int, enclosure: Enclosure | None, ports: tuple[Port, ...]
-) -> Scene:
-    """Scene with its parts and panes, before the Mitsuba scenes are made."""
     groups: dict[tuple[str, SurfaceMaterial, bool], list[Surface]] = {}
     for surface in surfaces:
         key = (surface.component, surface.material, surface.closed)
         groups.setdefault(key, []).append(surface)
     # One mesh for each material and component: many shapes slow tracing.
-    parts = []
+    parts, shapes = [], {}
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        loaded = mi.load_dict(bsdf(m, channel))
-        parts.append(Part(group[0].name, loaded, m, component, quads, closed))
-    scattering = tuple(
-        ScatteringPanes(p.quads, p.material.transmittance, p.material.reflectance)
-        for p in parts
-        if isinstance(p.material, DiffuserMaterial) and not p.component
-    )
-    films = tuple(
-        FilmPanes(p.quads, p.bsdf)
-        for p in parts
-        if isinstance(p.material, BsdfMaterial) and not p.component
-    )
-    points = np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))])
+        part = Part(group[0].name, mi.load_dict(bsdf(m, channel)), m, component, quads, closed)
+        shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
+        parts.append(part)
+    is_clear = [lets_through(part.material) for part in parts]
+
+    def scene(keep: list[bool]) -> mi.Scene:
+        kept = {name: mesh for (name, mesh), k in zip(shapes.items(), keep, strict=True) if k}
+        return mi.load_dict({"type": "scene", **kept}, optimize=False)
+
+    full = scene([True] * len(parts))
     return Scene(
-        full=None,
-        opaque=None,
-        clear=None,
-        scattering=scattering,
-        films=films,
-        corners=points,
+        full=full,
+        opaque=scene([not clear for clear in is_clear]) if any(is_clear) else full,
+        clear=scene(is_clear) if any(is_clear) else None,
+        corners=np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))]),
         enclosure=enclosure,
         parts=tuple(parts),
         ports=ports,
@@ -224,7 +167,6 @@ def load(
 
     Parameters
     ----------
-    case : Case
     state : {'open', 'shaded'}
         State of the shade; a closed one replaces clear panes and open holes.
     channel : int
@@ -241,8 +183,8 @@ def load(
     InputError
         A component, a film or a piece of furniture is unfit.
     """
-    parts = geometry_of(case, state, effects)
-    return replace(build(parts[0], channel, *parts[1:]), effects=effects)
+    surfaces, enclosure, ports = geometry_of(case, state, effects)
+    return replace(build(surfaces, channel, enclosure, ports), effects=effects)
 
 
 def is_coloured(case: Case) -> bool:

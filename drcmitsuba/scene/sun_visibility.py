@@ -29,22 +29,16 @@ BEFORE = 1e-6
 
 @dataclass(frozen=True)
 class VisibleSuns:
-    """Suns that light a room.
-
-    Parameters
-    ----------
-    mask : np.ndarray of bool, shape (sun,)
-        Whether each sun lights the room.
-    behind, hidden : int
-        Number of suns before no opening, and of suns that are hidden by surfaces outside.
-    largest : float
-        Largest n·s of an opening's outward normal and a sun; −1 without openings.
-    """
+    """Suns that light a room."""
 
     mask: np.ndarray
+    """Whether each sun lights the room, shape (sun,)."""
     behind: int
+    """Number of suns before no opening."""
     hidden: int
+    """Number of suns that are hidden by surfaces outside."""
     largest: float
+    """Largest n·s of an opening's outward normal and a sun; −1 without openings."""
 
 
 @dataclass(frozen=True)
@@ -80,19 +74,16 @@ class SunVisibility:
         ports = [q for q in ports if ((q < BEFORE) | (q > size - BEFORE)).any()]
         openings = np.reshape([*panes, *ports], (-1, 4, 3)) @ turn.T
         blockers = np.reshape([q for piece in standing for q in _faces(piece)], (-1, 4, 3)) @ turn.T
-        largest = np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]
-        blockers = blockers[largest]
-        pieces = [
-            q for piece in standing if max_reflectance(piece.reflectance) > 0 for q in _faces(piece)
-        ]
+        blockers = blockers[np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]]
+        bright = [piece for piece in standing if max_reflectance(piece.reflectance) > 0]
+        pieces = [q for piece in bright for q in _faces(piece)]
         parts = [s for placed in components for s in placed.surfaces if albedo(s.material) > 0]
         pieces += [q for s in parts for q in s.quads if ((q < -BEFORE) | (q > size + BEFORE)).any()]
-        if not pieces:
-            return cls(openings, np.zeros((0, 3)), blockers)
         faces = np.reshape([*pieces, *box(np.zeros(3), size)], (-1, 4, 3)) @ turn.T
         faces = faces[_areas(faces) > 0]
-        if len(faces) > MOST_FACES:
-            return cls(openings, np.zeros((0, 3)), blockers, True)
+        everything = len(faces) > MOST_FACES
+        if everything or not pieces:
+            return cls(openings, np.zeros((0, 3)), blockers, everything)
         return cls(openings, _relays(faces, openings), blockers)
 
     @property
@@ -101,19 +92,7 @@ class SunVisibility:
         return normals(self.openings)
 
     def visible(self, suns: np.ndarray, diameter: float) -> VisibleSuns:
-        """Decide which suns light the room.
-
-        Parameters
-        ----------
-        suns : np.ndarray, shape (sun, 3)
-            Unit vectors towards the suns.
-        diameter : float
-            Angle across a sun [deg].
-
-        Returns
-        -------
-        VisibleSuns
-        """
+        """Decide which suns (sun, 3) light the room; `diameter` is the angle across one [deg]."""
         radius = np.radians(diameter) / 2
         least = -np.sin(radius)
         cosines = self.normals @ suns.T

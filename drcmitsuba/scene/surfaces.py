@@ -22,6 +22,7 @@ from drcmitsuba.scene.geometry import (
     Port,
     Surface,
     ceiling,
+    overhead,
     quad,
     recentred,
     rotation,
@@ -70,18 +71,9 @@ def surfaces_of(
 ) -> list[Surface]:
     """List the surfaces of a case in the world frame [m], relative to its `geometry.origin`.
 
-    Parameters
-    ----------
-    case : Case
-    state : {'open', 'shaded'}
-        Shaded: the shade's material stands in place of every clear pane and open hole, so its
-        transmittance has to be that of glass and shade together. Components stay uncovered.
-    effects : EnabledEffects
-        Panes of a disabled kind become black sheets; disabled obstructions are left out.
-
-    Returns
-    -------
-    list of Surface
+    In the state "shaded" the shade's material stands in place of every clear pane and open hole, so
+    its transmittance has to be that of glass and shade together. Components stay uncovered. Panes
+    of a disabled kind become black sheets; disabled obstructions are left out.
     """
     return geometry_of(case, state, effects)[0]
 
@@ -89,16 +81,7 @@ def surfaces_of(
 def geometry_of(
     case: Case, state: State, effects: EnabledEffects
 ) -> tuple[list[Surface], Enclosure | None, tuple[Port, ...]]:
-    """Build surfaces, enclosure and ports of a case in the world frame, as `surfaces_of`.
-
-    Returns
-    -------
-    list of Surface
-    Enclosure or None
-        None without a room.
-    tuple of Port
-        Ports of the components, if they are enabled.
-    """
+    """Surfaces, as `surfaces_of`; the enclosure of a room; the ports of enabled components."""
     case = recentred(case)
     components, turn = place(case), rotation(case)
     ports: tuple[Port, ...] = ()
@@ -166,9 +149,7 @@ def _enclosure(
         return None
     openings, narrowest = [], np.inf
     for side, facade in case.facade.items():
-        clear = [
-            strip for strip in facade.strips if _is_opening(case, strip.material, state, effects)
-        ]
+        clear = [s for s in facade.strips if _is_opening(case, s.material, state, effects)]
         if clear:
             foot, along = side_of(case.room, side)
             inside = [i for i in range(facade.segments) if any(s.covers(i) for s in clear)]
@@ -181,9 +162,7 @@ def _enclosure(
             narrowest = min(narrowest, *sizes)
     for component in components:
         if component.hole is not None and component.is_open:
-            x0, x1, y0, y1 = component.hole
-            corner = [x0, y0, case.room.size[2]]
-            openings.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
+            openings.append(overhead(component.hole, case.room.size[2]))
     turn = rotation(case)
     quads = np.reshape(openings, (-1, 4, 3)) @ turn.T
     return Enclosure(np.array(case.room.size), turn, quads, narrowest, effects.enclosed)

@@ -1,4 +1,4 @@
-"""Properties of surfaces by the number of their BSDF in Dr.Jit's registry."""
+"""Properties of surfaces by the number of their BSDF in Dr.Jit's registry, and paths in solids."""
 
 from __future__ import annotations
 
@@ -30,3 +30,17 @@ def absorption(scene: Scene) -> mi.Float | None:
     solids = [part.material for part in scene.parts]
     values = [m.absorption if isinstance(m, DielectricMaterial) else 0.0 for m in solids]
     return mi.Float(table(scene, values, np.float32)) if any(values) else None
+
+
+def share_left(inside: mi.Float, way: mi.Vector3f) -> mi.Float:
+    """Share of the light that a solid of absorption `inside` [1/m] leaves after a way [m]."""
+    return dr.select(inside > 0, dr.exp(-inside * dr.norm(way)), 1)
+
+
+def absorption_after(
+    absorption: mi.Float, bsdf: mi.BSDFPtr, bs: mi.BSDFSample3f, inside: mi.Float, active: mi.Bool
+) -> mi.Float:
+    """Absorption [1/m] of the solid that a sample of a BSDF leads into, from one of `inside`."""
+    crossed = active & (bs.eta != 1)
+    into = dr.gather(mi.Float, absorption, number(bsdf), crossed & (bs.wo.z < 0))
+    return dr.select(crossed, into, inside)

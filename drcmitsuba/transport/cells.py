@@ -113,12 +113,6 @@ class Vertices:
     n: mi.Float
     mark: mi.UInt32 | None = None
 
-    @classmethod
-    def none(cls) -> Vertices:
-        """Make an empty set."""
-        number, value = mi.UInt32, mi.Float
-        return cls(number(), value(), number(), number(), value(), value())
-
     def __len__(self) -> int:
         """Count the vertices."""
         return dr.width(self.weight)
@@ -130,7 +124,6 @@ class Cells:
 
     Parameters
     ----------
-    grid : Grid
     index : mi.UInt32
         Cell of every key of the grid; `_UNKNOWN` for none.
     count : int
@@ -198,7 +191,6 @@ def draw_points(
 
     Parameters
     ----------
-    vertices : Vertices
     cell : mi.UInt32
         Cell of every vertex.
     count : int
@@ -222,9 +214,8 @@ def draw_points(
         dr.eval(rank, p, n)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
     dr.scatter_reduce(dr.ReduceOp.Max, rank, scrambled, cell)
     wins = dr.gather(mi.UInt32, rank, cell) == scrambled
+    each = dr.arange(mi.UInt32, len(vertices))
     for new, values in ((p, vertices.p), (n, vertices.n)):
-        dr.scatter(
-            new, dr.gather(mi.Point3f, values, dr.arange(mi.UInt32, len(vertices))), cell, wins
-        )
+        dr.scatter(new, dr.gather(mi.Point3f, values, each), cell, wins)
     dr.eval(rank, p, n)
     return Drawn(rank, p, n)

@@ -19,6 +19,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Key, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -28,7 +29,7 @@ from drcmitsuba.transport.cells import Drawn
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather_blocks import Gathered, Met
+from drcmitsuba.transport.gather_blocks import Gathered, Met, product
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
@@ -37,16 +38,10 @@ EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
 ALIKE = 0.1
 """Relative difference of D around a sun's disk below which no shadow edge is assumed."""
-SUMMED = 1 << 9
-"""Number of cells whose light is summed in single precision."""
 PHOTONS_SHARE = 0.8
 """Share of the progress bar that photons take."""
 
 _PARTS = ("straight", "direct", "interreflected")
-
-
-def _flat(a: np.ndarray) -> mi.Float:
-    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
 
 
 @dataclass
@@ -77,10 +72,10 @@ class _Replicate:
         numbers = _numbers(here)
         straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers)
         direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
+        D, D_straight = direct.numpy(), straight.numpy()
         if self.landed is None:
-            return straight.numpy(), direct.numpy()
-        mirrored, sensors = self.landed.mirrored[here], self.landed.sensors[here]
-        return straight.numpy() + mirrored, direct.numpy() + sensors
+            return D_straight, D
+        return D_straight + self.landed.mirrored[here], D + self.landed.sensors[here]
 
     def interreflected(self, met: Met, sensors: int) -> np.ndarray:
         """G·D, shape (sensor, bin) [sr], with the paths of this replicate."""
@@ -90,54 +85,13 @@ class _Replicate:
         first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each
         row = met.row - first
         mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
-        parts = (_product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
+        parts = (product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
         return Irradiance(*parts).numpy()
 
 
 def _numbers(here: slice) -> mi.UInt32:
     """Indices of the sensors of a block."""
     return dr.arange(mi.UInt32, here.stop - here.start) + dr.opaque(mi.UInt32, here.start)
-
-
-def _product(
-    row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, sensors: int, d: mi.TensorXf
-) -> mi.TensorXf:
-    """G·D, shape (sensor, bin), of vertices (row, cell, weight).
-
-    Cells without light and bins that reach no cell are left out of the matrices. G is summed in
-    double precision, and the product `SUMMED` cells at a time: single precision drifts.
-    """
-    if 0 in d.shape:
-        return dr.zeros(mi.TensorXf, (sensors, d.shape[1]))
-    cells, bins = d.shape
-    stride = dr.opaque(mi.UInt32, bins)  # literals would have kernels compiled anew
-    lit, shining = (dr.compress(dr.max(d, axis=axis).array > 0) for axis in (1, 0))
-    n_lit, n_shining = dr.width(lit), dr.width(shining)
-    out = dr.zeros(mi.Float, sensors * bins)
-    if n_lit and n_shining:
-        columns = dr.opaque(mi.UInt32, n_shining)
-        number = dr.full(mi.UInt32, n_lit, cells)
-        dr.scatter(number, dr.arange(mi.UInt32, n_lit), lit)
-        at = dr.gather(mi.UInt32, number, cell, mine)
-        entry = dr.arange(mi.UInt32, sensors * n_shining)
-        to_bin = dr.gather(mi.UInt32, shining, entry % columns)
-        total = dr.zeros(mi.Float64, sensors * n_shining)
-        for start in range(0, n_lit, SUMMED):
-            size = min(SUMMED, n_lit - start)
-            first, rows = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
-            here = mine & (at >= first) & (at < first + rows)
-            g = dr.zeros(mi.Float64, sensors * size)
-            dr.scatter_add(g, mi.Float64(weight), row * rows + at - first, here)
-            part = dr.arange(mi.UInt32, size * n_shining)
-            from_cell = dr.gather(mi.UInt32, lit, first + part // columns)
-            from_bin = dr.gather(mi.UInt32, shining, part % columns)
-            compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
-            product = mi.TensorXf(mi.Float(g), (sensors, size)) @ mi.TensorXf(
-                compact, (size, n_shining)
-            )
-            total += mi.Float64(product.array)
-        dr.scatter(out, mi.Float(total), entry // columns * stride + to_bin)
-    return mi.TensorXf(out, (sensors, bins))
 
 
 def straight_suns(
@@ -181,13 +135,13 @@ def _straight_suns(
     here: slice,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """`straight_suns` of some sensors."""
-    p, n = _flat(points), _flat(normals)
+    p, n = flat(points), flat(normals)
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
     kind["numbers"] = _numbers(here)
     shape = (len(points), len(suns.labels))
     seed = launch_seed(accuracy.seed, Stream.SUN_RIMS)
-    total, most = dr.zeros(mi.Float, int(np.prod(shape))), dr.zeros(mi.Float, int(np.prod(shape)))
-    least = dr.full(mi.Float, dr.inf, int(np.prod(shape)))
+    total, most = (dr.zeros(mi.Float, shape[0] * shape[1]) for _ in range(2))
+    least = dr.full(mi.Float, dr.inf, shape[0] * shape[1])
     for i in range(RIM):
         d = sun_deposit(scene, p, n, **kind, samples=1, seed=seed, rim=i).array
         total += d
@@ -247,36 +201,31 @@ def compute(
         subdivision = None
     suns = suns.where(scene.effects.enabled_suns(suns))
     if subdivision is None and not suns.labels:
-        return _dark(labels, points, accuracy.replicates)
+        dark = np.zeros((accuracy.replicates, len(points), len(labels)), np.float32)
+        parts = {name + suffix: dark[0] for name in _PARTS for suffix in ("", "_se")}
+        return as_dataset(labels, points, parts, dark)
     size = 2 * accuracy.cell_size
     panes = [panes.quads for panes in scene.scattering]
     patches = PanePatches.of(panes, size) if panes else None
     films = Films.of(scene, size, suns.directions, suns.diameter)
     base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
     followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
-    sun_samples = accuracy.sensor_sun_samples if suns.straight else 0
     photons = PhotonTracer.of(
         scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
     )
     C = estimate(
-        base, followed, points, normals, photons=photons, sun_samples=sun_samples,
-        progress=progress,
+        base, followed, points, normals, photons=photons, progress=progress,
+        sun_samples=accuracy.sensor_sun_samples if suns.straight else 0,
     )  # fmt: skip
     if len(followed) < len(labels):
         C = C.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
     return C
 
 
-def _dark(labels: list[str], points: np.ndarray, replicates: int) -> xr.Dataset:
-    """Coefficients of 0 for all bins."""
-    dark = np.zeros((len(points), len(labels)), np.float32)
-    parts = {name + suffix: dark for name in _PARTS for suffix in ("", "_se")}
-    return _dataset(labels, points, parts, np.zeros((replicates, *dark.shape), np.float32))
-
-
-def _dataset(
+def as_dataset(
     labels: list[str], points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
 ) -> xr.Dataset:
+    """Coefficients [sr] with their dims: parts (sensor, bin) and (replicate, sensor, bin)."""
     coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
     coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
     data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in parts.items()}
@@ -296,12 +245,12 @@ def estimate(
         Deposit before `lit`.
     labels : list of str
         Labels of the bins.
-    points, normals : np.ndarray, shape (sensor, 3)
     sun_samples : int
         Directions from a sensor to every sun; 0 leaves out straight sun.
     photons : PhotonTracer, optional
         Photons for light that components deviate.
-    progress : callable
+    points, normals, progress
+        As for `compute`.
 
     Returns
     -------
@@ -325,7 +274,7 @@ def estimate(
         for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
             replicate.meet(drawn, keys)
     for block, here in enumerate(gathered.blocks):
-        p, n = _flat(points[here]), _flat(normals[here])
+        p, n = flat(points[here]), flat(normals[here])
         met, estimates = gathered.met(here), []
         for replicate in replicates:
             straight, direct = replicate.sensors(p, n, here, sun_samples)
@@ -335,7 +284,7 @@ def estimate(
             progress((block + (replicate.number + 1) / len(replicates)) / len(gathered.blocks))
         for name, values in zip(_PARTS, zip(*estimates, strict=True), strict=True):
             out[name][here], out[f"{name}_se"][here] = mean_and_error(np.stack(values))
-    whole = _dataset(labels, points, out, totals)
+    whole = as_dataset(labels, points, out, totals)
     return whole if photons is None else whole.assign_attrs(_photon_attributes(replicates))
 
 

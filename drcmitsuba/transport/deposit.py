@@ -6,7 +6,8 @@ are two arrays, since they reach different receivers.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -51,14 +52,12 @@ class Deposit:
 
     Parameters
     ----------
-    scene : Scene
     suns : np.ndarray, shape (sun, 3)
         Unit vectors.
     diameter : float
         Angle across a sun [deg].
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
-    accuracy : Accuracy
     patches : PanePatches or None
         Patches of the panes that scatter evenly.
     films : Films or None
@@ -88,9 +87,11 @@ class Deposit:
         """Seed of one launch."""
         return launch_seed(self.accuracy.seed, *key, draw)
 
-    def counting(self, key: Key, draw: Draw) -> AbstractContextManager[None]:
-        """Count the rays of one launch by the stream and the draw of its random numbers."""
-        return self.scene.ray_counter.purpose(key[0].name, draw.name)
+    @contextmanager
+    def launch(self, key: Key, draw: Draw) -> Iterator[int]:
+        """Give the seed of one launch, and count its rays by the stream and the draw."""
+        with self.scene.ray_counter.purpose(key[0].name, draw.name):
+            yield self.seed(key, draw)
 
     def straight(
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
@@ -100,46 +101,41 @@ class Deposit:
         count = dr.width(p) // 3
         sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
         if self.subdivision:
-            with self.counting(key, Draw.SKY):
+            with self.launch(key, Draw.SKY) as seed:
                 sky = sky_deposit(
-                    self.scene, p, n, subdivision=self.subdivision, rays=sky_rays,
-                    seed=self.seed(key, Draw.SKY), numbers=numbers,
+                    self.scene, p, n, subdivision=self.subdivision, rays=sky_rays, seed=seed,
+                    numbers=numbers,
                 )  # fmt: skip
         if sun_samples:
-            with self.counting(key, Draw.SUN):
-                sun = sun_deposit(
-                    self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples,
-                    seed=self.seed(key, Draw.SUN), numbers=numbers,
-                )  # fmt: skip
+            sun = self._suns(p, n, key, sun_samples, numbers)
         return Irradiance(sky, sun)
+
+    def _suns(
+        self, p: mi.Float, n: mi.Float, key: Key, samples: int, numbers: mi.UInt32 | None = None
+    ) -> mi.TensorXf:
+        with self.launch(key, Draw.SUN) as seed:
+            return sun_deposit(
+                self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=samples,
+                seed=seed, numbers=numbers,
+            )  # fmt: skip
 
     def transfer(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> mi.TensorXf:
         """K from the faces of the panes to receivers, shape (receiver, face)."""
         assert self.patches is not None
-        with self.counting(key, Draw.PANES):
+        with self.launch(key, Draw.PANES) as seed:
             return pane_transfer(
                 self.scene, self.patches, p, n,
-                rays=self.accuracy.pane_points, seed=self.seed(key, Draw.PANES), numbers=numbers,
+                rays=self.accuracy.pane_points, seed=seed, numbers=numbers,
             )  # fmt: skip
 
     def lit(self, replicate: int, material: int | None = None) -> Deposit:
-        """Compute the light on the panes, including light from pane to pane.
+        """Compute `faces` and `on_films`, the light on the panes, in a replicate.
 
         Light from one film to another, or from a diffusing pane to a film, is not followed
-        here, but by `photons`.
-
-        Parameters
-        ----------
-        replicate : int
-        material : int, optional
-            Index of a material of a façade basis; each has its own random numbers.
-
-        Returns
-        -------
-        Deposit
-            This deposit with `faces` and `on_films`.
+        here, but by `photons`. Each `material` of a façade basis, an index, has its own random
+        numbers.
         """
         key: Key = (Stream.PANES, replicate)
         of_films: Key = (Stream.FILMS, replicate)
@@ -149,32 +145,23 @@ class Deposit:
         films = self._with_films_lit(of_films)
         if films.patches is None:
             return films
-        rng = np.random.default_rng(self.seed(key, Draw.POINTS))
-        p, n = films.patches.face_points(rng)
+        p, n = films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))
         received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
         received = received.plus(films.by_films(p, n, (Stream.FILMS_TO_PANES, replicate)))
         between = films.transfer(p, n, key)
-        return replace(
-            films, faces=Irradiance(*(neumann_series(between, part) for part in received))
-        )
+        faces = Irradiance(*(neumann_series(between, part) for part in received))
+        return replace(films, faces=faces)
 
     def _with_films_lit(self, key: Key) -> Deposit:
         if self.films is None:
             return self
-        rng = np.random.default_rng(self.seed(key, Draw.POINTS))
-        p, n = self.films.patches.face_points(rng)
-        with self.counting(key, Draw.SUN):
-            sun = sun_deposit(
-                self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=1,
-                seed=self.seed(key, Draw.SUN),
-            )  # fmt: skip
-        to_suns = self.films.answer_to_suns(
-            self.suns, self.diameter, self.seed(key, Draw.SUN_ANSWER)
-        )
-        with self.counting(key, Draw.SKY):
-            to_sky = self.films.answer_to_sky(
-                self.subdivision, self.accuracy.film_sky_samples, self.seed(key, Draw.SKY)
-            )
+        p, n = self.films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))
+        sun = self._suns(p, n, key, 1)
+        seed = self.seed(key, Draw.SUN_ANSWER)
+        to_suns = self.films.answer_to_suns(self.suns, self.diameter, seed)
+        samples = self.accuracy.film_sky_samples
+        with self.launch(key, Draw.SKY) as seed:
+            to_sky = self.films.answer_to_sky(self.subdivision, samples, seed)
         to_suns, peaks = self.films.without_peaks(to_suns)
         return replace(self, on_films=Lit(sun, to_suns, to_sky, peaks))
 
@@ -184,16 +171,16 @@ class Deposit:
         """D by way of films; None without films."""
         if self.films is None or self.on_films is None:
             return None
-        rays, seed = self.accuracy.pane_points, self.seed(key, Draw.FILMS)
-        with self.counting(key, Draw.FILMS):
+        rays = self.accuracy.pane_points
+        with self.launch(key, Draw.FILMS) as seed:
             looked = self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers)
         sky, sun = self.films.sent(looked, self.on_films)
-        with self.counting(key, Draw.PEAKS):
+        with self.launch(key, Draw.PEAKS) as seed:
             for peaks in self.on_films.peaks:
                 sun += peak_deposit(
                     self.scene, self.films.patches, self.films.mounts[peaks.owner], peaks, p, n,
-                    suns=self.suns, diameter=self.diameter, most=PEAK_RAYS * rays,
-                    seed=self.seed(key, Draw.PEAKS), numbers=numbers,
+                    suns=self.suns, diameter=self.diameter, most=PEAK_RAYS * rays, seed=seed,
+                    numbers=numbers,
                 )  # fmt: skip
         return Irradiance(sky, sun)
 

@@ -19,11 +19,13 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, transmittance
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene, quad_mesh
 from drcmitsuba.transport.gather import first_directions
+from drcmitsuba.transport.shadow_rays import visibility
 
 MOST_PATCHES = 1 << 19
 """Largest number of patches."""
@@ -102,8 +104,7 @@ class PanePatches:
         p = self.corner + a * self.u + b * self.v
         sides = np.array([1.0, -1.0])[None, :, None]
         n = sides * self.normal[:, None]
-        p = p[:, None] + OFFSET * n
-        return mi.Float(p.astype(np.float32).ravel()), mi.Float(n.astype(np.float32).ravel())
+        return flat(p[:, None] + OFFSET * n), flat(n)
 
 
 class Look(NamedTuple):
@@ -131,13 +132,10 @@ def looks(
 
     Parameters
     ----------
-    scene : Scene
-    patches : PanePatches
     points, normals : mi.Float
         Receivers, three numbers each.
     rays : int
         Directions of each of the two kinds per receiver.
-    seed : int
     numbers : mi.UInt32, optional
         As for `shadow_rays.sky_deposit`.
 
@@ -147,12 +145,10 @@ def looks(
         By points and by directions, lanes receiver · rays + index.
     """
     count = dr.width(points) // 3
-    corner, along_u, along_v, normal = (
-        mi.Float(np.ascontiguousarray(a, np.float32).ravel())
-        for a in (patches.corner, patches.u, patches.v, patches.normal)
-    )
+    columns = patches.corner, patches.u, patches.v, patches.normal
+    corner, along_u, along_v, normal = map(flat, columns)
     total_area = float(patches.area.sum())
-    share = mi.DiscreteDistribution(mi.Float(patches.area.astype(np.float32)))
+    share = mi.DiscreteDistribution(flat(patches.area))
     lane = dr.arange(mi.UInt32, count * rays)
     row, index = lane // rays, lane % rays
     number = row if numbers is None else dr.gather(mi.UInt32, numbers, row)
@@ -165,17 +161,13 @@ def looks(
         pane_normal = dr.gather(mi.Normal3f, normal, patch, seen)
         cos_pane, cosine = dr.dot(pane_normal, -d), dr.dot(n, d)
         seen = seen & (cosine > 0) & (cos_pane != 0)
-        shadow = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
+        # The ray ends before the pane, which may let straight light through as well.
+        before = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
         scene.ray_counter.add("pane", seen, dr.width(d))
-        seen &= ~scene.opaque.ray_test(shadow, coherent=False, active=seen)
+        tau = visibility(scene, before, seen)
         by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
         by_cosine = cosine * dr.inv_pi
-        tau = mi.Float(1)
-        if scene.clear is not None:
-            # The ray ends before the pane, which may let straight light through as well.
-            between = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
-            tau = transmittance(scene.clear, between, seen)
-        weight = dr.select(seen, by_cosine * tau / (rays * (by_area + by_cosine)), 0)
+        weight = dr.select(tau > 0, by_cosine * tau / (rays * (by_area + by_cosine)), 0)
         return Look(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
 
     # Points on the panes.
@@ -202,16 +194,10 @@ def pane_transfer(
 
     Parameters
     ----------
-    scene : Scene
     patches : PanePatches
         Patches of `scene.scattering`.
-    points, normals : mi.Float
-        Receivers, three numbers each.
-    rays : int
-        Directions of each of two kinds per receiver, see `looks`.
-    seed : int
-    numbers : mi.UInt32, optional
-        As for `shadow_rays.sky_deposit`.
+    scene, points, normals, rays, seed, numbers
+        As for `looks`.
 
     Returns
     -------
@@ -220,10 +206,8 @@ def pane_transfer(
     """
     count, faces = dr.width(points) // 3, 2 * len(patches)
     out = dr.zeros(mi.Float64, count * faces)
-    through, back = (
-        mi.Float([getattr(scene.scattering[i], name) for i in patches.owner])
-        for name in ("transmittance", "reflectance")
-    )
+    optics = [(p.material.transmittance, p.material.reflectance) for p in scene.scattering]
+    through, back = map(flat, np.array(optics)[patches.owner].T)
     for look in looks(scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers):
         seen = look.weight > 0
         near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)

@@ -8,8 +8,14 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.sampling import sample_disk
 
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.launch_size import SHADOW_RAYS
+from drcmitsuba.transport.shadow_rays import sun_numbers
 
 
 @dataclass(frozen=True)
@@ -18,7 +24,6 @@ class Mount:
 
     Parameters
     ----------
-    bsdf : mi.BSDF
     frame : np.ndarray, shape (3, 3)
         Rows: the pane's x, y (up) and normal into the room.
     quads : np.ndarray, shape (pane, 4, 3)
@@ -63,10 +68,35 @@ class Mount:
     def interaction(self, outgoing: mi.Vector3f) -> mi.SurfaceInteraction3f:
         """Interaction with the pane that the BSDF is evaluated at."""
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(outgoing))
-        si.n = self.turn.n
-        si.sh_frame = self.turn
-        si.wi = outgoing
+        si.n, si.sh_frame, si.wi = self.turn.n, self.turn, outgoing
         return si
+
+    def answer_to_suns(
+        self, suns: np.ndarray, diameter: float, samples: int, seed: int
+    ) -> mi.Float:
+        """Tabulate f [1/sr] from suns into the outgoing cells, shape (row · sun,)."""
+        out = dr.zeros(mi.Float, self.rows * len(suns))
+        directions, ctx = flat(suns), mi.BSDFContext()
+        count = dr.opaque(mi.UInt32, len(suns))  # a literal would have the kernel compiled anew
+        places = mi.UInt32(sun_numbers(suns))
+        for start in range(0, dr.width(out), SHADOW_RAYS):
+            lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
+            pair = lane + dr.opaque(mi.UInt32, start)
+            row, sun = pair // count, pair % count
+            centre = dr.gather(mi.Vector3f, directions, sun)
+            place = dr.gather(mi.UInt32, places, sun)
+            total, cosines = mi.Float(0), mi.Float(0)
+            for i in range(samples):
+                index = dr.full(mi.UInt32, i, dr.width(lane))
+                d = sample_disk(centre, diameter, even_numbers(index, row, seed, 0, place))
+                uv = even_numbers(index, row, seed, 1, place)
+                si, wo = self.interaction(self.outgoing(row, uv)), self.turn.to_local(d)
+                counts = (wo.z < 0) | (not self.exposed)
+                total += dr.select(counts, self.bsdf.eval(ctx, si, wo)[0], 0)
+                cosines += dr.select(counts, dr.abs(wo.z), 0)
+            dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
+            dr.eval(out)
+        return out
 
 
 def _frame(normal: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -78,27 +108,18 @@ def _frame(normal: np.ndarray, up: np.ndarray) -> np.ndarray:
     return np.array([np.cross(y, normal), y, normal])
 
 
-def _lit_from_the_room(scene: Scene, pane: np.ndarray, normal: np.ndarray) -> bool:
-    """Whether straight light may reach the front: through other walls' openings, or no room."""
-    room = scene.enclosure
-    if room is None:
-        return True
-    return bool((np.abs((room.openings - pane[0]) @ normal) > 1e-3).any())
-
-
 def mounts(scene: Scene) -> list[Mount]:
     """Sort the films of a scene by material and orientation."""
-    mounted = []
+    mounted, room = [], scene.enclosure
     for panes in scene.films:
-        q, up = panes.quads, np.array(panes.bsdf.up).ravel()
-        n = np.cross(q[:, 1] - q[:, 0], q[:, 3] - q[:, 0])
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        n, up = normals(panes.quads), np.array(panes.bsdf.up).ravel()
         for normal in np.unique(n.round(6), axis=0):
-            quads = q[np.all(np.abs(n - normal) < 1e-5, axis=1)]
-            # Without a known room, sensors may stand anywhere.
-            beyond = ((scene.corners - quads[0, 0]) @ normal < -1e-3).any()
-            behind = bool(beyond) or scene.enclosure is None
-            lit = _lit_from_the_room(scene, quads[0], normal)
+            quads = panes.quads[np.all(np.abs(n - normal) < 1e-5, axis=1)]
+            behind = lit = True  # without a known room, sensors may stand anywhere
+            if room is not None:
+                behind = bool(((scene.corners - quads[0, 0]) @ normal < -1e-3).any())
+                # Straight light reaches the front through other walls' openings.
+                lit = bool((np.abs((room.openings - quads[0, 0]) @ normal) > 1e-3).any())
             sides = (1, -1) if behind else (1,)
             frame = _frame(normal / np.linalg.norm(normal), up)
             mounted.append(Mount(panes.bsdf, frame, quads, not (behind or lit), sides))

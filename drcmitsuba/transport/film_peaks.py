@@ -2,9 +2,9 @@ r"""Sunlight by the narrow peaks of films that other surfaces shade.
 
 A film may send the light of a sun into one or two outgoing cells. A receiver then gets this light
 from a small part of the film only. Where some of that part lies in shadow, all points of
-`panes.looks` may miss the rest: the mean is unbiased, but the replicates' scatter shows no error.
-Here directions are drawn from the receiver back along a peak's outgoing cell; from the points where
-they meet the film, shadow rays go to all suns of the peak:
+`diffusing_panes.looks` may miss the rest: the mean is unbiased, but the replicates' scatter shows
+no error. Here directions are drawn from the receiver back along a peak's outgoing cell; from the
+points where they meet the film, shadow rays go to all suns of the peak:
 
 .. math:: D[r, b] = \sum_j w_{rj} \, f(\omega_b \to c_j) \, D_a[p_j, b], \quad
     w_{rj} = \frac{\cos\theta_r \, P}{n \cos\theta_p}
@@ -12,7 +12,7 @@ they meet the film, shadow rays go to all suns of the peak:
 with n directions drawn evenly by projected solid angle from the cells of all peaks, P [sr] in
 sum. The peaks are taken out of the table that `Films.sent` uses.
 
-Limits: exposed films (`Mount.exposed`) are left to `panes.looks`.
+Limits: exposed films (`Mount.exposed`) are left to `looks`.
 """
 
 from __future__ import annotations
@@ -22,19 +22,14 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import (
-    TO_UNIT,
-    disk_solid_angle,
-    random_bits,
-    sample_disk,
-    transmittance,
-)
+from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
 from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.shadow_rays import to_sky
+from drcmitsuba.transport.shadow_rays import visibility
 
 STANDS_OUT = 8.0
 """A cell is a peak where f is above this times the mean f of its side."""
@@ -74,7 +69,6 @@ def take_out(mount: Mount, owner: int, f: np.ndarray, suns: np.ndarray) -> Peaks
 
     Parameters
     ----------
-    mount : Mount
     owner : int
         Index of the mount.
     f : np.ndarray, shape (row, sun)
@@ -96,11 +90,11 @@ def take_out(mount: Mount, owner: int, f: np.ndarray, suns: np.ndarray) -> Peaks
         return None
     cell, sun = np.nonzero(peaked[rows])
     first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=len(rows)))])
-    numbers = (mi.UInt32(a.astype(np.uint32)) for a in (rows, first, suns[sun]))
-    row, start, number = numbers
-    values = mi.Float(f[rows[cell], sun].astype(np.float32))
+    values = flat(f[rows[cell], sun])
     f[peaked] = 0
-    return Peaks(owner, row, np.tile(size, len(mount.sides))[rows], start, number, values)
+    sizes = np.tile(size, len(mount.sides))[rows]
+    numbers = (flat_indices(a) for a in (first, suns[sun]))
+    return Peaks(owner, flat_indices(rows), sizes, *numbers, values)
 
 
 def peak_deposit(
@@ -112,23 +106,14 @@ def peak_deposit(
 
     Parameters
     ----------
-    scene : Scene
     patches : PanePatches
         Patches of all films.
-    mount : Mount
     peaks : Peaks
         Peaks of this mount.
-    points, normals : mi.Float
-        Receivers, three numbers each.
-    suns : np.ndarray, shape (sun, 3)
-        Unit vectors to all suns.
-    diameter : float
-        Angle across a sun [deg].
     most : int
         Largest number of directions from a receiver.
-    seed : int
-    numbers : mi.UInt32, optional
-        As for `shadow_rays.sky_deposit`.
+    scene, points, normals, suns, diameter, seed, numbers
+        As for `shadow_rays.sun_deposit`.
 
     Returns
     -------
@@ -138,10 +123,8 @@ def peak_deposit(
     count, n_suns = dr.width(points) // 3, len(suns)
     n = min(DIRECTIONS * dr.width(peaks.rows), most)
     out = dr.zeros(mi.Float64, count * n_suns)
-    share = mi.DiscreteDistribution(mi.Float(peaks.size.astype(np.float32)))
-    whole = float(peaks.size.sum())
-    centres = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
-    owners = mi.UInt32(patches.owner.astype(np.uint32))
+    share, whole = mi.DiscreteDistribution(flat(peaks.size)), float(peaks.size.sum())
+    centres, owners = flat(suns), flat_indices(patches.owner)
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     block = max(1, SHADOW_RAYS // n)
     for start in range(0, count, block):
@@ -158,12 +141,9 @@ def peak_deposit(
         hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(p, d), coherent=False)
         seen = hit.is_valid() & (cosine > 0)
         seen &= dr.gather(mi.UInt32, owners, hit.prim_index // 2, seen) == peaks.owner
-        between = mi.Ray3f(p, d, hit.t * (1 - 1e-4) - OFFSET, 0, [])
+        before = mi.Ray3f(p, d, hit.t * (1 - 1e-4) - OFFSET, 0, [])
         scene.ray_counter.add("pane", seen, dr.width(lane))
-        seen &= ~scene.opaque.ray_test(between, coherent=False, active=seen)
-        weight = cosine * whole / (dr.abs(outgoing.z) * n)
-        if scene.clear is not None:
-            weight *= transmittance(scene.clear, between, seen)
+        weight = cosine * whole / (dr.abs(outgoing.z) * n) * visibility(scene, before, seen)
         at = dr.compress(seen & (weight > 0))
         if dr.width(at) == 0:
             continue
@@ -198,7 +178,7 @@ def _add_suns(
         cosine = dr.dot(normal, d)
         origin = mi.Point3f(q + dr.mulsign(mi.Float(OFFSET), cosine) * normal)
         scene.ray_counter.add("shadow", mi.Bool(True))
-        tau = to_sky(scene, origin, d, mi.Bool(True))
+        tau = visibility(scene, mi.Ray3f(origin, d), mi.Bool(True))
         value = weight * dr.gather(mi.Float, peaks.f, entry) * tau * dr.abs(cosine) * omega
         dr.scatter_add(out, mi.Float64(value), receiver * stride + sun, value > 0)
         entry += 1

@@ -10,9 +10,8 @@ direction back, and D_a the straight irradiance of the patch. For the suns, f is
 exact directions. Within a patch of the sky f varies: there f · D_a is one integral, estimated by
 directions drawn from the BSDF.
 
-Limits: light from a film or a diffusing pane to another film is not followed here, but by
-photons (`photons`, effect `pane_to_pane`); nor is a film that is seen
-through the straight view of another.
+Limits: light from a film or a diffusing pane to another film is not followed here, but by photons
+(`photons`, effect `pane_to_pane`); nor is a film that is seen through the straight view of another.
 """
 
 from __future__ import annotations
@@ -24,15 +23,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.shadow_rays import straight, sun_numbers
+from drcmitsuba.transport.shadow_rays import straight
 
 SUN_SAMPLES = {"even": 8, "uneven": 16}
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate, for
@@ -67,7 +67,6 @@ class Directions(NamedTuple):
 
     Parameters
     ----------
-    receiver, patch : mi.UInt32
     row : mi.UInt32
         Outgoing cell of the direction back, counted within the patch's mount.
     weight : mi.Float
@@ -81,7 +80,7 @@ class Directions(NamedTuple):
 
 
 class Looked(NamedTuple):
-    """Directions of two kinds from receivers to films, see `panes.looks`."""
+    """Directions of two kinds from receivers to films, see `diffusing_panes.looks`."""
 
     receivers: int
     kinds: tuple[Directions, ...]
@@ -104,8 +103,6 @@ class Films:
 
     Parameters
     ----------
-    scene : Scene
-    mounts : tuple of Mount
     patches : PanePatches
         Patches, owned by their mount.
     suns : np.ndarray of int, shape (lit,)
@@ -132,17 +129,14 @@ class Films:
 
     def answer_to_suns(self, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
         """Tabulate f [1/sr] from the suns that may shine on a film, see `Lit.to_suns`."""
-        tables = [
-            _answer_to_suns(mount, suns[self.suns], diameter, seed + i)
-            for i, mount in enumerate(self.mounts)
-        ]
+        tables = []
+        for i, mount in enumerate(self.mounts):
+            samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
+            tables.append(mount.answer_to_suns(suns[self.suns], diameter, samples, seed + i))
         return dr.concat(tables)
 
     def without_peaks(self, to_suns: mi.Float) -> tuple[mi.Float, tuple[Peaks, ...]]:
-        """Take the peaks of shaded films out of the table of `answer_to_suns`.
-
-        Peaks of exposed films stay in the table.
-        """
+        """Take the peaks of films that are not exposed out of the table of `answer_to_suns`."""
         if not len(self.suns) or all(mount.exposed for mount in self.mounts):
             return to_suns, ()
         table = to_suns.numpy().reshape(-1, len(self.suns))
@@ -159,25 +153,14 @@ class Films:
 
         Patches of an exposed mount share their rows: all have the same view.
         """
-        first: list[int] = []
-        rows = 0
-        for patch, owner in enumerate(self.patches.owner):
-            mount = self.mounts[owner]
-            if mount.exposed and patch and owner == self.patches.owner[patch - 1]:
-                first.append(first[-1])
-            else:
-                first.append(rows)
-                rows += mount.rows
-        return np.array([*first, rows])
+        owner = self.patches.owner
+        exposed, rows = np.array([(mount.exposed, mount.rows) for mount in self.mounts]).T[:, owner]
+        shared = (exposed > 0) & np.r_[False, owner[1:] == owner[:-1]]
+        end = np.cumsum(np.where(shared, 0, rows))
+        return np.append(end - rows, end[-1])
 
     def answer_to_sky(self, subdivision: int | None, samples: int, seed: int) -> mi.TensorXf:
-        """Estimate the answer to ground and sky patches by `samples` directions for every cell.
-
-        Returns
-        -------
-        mi.TensorXf, shape (row, bin)
-            See `Lit.to_sky`.
-        """
+        """Estimate `Lit.to_sky`, shape (row, bin), by `samples` directions for every cell."""
         first = self.first_sky_rows()
         if not subdivision:
             return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
@@ -190,9 +173,8 @@ class Films:
             for start in range(0, mount.rows, block):
                 lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
                 row = lane // each + dr.opaque(mi.UInt32, start)
-                d, weight = self._from_sky(
-                    int(patch), row, lane % each, each, seed + 7919 * int(patch)
-                )
+                key = seed + 7919 * int(patch)
+                d, weight = self._from_sky(int(patch), row, lane % each, each, key)
                 index = row * bins + patch_index(d, subdivision)
                 dr.scatter_add(out, mi.Float64(weight / mi.Float(each)), index, weight > 0)
                 dr.eval(out)
@@ -228,7 +210,7 @@ class Films:
 
     def _rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Row within the mount of light that a patch sends along −d, and whether it exists."""
-        owner = dr.gather(mi.UInt32, mi.UInt32(self.patches.owner.astype(np.uint32)), patch)
+        owner = dr.gather(mi.UInt32, flat_indices(self.patches.owner), patch)
         row, known = mi.UInt32(0), mi.Bool(False)
         for i, mount in enumerate(self.mounts):
             mine = owner == i
@@ -240,22 +222,7 @@ class Films:
     def looked(
         self, p: mi.Float, n: mi.Float, *, rays: int, seed: int, numbers: mi.UInt32 | None = None
     ) -> Looked:
-        """Draw directions from receivers to the films.
-
-        Parameters
-        ----------
-        p, n : mi.Float
-            Receivers, three numbers each.
-        rays : int
-            Directions of each of two kinds per receiver, see `looks`.
-        seed : int
-        numbers : mi.UInt32, optional
-            As for `shadow_rays.sky_deposit`.
-
-        Returns
-        -------
-        Looked
-        """
+        """Draw directions from receivers to the films; parameters as for `looks`."""
         kinds = []
         for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers):
             row, known = self._rows(look.patch, look.d, look.front)
@@ -263,31 +230,18 @@ class Films:
             if dr.width(seen) == 0:
                 continue
             kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
-            weight = dr.pi * dr.gather(mi.Float, look.weight, seen)
-            dr.eval(kept, weight)
-            receiver, patch, cell = kept
-            kinds.append(Directions(receiver, patch, cell, weight))
+            kinds.append(Directions(*kept, dr.pi * dr.gather(mi.Float, look.weight, seen)))
+            dr.eval(*kinds[-1])
         return Looked(dr.width(p) // 3, tuple(kinds))
 
     def sent(self, looked: Looked, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
-        """Irradiance of receivers by way of the films.
-
-        Parameters
-        ----------
-        looked : Looked
-        lit : Lit
-
-        Returns
-        -------
-        sky, sun : mi.TensorXf, shape (receiver, bin) and (receiver, sun)
-            D [sr].
-        """
+        """Irradiance D [sr] of receivers by way of the films: (receiver, bin), (receiver, sun)."""
         count, n_suns, bins = looked.receivers, lit.faces.shape[1], lit.to_sky.shape[1]
-        first_sky = mi.UInt32(self.first_sky_rows().astype(np.uint32))
-        first_sun = np.cumsum([0, *(m.rows for m in self.mounts)])[self.patches.owner]
-        first_sun = mi.UInt32(first_sun.astype(np.uint32))
-        shone = lit.faces.numpy().reshape(len(self.patches), 2, n_suns).sum(axis=1)[:, self.suns]
-        shone = mi.Float(np.ascontiguousarray(shone, np.float32).ravel())
+        first_sky = flat_indices(self.first_sky_rows())
+        first_of_mount = np.cumsum([0, *(m.rows for m in self.mounts)])
+        first_sun = flat_indices(first_of_mount[self.patches.owner])
+        by_face = lit.faces.numpy().reshape(len(self.patches), 2, n_suns)
+        shone = flat(by_face.sum(axis=1)[:, self.suns])
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
         by_sky = dr.zeros(mi.Float, count * bins)
         for kind in looked.kinds:
@@ -295,18 +249,16 @@ class Films:
             sun_row = kind.row + dr.gather(mi.UInt32, first_sun, kind.patch)
             sky_row = kind.row + dr.gather(mi.UInt32, first_sky, kind.patch)
             dr.eval(sun_row, sky_row)
-            weight = kind.weight
+            w, patch = kind.weight, kind.patch
             if len(self.suns):
-                by_sun += _sum(
-                    first, weight, sun_row, lit.to_suns, kind.patch, shone, len(self.suns)
-                )
+                by_sun += _sum(first, w, sun_row, lit.to_suns, patch, shone, len(self.suns))
             if bins:
-                by_sky += _sum(first, weight, sky_row, lit.to_sky.array, None, None, bins)
+                by_sky += _sum(first, w, sky_row, lit.to_sky.array, None, None, bins)
             dr.eval(by_sun, by_sky)
         out = dr.zeros(mi.Float, count * n_suns)
         if len(self.suns):
             at = dr.arange(mi.UInt32, count * len(self.suns))
-            to = dr.gather(mi.UInt32, mi.UInt32(self.suns.astype(np.uint32)), at % len(self.suns))
+            to = dr.gather(mi.UInt32, flat_indices(self.suns), at % len(self.suns))
             dr.scatter(out, by_sun, at // len(self.suns) * n_suns + to)
         return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))
 
@@ -338,31 +290,3 @@ def _sum(
         total += mi.Float64(value)
         at += 1
     return mi.Float(total)
-
-
-def _answer_to_suns(mount: Mount, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
-    """Tabulate f [1/sr] from suns into the outgoing cells of a mount, shape (row · sun,)."""
-    out = dr.zeros(mi.Float, mount.rows * len(suns))
-    directions = mi.Float(np.ascontiguousarray(suns, np.float32).ravel())
-    ctx = mi.BSDFContext()
-    samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
-    count = dr.opaque(mi.UInt32, len(suns))  # a literal would have the kernel compiled anew
-    places = mi.UInt32(sun_numbers(suns))
-    for start in range(0, dr.width(out), SHADOW_RAYS):
-        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
-        pair = lane + dr.opaque(mi.UInt32, start)
-        row, sun = pair // count, pair % count
-        centre, place = dr.gather(mi.Vector3f, directions, sun), dr.gather(mi.UInt32, places, sun)
-        total, cosines = mi.Float(0), mi.Float(0)
-        for i in range(samples):
-            index = dr.full(mi.UInt32, i, dr.width(lane))
-            d = sample_disk(centre, diameter, even_numbers(index, row, seed, 0, place))
-            out_of = mount.outgoing(row, even_numbers(index, row, seed, 1, place))
-            si = mount.interaction(out_of)
-            wo = mount.turn.to_local(d)
-            counts = (wo.z < 0) | (not mount.exposed)
-            total += dr.select(counts, mount.bsdf.eval(ctx, si, wo)[0], 0)
-            cosines += dr.select(counts, dr.abs(wo.z), 0)
-        dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
-        dr.eval(out)
-    return out

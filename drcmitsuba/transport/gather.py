@@ -12,17 +12,18 @@ Sources are not collected: a path that leaves the scene adds nothing.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import streams
 
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import max_reflectance
-from drcmitsuba.scene.scene import Part, Scene
-from drcmitsuba.transport.bsdf_lookup import absorption, number
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.cells import Grid, Vertices
 
 ROULETTE_DEPTH = 3
@@ -61,7 +62,6 @@ class Marks(Protocol):
 
         Parameters
         ----------
-        si : mi.SurfaceInteraction3f
         mark : mi.UInt32
             Mark of the path so far.
         number : mi.Float
@@ -89,7 +89,6 @@ def gather(
 
     Parameters
     ----------
-    scene : Scene
     points, normals : np.ndarray, shape (sensor, 3)
         Positions [m] and unit normals of the sensors.
     replicates : int
@@ -98,7 +97,6 @@ def gather(
         Paths per sensor and replicate.
     grid : Grid
         Grid of the cells.
-    seed : int
     marks : Marks, optional
         Rule that marks every vertex with the surfaces of its path.
     bounces : float
@@ -112,7 +110,8 @@ def gather(
     Vertices
     """
     if scene.effects.depth == 0:
-        return Vertices.none()
+        number, value = mi.UInt32(), mi.Float()
+        return Vertices(number, value, number, number, value, value)
     lanes = replicates * len(points) * paths
     capacity = int(bounces * lanes)
     while True:
@@ -132,7 +131,8 @@ def expected_bounces(
 
     In a closed room of reflectance ρ their number is 1 / (1 − ρ); each takes 40 bytes.
     """
-    if len(points) == 0 or max(map(reflectance_of, scene.parts), default=0.0) < WHITE:
+    each = (getattr(part.material, "reflectance", 0.0) for part in scene.parts)
+    if len(points) == 0 or max(map(max_reflectance, each), default=0.0) < WHITE:
         return USUAL
     some = np.unique(np.linspace(0, len(points) - 1, PILOT).astype(int))
     met = gather(
@@ -141,71 +141,49 @@ def expected_bounces(
     return max(USUAL, 1.2 * len(met) / (len(some) * paths))
 
 
-def reflectance_of(part: Part) -> float:
-    """Largest reflectance of a surface in any colour; 0 without reflectance."""
-    return max_reflectance(getattr(part.material, "reflectance", 0.0))
-
-
 class _VertexStore:
-    """Vertices of a launch, in the order in which its lanes meet them.
+    """Vertices of a launch, in the order in which its lanes meet them; up to `capacity` are kept.
 
-    Parameters
-    ----------
-    capacity : int
-        Number of vertices that are kept; later ones are only counted.
-    marked : bool
-        Whether vertices carry the mark of their path.
+    Only `marked` vertices carry the mark of their path.
     """
 
     def __init__(self, capacity: int, marked: bool):
-        self._capacity, self._marked = capacity, marked
-        self._room = dr.opaque(mi.UInt32, capacity)
+        self._capacity, self._room = capacity, dr.opaque(mi.UInt32, capacity)
         self._counter = dr.zeros(mi.UInt32, 1)
-        self._row, self._key, self._tag = (dr.zeros(mi.UInt32, capacity) for _ in range(3))
-        self._mark = dr.zeros(mi.UInt32, capacity if marked else 1)
-        self._weight = dr.zeros(mi.Float, capacity)
-        self._p, self._n = (dr.zeros(mi.Float, 3 * capacity) for _ in range(2))
-        dr.make_opaque(  # a loop that is being recorded adds to them
-            self._counter, self._row, self._key, self._tag, self._mark, self._weight,
-            self._p, self._n,
-        )  # fmt: skip
+        whole = ("row", "key", "tag", "mark") if marked else ("row", "key", "tag")
+        self._columns = {name: dr.zeros(mi.UInt32, capacity) for name in whole}
+        for name, width in (("weight", 1), ("p", 3), ("n", 3)):
+            self._columns[name] = dr.zeros(mi.Float, width * capacity)
+        dr.make_opaque(self._counter, self._columns)  # a loop that is being recorded adds to them
 
-    def add(
-        self, active: mi.Bool, *, row: mi.UInt32, weight: mi.Float, key: mi.UInt32,
-        tag: mi.UInt32, mark: mi.UInt32, p: mi.Point3f, n: mi.Normal3f,
-    ) -> None:  # fmt: skip
-        """Add the vertices of the active lanes."""
+    def add(self, active: mi.Bool, **values: Any) -> None:
+        """Add the vertices of the active lanes, by the names of `Vertices`."""
         slot = dr.scatter_inc(self._counter, mi.UInt32(0), active)
         kept = active & (slot < self._room)
-        dr.scatter(self._row, row, slot, kept)
-        dr.scatter(self._weight, weight, slot, kept)
-        dr.scatter(self._key, key, slot, kept)
-        dr.scatter(self._tag, tag, slot, kept)
-        if self._marked:
-            dr.scatter(self._mark, mark, slot, kept)
-        for c in range(3):
-            dr.scatter(self._p, p[c], slot * 3 + c, kept)
-            dr.scatter(self._n, n[c], slot * 3 + c, kept)
+        for name, column in self._columns.items():
+            dr.scatter(column, values[name], slot, kept)
 
     def vertices(self) -> tuple[Vertices, int]:
         """Vertices that were kept, and how many were met."""
-        dr.eval(self._counter, self._row, self._weight, self._key, self._tag, self._mark)
-        dr.eval(self._p, self._n)
+        dr.eval(self._counter, self._columns)
         met = int(self._counter[0])
-        size = min(met, self._capacity)
-        kept, three = dr.arange(mi.UInt32, size), dr.arange(mi.UInt32, 3 * size)
-        vertices = Vertices(
-            row=dr.gather(mi.UInt32, self._row, kept),
-            weight=dr.gather(mi.Float, self._weight, kept),
-            key=dr.gather(mi.UInt32, self._key, kept),
-            tag=dr.gather(mi.UInt32, self._tag, kept),
-            p=dr.gather(mi.Float, self._p, three),
-            n=dr.gather(mi.Float, self._n, three),
-            mark=dr.gather(mi.UInt32, self._mark, kept) if self._marked else None,
-        )
-        dr.eval(vertices.row, vertices.weight, vertices.key, vertices.tag, vertices.p, vertices.n)
-        dr.eval(vertices.mark)
-        return vertices, met
+        kept = {}
+        for name, column in self._columns.items():
+            size = min(met, self._capacity) * (3 if name in ("p", "n") else 1)
+            kept[name] = dr.gather(type(column), column, dr.arange(mi.UInt32, size))
+        dr.eval(kept)
+        return Vertices(**kept), met
+
+
+def _numbers(
+    sensors: int, lanes: int, paths: int, first: int, among: int
+) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32]:
+    """Row of every lane, its row among all sensors, which gives the random numbers, and path."""
+    lane = dr.arange(mi.UInt32, lanes)
+    here = dr.opaque(mi.UInt32, sensors)  # a literal would be compiled anew
+    row = lane // paths
+    own = row // here * dr.opaque(mi.UInt32, among) + row % here + dr.opaque(mi.UInt32, first)
+    return row, own, lane % paths
 
 
 @dr.syntax
@@ -215,17 +193,11 @@ def _trace(
     first: int, among: int,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop: the vertices, and the number that were met."""
-    lane = dr.arange(mi.UInt32, lanes)
-    here = dr.opaque(mi.UInt32, len(points))  # a literal would be compiled anew
-    row, index = lane // paths, lane % paths
-    sensor = row % here
-    # Random numbers follow from the row among all sensors.
-    own = row // here * dr.opaque(mi.UInt32, among) + sensor + dr.opaque(mi.UInt32, first)
-    random = streams(own, seed, index)
-    p = dr.gather(mi.Point3f, mi.Float(points.astype(np.float32).ravel()), sensor)
-    n = dr.gather(mi.Normal3f, mi.Float(normals.astype(np.float32).ravel()), sensor)
+    row, own, index = _numbers(len(points), lanes, paths, first, among)
+    random, sensor = streams(own, seed, index), row % dr.opaque(mi.UInt32, len(points))
+    p = dr.gather(mi.Point3f, flat(points), sensor)
+    n = dr.gather(mi.Normal3f, flat(normals), sensor)
     wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
-
     store = _VertexStore(capacity, marks is not None)
     ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)
@@ -235,8 +207,7 @@ def _trace(
     inside, before = mi.Float(0), mi.Point3f(p)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    every = lanes // len(points) * among
-    count = dr.opaque(mi.UInt32, every & 0xFFFFFFFF)
+    count = dr.opaque(mi.UInt32, lanes // len(points) * among & 0xFFFFFFFF)
     tag = own * paths + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
     while dr.hint(active, exclude=[grid, scene, count, store, marks, solids, limit]):
@@ -245,7 +216,7 @@ def _trace(
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
         if dr.hint(solids is not None, mode="scalar"):
-            beta *= dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
+            beta *= share_left(inside, si.p - before)
         bsdf, may_be_cell = si.bsdf(), mi.Bool(True)
         if dr.hint(marks is not None, mode="scalar"):
             bsdf, mark, factor, may_be_cell = marks.meet(si, mark, random.next_float32())  # type: ignore[union-attr]
@@ -267,10 +238,7 @@ def _trace(
             # Nothing stands beyond the panes: transmitted rays would meet nothing.
             active &= bs.wo.z * si.wi.z > 0
         if dr.hint(solids is not None, mode="scalar"):
-            crossed = active & (bs.eta != 1)
-            into = dr.gather(mi.Float, solids, number(bsdf), crossed & (bs.wo.z < 0))
-            inside = dr.select(crossed, into, inside)
-            before = si.p
+            inside, before = absorption_after(solids, bsdf, bs, inside, active), si.p
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         store.add(
             is_cell, row=row, weight=beta * (1 / paths), key=grid.key(si.p, facing),

@@ -7,6 +7,7 @@ are traced again, with the same random numbers, when their turn comes.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,6 +23,8 @@ from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 
 KEPT = 1 << 24
 """Largest number of vertices that are stored, 200 MB."""
+SUMMED = 1 << 9
+"""Number of cells whose light is summed in single precision."""
 
 
 class Met(NamedTuple):
@@ -42,29 +45,22 @@ class Gathered:
 
     Parameters
     ----------
-    scene : Scene
-    points, normals : np.ndarray, shape (sensor, 3)
-    accuracy : Accuracy
+    trace : callable
+        Traces the paths of a block of sensors.
     blocks : tuple of slice
         Sensors of each launch.
     cells : Cells
         Cells that the paths of all sensors meet.
     drawn : tuple of Drawn
         Points that stand for the cells, for each replicate.
-    bounces : float
-        Expected vertices per path.
     kept : dict of int to Met
         Vertices of some blocks, by their first sensor.
     """
 
-    scene: Scene
-    points: np.ndarray
-    normals: np.ndarray
-    accuracy: Accuracy
+    trace: Callable[[slice], Vertices]
     blocks: tuple[slice, ...]
     cells: Cells
     drawn: tuple[Drawn, ...]
-    bounces: float
     kept: dict[int, Met]
 
     @classmethod
@@ -73,18 +69,25 @@ class Gathered:
         block: int, lanes: int,
     ) -> Gathered:  # fmt: skip
         """Trace all paths, at most `block` sensors and about `lanes` paths in one launch."""
-        cells = Cells.none(Grid.of(scene, accuracy.cell_size))
+        grid = Grid.of(scene, accuracy.cell_size)
         seed = launch_seed(accuracy.seed, Stream.PATH_LENGTHS)
-        bounces = expected_bounces(scene, points, normals, accuracy.paths, cells.grid, seed)
+        bounces = expected_bounces(scene, points, normals, accuracy.paths, grid, seed)
+
+        def trace(here: slice) -> Vertices:
+            return gather(
+                scene, points[here], normals[here], replicates=accuracy.replicates,
+                paths=accuracy.paths, grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS),
+                bounces=bounces, first=here.start, among=len(points),
+            )  # fmt: skip
+
         paths = accuracy.replicates * accuracy.paths
         most = int(lanes * USUAL / bounces) // paths  # in white rooms paths are long
         n, step = len(points), max(1, min(block, most))
         blocks = tuple(slice(i, min(i + step, n)) for i in range(0, n, step))
         drawn: list[Drawn | None] = [None] * accuracy.replicates
-        kept: dict[int, Met] = {}
-        room = KEPT
+        cells, kept, room = Cells.none(grid), dict[int, Met](), KEPT
         for here in blocks:
-            vertices = _gather(scene, points, normals, accuracy, cells.grid, bounces, here)
+            vertices = trace(here)
             if len(vertices) == 0:
                 kept[here.start] = Met(vertices.row, vertices.row, vertices.weight)
                 continue
@@ -98,27 +101,50 @@ class Gathered:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight)
                 room -= len(vertices)
-        points_of_cells = tuple(one for one in drawn if one is not None)
-        return cls(scene, points, normals, accuracy, blocks, cells, points_of_cells, bounces, kept)
+        return cls(trace, blocks, cells, tuple(one for one in drawn if one is not None), kept)
 
     def met(self, here: slice) -> Met:
         """Vertices of a block of sensors."""
         if here.start in self.kept:
             return self.kept[here.start]
-        vertices = _gather(
-            self.scene, self.points, self.normals, self.accuracy, self.cells.grid, self.bounces,
-            here,
-        )  # fmt: skip
+        vertices = self.trace(here)
         return Met(vertices.row, self.cells.of(vertices), vertices.weight)
 
 
-def _gather(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, grid: Grid,
-    bounces: float, here: slice,
-) -> Vertices:  # fmt: skip
-    """Trace the paths of some of the sensors."""
-    return gather(
-        scene, points[here], normals[here], replicates=accuracy.replicates, paths=accuracy.paths,
-        grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS), bounces=bounces, first=here.start,
-        among=len(points),
-    )  # fmt: skip
+def product(
+    row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, sensors: int, d: mi.TensorXf
+) -> mi.TensorXf:
+    """G·D, shape (sensor, bin), of vertices (row, cell, weight).
+
+    Cells without light and bins that reach no cell are left out of the matrices. G is summed in
+    double precision, and the product `SUMMED` cells at a time: single precision drifts.
+    """
+    if 0 in d.shape:
+        return dr.zeros(mi.TensorXf, (sensors, d.shape[1]))
+    cells, bins = d.shape
+    stride = dr.opaque(mi.UInt32, bins)  # literals would have kernels compiled anew
+    lit, shining = (dr.compress(dr.max(d, axis=axis).array > 0) for axis in (1, 0))
+    n_lit, n_shining = dr.width(lit), dr.width(shining)
+    out = dr.zeros(mi.Float, sensors * bins)
+    if n_lit and n_shining:
+        columns = dr.opaque(mi.UInt32, n_shining)
+        number = dr.full(mi.UInt32, n_lit, cells)
+        dr.scatter(number, dr.arange(mi.UInt32, n_lit), lit)
+        at = dr.gather(mi.UInt32, number, cell, mine)
+        entry = dr.arange(mi.UInt32, sensors * n_shining)
+        to_bin = dr.gather(mi.UInt32, shining, entry % columns)
+        total = dr.zeros(mi.Float64, sensors * n_shining)
+        for start in range(0, n_lit, SUMMED):
+            size = min(SUMMED, n_lit - start)
+            first, rows = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
+            here = mine & (at >= first) & (at < first + rows)
+            g = dr.zeros(mi.Float64, sensors * size)
+            dr.scatter_add(g, mi.Float64(weight), row * rows + at - first, here)
+            part = dr.arange(mi.UInt32, size * n_shining)
+            from_cell = dr.gather(mi.UInt32, lit, first + part // columns)
+            from_bin = dr.gather(mi.UInt32, shining, part % columns)
+            compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
+            G = mi.TensorXf(mi.Float(g), (sensors, size))
+            total += mi.Float64((G @ mi.TensorXf(compact, (size, n_shining))).array)
+        dr.scatter(out, mi.Float(total), entry // columns * stride + to_bin)
+    return mi.TensorXf(out, (sensors, bins))

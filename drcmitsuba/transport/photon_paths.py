@@ -16,9 +16,16 @@ from drcmitsuba.case.materials import (
     GlazingMaterial,
     MirrorMaterial,
 )
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, is_diffuse
 from drcmitsuba.scene.scene import Part
-from drcmitsuba.transport.bsdf_lookup import absorption, number, table
+from drcmitsuba.transport.bsdf_lookup import (
+    absorption,
+    absorption_after,
+    number,
+    share_left,
+    table,
+)
 from drcmitsuba.transport.ports import ComponentPorts, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
@@ -105,8 +112,7 @@ class Recorder:
     """Squares around sensors on the device, and the test of which of them photons cross."""
 
     def __init__(self, squares: Squares):
-        self.centre = mi.Float(squares.centre.astype(np.float32).ravel())
-        self.half = mi.Float((squares.edge / 2).astype(np.float32))
+        self.centre, self.half = flat(squares.centre), flat(squares.edge / 2)
         self.planes = []
         for plane in squares.planes:
             # Opaque: as literals they would have the kernel compiled anew for every case.
@@ -154,6 +160,13 @@ def _onward(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:
     return mi.Ray3f(si.p + dr.mulsign(away, dr.dot(si.n, d)) * si.n, d)
 
 
+def _deviated(chain: mi.UInt32, bits: mi.UInt32) -> mi.UInt32:
+    """Chain of photons that a surface with some traits has deviated."""
+    first_film = ((bits & FILM) != 0) & (chain == _STRAIGHT)
+    by_panes = first_film | (((bits & DIFFUSER) != 0) & (chain != _OWN))
+    return dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN))
+
+
 @dr.syntax
 def follow(
     scene: mi.Scene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
@@ -164,15 +177,13 @@ def follow(
     Returns
     -------
     tuple of mi.Float
-        Flux of every lane by fate [m² sr], in the order of `FluxLedger` from `landed` on, and
-        the number of segments.
+        Flux of every lane by fate [m² sr], as `FluxLedger` from `landed` on; number of segments.
     """
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     ray, before = mi.Ray3f(start.p, start.d), mi.Point3f(start.p)
     flux, weak = mi.Float(start.flux), WEAK * start.flux
-    landed, absorbed, escaped = mi.Float(0), mi.Float(0), mi.Float(0)
-    others, lost, roulette = mi.Float(0), mi.Float(0), mi.Float(0)
+    landed, absorbed, escaped, others, lost, roulette = (mi.Float(0) for _ in range(6))
     inside = mi.Float(0)  # absorption of the solid that the photon is in
     chain, step = mi.UInt32(_STRAIGHT), mi.UInt32(0)
     mirrored, active = mi.Bool(True), mi.Bool(True)
@@ -186,23 +197,17 @@ def follow(
         escaped += dr.select(active & ~met, flux, 0)
         if dr.hint(traits.absorption is not None, mode="scalar"):
             # The path runs from surface to surface: the ray began a little off the last one.
-            left = dr.select(inside > 0, dr.exp(-inside * dr.norm(si.p - before)), 1)
+            left = share_left(inside, si.p - before)
             absorbed += dr.select(met, flux * (1 - left), 0)
             flux = dr.select(met, flux * left, flux)
-
         si.wi = si.to_local(-ray.d)
-        bsdf = si.bsdf()
-        uv = mi.Point2f(0.5)  # random numbers take a seventh of the time
+        bsdf, uv = si.bsdf(), mi.Point2f(0.5)  # random numbers take a seventh of the time
         if dr.hint(not traits.smooth, mode="scalar"):
             uv = mi.Point2f(random.next_float32(), random.next_float32())
         bs, weight = bsdf.sample(ctx, si, random.next_float32(), uv, met)
-        index = number(bsdf)
-        bits = dr.gather(mi.UInt32, traits.bits, index, met)
+        bits = dr.gather(mi.UInt32, traits.bits, number(bsdf), met)
         receives = (bits & RECEIVES) != 0
-        # The facing normal gives the side of the surface that the photon comes from.
-        facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
-        row, known = areas.at(areas.grid.key(si.p, facing), receives & counts)
-        dr.scatter_add(sums.cells, mi.Float64(flux), row * bins + start.bin, known)
+        areas.record(si, ray.d, flux, start.bin, bins, sums.cells, receives & counts)
         # A surface may take a part and mirror the rest.
         diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
         onward = met & ~(receives & diffuse)
@@ -216,22 +221,16 @@ def follow(
         deviates = onward & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
         foreign = deviates & (chain == _STRAIGHT) & ((bits & OWN) == 0)
         others += dr.select(foreign, flux, 0)
-        first_film = ((bits & FILM) != 0) & (chain == _STRAIGHT)
-        by_panes = first_film | (((bits & DIFFUSER) != 0) & (chain != _OWN))
-        now = dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN))
-        chain = dr.select(deviates, now, chain)
+        chain = dr.select(deviates, _deviated(chain, bits), chain)
         mirrored &= ~deviates | mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         if dr.hint(traits.absorption is not None, mode="scalar"):
-            crossed = deviates & (bs.eta != 1)
-            into = dr.gather(mi.Float, traits.absorption, index, crossed & (bs.wo.z < 0))
-            inside = dr.select(crossed, into, inside)
+            inside = absorption_after(traits.absorption, bsdf, bs, inside, deviates)
             before = si.p
 
         step += 1
         active = onward & ~foreign & (flux > 0)
-        over = active & (step >= limit)
-        lost += dr.select(over, flux, 0)
-        active &= ~over
+        lost += dr.select(active & (step >= limit), flux, 0)
+        active &= step < limit
         faint = active & (flux < weak)
         kept = dr.select(random.next_float32() * weak < flux, weak, 0)
         roulette += dr.select(faint, kept - flux, 0)

@@ -92,7 +92,6 @@ class Landed:
 
     Parameters
     ----------
-    areas : CellAreas
     sky, sun : mi.TensorXf, shape (row, bin)
         D of the cells, by ground and sky patches and by suns.
     sensors, mirrored : np.ndarray, shape (sensor, bin)
@@ -138,9 +137,8 @@ class PhotonTracer:
     ----------
     ports : tuple of ComponentPorts
         Ports of the components, and of the panes.
-    areas : CellAreas
-    squares : Squares
     suns : np.ndarray, shape (sun, 3)
+        Unit vectors.
     diameter : float
         Angle across a sun [deg].
     subdivision : int or None
@@ -189,19 +187,7 @@ class PhotonTracer:
         )  # fmt: skip
 
     def traced(self, seed: int, progress: Progress = lambda share: None) -> Landed:
-        """Trace all photons of a replicate.
-
-        Parameters
-        ----------
-        seed : int
-        progress : callable
-            Takes the share that is done.
-
-        Returns
-        -------
-        Landed
-            D of cells and sensors [sr].
-        """
+        """Trace all photons of a replicate: D of cells and sensors [sr]."""
         patches = len(Patches(self.subdivision)) if self.subdivision else 0
         effects = self.ports[0].scene.effects
         wanted = np.array([effects.ground, *[effects.sky] * (patches - 1)][:patches])

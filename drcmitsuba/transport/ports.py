@@ -14,8 +14,9 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.scene.geometry import Port
+from drcmitsuba.scene.geometry import Port, normals
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
@@ -55,7 +56,7 @@ class PhotonSources(NamedTuple):
 
 def of_suns(suns: np.ndarray, diameter: float) -> PhotonSources:
     """Suns in directions (sun, 3), `diameter` [deg] across."""
-    centres = _flat(suns)
+    centres = flat(suns)
     radius = np.full(len(suns), np.radians(diameter) / 2)
     return PhotonSources(
         suns, radius, np.full(len(suns), disk_solid_angle(diameter)), sun_numbers(suns),
@@ -69,7 +70,7 @@ def of_sky(subdivision: int) -> PhotonSources:
     low, high, west, east = patches.bounds.T
     radius = np.hypot((high - low) / 2, np.cos(low) * (east - west) / 2)
     radius[0], radius[-1] = np.pi / 2, high[-1] - low[-1]
-    columns = [_flat(column) for column in (np.sin(low), np.sin(high), west, east)]
+    columns = [flat(column) for column in (np.sin(low), np.sin(high), west, east)]
 
     def draw(patch: mi.UInt32, uv: mi.Point2f) -> mi.Vector3f:
         bottom, top, begin, end = (dr.gather(mi.Float, column, patch) for column in columns)
@@ -88,7 +89,6 @@ class Start:
 
     Parameters
     ----------
-    p : mi.Point3f
     d : mi.Vector3f
         Direction of travel.
     flux : mi.Float
@@ -109,7 +109,6 @@ class ComponentPorts:
 
     Parameters
     ----------
-    scene : Scene
     quads : np.ndarray, shape (port, 4, 3)
         Parallelograms [m]; fronts face the way the light goes.
     name : str
@@ -166,7 +165,7 @@ class ComponentPorts:
     def _at(self, port: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Point3f, mi.Normal3f]:
         """Point on a port and the port's normal."""
         columns = (*self.edges, self.normal)
-        at, u, v, n = (dr.gather(mi.Vector3f, _flat(column), port) for column in columns)
+        at, u, v, n = (dr.gather(mi.Vector3f, flat(column), port) for column in columns)
         return mi.Point3f(at + uv.x * u + uv.y * v), mi.Normal3f(n)
 
     def _visible(self, p: mi.Point3f, d: mi.Vector3f, flux: mi.Float) -> mi.Float:
@@ -182,8 +181,7 @@ class ComponentPorts:
         corner, u, v = self.edges
         n, area = self.normal, self.area[:, None]
         # Products of a point with the dual edges are its coordinates in the parallelogram.
-        columns = (corner, np.cross(v, n) / area, np.cross(n, u) / area, n)
-        tables = [_flat(column) for column in columns]
+        tables = [flat(a) for a in (corner, np.cross(v, n) / area, np.cross(n, u) / area, n)]
         return _crossed(tables, dr.opaque(mi.UInt32, len(self)), p, d)
 
     def could(self, sources: PhotonSources) -> np.ndarray:
@@ -203,23 +201,23 @@ class ComponentPorts:
         lane = dr.arange(mi.UInt32, len(seen) * photons)
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
         place, index = lane // each, lane % each
-        source = dr.gather(mi.UInt32, mi.UInt32(seen.astype(np.uint32)), place)
+        source = dr.gather(mi.UInt32, flat_indices(seen), place)
         share = could / could.sum(axis=1, keepdims=True)
-        table = _flat(np.cumsum(share, axis=1))
+        table = flat(np.cumsum(share, axis=1))
         number = dr.gather(mi.UInt32, mi.UInt32(sources.numbers), source)
         where, at = (even_numbers(index, number, seed, pair) for pair in (0, 1))
         row = place * count
         port = dr.binary_search(
             0, len(self) - 1, lambda i: dr.gather(mi.Float, table, row + i) <= where.x
         )
-        chance = dr.gather(mi.Float, _flat(share), row + port)
+        chance = dr.gather(mi.Float, flat(share), row + port)
         before = dr.gather(mi.Float, table, row + port) - chance
         where.x = dr.clip((where.x - before) / chance, 0, 1)
         p, n = self._at(port, where)
         d = sources.draw(source, at)
         p = mi.Point3f(p + _offset(self.quads) * d)
-        flux = dr.gather(mi.Float, _flat(sources.solid_angle), source)
-        flux *= dr.gather(mi.Float, _flat(self.area), port)
+        flux = dr.gather(mi.Float, flat(sources.solid_angle), source)
+        flux *= dr.gather(mi.Float, flat(self.area), port)
         flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
         return Start(p, -d, self._visible(p, d, dr.select(chance > 0, flux, 0)), source)
 
@@ -248,10 +246,6 @@ def _crossed(tables: list[mi.Float], count: mi.UInt32, p: mi.Point3f, d: mi.Vect
     return crossed
 
 
-def _flat(a: np.ndarray) -> mi.Float:
-    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
-
-
 def _offset(points: np.ndarray) -> float:
     """Offset that separates the two sides of a port, for coordinates (…, 3) [m]."""
     return OFFSET * (1 + float(abs(points).max()))
@@ -268,9 +262,7 @@ def _pane_ports(scene: Scene) -> list[Port]:
         mirrors = isinstance(m, GlazingMaterial) and m.reflectance > 0
         if part.component or not (mirrors or isinstance(m, BsdfMaterial | DiffuserMaterial)):
             continue
-        for quad in part.quads:
-            n = np.cross(quad[1] - quad[0], quad[3] - quad[0])
-            n /= np.linalg.norm(n)
+        for quad, n in zip(part.quads, normals(part.quads), strict=True):
             # Clear panes mirror towards the room only, which is where their fronts face.
             if not mirrors:
                 ports.append(Port("", quad))

@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 from scipy.spatial import cKDTree
 
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
@@ -39,7 +40,6 @@ class CellAreas:
 
     Parameters
     ----------
-    grid : Grid
     row : mi.UInt32
         Row of every key of the grid; `_NONE` without area.
     area : mi.Float
@@ -83,6 +83,15 @@ class CellAreas:
         row = dr.gather(mi.UInt32, self.row, key, active)
         return row, (row != _NONE) & active
 
+    def record(
+        self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, flux: mi.Float, column: mi.UInt32,
+        bins: mi.UInt32, sums: mi.Float64, active: mi.Bool,
+    ) -> None:  # fmt: skip
+        """Add the flux of photons that arrive along `d` to the cells on their side of surfaces."""
+        facing = dr.select(dr.dot(si.n, d) < 0, si.n, -si.n)
+        row, known = self.at(self.grid.key(si.p, facing), active)
+        dr.scatter_add(sums, mi.Float64(flux), row * bins + column, known)
+
 
 def _triangles(quads: list[np.ndarray]) -> np.ndarray:
     """Triangles (triangle, 3, 3) of positive area that make up quadrilaterals (quad, 4, 3)."""
@@ -110,10 +119,7 @@ def _spread(triangles: np.ndarray, count: int, seed: int) -> tuple[mi.Point3f, m
     a, b = even_numbers(lane, dr.zeros(mi.UInt32, count), seed, 0)
     over = a + b > 1
     a, b = dr.select(over, 1 - a, a), dr.select(over, 1 - b, b)
-    c, u_, v_, n = (
-        dr.gather(mi.Vector3f, mi.Float(x.astype(np.float32).ravel()), which)
-        for x in (corner, u, v, normal)
-    )
+    c, u_, v_, n = (dr.gather(mi.Vector3f, flat(x), which) for x in (corner, u, v, normal))
     return mi.Point3f(c + a * u_ + b * v_), n
 
 
@@ -158,7 +164,6 @@ class Squares:
 
     Parameters
     ----------
-    planes : tuple of SensorPlane
     centre : np.ndarray, shape (sensor, 2)
         Centres in the raster's axes [m].
     edge : np.ndarray, shape (sensor,)
@@ -196,11 +201,6 @@ class Squares:
             centre[mine] = at
             planes.append(_plane(mine, at, edge, axes, float(offset[mine[0]])))
         return cls(tuple(planes), centre, edge)
-
-    @property
-    def layers(self) -> list[tuple[SensorPlane, np.ndarray]]:
-        """Planes and their layers of sensors."""
-        return [(plane, layer) for plane in self.planes for layer in plane.sensors]
 
 
 def _plane(
@@ -242,10 +242,7 @@ def _to_things(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndar
     turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
     lane = dr.arange(mi.UInt32, len(points) * AROUND)
     sensor, angle = lane // AROUND, mi.Float(lane % AROUND) * (2 * np.pi / AROUND)
-    p, n = (
-        dr.gather(mi.Vector3f, mi.Float(a.astype(np.float32).ravel()), sensor)
-        for a in (points, normals)
-    )
+    p, n = (dr.gather(mi.Vector3f, flat(a), sensor) for a in (points, normals))
     x = mi.Vector3f(*map(float, turn[:, 0]))
     x = dr.normalize(x - dr.dot(x, n) * n)
     x = dr.select(dr.isfinite(x.x), x, mi.Frame3f(n).s)

@@ -35,18 +35,14 @@ class _Nodes:
         each, known = np.unique(nodes.reshape(-1, 2), axis=0), set(self.labels)
         return each[[mesh.label(node) not in known for node in each]]
 
-    def replicates(self, nodes: np.ndarray) -> np.ndarray:
-        """Replicates (replicate, sensor, node) of nodes (node, 2)."""
-        return self._replicates([mesh.label(node) for node in nodes])
+    def replicates(self, labels: ArrayLike) -> np.ndarray:
+        """Replicates (replicate, sensor, label) of bins by label."""
+        return self.C["replicates"].values[:, :, positions(labels, self.C["bin"].values)]
 
     def blended(self, blend: Blend) -> np.ndarray:
         """Replicates (replicate, sensor, sun) of suns between the nodes."""
         each = zip(blend.bins.T, blend.weights.T, strict=True)
-        return sum(self._replicates(bins) * weights for bins, weights in each)
-
-    def _replicates(self, labels: ArrayLike) -> np.ndarray:
-        """Replicates (replicate, sensor, label) of bins by label."""
-        return self.C["replicates"].values[:, :, positions(labels, self.C["bin"].values)]
+        return sum(self.replicates(bins) * weights for bins, weights in each)
 
 
 def _scale(replicates: np.ndarray) -> float:
@@ -61,20 +57,6 @@ def mesh_of(C: xr.Dataset) -> tuple[str, ...]:
     return tuple(name for name in map(str, C["bin"].values) if name.startswith(mesh.PREFIX))
 
 
-def _suns(nodes: np.ndarray, diameter: float) -> Suns:
-    """Suns at nodes of the mesh; sensors do not see them straight."""
-    labels = tuple(map(mesh.label, nodes))
-    return Suns(labels, mesh.directions_of(nodes), diameter, straight=False)
-
-
-def _held_out(accuracy: Accuracy, possible: np.ndarray, diameter: float) -> Suns:
-    """Suns drawn from all possible ones."""
-    rng = np.random.default_rng(accuracy.seed)
-    at = np.sort(rng.choice(len(possible), HELD_OUT, replace=False))
-    labels = tuple(f"sun_held_out_{i:02d}" for i in range(HELD_OUT))
-    return Suns(labels, possible[at], diameter, straight=False)
-
-
 def _squared_error(difference: np.ndarray, axis: int | None = None) -> np.ndarray:
     """Mean over `axis` of squared differences, less the variance s²/n of n replicates."""
     mean, noise = difference.mean(axis=0), difference.var(axis=0, ddof=1) / len(difference)
@@ -84,16 +66,15 @@ def _squared_error(difference: np.ndarray, axis: int | None = None) -> np.ndarra
 def _miss(nodes: _Nodes, corners: np.ndarray) -> np.ndarray:
     """RMS error over the sensors at the worst edge midpoint of triangles (n, 3, 2), (n,)."""
     worst = np.zeros(len(corners))
+
+    def at(places: np.ndarray) -> np.ndarray:
+        return nodes.replicates([mesh.label(node) for node in places])
+
     for i, middle in enumerate(np.moveaxis(mesh.midpoints(corners), 1, 0)):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        ends = nodes.replicates(corners[:, j]) + nodes.replicates(corners[:, k])
-        square = _squared_error(nodes.replicates(middle) - ends / 2, axis=0)
+        ends = at(corners[:, (i + 1) % 3]) + at(corners[:, (i + 2) % 3])
+        square = _squared_error(at(middle) - ends / 2, axis=0)
         worst = np.maximum(worst, np.sqrt(square))
     return worst
-
-
-def _join(a: xr.Dataset, b: xr.Dataset) -> xr.Dataset:
-    return xr.concat([a, b], "bin", data_vars="minimal", coords="minimal", compat="override")
 
 
 def meshed(
@@ -128,20 +109,19 @@ def meshed(
         RMS of the coefficients.
     """
     possible = mesh.possible_suns(latitude)
-    held_out = _held_out(accuracy, possible, diameter)
+    drawn = np.random.default_rng(accuracy.seed).choice(len(possible), HELD_OUT, replace=False)
+    held_out = possible[np.sort(drawn)]
+    held_out_labels = tuple(f"sun_held_out_{i:02d}" for i in range(HELD_OUT))
     first = mesh.nodes_of(possible, mesh.COARSEST)
     if known:
         first = np.array([mesh.node(name) for name in known])
-    start = _suns(first, diameter)
     both = Suns(
-        start.labels + held_out.labels,
-        np.concatenate([start.directions, held_out.directions]),
-        diameter,
-        straight=False,
-    )
+        (*map(mesh.label, first), *held_out_labels),
+        np.concatenate([mesh.directions_of(first), held_out]), diameter, straight=False,
+    )  # fmt: skip
     whole = part(progress, 0, 1 if known else 0.5)
     C = compute(scene, points, normals, both, accuracy, subdivision=subdivision, progress=whole)
-    is_held_out = np.isin(C["bin"].values.astype(str), held_out.labels)
+    is_held_out = np.isin(C["bin"].values.astype(str), held_out_labels)
     exact = C["replicates"].values[:, :, is_held_out]
     nodes = _Nodes(C.isel(bin=~is_held_out))
     scale = _scale(exact)
@@ -149,12 +129,15 @@ def meshed(
     while len(live) and level < finest:
         corners, of_sun = mesh.triangles_of(live, level)
         if len(new := nodes.missing(mesh.midpoints(corners))):
-            more = compute(scene, points, normals, _suns(new, diameter), accuracy, subdivision=None)
-            nodes = _Nodes(_join(nodes.C, more))
+            labels = tuple(map(mesh.label, new))
+            suns = Suns(labels, mesh.directions_of(new), diameter, straight=False)
+            more = compute(scene, points, normals, suns, accuracy, subdivision=None)
+            joined = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
+            nodes = _Nodes(xr.concat([nodes.C, more], "bin", **joined))
         level += 1
         progress(0.5 + 0.5 * (level - mesh.COARSEST) / (finest - mesh.COARSEST))
         live = live[(_miss(nodes, corners) > tolerance * scale)[of_sun]]
-    blend = mesh.blend(held_out.directions, np.ones(HELD_OUT, bool), nodes.labels)
+    blend = mesh.blend(held_out, np.ones(HELD_OUT, bool), nodes.labels)
     difference = nodes.blended(blend) - exact
     error = np.sqrt(_squared_error(difference, axis=1)).astype(np.float32)
     C = nodes.C.assign(mesh_error=("sensor", error))

@@ -16,7 +16,14 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import coefficients, films, gather_blocks, photons, shadow_rays
+from drcmitsuba.transport import (
+    coefficients,
+    film_orientation,
+    films,
+    gather_blocks,
+    photons,
+    shadow_rays,
+)
 from tests import ROOT
 
 SAME = 1e-5
@@ -113,10 +120,11 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     begins within the photons of one component: none of it may move a random number.
     """
     monkeypatch.setattr(coefficients, "SENSORS", 2)
-    monkeypatch.setattr(coefficients, "SUMMED", 100)
+    monkeypatch.setattr(gather_blocks, "SUMMED", 100)
     monkeypatch.setattr(gather_blocks, "KEPT", 1000)
     monkeypatch.setattr(shadow_rays, "SHADOW_RAYS", 1 << 12)
     monkeypatch.setattr(films, "SHADOW_RAYS", 1 << 18)
+    monkeypatch.setattr(film_orientation, "SHADOW_RAYS", 1 << 18)
     monkeypatch.setattr(photons, "PHOTONS", 1 << 12)
     holds("C in one chunk and in ten", max(distances(run(kind), usual[kind])), SAME)
 

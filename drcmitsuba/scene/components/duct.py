@@ -21,9 +21,8 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import Duct
-from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.components.placed_component import PlacedComponent, recess
+from drcmitsuba.scene.components.placed_component import PlacedComponent, is_open, recess
 from drcmitsuba.scene.geometry import UP, Port, Surface, side_of
 
 STEP = 1.0
@@ -41,6 +40,21 @@ def concentrator(height: float, acceptance: float) -> tuple[np.ndarray, np.ndarr
     return before[0] - before, r
 
 
+def _profile(source: str, where: str, table: Duct, lip: float) -> tuple[np.ndarray, np.ndarray]:
+    """Depths and half heights [m] of a duct from its mouth to its bend."""
+    d, r = np.zeros(1), np.full(1, table.height / 2)
+    if table.acceptance is not None:
+        d, r = concentrator(table.height, table.acceptance)
+    d, r = np.concatenate([[0.0], d + 2 * lip]), np.concatenate([r[:1], r])
+    if table.above < 2 * lip:
+        remedy = f"give at least {2 * lip:.3g} m"
+        raise InputError(source, f"{where}.above", f"{table.above:g} m", remedy)
+    if table.length - table.height < d[-1] + 1e-3:
+        got = f"{table.length:g} m, but entry and bend take {d[-1] + table.height:.4g} m"
+        raise InputError(source, f"{where}.length", got, "give a longer one")
+    return np.append(d, table.length - table.height), np.append(r, table.height / 2)
+
+
 def duct(case: Case, name: str, table: Duct) -> PlacedComponent:
     """Build a duct.
 
@@ -50,27 +64,15 @@ def duct(case: Case, name: str, table: Duct) -> PlacedComponent:
         The duct is too short for its concentrator and bend, or too close to the ceiling.
     """
     assert case.room is not None
-    ceiling, h = case.room.size[2], table.height
+    ceiling, h, end = case.room.size[2], table.height, table.length
     foot, along = side_of(case.room, table.side)
     along = along / np.linalg.norm(along)
     inward = np.cross(UP, along)
     left, right = table.centre - table.width / 2, table.centre + table.width / 2
-    far = abs(foot) + abs(along) * max(abs(left), abs(right)) + abs(inward) * table.length
+    far = abs(foot) + abs(along) * max(abs(left), abs(right)) + abs(inward) * end
     lip = recess((far + UP * (ceiling + table.above + h))[None])
-    d, r = np.zeros(1), np.full(1, h / 2)
-    if table.acceptance is not None:
-        d, r = concentrator(h, table.acceptance)
-    d, r = np.concatenate([[0.0], d + 2 * lip]), np.concatenate([r[:1], r])
-    axis = ceiling + table.above + r[0]
-    where = f"components.{name}"
-    if table.above < 2 * lip:
-        remedy = f"give at least {2 * lip:.3g} m"
-        raise InputError(case.source, f"{where}.above", f"{table.above:g} m", remedy)
-    end, corner = table.length, table.length - h
-    if corner < d[-1] + 1e-3:
-        got = f"{end:g} m, but entry and bend take {d[-1] + h:.4g} m"
-        raise InputError(case.source, f"{where}.length", got, "give a longer one")
-    d, r = np.append(d, corner), np.append(r, h / 2)
+    d, r = _profile(case.source, f"components.{name}", table, lip)
+    axis, corner = ceiling + table.above + r[0], d[-1]
     low, high = axis - r, axis + r
     under, over = axis - h / 2, axis + h / 2
 
@@ -116,7 +118,6 @@ def duct(case: Case, name: str, table: Duct) -> PlacedComponent:
         material = case.materials[table.bottom]
         surfaces.append(Surface(f"{name} {table.bottom}", material, pane[None], name))
     ports = Port(name, entry(0)), Port(name, outlet(ceiling))
-    x, y = outlet(0)[:, 0], outlet(0)[:, 1]
+    x, y, _ = outlet(0).T
     hole = np.array([x.min(), x.max(), y.min(), y.max()])
-    is_open = table.bottom is None or isinstance(case.materials[table.bottom], GlazingMaterial)
-    return PlacedComponent(name, tuple(surfaces), ports, hole, is_open)
+    return PlacedComponent(name, tuple(surfaces), ports, hole, is_open(case, table.bottom))

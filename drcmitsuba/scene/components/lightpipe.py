@@ -10,9 +10,8 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import LightPipe
-from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.components.placed_component import PlacedComponent, recess
+from drcmitsuba.scene.components.placed_component import PlacedComponent, is_open, recess
 from drcmitsuba.scene.geometry import UP, Port, Surface, quad
 from drcmitsuba.scene.materials import Lambertian
 
@@ -62,8 +61,7 @@ def lightpipe(case: Case, name: str, pipe: LightPipe) -> PlacedComponent:
     head = foot + pipe.height
     x, y = pipe.centre
     r = pipe.width / 2
-    far = np.array([[abs(x) + r, abs(y) + r, head]])
-    lip = recess(far)
+    lip = recess(np.array([[abs(x) + r, abs(y) + r, head]]))
     if pipe.height < 8 * lip:
         got, remedy = f"{pipe.height:g} m", f"give at least {8 * lip:.3g} m"
         raise InputError(case.source, f"components.{name}.height", got, remedy)
@@ -95,5 +93,4 @@ def lightpipe(case: Case, name: str, pipe: LightPipe) -> PlacedComponent:
         if key is not None:
             surfaces.append(Surface(f"{name} {key}", case.materials[key], across(z)[None], name))
     ports = Port(name, across(head)), Port(name, across(foot)[[0, 3, 2, 1]])
-    is_open = pipe.bottom is None or isinstance(case.materials[pipe.bottom], GlazingMaterial)
-    return PlacedComponent(name, tuple(surfaces), ports, hole, is_open)
+    return PlacedComponent(name, tuple(surfaces), ports, hole, is_open(case, pipe.bottom))

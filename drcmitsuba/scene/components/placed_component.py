@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import Port, Surface
 
@@ -21,9 +23,6 @@ class PlacedComponent:
 
     Parameters
     ----------
-    name : str
-    surfaces : tuple of Surface
-    ports : tuple of Port
     hole : np.ndarray, shape (4,), or None
         Hole in the ceiling: lowest and highest x, lowest and highest y [m].
     is_open : bool
@@ -51,6 +50,11 @@ def ray_offset(points: np.ndarray) -> float:
     p = np.reshape(points, (-1, 3))
     far = max(float(np.hypot(p[:, 0], p[:, 1]).max()), float(abs(p[:, 2]).max()))
     return RAY_OFFSET * (1 + far)
+
+
+def is_open(case: Case, bottom: str | None) -> bool:
+    """Whether straight light leaves a component by a hole or by a pane of a clear material."""
+    return bottom is None or isinstance(case.materials[bottom], GlazingMaterial)
 
 
 def recess(points: np.ndarray) -> float:

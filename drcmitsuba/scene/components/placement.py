@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -17,7 +17,7 @@ from drcmitsuba.scene.components.lightpipe import lightpipe
 from drcmitsuba.scene.components.mesh import is_solid, mesh, triangles
 from drcmitsuba.scene.components.placed_component import PlacedComponent, check_hole
 from drcmitsuba.scene.components.structure import structure
-from drcmitsuba.scene.geometry import SIDES, boxes, normals, quad, wall
+from drcmitsuba.scene.geometry import SIDES, boxes, normals, overhead, wall
 from drcmitsuba.scene.structures.solid import winding
 
 NEAR = 1e-6
@@ -29,12 +29,7 @@ DARK = (IN_A_WALL, TURNED)
 
 
 def place(case: Case) -> tuple[PlacedComponent, ...]:
-    """Build the components of a case; structures that no strip names are left out.
-
-    Returns
-    -------
-    tuple of PlacedComponent
-        Components in the room's frame [m].
+    """Build the components of a case in the room's frame; structures need a strip that names them.
 
     Raises
     ------
@@ -89,11 +84,11 @@ def _solids(case: Case) -> Iterator[tuple[str, np.ndarray]]:
 
 def inside(case: Case, points: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Names of a case's closed meshes, each with a mask of the points (point, 3) that lie in it."""
-    yield from _within(list(_solids(case)), points)
+    return _within(_solids(case), points)
 
 
 def _within(
-    solids: list[tuple[str, np.ndarray]], points: np.ndarray
+    solids: Iterable[tuple[str, np.ndarray]], points: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Names of solids, each with a mask of the points (point, 3) in it; normals do not matter."""
     for name, corners in solids:
@@ -128,13 +123,10 @@ def _checked_ports(
 
 def _openings(case: Case, placed_components: list[PlacedComponent]) -> np.ndarray:
     """Rectangles (opening, 4, 3) by which light enters the room."""
-    by_name = panes_of(case)
-    quads = [q for panes in by_name.values() for q in panes]
+    quads = [q for panes in panes_of(case).values() for q in panes]
     for placed in placed_components:
         if placed.hole is not None and case.room is not None:
-            x0, x1, y0, y1 = placed.hole
-            corner = [x0, y0, case.room.size[2]]
-            quads.append(quad(corner, [0, y1 - y0, 0], [x1 - x0, 0, 0]))
+            quads.append(overhead(placed.hole, case.room.size[2]))
     return np.reshape(quads, (-1, 4, 3))
 
 

@@ -10,6 +10,7 @@ stops straight light.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,18 +78,6 @@ class Opening:
         return [self.rectangle(s, v, t) for s, v in pieces if s[1] > s[0] and v[1] > v[0]]
 
 
-@dataclass(frozen=True)
-class Layers:
-    """Distances of a component's layers from the façade plane, outward [m]."""
-
-    inner: float | None
-    ledge: float | None
-    structure: float
-    """Distance of the structure's face towards the room."""
-    outer: float | None
-    mouth: float
-
-
 def recipe_of(case: Case, name: str, component: StructureComponent) -> Recipe:
     """Recipe of a component, with its own tilt.
 
@@ -114,19 +103,7 @@ def recipe_of(case: Case, name: str, component: StructureComponent) -> Recipe:
 def structure(
     case: Case, name: str, component: StructureComponent, panes: list[np.ndarray]
 ) -> PlacedComponent:
-    """Build a structure into panes of the façades.
-
-    Parameters
-    ----------
-    case : Case
-    name : str
-    component : StructureComponent
-    panes : list of np.ndarray, shape (4, 3)
-        Corners in the room's frame [m], fronts inward.
-
-    Returns
-    -------
-    PlacedComponent
+    """Build a structure into panes (4, 3) of the façades, fronts inward, in the room's frame [m].
 
     Raises
     ------
@@ -146,12 +123,7 @@ def structure(
             reflectance=g.reflectance,
         )  # fmt: skip
     inner = case.materials[component.inner] if component.inner is not None else None
-    quads_by_name: dict[str, list[np.ndarray]] = {
-        "structure": [],
-        "casing": [],
-        "outer": [],
-        "inner": [],
-    }
+    quads_by_name: dict[str, list[np.ndarray]] = defaultdict(list)
     ports, blocks, count = [], {}, 0
     for pane in panes:
         opening = Opening.of(pane)
@@ -161,11 +133,9 @@ def structure(
             blocks[size] = block(recipe, size[0] - 2 * slit, size[1] - 2 * slit)
         count += 2 * len(blocks[size].quads)
         if count > MOST_TRIANGLES:
-            got, remedy = (
-                f"more than {MOST_TRIANGLES} triangles in all panes",
-                "give longer periods",
-            )
-            raise InputError(case.source, f"components.{name}.recipe", got, remedy)
+            got = f"more than {MOST_TRIANGLES} triangles in all panes"
+            field = f"components.{name}.recipe"
+            raise InputError(case.source, field, got, "give longer periods")
         ports += _fill(quads_by_name, opening, blocks[size], component, recipe, outer is not None)
     casing = Lambertian(component.casing)
     made: dict[str, SurfaceMaterial | None] = {"casing": casing, "outer": outer, "inner": inner}
@@ -199,22 +169,24 @@ def _check_fineness(
             raise InputError(case.source, f"components.{name}.{key}", got, remedy)
 
 
-def layers(
+def _layers(
     component: StructureComponent, recipe: Recipe, thickness: float, has_outer: bool
-) -> Layers:
-    """Stack the layers of a component with a structure of `thickness` [m]."""
-    gap = component.gap
+) -> dict[str, float]:
+    """Distances of the layers that there are from the façade plane, outward [m].
+
+    The layer "structure" is the structure's face towards the room.
+    """
+    gap, at = component.gap, {}
     t = gap
-    inner = ledge = outer = None
     if component.inner is not None:
-        inner, t = t, t + gap
+        at["inner"], t = t, t + gap
     if is_clear(recipe):
-        ledge, t = t, t + gap
-    face, t = t, t + thickness
+        at["ledge"], t = t, t + gap
+    at["structure"], t = t, t + thickness
     if has_outer:
         t += gap if recipe.glass is None else recipe.glass.distance * MM
-        outer = t
-    return Layers(inner, ledge, face, outer, t + gap)
+        at["outer"] = t
+    return at | {"mouth": t + gap}
 
 
 def _fill(
@@ -222,8 +194,8 @@ def _fill(
     component: StructureComponent, recipe: Recipe, has_outer: bool,
 ) -> list[np.ndarray]:  # fmt: skip
     """Add one pane's surfaces to those of its component; return its two ports (4, 3)."""
-    at = layers(component, recipe, built.size[2], has_outer)
-    slit = component.gap if at.ledge is not None else 0.0
+    at = _layers(component, recipe, built.size[2], has_outer)
+    slit = component.gap if "ledge" in at else 0.0
     # A block as wide or high as its pane leaves no blank, whatever the rounding.
     clear = [n + 2 * slit for n in built.size[:2]]
     spare = [max(0.0, n - c) for n, c in zip((opening.width, opening.height), clear, strict=True)]
@@ -231,26 +203,20 @@ def _fill(
     s = (spare[0], opening.width - spare[0])
     h = (spare[1], opening.height - spare[1])
     mouth = (*s, *h)
-    middle = opening.at(sum(s) / 2, sum(h) / 2, at.structure)
+    middle = opening.at(sum(s) / 2, sum(h) / 2, at["structure"])
     axes = np.stack([-opening.along, opening.up, -opening.out])
     quads_by_name["structure"].append(built.quads @ axes + middle)
     casing = opening.border((0, opening.width, 0, opening.height), mouth, 0.0)
-    if at.ledge is not None:
+    if "ledge" in at:
         w = 2 * slit
         within = (s[0] + w, s[1] - w, h[0] + w, h[1] - w)
-        casing += opening.border(mouth, within, at.ledge)
-    across, upright, depth = (
-        opening.along * (s[1] - s[0]), opening.up * (h[1] - h[0]), opening.out * at.mouth,
-    )  # fmt: skip
+        casing += opening.border(mouth, within, at["ledge"])
+    across, upright = opening.along * (s[1] - s[0]), opening.up * (h[1] - h[0])
+    depth = opening.out * at["mouth"]
     a, b = opening.at(s[0], h[0], 0), opening.at(s[1], h[1], 0)
-    casing += [
-        quad(a, depth, across),
-        quad(a, upright, depth),
-        quad(b, -across, depth),
-        quad(b, depth, -upright),
-    ]
+    casing += [quad(a, depth, across), quad(a, upright, depth)]
+    casing += [quad(b, -across, depth), quad(b, depth, -upright)]
     quads_by_name["casing"].append(np.array(casing))
-    for key, t in (("outer", at.outer), ("inner", at.inner)):
-        if t is not None:
-            quads_by_name[key].append(opening.rectangle(s, h, t)[None])
-    return [opening.rectangle(s, h, at.mouth), opening.rectangle(s, h, 0.0)[[0, 3, 2, 1]]]
+    for key in {"outer", "inner"} & at.keys():
+        quads_by_name[key].append(opening.rectangle(s, h, at[key])[None])
+    return [opening.rectangle(s, h, at["mouth"]), opening.rectangle(s, h, 0.0)[[0, 3, 2, 1]]]

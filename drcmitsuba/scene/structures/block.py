@@ -31,7 +31,6 @@ class Block:
     quads : np.ndarray, shape (quad, 4, 3)
         Corners [m] in the recipe's axes: x along the façade and y up, both centred on 0; z into
         the room, at most 0. A triangle repeats its last corner. A clear solid's normals point out.
-    material : MirrorMaterial or DielectricMaterial
     size : np.ndarray, shape (3,)
         Extent along x, y and z [m].
     periods : int
@@ -57,7 +56,6 @@ def block(recipe: Recipe, width: float, height: float) -> Block:
 
     Parameters
     ----------
-    recipe : Recipe
     width, height : float
         Extents of the pane [m].
 

@@ -38,8 +38,6 @@ class UnitCell:
         Distances from one repetition to the next along x and y [mm].
     extruded : bool
         Whether the structure is the same along all of x.
-    material : MirrorMaterial or DielectricMaterial
-    glass : Glass or None
     """
 
     vertices: np.ndarray

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from scipy.sparse import csr_matrix
 
-from drcmitsuba.schema import describe, mean_and_error, positions
+from drcmitsuba.schema import mean_and_error, positions
+from drcmitsuba.transport.coefficients import as_dataset
 from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
 
 
@@ -48,8 +49,6 @@ class Basis:
 
     Parameters
     ----------
-    tiles : Tiles
-    palette : Palette
     points : np.ndarray, shape (sensor, 3)
         Positions of the sensors [m].
     labels : tuple of str
@@ -137,14 +136,10 @@ class Basis:
             out[..., column < 0] = 0
             return out
 
-        data: dict[str, Any] = {"replicates": (("replicate", "sensor", "bin"), whole(total))}
+        data: dict[str, np.ndarray] = {}
         for name, values in parts.items():
-            mean, error = mean_and_error(whole(values))
-            data[name] = (("sensor", "bin"), mean)
-            data[f"{name}_se"] = (("sensor", "bin"), error)
-        coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
-        coords |= {axis: ("sensor", self.points[:, i]) for i, axis in enumerate("xyz")}
-        return describe(xr.Dataset(data, coords))
+            data[name], data[f"{name}_se"] = mean_and_error(whole(values))
+        return as_dataset(labels, self.points, data, whole(total))
 
 
 def _mixed(weights: np.ndarray, arrays: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial, Reflectance
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, bsdf, lets_through
 from drcmitsuba.scene.scene import quad_mesh
 
@@ -104,9 +105,7 @@ class Palette:
         InputError
             A name is unknown, or there are too many elements.
         """
-        materials: dict[str, SurfaceMaterial | None] = {}
-        for name in names:
-            materials[name] = _material(case, name, frame)
+        materials = {name: _material(case, name, frame) for name in names}
         shade = case.shading.material if case.shading is not None else None
         clear = np.array([_is_clear(m) for m in materials.values()])
         own_shade = shade in materials
@@ -131,20 +130,25 @@ class Palette:
         """Names of the materials, the columns of a composition."""
         return tuple(self.materials)
 
+    @property
+    def kinds(self) -> tuple[SurfaceMaterial | None, ...]:
+        """Materials in the order of their names."""
+        return tuple(self.materials.values())
+
     @cached_property
     def clear(self) -> np.ndarray:
         """Whether the shade covers a material, shape (material,)."""
-        return np.array([_is_clear(m) for m in self.materials.values()])
+        return np.array([_is_clear(m) for m in self.kinds])
 
     @cached_property
     def straight(self) -> np.ndarray:
         """Whether straight light passes a material, shape (material,)."""
-        return np.array([m is None or lets_through(m) for m in self.materials.values()])
+        return np.array([m is None or lets_through(m) for m in self.kinds])
 
     @cached_property
     def lets_in(self) -> np.ndarray:
         """Whether light comes in by a material, shape (material,)."""
-        return np.array([not isinstance(m, Lambertian) for m in self.materials.values()])
+        return np.array([not isinstance(m, Lambertian) for m in self.kinds])
 
     @cached_property
     def closing(self) -> np.ndarray:
@@ -193,24 +197,21 @@ class Meetings:
     probability, times Π share[element] holds for any composition.
     """
 
-    def __init__(self, tiles: Tiles, palette: Palette, channel: int = 0) -> None:
+    def __init__(self, tiles: Tiles, palette: Palette) -> None:
         self.mesh = quad_mesh("façade", tiles.quads)
         self.context = mi.BSDFContext()
         reflected = mi.BSDFFlags.Reflection  # a path that leaves the room meets nothing
         self.context.type_mask = +reflected
         self._facade = mi.ShapePtr(self.mesh)
-        mirrors = np.array([_mirrors(m) for m in palette.materials.values()])
+        mirrors = np.array([_mirrors(m) for m in palette.kinds])
         choices = palette.allowed & mirrors
-        self._count = mi.UInt32(choices.sum(axis=1).astype(np.uint32))
-        order = np.argsort(~choices, axis=1, kind="stable")  # possible choices first
-        self._choice = mi.UInt32(order.astype(np.uint32).ravel())
-        self._tile = mi.UInt32(tiles.tile.astype(np.uint32))
+        self._count = flat_indices(choices.sum(axis=1))
+        # Possible choices come first.
+        self._choice = flat_indices(np.argsort(~choices, axis=1, kind="stable"))
+        self._tile = flat_indices(tiles.tile)
         self._materials = len(mirrors)
-        black = Lambertian(0.0)
-        self._bsdfs = [
-            mi.load_dict(bsdf(m if m is not None and mirror else black, channel))
-            for m, mirror in zip(palette.materials.values(), mirrors, strict=True)
-        ]
+        seen = [m if m is not None and _mirrors(m) else Lambertian(0.0) for m in palette.kinds]
+        self._bsdfs = [mi.load_dict(bsdf(m)) for m in seen]
 
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float

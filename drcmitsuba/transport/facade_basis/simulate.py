@@ -11,9 +11,8 @@ and take D as the mean over blocks of cells, `BLOCK` cells along each edge.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -24,10 +23,12 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface, rotation
+from drcmitsuba.scene.geometry import normals as unit_normals
 from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import Enclosure, surfaces_of
@@ -37,7 +38,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.facade_basis.basis import Basis, Returned
 from drcmitsuba.transport.facade_basis.facade import Meetings, Palette, Tiles
 from drcmitsuba.transport.facade_basis.tiling import Wall, wall_around
-from drcmitsuba.transport.facade_basis.views import Glow, Spread, Straight, TiledRoom, mean
+from drcmitsuba.transport.facade_basis.views import Receivers, TiledRoom, scattered, straight
 from drcmitsuba.transport.gather import gather
 
 BLOCK = 3
@@ -90,10 +91,7 @@ def compute(
     before = suns.where(_before_facade(tiles, suns))
     labels = (*Patches(subdivision).labels, *before.labels)
     elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
-    kinds = 3 if groups > 1 else 2  # total, direct, straight
-    paths_at_once = 12 * accuracy.replicates * accuracy.paths  # numbers kept per sensor
-    entries = len(points) * (kinds * len(elements) * groups * len(labels) + 5 * paths_at_once)
-    _check_size(wall.case, entries)
+    _check_size(wall.case, accuracy, groups, len(points), len(elements) * len(labels))
     paths = _Paths.of(room, walls, points, normals, accuracy, groups)
     base = Deposit(walls, before.directions, suns.diameter, subdivision, accuracy, None)
     straight_elements = elements[palette.straight[elements % len(palette.names)]]
@@ -140,16 +138,17 @@ def _fill(
 
 def _before_facade(tiles: Tiles, suns: Suns) -> np.ndarray:
     """Whether suns may shine on the façade from outside, shape (sun,)."""
-    quad = tiles.quads[0]
-    n = np.cross(quad[1] - quad[0], quad[3] - quad[0])
-    n /= np.linalg.norm(n)
-    return suns.directions @ -n > -np.sin(np.radians(suns.diameter) / 2)
+    outward = -unit_normals(tiles.quads[:1])[0]
+    return suns.directions @ outward > -np.sin(np.radians(suns.diameter) / 2)
 
 
-def _check_size(case: Case, entries: int) -> None:
-    """Refuse a basis that would not fit in memory."""
-    if 4 * entries > MOST_BYTES:
-        got = f"{4 * entries / 2**30:.0f} GiB of coefficients by tile, and of light paths"
+def _check_size(case: Case, accuracy: Accuracy, groups: int, sensors: int, pairs: int) -> None:
+    """Refuse a basis that would not fit in memory, with `pairs` of an element and a bin."""
+    kinds = 3 if groups > 1 else 2  # total, direct, straight
+    of_paths = 5 * 12 * accuracy.replicates * accuracy.paths  # numbers kept per sensor
+    size = 4 * sensors * (kinds * groups * pairs + of_paths)
+    if size > MOST_BYTES:
+        got = f"{size / 2**30:.0f} GiB of coefficients by tile, and of light paths"
         raise InputError(case.source, "sensors", got, "take fewer sensors, tiles or time stamps")
 
 
@@ -181,13 +180,6 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[TiledRoom, scene.
     enclosure = Enclosure(size, turn, np.zeros((0, 4, 3)))
     walls = replace(scene.build(parts, 0, enclosure), corners=corners)
     return TiledRoom(tuple(walls.full.shapes()), corners, enclosure, tiles, palette), walls
-
-
-class _Receivers(NamedTuple):
-    """Points and normals of receivers in each draw, three numbers each."""
-
-    points: list[mi.Float]
-    normals: list[mi.Float]
 
 
 class _Paths:
@@ -266,7 +258,7 @@ def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
     kinds, number = np.unique(coarse.numpy(), return_inverse=True)
     block = dr.zeros(mi.UInt32, cells.count)
     at = dr.gather(mi.UInt32, cells.index, key)
-    dr.scatter(block, mi.UInt32(np.asarray(number).ravel().astype(np.uint32)), at)
+    dr.scatter(block, flat_indices(number), at)
     dr.eval(block)
     return block, len(kinds)
 
@@ -277,59 +269,22 @@ def _elements(
 ) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:  # fmt: skip
     """Element, its deposit in one group on sensors (straight part first), and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
-    p, n = (mi.Float(np.ascontiguousarray(a, np.float32).ravel()) for a in (points, normals))
-    on_sensors = _Receivers([p] * len(draws), [n] * len(draws))
+    palette, a, p, n = room.palette, base.accuracy, flat(points), flat(normals)
     drawn = [draw_points(paths.vertices, paths.cell, paths.cells.count, d) for d in draws]
-    on_cells = _Receivers([points.p for points in drawn], [points.n for points in drawn])
-    for m, kind in enumerate(room.palette.materials.values()):
-        if not (room.palette.lets_in[m] and room.palette.allowed[:, m].any()):
+    on_cells = [(one.p, one.n) for one in drawn]
+    both = (
+        Receivers(1, [(p, n)] * len(draws), a.sensor_sky_rays, a.sensor_sun_samples),
+        Receivers(0, on_cells, a.cell_sky_rays, 1),
+    )
+    for m, kind in enumerate(palette.kinds):
+        if not (palette.lets_in[m] and palette.allowed[:, m].any()):
             continue
-        sources: list[Callable[[int], tuple[Irradiance, Irradiance]]] = []
-        if room.palette.straight[m]:
-            sources.append(_straight(room, m, base, draws, on_sensors, on_cells))
+        sources = []
+        if palette.straight[m]:
+            sources.append(straight(room, m, base, draws, both))
         if isinstance(kind, BsdfMaterial | DiffuserMaterial):
-            sources.append(_scattered(room, m, base, draws, on_sensors, on_cells))
-        for tile in map(int, np.flatnonzero(room.palette.allowed[:, m])):
+            sources.append(scattered(room, m, base, draws, both))
+        for tile in map(int, np.flatnonzero(palette.allowed[:, m])):
             sensors, cells = zip(*(source(tile) for source in sources), strict=True)
             on = cells[0] if len(cells) == 1 else cells[0].plus(cells[1])
-            yield tile * len(room.palette.names) + m, list(sensors), on
-
-
-def _straight(
-    room: TiledRoom, m: int, base: Deposit, draws: range, sensors: _Receivers, cells: _Receivers
-) -> Callable[[int], tuple[Irradiance, Irradiance]]:
-    """Make the function that gives D on sensors and cells by straight light through a tile."""
-    view, a = Straight.of(room, m, base), base.accuracy
-
-    def of(tile: int) -> tuple[Irradiance, Irradiance]:
-        kinds = (
-            (1, sensors, a.sensor_sky_rays, a.sensor_sun_samples),
-            (0, cells, a.cell_sky_rays, 1),
-        )
-        return tuple(  # type: ignore[return-value]
-            mean([
-                view.part(tile, q, facing, (Stream.BASIS_STRAIGHT, d, m, kind, tile), rays, samples)
-                for d, q, facing in zip(draws, *receivers, strict=True)
-            ])
-            for kind, receivers, rays, samples in kinds
-        )  # fmt: skip
-
-    return of
-
-
-def _scattered(
-    room: TiledRoom, m: int, base: Deposit, draws: range, sensors: _Receivers, cells: _Receivers
-) -> Callable[[int], tuple[Irradiance, Irradiance]]:
-    """Make the function that gives D on sensors and cells by light that a tile scatters."""
-    film = isinstance(tuple(room.palette.materials.values())[m], BsdfMaterial)
-    view: type[Glow] | type[Spread] = Glow if film else Spread
-    scene = view.scene(room, m)
-    lit = [view.lit(scene, base, d, m) for d in draws]
-    seen = [
-        [
-            view.seen(room, x, q, facing, (Stream.BASIS_SCATTERED, d, m, kind))
-            for d, x, q, facing in zip(draws, lit, *receivers, strict=True)
-        ]
-        for kind, receivers in ((1, sensors), (0, cells))
-    ]
-    return lambda tile: tuple(mean([v.part(tile) for v in s]) for s in seen)  # type: ignore[return-value]
+            yield tile * len(palette.names) + m, list(sensors), on

@@ -19,13 +19,7 @@ from drcmitsuba.transport.facade_basis.facade import FRAME, Palette, Tiles
 
 @dataclass(frozen=True)
 class Wall:
-    """The side of a room that a basis opens.
-
-    Parameters
-    ----------
-    case : Case
-    side : {"south", "east", "north", "west"}
-    """
+    """The side ("south", "east", "north" or "west") of a case's room that a basis opens."""
 
     case: Case
     side: Side
@@ -54,7 +48,6 @@ def material_at(facade: Facade, length: float, x: np.ndarray, z: np.ndarray) -> 
 
     Parameters
     ----------
-    facade : Facade
     length : float
         Length of the wall [m].
     x, z : np.ndarray, shape (point,)
@@ -98,13 +91,8 @@ def _edges(facade: Facade, length: float) -> tuple[set[float], set[float]]:
     """Edges along and up a façade where its material may change [m]."""
     half = facade.frame / 2
     borders = np.arange(facade.segments + 1) * length / facade.segments
-    x = {float(b + s) for b in borders for s in (-half, 0, half)}
-    z = {
-        float(e + s)
-        for strip in facade.strips
-        for e in (strip.bottom, strip.top)
-        for s in (-half, 0, half)
-    }
+    ends = [end for strip in facade.strips for end in (strip.bottom, strip.top)]
+    x, z = ({float(e + s) for e in at for s in (-half, 0, half)} for at in (borders, ends))
     return x, z
 
 
@@ -143,19 +131,16 @@ def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.nd
     varies = (names != "wall").any(axis=1)
     rectangles, names = rectangles[varies], names[varies]
     kinds, tile = np.unique(names.astype(str), axis=0, return_inverse=True)
-    tile = np.asarray(tile).ravel()
     known = tuple(dict.fromkeys(map(str, kinds.ravel())))
     shares = [(kinds[:, i, None] == np.array(known)) for i in range(len(cases))]
-    allowed = np.any(shares, axis=0)
-    quads = facade_quads(cases[0], wall.side, rectangles)
-    whole = cases[0].model_copy(
-        update={"materials": {k: m for case in cases for k, m in case.materials.items()}}
-    )
+    materials = {name: m for case in cases for name, m in case.materials.items()}
+    whole = cases[0].model_copy(update={"materials": materials})
     frame = next(c.facade[wall.side] for c in cases if wall.side in c.facade).frame_reflectance
-    palette = Palette.of(whole, known, allowed, frame)
+    palette = Palette.of(whole, known, np.any(shares, axis=0), frame)
     extra = len(palette.names) - len(known)
     padded = [np.pad(s.astype(np.float32), ((0, 0), (0, extra))) for s in shares]
-    return wall, Tiles(rectangles, tile, quads), palette, padded
+    tiles = Tiles(rectangles, np.ravel(tile), facade_quads(cases[0], wall.side, rectangles))
+    return wall, tiles, palette, padded
 
 
 _MAY_DIFFER = {"name", "facade", "materials", "design"}
@@ -209,10 +194,10 @@ def of_grid(
     """
     length, _ = wall.size
     rectangles = _rectangles(np.linspace(0, length, segments + 1), np.asarray(heights, float))
-    quads = facade_quads(wall.case, wall.side, rectangles)
-    tiles = Tiles(rectangles, np.arange(len(rectangles)), quads)
-    allowed = np.ones((len(rectangles), len(materials)), bool)
-    return tiles, Palette.of(wall.case, materials, allowed)
+    count, quads = len(rectangles), facade_quads(wall.case, wall.side, rectangles)
+    allowed = np.ones((count, len(materials)), bool)
+    palette = Palette.of(wall.case, materials, allowed)
+    return Tiles(rectangles, np.arange(count), quads), palette
 
 
 def wall_around(wall: Wall, tiles: Tiles) -> np.ndarray:

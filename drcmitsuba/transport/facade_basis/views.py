@@ -1,27 +1,29 @@
 """Irradiance of receivers by way of one tile of a façade at a time, filled with one material.
 
-Light that comes in has crossed exactly one tile, so D is a sum over tiles. Each class fills the
-façade with one material throughout, in one replicate, and gives the part of D of each tile.
+Light that comes in has crossed exactly one tile, so D is a sum over tiles. The façade is filled
+with one material throughout, and D is given by tile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
-from drcmitsuba.runtime.random_streams import Draw, Key
+from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.materials import bsdf
-from drcmitsuba.scene.scene import FilmPanes, ScatteringPanes, Scene, quad_mesh
+from drcmitsuba.scene.scene import Part, Scene, quad_mesh
 from drcmitsuba.scene.surfaces import Enclosure
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
-from drcmitsuba.transport.films import Films, Looked
+from drcmitsuba.transport.films import Films
 
 
 class _AllWithin(Enclosure):
@@ -44,10 +46,6 @@ class TiledRoom:
         Corners of the room and the tiles [m].
     enclosure : Enclosure
         Enclosure without openings.
-    tiles : Tiles
-    palette : Palette
-    channel : int
-        Colour channel.
     """
 
     shapes: tuple[mi.Shape, ...]
@@ -55,7 +53,6 @@ class TiledRoom:
     enclosure: Enclosure
     tiles: Tiles
     palette: Palette
-    channel: int = 0
 
     def scene(self, *more: mi.Shape) -> mi.Scene:
         """Make a scene of the room and other shapes."""
@@ -69,16 +66,35 @@ class TiledRoom:
         opaque = self.scene(*([quad_mesh("closed", closed)] if len(closed) else []))
         quads = self.tiles.quads[is_open]
         enclosure = _AllWithin(self.enclosure.size, self.enclosure.turn, quads)
-        return Scene(opaque, opaque, clear, (), (), self.corners, enclosure)
+        return Scene(opaque, opaque, clear, self.corners, enclosure)
 
-    def with_panes(self, material: int) -> Scene:
-        """Room with openings in place of the panes of a material, so that they hide nothing."""
+    def through(self, material: int) -> dict[int, Scene]:
+        """Room with each tile that a clear material may fill as its only opening, by tile."""
+        kind = self.palette.kinds[material]
+        pane = None if kind is None else mi.load_dict(bsdf(kind))
+        scenes = {}
+        for tile in map(int, np.flatnonzero(self.palette.allowed[:, material])):
+            clear = None
+            if pane is not None:
+                mesh = quad_mesh("pane", self.tiles.of(tile), pane)
+                clear = mi.load_dict({"type": "scene", "pane": mesh}, optimize=False)
+            scenes[tile] = self.with_openings(np.arange(len(self.tiles)) == tile, clear)
+        return scenes
+
+    def with_panes(self, material: int, base: Deposit) -> Deposit:
+        """Deposit in the room with a scattering material in all tiles that it may fill.
+
+        Openings stand in place of the panes, which thus hide nothing.
+        """
+        kind, size = self.palette.kinds[material], 2 * base.accuracy.cell_size
+        assert isinstance(kind, BsdfMaterial | DiffuserMaterial)
+        quads = self.tiles.quads[self.palette.allowed[self.tiles.tile, material]]
+        panes = Part("panes", mi.load_dict(bsdf(kind)), kind, "", quads, False)
         scene = self.with_openings(self.palette.allowed[:, material])
-        return replace(scene, enclosure=self.enclosure)
-
-    def quads(self, material: int) -> np.ndarray:
-        """Rectangles that a material may fill, shape (rectangle, 4, 3) [m]."""
-        return self.tiles.quads[self.palette.allowed[self.tiles.tile, material]]
+        scene = replace(scene, enclosure=self.enclosure, parts=(panes,))
+        films = Films.of(scene, size, base.suns, base.diameter)
+        patches = PanePatches.of([quads], size) if films is None else None
+        return replace(base, scene=scene, films=films, patches=patches)
 
     def tile_of(self, patches: PanePatches) -> np.ndarray:
         """Tile that each patch of a pane lies in, shape (patch,)."""
@@ -91,137 +107,79 @@ class TiledRoom:
         return self.tiles.tile[inside.argmax(axis=1)]
 
 
-def _subset(part: mi.TensorXf, columns: mi.UInt32) -> mi.TensorXf:
-    """Some columns of a matrix."""
-    rows, n = part.shape[0], dr.width(columns)
-    at = dr.arange(mi.UInt32, rows * n)
-    column = dr.gather(mi.UInt32, columns, at % n)
-    index = at // n * dr.opaque(mi.UInt32, part.shape[1]) + column
-    return mi.TensorXf(dr.gather(mi.Float, part.array, index), (rows, n))
+class Receivers(NamedTuple):
+    """Sensors (number 1) or cells (0): points and normals in each draw, three numbers each."""
+
+    number: int
+    at: list[tuple[mi.Float, mi.Float]]
+    sky_rays: int
+    samples: int
 
 
-@dataclass(frozen=True)
-class Straight:
-    """Straight light through tiles of one clear material."""
-
-    base: Deposit
-    scenes: dict[int, Scene]
-
-    @classmethod
-    def of(cls, room: TiledRoom, material: int, base: Deposit) -> Straight:
-        """Make the scene of each tile that the material may fill."""
-        kind = tuple(room.palette.materials.values())[material]
-        pane = None if kind is None else mi.load_dict(bsdf(kind, room.channel))
-        scenes = {}
-        for tile in map(int, np.flatnonzero(room.palette.allowed[:, material])):
-            quads = room.tiles.of(tile)
-            clear = None
-            if pane is not None:
-                mesh = quad_mesh("pane", quads, pane)
-                clear = mi.load_dict({"type": "scene", "pane": mesh}, optimize=False)
-            scenes[int(tile)] = room.with_openings(np.arange(len(room.tiles)) == tile, clear)
-        return cls(base, scenes)
-
-    def part(
-        self, tile: int, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, samples: int
-    ) -> Irradiance:
-        """D of receivers by way of one tile [sr]."""
-        deposit = replace(self.base, scene=self.scenes[tile])
-        return deposit.straight(p, n, key, sky_rays, samples)
+ByTile = Callable[[int], list[Irradiance]]
+"""Function that gives D [sr] by way of a tile, on each kind of receivers."""
 
 
-@dataclass(frozen=True)
-class Glow:
-    """Light that films send to receivers, in one replicate."""
+def straight(
+    room: TiledRoom, material: int, base: Deposit, draws: range, kinds: Sequence[Receivers]
+) -> ByTile:
+    """Mean D over the draws by straight light through a tile of a clear material."""
+    scenes = room.through(material)
 
-    films: Films
-    deposit: Deposit
-    looked: Looked
-    tile_of: np.ndarray
+    def part(deposit: Deposit, tile: int, on: Receivers) -> Irradiance:
+        keys = [(Stream.BASIS_STRAIGHT, d, material, on.number, tile) for d in draws]
+        each = zip(on.at, keys, strict=True)
+        return _mean([deposit.straight(*at, key, on.sky_rays, on.samples) for at, key in each])
 
-    @classmethod
-    def scene(cls, room: TiledRoom, material: int) -> Scene:
-        """Room with a film in all tiles that it may fill."""
-        kind = tuple(room.palette.materials.values())[material]
-        assert isinstance(kind, BsdfMaterial)
-        quads = room.quads(material)
-        panes = FilmPanes(quads, mi.load_dict(bsdf(kind, room.channel)))
-        return replace(room.with_panes(material), films=(panes,))
-
-    @classmethod
-    def lit(cls, scene: Scene, base: Deposit, replicate: int, material: int) -> Deposit:
-        """Compute D on the film."""
-        size = 2 * base.accuracy.cell_size
-        films = Films.of(scene, size, base.suns, base.diameter)
-        return replace(base, scene=scene, films=films).lit(replicate, material)
-
-    @classmethod
-    def seen(cls, room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Glow:
-        """Draw directions from receivers to the film."""
-        assert lit.films is not None
-        rays = lit.accuracy.pane_points
-        looked = lit.films.looked(p, n, rays=rays, seed=lit.seed(key, Draw.FILMS))
-        return cls(lit.films, lit, looked, room.tile_of(lit.films.patches))
-
-    def part(self, tile: int) -> Irradiance:
-        """D of the receivers by way of one tile [sr]."""
-        assert self.deposit.on_films is not None
-        directions = self.looked.of(self.tile_of == tile)
-        return Irradiance(*self.films.sent(directions, self.deposit.on_films))
+    return lambda tile: [part(replace(base, scene=scenes[tile]), tile, on) for on in kinds]
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Light that diffusing panes send to receivers, in one replicate."""
-
-    deposit: Deposit
-    transfer: mi.TensorXf
-    tile_of: np.ndarray
-
-    @classmethod
-    def scene(cls, room: TiledRoom, material: int) -> Scene:
-        """Room with a diffusing material in all tiles that it may fill."""
-        kind = tuple(room.palette.materials.values())[material]
-        assert isinstance(kind, DiffuserMaterial)
-        quads = room.quads(material)
-        panes = ScatteringPanes(quads, kind.transmittance, kind.reflectance)
-        return replace(room.with_panes(material), scattering=(panes,))
-
-    @classmethod
-    def lit(cls, scene: Scene, base: Deposit, replicate: int, material: int) -> Deposit:
-        """Compute D on the panes."""
-        quads = [panes.quads for panes in scene.scattering]
-        patches = PanePatches.of(quads, 2 * base.accuracy.cell_size)
-        return replace(base, scene=scene, patches=patches).lit(replicate, material)
-
-    @classmethod
-    def seen(cls, room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key) -> Spread:
-        """Compute the transfer K from the panes to receivers."""
-        assert lit.patches is not None
-        return cls(lit, lit.transfer(p, n, key), room.tile_of(lit.patches))
-
-    def part(self, tile: int) -> Irradiance:
-        """D of the receivers by way of one tile [sr]."""
-        assert self.deposit.faces is not None
-        patches = np.flatnonzero(self.tile_of == tile)
-        columns = mi.UInt32(np.stack([2 * patches, 2 * patches + 1], axis=1).ravel())
-        transfer = _subset(self.transfer, columns)
-        rows = (_rows(part, columns) for part in self.deposit.faces)
-        return Irradiance(*(transfer @ part for part in rows))
+def scattered(
+    room: TiledRoom, material: int, base: Deposit, draws: range, kinds: Sequence[Receivers]
+) -> ByTile:
+    """Mean D over the draws by light that a tile of a material scatters."""
+    panes = room.with_panes(material, base)
+    view = _spread if panes.films is None else _glow
+    lit = [panes.lit(d, material) for d in draws]
+    parts = [
+        [
+            view(room, deposit, *at, (Stream.BASIS_SCATTERED, d, material, on.number))
+            for d, deposit, at in zip(draws, lit, on.at, strict=True)
+        ]
+        for on in kinds
+    ]
+    return lambda tile: [_mean([part(tile) for part in each]) for each in parts]
 
 
-def _rows(part: mi.TensorXf, rows: mi.UInt32) -> mi.TensorXf:
-    """Some rows of a matrix."""
-    n = part.shape[1]
-    if n == 0:
-        return dr.zeros(mi.TensorXf, (dr.width(rows), 0))
-    at = dr.arange(mi.UInt32, dr.width(rows) * n)
-    stride = dr.opaque(mi.UInt32, n)
-    index = dr.gather(mi.UInt32, rows, at // stride) * stride + at % stride
-    return mi.TensorXf(dr.gather(mi.Float, part.array, index), (dr.width(rows), n))
+def _glow(
+    room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key
+) -> Callable[[int], Irradiance]:
+    """D of receivers by way of a tile, by the films that `lit` holds with the light on them."""
+    films, on_films = lit.films, lit.on_films
+    assert films is not None
+    assert on_films is not None
+    tile_of = room.tile_of(films.patches)
+    looked = films.looked(p, n, rays=lit.accuracy.pane_points, seed=lit.seed(key, Draw.FILMS))
+    return lambda tile: Irradiance(*films.sent(looked.of(tile_of == tile), on_films))
 
 
-def mean(parts: Sequence[Irradiance]) -> Irradiance:
+def _spread(
+    room: TiledRoom, lit: Deposit, p: mi.Float, n: mi.Float, key: Key
+) -> Callable[[int], Irradiance]:
+    """D of receivers by way of a tile, by the diffusing panes that `lit` holds."""
+    faces, patches = lit.faces, lit.patches
+    assert faces is not None
+    assert patches is not None
+    tile_of, transfer = room.tile_of(patches), lit.transfer(p, n, key)
+
+    def part(tile: int) -> Irradiance:
+        rows = flat_indices(np.flatnonzero(np.repeat(tile_of == tile, 2)))
+        return Irradiance(*(transfer[:, rows] @ on_faces[rows, :] for on_faces in faces))
+
+    return part
+
+
+def _mean(parts: Sequence[Irradiance]) -> Irradiance:
     """Mean over replicates."""
     total = parts[0]
     for part in parts[1:]:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight, blended
 from drcmitsuba.transport.facade_basis.basis import Basis
@@ -54,28 +55,17 @@ def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
     return total
 
 
-@dataclass(frozen=True)
-class _Part:
+class _Part(NamedTuple):
     """Elements that are weighed together, with C and block means of D of each, flat (bin, …)."""
 
     elements: np.ndarray
     total: Rows
     grouped: Rows
 
-    @classmethod
-    def of(cls, basis: Basis, chosen: np.ndarray) -> _Part:
-        """Select the `chosen` elements of a basis."""
-        of = basis.total, basis.grouped
-        return cls(basis.elements[chosen], *(_rows(a[i] for i in chosen) for a in of))
 
-
-def _rows(arrays: Iterable[np.ndarray]) -> Rows:
-    """Mean over the groups of each array (group, …), flat."""
-    return tuple(_flat(a.mean(axis=0)) for a in arrays)
-
-
-def _flat(a: np.ndarray) -> mi.Float:
-    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
+def _rows(arrays: np.ndarray, chosen: np.ndarray) -> Rows:
+    """Mean over the groups of each chosen array (element, group, …), flat."""
+    return tuple(flat(arrays[i].mean(axis=0)) for i in chosen)
 
 
 @dataclass(frozen=True)
@@ -84,8 +74,6 @@ class BasisYear:
 
     Parameters
     ----------
-    tiles : Tiles
-    palette : Palette
     months : np.ndarray of int, shape (time,)
         Month of each time stamp, 1 to 12.
     step_hours : float
@@ -137,24 +125,26 @@ class BasisYear:
         if palette.shade is not None:
             shade = material == palette.names.index(palette.shade)
         kinds = {"covered": covered & ~shade, "shade": shade, "other": ~covered & ~shade}
-        back = basis.returned
-        suns, L = _suns(basis, light), light.sky["sky"].values.astype(np.float32)
+        parts = {}
+        for kind, mask in kinds.items():
+            at = np.flatnonzero(mask)
+            total, grouped = (_rows(a, at) for a in (basis.total, basis.grouped))
+            parts[kind] = _Part(basis.elements[at], total, grouped)
+        back, passed = basis.returned, np.arange(len(basis.straight_elements))
         return cls(
             tiles=basis.tiles,
             palette=palette,
             months=light.sky["clock"].dt.month.values,
             step_hours=light.step_hours,
             shape=(bins, basis.grouped.shape[3], sensors),
-            parts={k: _Part.of(basis, np.flatnonzero(v)) for k, v in kinds.items()},
-            straight=(basis.straight_elements, _rows(basis.straight)),
+            parts=parts,
+            straight=(basis.straight_elements, _rows(basis.straight, passed)),
             returned=(
-                mi.UInt32((back.row % sensors).astype(np.uint32)),
-                mi.UInt32(back.block.astype(np.uint32)),
-                mi.UInt32(back.mark.astype(np.uint32)),
-                _flat(back.weight / groups),
+                *map(flat_indices, (back.row % sensors, back.block, back.mark)),
+                flat(back.weight / groups),
             ),
-            sky=mi.TensorXf(L),
-            suns=suns,
+            sky=mi.TensorXf(light.sky["sky"].values.astype(np.float32)),
+            suns=_suns(basis, light),
         )
 
     @property
@@ -204,13 +194,12 @@ class BasisYear:
         other = self._mixed("other", lit)
         through = self._mixed("covered", lit)
         of_shade = self._mixed("shade", lit_behind)
-        is_open = [a + b for a, b in zip(other, through, strict=True)]
+        is_open = _sums(other, through)
         if self.palette.own_shade:
-            own = self._mixed("shade", lit)
-            is_open = [a + b for a, b in zip(is_open, own, strict=True)]
-        shaded = [a + b for a, b in zip(other, of_shade, strict=True)]
-        C = self._with_returned(share, *is_open)
-        C_shaded = C if self.palette.shade is None else self._with_returned(behind, *shaded)
+            is_open = _sums(is_open, self._mixed("shade", lit))
+        C = C_shaded = self._with_returned(share, *is_open)
+        if self.palette.shade is not None:
+            C_shaded = self._with_returned(behind, *_sums(other, of_shade))
         return C, C_shaded, mixed(self.straight[1], _taken(lit, self.straight[0]))
 
     def _factors(self, scale: Mapping[str, mi.Float]) -> mi.Float:
@@ -255,20 +244,23 @@ class BasisYear:
 
     def _by_sun(self, coefficients: mi.Float) -> mi.TensorXf:
         """E [lx] by the suns alone, from C, flat (bin, sensor)."""
-        times, sensors = len(self.months), dr.opaque(mi.UInt32, self.shape[2])
-        at = dr.arange(mi.UInt32, times * self.shape[2])
+        shape, sensors = (len(self.months), self.shape[2]), dr.opaque(mi.UInt32, self.shape[2])
+        total = dr.zeros(mi.Float, shape[0] * shape[1])
+        at = dr.arange(mi.UInt32, dr.width(total))
         time, sensor = at // sensors, at % sensors
-        total = dr.zeros(mi.Float, times * self.shape[2])
         for bin_, L in self.suns:
-            C = dr.gather(
-                mi.Float, coefficients, dr.gather(mi.UInt32, bin_, time) * sensors + sensor
-            )
+            row = dr.gather(mi.UInt32, bin_, time) * sensors
+            C = dr.gather(mi.Float, coefficients, row + sensor)
             total += C * dr.gather(mi.Float, L, time)
-        return mi.TensorXf(total, (times, self.shape[2]))
+        return mi.TensorXf(total, shape)
+
+
+def _sums(a: tuple[mi.Float, ...], b: tuple[mi.Float, ...]) -> tuple[mi.Float, ...]:
+    return tuple(x + y for x, y in zip(a, b, strict=True))
 
 
 def _taken(values: mi.Float, index: np.ndarray) -> mi.Float:
-    return dr.gather(mi.Float, values, mi.UInt32(index.astype(np.uint32)))
+    return dr.gather(mi.Float, values, flat_indices(index))
 
 
 def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
@@ -285,5 +277,5 @@ def _suns(basis: Basis, light: Daylight) -> tuple[Any, ...]:
             raise InputError("basis", "bin", got, "compute the basis for this sky")
         at = positions(labels, basis.labels, missing=-1)
         L = np.where(at >= 0, weights.astype(float) * sun, 0)
-        terms.append((mi.UInt32(np.maximum(at, 0).astype(np.uint32)), _flat(L)))
+        terms.append((flat_indices(np.maximum(at, 0)), flat(L)))
     return tuple(terms)

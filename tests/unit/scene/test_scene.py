@@ -179,8 +179,9 @@ def test_openings_of_the_enclosure_are_those_that_let_straight_light_in():
     assert scene.load(shut, "shaded").enclosure.openings.shape == (0, 4, 3)
     loaded = scene.load(shut)
     np.testing.assert_allclose([loaded.low, loaded.high], [np.zeros(3), SIZE])
-    assert [p.transmittance for p in loaded.scattering] == [0.3]
-    assert [p.transmittance for p in scene.load(shut, "shaded").scattering] == [0.1, 0.3]
+    assert [p.material.transmittance for p in loaded.scattering] == [0.3]
+    panes = scene.load(shut, "shaded").scattering
+    assert [p.material.transmittance for p in panes] == [0.1, 0.3]
 
 
 def test_no_room_has_sensors_under_the_free_sky():

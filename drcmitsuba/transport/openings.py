@@ -1,0 +1,118 @@
+"""Openings of a room, and which points may see which suns through them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.scene import Scene
+
+CLUSTER = 32
+"""Number of neighbouring suns that are traced or skipped together."""
+
+
+@dataclass(frozen=True)
+class Openings:
+    """Openings of a room: rectangles (opening, 4, 3), fronts inward [m].
+
+    Rays that miss all openings are not traced: they would meet a wall.
+    """
+
+    quads: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, points: mi.Float) -> Openings | None:
+        """Openings that all points look through; None where a point may lie outside the room."""
+        room = scene.enclosure
+        if room is None or not room.spares or not room.contains(points):
+            return None
+        return cls(room.openings)
+
+    def passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+        """Whether rays may leave the room; in doubt yes."""
+        result = mi.Bool(False)
+        for quad, normal in zip(self.quads, normals(self.quads), strict=True):
+            corner, n = mi.Point3f(*map(float, quad[0])), mi.Vector3f(*map(float, normal))
+            cosine = dr.dot(d, n)
+            y = p - dr.dot(p - corner, n) / cosine * d - corner
+            inside = cosine < 0
+            for edge in (quad[1] - quad[0], quad[3] - quad[0]):
+                length = float(np.linalg.norm(edge))
+                along = dr.dot(y, mi.Vector3f(*map(float, edge / length)))
+                inside &= (along > -1e-3) & (along < length + 1e-3)
+            result |= inside
+        return result
+
+    def reached(self, points: np.ndarray, axes: np.ndarray, spread: np.ndarray) -> np.ndarray:
+        """Whether cones of directions may leave the room, shape (point, cone); in doubt yes.
+
+        A ray at angle δ to an axis of incidence θ meets the wall, at distance h, within
+        h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it.
+        """
+        result = np.zeros((len(points), len(axes)), bool)
+        for quad, normal in zip(self.quads, normals(self.quads), strict=True):
+            cosine = -(axes @ normal)
+            outermost = np.cos(np.arccos(np.clip(cosine, -1, 1)) + spread)
+            grazes = (outermost < 0.01) & (cosine > -np.sin(spread))
+            safe = np.where(outermost < 0.01, 1.0, cosine)
+            h = ((points - quad[0]) @ normal)[:, None]
+            margin = h * np.sin(spread) / (safe * np.maximum(outermost, 0.01)) + 1e-3
+            inside = np.broadcast_to(outermost >= 0.01, result.shape)
+            for edge in (quad[1] - quad[0], quad[3] - quad[0]):
+                length = np.linalg.norm(edge)
+                along = ((points - quad[0]) @ edge / length)[:, None] + h / safe * (
+                    axes @ edge / length
+                )
+                inside = inside & (along > -margin) & (along < length + margin)
+            result |= inside | grazes
+        return result
+
+
+def _clusters(directions: np.ndarray) -> np.ndarray:
+    """Indices of neighbouring directions, shape (cluster, CLUSTER), padded with −1."""
+
+    def sort(index: np.ndarray) -> list[np.ndarray]:
+        if len(index) <= CLUSTER:
+            return [index]
+        axis = int(np.argmax(np.ptp(directions[index], axis=0)))
+        half = -(-len(index) // (2 * CLUSTER)) * CLUSTER
+        order = index[np.argsort(directions[index, axis], kind="stable")]
+        return sort(order[:half]) + sort(order[half:])
+
+    order = np.concatenate(sort(np.arange(len(directions))))  # all clusters but the last are full
+    return np.pad(order, (0, -len(order) % CLUSTER), constant_values=-1).reshape(-1, CLUSTER)
+
+
+def candidates(
+    openings: Openings | None, p: np.ndarray, n: np.ndarray, suns: np.ndarray, radius: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Receivers and clusters of suns that may see each other, pair by pair, and the clusters."""
+    clusters = _clusters(suns)
+    members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
+    axes = members.mean(axis=1)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    cosines = np.einsum("gsi,gi->gs", members, axes)
+    spread = np.arccos(np.clip(cosines, -1, 1)).max(axis=1) + radius
+    possible = n @ axes.T > -np.sin(spread)
+    if openings is not None:
+        possible &= openings.reached(p, axes, spread)
+    rows, groups = np.nonzero(possible)
+    return rows, groups, clusters
+
+
+def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter: float) -> mi.Bool:
+    """Whether a slit may show a sun's disk without its edge, flat (point, sun).
+
+    There is no such slit where every opening is wider than a disk's image across the room.
+    """
+    room, radius = scene.enclosure, np.radians(diameter) / 2
+    if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
+        openings = Openings.of(scene, flat(points))
+        if openings is not None:
+            return mi.Bool(openings.reached(points, suns, np.full(len(suns), radius)).ravel())
+    return mi.Bool(False)
