@@ -29,27 +29,20 @@ _SIDES = ((-1, "tb", "rb"), (1, "tf", "rf"))
 
 @dataclass(frozen=True)
 class Exposure:
-    """All cells of the four components, traced twice.
-
-    Parameters
-    ----------
-    rank, depth : int
-        Rank and levels of the trees.
-    samples : int
-        Number of rays per incident cell, both halves together.
-    halves : dict of str to np.ndarray, shape (2, incident, n²)
-        Shares of the light of an incident cell that leave through an outgoing cell, for `tb`, `rb`,
-        `tf`, `rf`, from two independent halves of the rays. n = 2ᵈᵉᵖᵗʰ; incident cells are n² cells
-        of the square (rank 4) or n/2 rings from grazing to normal (rank 3).
-    lost : float
-        Share of the light that never left the structure.
-    """
+    """All cells of the four components, traced twice."""
 
     rank: int
     depth: int
+    """Rank and levels of the trees."""
     samples: int
+    """Number of rays per incident cell, both halves together."""
     halves: dict[str, np.ndarray]
+    """Shares of the light of an incident cell that leave through an outgoing cell, for `tb`, `rb`,
+    `tf`, `rf`, from two independent halves of the rays, shape (2, incident, n²). n = 2ᵈᵉᵖᵗʰ;
+    incident cells are the n² cells of the square for rank 4, n/2 rings from grazing to normal for
+    rank 3."""
     lost: float
+    """Share of the light that never left the structure."""
 
     def shares(self, name: str) -> np.ndarray:
         """Shares of the light by incident and outgoing cell, shape (incident, n²)."""

@@ -39,25 +39,17 @@ BESIDE = 1e-6
 
 @dataclass(frozen=True)
 class TracedPeriod:
-    """Unit cell as Mitsuba traces it, in units of its longer period.
-
-    Parameters
-    ----------
-    scene : mi.Scene
-        Structure with all repetitions that reach into one period, and its glass.
-    corner, period : tuple of float
-        Lowest coordinates of the period and its lengths, along x and y.
-    bounds : tuple of float
-        Coordinates z of the planes, outside and room, where rays begin and end.
-    extruded : bool
-        Whether the structure is the same along x: rays are cast in its cross-section only.
-    """
+    """Unit cell as Mitsuba traces it, in units of its longer period."""
 
     scene: mi.Scene
+    """Structure with all repetitions that reach into one period, and its glass."""
     corner: tuple[float, ...]
     period: tuple[float, ...]
+    """Lowest coordinates of the period and its lengths, along x and y."""
     bounds: tuple[float, ...]
+    """Coordinates z of the planes, outside and room, where rays begin and end."""
     extruded: bool
+    """Whether the structure is the same along x: rays are cast in its cross-section only."""
 
 
 def _border(positions: np.ndarray, period: float) -> float:

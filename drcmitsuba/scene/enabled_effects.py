@@ -17,55 +17,39 @@ class EnabledEffects:
     """Effects that are simulated; the others are neither loaded nor traced.
 
     The default enables everything that a scene holds.
-
-    Parameters
-    ----------
-    sky, ground, suns : bool
-        Whether each source of light shines.
-    sun_visibility : SunVisibility or None
-        Geometry that decides which suns light the room; None takes all of them.
-    clear_panes, scattering_panes, films : bool
-        Whether light passes panes and holes of a kind; a disabled kind becomes black sheets.
-    enclosed : bool
-        Whether shadow rays that pass no opening are left out.
-    straight_through : bool or None
-        Whether films have a straight-through peak; None leaves the choice to each film.
-    components, obstructions : bool
-        Whether light by way of components is traced, and furniture outside the room exists.
-    pane_to_pane : bool
-        Whether photons carry light from pane to pane across the room.
-    beyond : bool
-        Whether light that leaves a room through a pane may come back.
-    shade : bool
-        Whether the shade may close; otherwise it is left out.
-    every_shade : bool
-        Whether the shaded state is simulated for all suns, not only for hours in which it closes.
-    depth : int or None
-        Largest number of surfaces that a path of the gather meets; None for any number.
-    channels : bool or None
-        Whether colour channels are simulated one by one; None does so in a coloured scene.
-    pictures : bool
-        Whether plots are drawn.
     """
 
     sky: bool = True
     ground: bool = True
     suns: bool = True
+    """Whether each source of light shines."""
     sun_visibility: SunVisibility | None = None
+    """Geometry that decides which suns light the room; None takes all of them."""
     clear_panes: bool = True
     scattering_panes: bool = True
     films: bool = True
+    """Whether light passes panes and holes of a kind; a disabled kind becomes black sheets."""
     enclosed: bool = True
+    """Whether shadow rays that pass no opening are left out."""
     straight_through: bool | None = None
+    """Whether films have a straight-through peak; None leaves the choice to each film."""
     components: bool = True
     obstructions: bool = True
+    """Whether light by way of components is traced, and furniture outside the room exists."""
     pane_to_pane: bool = False
+    """Whether photons carry light from pane to pane across the room."""
     beyond: bool = True
+    """Whether light that leaves a room through a pane may come back."""
     shade: bool = True
+    """Whether the shade may close; otherwise it is left out."""
     every_shade: bool = False
+    """Whether the shaded state is simulated for all suns, not only for hours in which it closes."""
     depth: int | None = None
+    """Largest number of surfaces that a path of the gather meets; None for any number."""
     channels: bool | None = None
+    """Whether colour channels are simulated one by one; None does so in a coloured scene."""
     pictures: bool = True
+    """Whether plots are drawn."""
 
     def enabled_suns(self, suns: Suns) -> np.ndarray:
         """Whether each sun is simulated, shape (sun,); the coefficients of the others are 0."""

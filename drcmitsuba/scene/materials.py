@@ -42,22 +42,15 @@ SurfaceMaterial = (
 
 @dataclass(frozen=True)
 class FilmFile:
-    """BSDF file of a film, with its energy and its straight-through peak.
-
-    Parameters
-    ----------
-    largest_albedo : float
-        Largest T + R over the incidences of the file, which is scaled down to 1 at most.
-    share_through : float
-        Share of the transmitted light that goes straight through.
-    stands_out : bool
-        Whether that share is a peak and not the flank of a lobe.
-    """
+    """BSDF file of a film, with its energy and its straight-through peak."""
 
     file: BsdfFile
     largest_albedo: float
+    """Largest T + R over the incidences of the file, which is scaled down to 1 at most."""
     share_through: float
+    """Share of the transmitted light that goes straight through."""
     stands_out: bool
+    """Whether that share is a peak and not the flank of a lobe."""
 
     @property
     def coloured(self) -> bool:

@@ -20,59 +20,40 @@ from drcmitsuba.scene.surfaces import Enclosure, State, geometry_of
 
 @dataclass(frozen=True)
 class Part:
-    """Surfaces of one component and BSDF, which photons distinguish.
-
-    Parameters
-    ----------
-    quads : np.ndarray, shape (quad, 4, 3)
-        Corners [m]; the fronts of panes face the room.
-    closed : bool
-        Whether they enclose a body.
-    """
+    """Surfaces of one component and BSDF, which photons distinguish."""
 
     name: str
     bsdf: Any
     material: SurfaceMaterial
     component: str
     quads: np.ndarray
+    """Corners [m], shape (quad, 4, 3); the fronts of panes face the room."""
     closed: bool
+    """Whether they enclose a body."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Scenes and panes of a case, as transport traces them.
-
-    Parameters
-    ----------
-    full : mi.Scene
-        All surfaces.
-    opaque : mi.Scene
-        All surfaces but the panes that let light straight through: any hit is a shadow.
-    clear : mi.Scene or None
-        Only those panes; None without any.
-    corners : np.ndarray, shape (corner, 3)
-        Corners of all surfaces [m].
-    enclosure : Enclosure or None
-        The room, where there is one.
-    parts : tuple of Part
-        All surfaces, by BSDF.
-    ports : tuple of Port
-        Rectangles at which photons start.
-    effects : EnabledEffects
-        Effects that are simulated.
-    ray_counter : RayCounter
-        Number of rays traced.
-    """
+    """Scenes and panes of a case, as transport traces them."""
 
     full: mi.Scene
+    """All surfaces."""
     opaque: mi.Scene
+    """All surfaces but the panes that let light straight through: any hit is a shadow."""
     clear: mi.Scene | None
+    """Only those panes; None without any."""
     corners: np.ndarray
+    """Corners of all surfaces [m], shape (corner, 3)."""
     enclosure: Enclosure | None = None
+    """The room, where there is one."""
     parts: tuple[Part, ...] = ()
+    """All surfaces, by BSDF."""
     ports: tuple[Port, ...] = ()
+    """Rectangles at which photons start."""
     effects: EnabledEffects = ALL_EFFECTS
+    """Effects that are simulated."""
     ray_counter: RayCounter = field(default_factory=RayCounter)
+    """Number of rays traced."""
 
     @property
     def scattering(self) -> tuple[Part, ...]:

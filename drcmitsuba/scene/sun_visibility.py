@@ -43,24 +43,16 @@ class VisibleSuns:
 
 @dataclass(frozen=True)
 class SunVisibility:
-    """Geometry that decides whether a sun lights a room, in the world frame.
-
-    Parameters
-    ----------
-    openings : np.ndarray, shape (opening, 4, 3)
-        Panes, holes and ports, fronts outward [m].
-    relays : np.ndarray, shape (relay, 3)
-        Outward normals of surfaces outside that may pass light on to an opening.
-    blockers : np.ndarray, shape (blocker, 4, 3)
-        Opaque parallelograms outside [m].
-    everything : bool
-        Whether more than `MOST_FACES` surfaces stand outside: every sun then lights the room.
-    """
+    """Geometry that decides whether a sun lights a room, in the world frame."""
 
     openings: np.ndarray
+    """Panes, holes and ports, fronts outward [m], shape (opening, 4, 3)."""
     relays: np.ndarray
+    """Outward normals, shape (relay, 3), of surfaces outside that may pass light to an opening."""
     blockers: np.ndarray
+    """Opaque parallelograms outside [m], shape (blocker, 4, 3)."""
     everything: bool = False
+    """Whether more than `MOST_FACES` surfaces stand outside: every sun then lights the room."""
 
     @classmethod
     def of(cls, case: Case, components: tuple[PlacedComponent, ...]) -> SunVisibility | None:

@@ -37,28 +37,19 @@ State = Literal["open", "shaded"]
 
 @dataclass(frozen=True)
 class Enclosure:
-    """A room that straight light can only enter through known openings.
-
-    Parameters
-    ----------
-    size : np.ndarray, shape (3,)
-        Extent of the room in its own frame [m].
-    turn : np.ndarray, shape (3, 3)
-        Matrix from the room's frame to the world's.
-    openings : np.ndarray, shape (opening, 4, 3)
-        Rectangles in the walls, fronts inward, world frame [m]: everything outside them is closed.
-        The array is empty where scattering panes cover every opening.
-    narrowest : float
-        Least width or height of a pane or hole that lets straight light in [m].
-    spares : bool
-        Whether shadow rays that pass no opening are left out.
-    """
+    """A room that straight light can only enter through known openings."""
 
     size: np.ndarray
+    """Extent of the room in its own frame [m], shape (3,)."""
     turn: np.ndarray
+    """Matrix from the room's frame to the world's, shape (3, 3)."""
     openings: np.ndarray
+    """Rectangles in the walls, fronts inward, world frame [m], shape (opening, 4, 3): everything
+    outside them is closed. The array is empty where scattering panes cover every opening."""
     narrowest: float = np.inf
+    """Least width or height of a pane or hole that lets straight light in [m]."""
     spares: bool = True
+    """Whether shadow rays that pass no opening are left out."""
 
     def contains(self, points: mi.Float) -> bool:
         """Whether every point (three numbers each, world frame) lies in the room."""

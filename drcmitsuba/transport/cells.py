@@ -26,21 +26,14 @@ _SCRAMBLE = 0x9E3779B1
 
 @dataclass(frozen=True)
 class Grid:
-    """Regular grid over a scene; `key` numbers its cubes and six facings.
-
-    Parameters
-    ----------
-    low : tuple of float
-        Corner of the grid [m].
-    count : tuple of int
-        Cubes along x, y, z.
-    size : float
-        Edge of a cube [m].
-    """
+    """Regular grid over a scene; `key` numbers its cubes and six facings."""
 
     low: tuple[float, float, float]
+    """Corner of the grid [m]."""
     count: tuple[int, int, int]
+    """Cubes along x, y, z."""
     size: float
+    """Edge of a cube [m]."""
 
     @classmethod
     def of(cls, scene: Scene, size: float) -> Grid:
@@ -87,31 +80,21 @@ class Grid:
 
 @dataclass(frozen=True)
 class Vertices:
-    """Diffuse vertices of gather paths, one entry each.
-
-    Parameters
-    ----------
-    row : mi.UInt32
-        Row of the path: replicate · sensors + sensor.
-    weight : mi.Float
-        Throughput: contribution to the sensor's illuminance per irradiance on the vertex.
-    key : mi.UInt32
-        Key of the cell.
-    tag : mi.UInt32
-        Number of the vertex, independent of the order of threads.
-    p, n : mi.Float
-        Position [m] and facing normal, three numbers a vertex.
-    mark : mi.UInt32 or None
-        Mark of the path, see `gather.Marks`.
-    """
+    """Diffuse vertices of gather paths, one entry each."""
 
     row: mi.UInt32
+    """Row of the path: replicate · sensors + sensor."""
     weight: mi.Float
+    """Throughput: contribution to the sensor's illuminance per irradiance on the vertex."""
     key: mi.UInt32
+    """Key of the cell."""
     tag: mi.UInt32
+    """Number of the vertex, independent of the order of threads."""
     p: mi.Float
     n: mi.Float
+    """Position [m] and facing normal, three numbers a vertex."""
     mark: mi.UInt32 | None = None
+    """Mark of the path, see `gather.Marks`."""
 
     def __len__(self) -> int:
         """Count the vertices."""
@@ -120,19 +103,13 @@ class Vertices:
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells known so far.
-
-    Parameters
-    ----------
-    index : mi.UInt32
-        Cell of every key of the grid; `_UNKNOWN` for none.
-    count : int
-        Number of cells.
-    """
+    """The cells known so far."""
 
     grid: Grid
     index: mi.UInt32
+    """Cell of every key of the grid; `_UNKNOWN` for none."""
     count: int
+    """Number of cells."""
 
     @classmethod
     def none(cls, grid: Grid) -> Cells:
@@ -169,19 +146,13 @@ class Cells:
 
 
 class Drawn(NamedTuple):
-    """Vertices that stand for the cells.
-
-    Parameters
-    ----------
-    rank : mi.UInt32
-        Scrambled tag of the drawn vertex, the largest in its cell.
-    p, n : mi.Float
-        Positions and normals, three numbers a cell.
-    """
+    """Vertices that stand for the cells."""
 
     rank: mi.UInt32
+    """Scrambled tag of the drawn vertex, the largest in its cell."""
     p: mi.Float
     n: mi.Float
+    """Positions and normals, three numbers a cell."""
 
 
 def draw_points(

@@ -49,34 +49,24 @@ class Deposit:
 
     Methods take the receivers' positions [m] and normals, three numbers each, the stream of their
     random numbers with its indices, and optionally `numbers`, see `shadow_rays.sky_deposit`.
-
-    Parameters
-    ----------
-    suns : np.ndarray, shape (sun, 3)
-        Unit vectors.
-    diameter : float
-        Angle across a sun [deg].
-    subdivision : int or None
-        Reinhart's factor MF of the sky; None leaves out ground and sky.
-    patches : PanePatches or None
-        Patches of the panes that scatter evenly.
-    films : Films or None
-        Panes with a measured BSDF.
-    faces : Irradiance or None
-        E on the faces of `patches`; see `lit`.
-    on_films : Lit or None
-        D on the films, and the radiance that they send on.
     """
 
     scene: Scene
     suns: np.ndarray
+    """Unit vectors, shape (sun, 3)."""
     diameter: float
+    """Angle across a sun [deg]."""
     subdivision: int | None
+    """Reinhart's factor MF of the sky; None leaves out ground and sky."""
     accuracy: Accuracy
     patches: PanePatches | None
+    """Patches of the panes that scatter evenly."""
     films: Films | None = None
+    """Panes with a measured BSDF."""
     faces: Irradiance | None = None
+    """E on the faces of `patches`; see `lit`."""
     on_films: Lit | None = None
+    """D on the films, and the radiance that they send on."""
 
     @property
     def bins(self) -> tuple[int, int]:

@@ -38,19 +38,14 @@ class PanePatches:
     """Patches that panes are cut into.
 
     Faces are numbered 2·patch for the front (towards the room) and 2·patch + 1 for the back.
-
-    Parameters
-    ----------
-    corner, u, v : np.ndarray, shape (patch, 3)
-        Corner and the two edges from it [m].
-    owner : np.ndarray of int, shape (patch,)
-        Group of panes that the patch belongs to.
     """
 
     corner: np.ndarray
     u: np.ndarray
     v: np.ndarray
+    """Corner and the two edges from it [m], shape (patch, 3) each."""
     owner: np.ndarray
+    """Group of panes that the patch belongs to, int, shape (patch,)."""
 
     @classmethod
     def of(cls, groups: Sequence[np.ndarray], size: float) -> PanePatches:

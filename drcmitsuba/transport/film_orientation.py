@@ -20,26 +20,18 @@ from drcmitsuba.transport.shadow_rays import sun_numbers
 
 @dataclass(frozen=True)
 class Mount:
-    """A film in one orientation.
-
-    Parameters
-    ----------
-    frame : np.ndarray, shape (3, 3)
-        Rows: the pane's x, y (up) and normal into the room.
-    quads : np.ndarray, shape (pane, 4, 3)
-        Corners of the panes [m].
-    exposed : bool
-        Whether nothing lies beyond the panes' plane and no light comes from the room's side: all
-        of the film has the same view.
-    sides : tuple of int
-        Faces that receivers may see: 1 front, −1 back.
-    """
+    """A film in one orientation."""
 
     bsdf: Any
     frame: np.ndarray
+    """Rows, shape (3, 3): the pane's x, y (up) and normal into the room."""
     quads: np.ndarray
+    """Corners of the panes [m], shape (pane, 4, 3)."""
     exposed: bool
+    """Whether nothing lies beyond the panes' plane and no light comes from the room's side: all of
+    the film has the same view."""
     sides: tuple[int, ...]
+    """Faces that receivers may see: 1 front, −1 back."""
 
     @property
     def rows(self) -> int:

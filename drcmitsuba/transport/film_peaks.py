@@ -38,30 +38,20 @@ DIRECTIONS = 4
 
 
 class Peaks(NamedTuple):
-    """Peaks of the films of one orientation.
-
-    Parameters
-    ----------
-    owner : int
-        Index of the mount.
-    rows : mi.UInt32
-        Outgoing cells in which some sun has a peak.
-    size : np.ndarray, shape (cell,)
-        Projected solid angles of these cells [sr].
-    first : mi.UInt32
-        First entry of every cell in `sun` and `f`, and last their length.
-    sun : mi.UInt32
-        Indices of the suns that have a peak in the cell.
-    f : mi.Float
-        BSDF from these suns into the cell [1/sr].
-    """
+    """Peaks of the films of one orientation."""
 
     owner: int
+    """Index of the mount."""
     rows: mi.UInt32
+    """Outgoing cells in which some sun has a peak."""
     size: np.ndarray
+    """Projected solid angles of these cells [sr], shape (cell,)."""
     first: mi.UInt32
+    """First entry of every cell in `sun` and `f`, and last their length."""
     sun: mi.UInt32
+    """Indices of the suns that have a peak in the cell."""
     f: mi.Float
+    """BSDF from these suns into the cell [1/sr]."""
 
 
 def take_out(mount: Mount, owner: int, f: np.ndarray, suns: np.ndarray) -> Peaks | None:

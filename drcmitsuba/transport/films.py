@@ -40,43 +40,29 @@ BSDFs that are constant over a cell and for those that are not (isotropic trees)
 
 
 class Lit(NamedTuple):
-    """Deposit on films and the radiance that they send on, in one replicate.
-
-    Parameters
-    ----------
-    faces : mi.TensorXf, shape (face, sun)
-        D of the patches' faces [sr], straight from the suns.
-    to_suns : mi.Float, shape (row · lit sun,)
-        f [1/sr] from the suns that may shine on a film into every outgoing cell of every mount,
-        without `peaks`.
-    to_sky : mi.TensorXf, shape (row, bin)
-        Radiance of every outgoing cell per unit radiance of ground and sky patches; for the first
-        row of each patch see `Films.first_sky_rows`.
-    peaks : tuple of Peaks
-        Narrow peaks of films that other surfaces shade, see `film_peaks`.
-    """
+    """Deposit on films and the radiance that they send on, in one replicate."""
 
     faces: mi.TensorXf
+    """D of the patches' faces [sr], straight from the suns, shape (face, sun)."""
     to_suns: mi.Float
+    """f [1/sr] from the suns that may shine on a film into every outgoing cell of every mount,
+    shape (row · lit sun,), without `peaks`."""
     to_sky: mi.TensorXf
+    """Radiance of every outgoing cell per unit radiance of ground and sky patches, shape
+    (row, bin); for the first row of each patch see `Films.first_sky_rows`."""
     peaks: tuple[Peaks, ...] = ()
+    """Narrow peaks of films that other surfaces shade, see `film_peaks`."""
 
 
 class Directions(NamedTuple):
-    """Directions from receivers to films, sorted by receiver.
-
-    Parameters
-    ----------
-    row : mi.UInt32
-        Outgoing cell of the direction back, counted within the patch's mount.
-    weight : mi.Float
-        cos θ / density [sr].
-    """
+    """Directions from receivers to films, sorted by receiver."""
 
     receiver: mi.UInt32
     patch: mi.UInt32
     row: mi.UInt32
+    """Outgoing cell of the direction back, counted within the patch's mount."""
     weight: mi.Float
+    """cos θ / density [sr]."""
 
 
 class Looked(NamedTuple):
@@ -99,20 +85,14 @@ class Looked(NamedTuple):
 
 @dataclass(frozen=True)
 class Films:
-    """The films of a scene, cut into patches.
-
-    Parameters
-    ----------
-    patches : PanePatches
-        Patches, owned by their mount.
-    suns : np.ndarray of int, shape (lit,)
-        Indices of the suns that may shine on a film.
-    """
+    """The films of a scene, cut into patches."""
 
     scene: Scene
     mounts: tuple[Mount, ...]
     patches: PanePatches
+    """Patches, owned by their mount."""
     suns: np.ndarray
+    """Indices of the suns that may shine on a film, int, shape (lit,)."""
 
     @classmethod
     def of(cls, scene: Scene, size: float, suns: np.ndarray, diameter: float) -> Films | None:

@@ -41,27 +41,18 @@ class Met(NamedTuple):
 
 @dataclass(frozen=True)
 class Gathered:
-    """Gather paths of sensors.
-
-    Parameters
-    ----------
-    trace : callable
-        Traces the paths of a block of sensors.
-    blocks : tuple of slice
-        Sensors of each launch.
-    cells : Cells
-        Cells that the paths of all sensors meet.
-    drawn : tuple of Drawn
-        Points that stand for the cells, for each replicate.
-    kept : dict of int to Met
-        Vertices of some blocks, by their first sensor.
-    """
+    """Gather paths of sensors."""
 
     trace: Callable[[slice], Vertices]
+    """Traces the paths of a block of sensors."""
     blocks: tuple[slice, ...]
+    """Sensors of each launch."""
     cells: Cells
+    """Cells that the paths of all sensors meet."""
     drawn: tuple[Drawn, ...]
+    """Points that stand for the cells, for each replicate."""
     kept: dict[int, Met]
+    """Vertices of some blocks, by their first sensor."""
 
     @classmethod
     def of(

@@ -48,43 +48,28 @@ _STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
 
 
 class FluxSums(NamedTuple):
-    """Flux per unit radiance [m² sr] of one kind of bins, in double precision against drift.
-
-    Parameters
-    ----------
-    cells : mi.Float64, shape (row · bin,)
-        Flux onto the rows of `CellAreas`.
-    sensors : mi.Float64, shape (sensor · bin,)
-        Flux through the squares.
-    mirrored : mi.Float64, shape (sensor · bin,)
-        Part of `sensors` that only smooth surfaces have deviated.
-    inner : mi.Float64, shape (sensor,)
-        Flux of all bins through the middle quarter of the squares.
-    """
+    """Flux per unit radiance [m² sr] of one kind of bins, in double precision against drift."""
 
     cells: mi.Float64
+    """Flux onto the rows of `CellAreas`, shape (row · bin,)."""
     sensors: mi.Float64
+    """Flux through the squares, shape (sensor · bin,)."""
     mirrored: mi.Float64
+    """Part of `sensors` that only smooth surfaces have deviated, shape (sensor · bin,)."""
     inner: mi.Float64
+    """Flux of all bins through the middle quarter of the squares, shape (sensor,)."""
 
 
 @dataclass(frozen=True)
 class Traits:
-    """Properties of surfaces that a photon needs, by the number of their BSDF.
-
-    Parameters
-    ----------
-    bits : mi.UInt32
-        Sums of `OWN`, `FILM`, `DIFFUSER` and `RECEIVES`.
-    absorption : mi.Float or None
-        Absorption of solids [1/m]; None where nothing absorbs.
-    smooth : bool
-        Whether no surface scatters at random, apart from the choice to mirror or to refract.
-    """
+    """Properties of surfaces that a photon needs, by the number of their BSDF."""
 
     bits: mi.UInt32
+    """Sums of `OWN`, `FILM`, `DIFFUSER` and `RECEIVES`."""
     absorption: mi.Float | None
+    """Absorption of solids [1/m]; None where nothing absorbs."""
     smooth: bool
+    """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
 
     @classmethod
     def of(cls, ports: ComponentPorts) -> Traits:

@@ -49,36 +49,25 @@ class FluxLedger:
 
     emitted + roulette = landed + absorbed + escaped + others + lost, to rounding; `roulette` is 0
     in the mean.
-
-    Parameters
-    ----------
-    emitted : float
-        Flux through the ports.
-    landed : float
-        Flux onto diffuse surfaces.
-    absorbed : float
-        Flux into mirrors, panes and solids.
-    escaped : float
-        Flux to the outside.
-    others : float
-        Flux on chains that other estimators, or other ports, count.
-    lost : float
-        Flux still on its way after the largest number of surfaces.
-    roulette : float
-        Flux added to survivors of the roulette, less the flux of the photons that it ended.
-    photons, segments : int
-        Number of photons, and of their flights from surface to surface.
     """
 
     emitted: float = 0.0
+    """Flux through the ports."""
     landed: float = 0.0
+    """Flux onto diffuse surfaces."""
     absorbed: float = 0.0
+    """Flux into mirrors, panes and solids."""
     escaped: float = 0.0
+    """Flux to the outside."""
     others: float = 0.0
+    """Flux on chains that other estimators, or other ports, count."""
     lost: float = 0.0
+    """Flux still on its way after the largest number of surfaces."""
     roulette: float = 0.0
+    """Flux added to survivors of the roulette, less the flux of the photons that it ended."""
     photons: int = 0
     segments: int = 0
+    """Number of photons, and of their flights from surface to surface."""
 
     def plus(self, other: FluxLedger) -> FluxLedger:
         """Sum of two ledgers."""
@@ -88,29 +77,22 @@ class FluxLedger:
 
 @dataclass(frozen=True)
 class Landed:
-    """D of photons [sr].
-
-    Parameters
-    ----------
-    sky, sun : mi.TensorXf, shape (row, bin)
-        D of the cells, by ground and sky patches and by suns.
-    sensors, mirrored : np.ndarray, shape (sensor, bin)
-        D of the sensors, by all bins; and the purely mirrored (or refracted) part of it.
-    smear : np.ndarray, shape (sensor,)
-        Error of D of the sensors by the size of the squares, summed over all suns. Where D is
-        smooth the error of a square of edge h is c·h²: D of the whole square exceeds D of its
-        inner quarter by ¾ c·h².
-    ledgers : dict of str to FluxLedger
-        Flux by "NAME sky" and "NAME sun" for each component; the panes have an empty name.
-    """
+    """D of photons [sr]."""
 
     areas: CellAreas
     sky: mi.TensorXf
     sun: mi.TensorXf
+    """D of the cells, by ground and sky patches and by suns, shape (row, bin) each."""
     sensors: np.ndarray
     mirrored: np.ndarray
+    """D of the sensors by all bins, and the purely mirrored (or refracted) part of it, shape
+    (sensor, bin) each."""
     smear: np.ndarray
+    """Error of D of the sensors by the size of the squares, summed over all suns, shape (sensor,).
+    Where D is smooth the error of a square of edge h is c·h²: D of the whole square exceeds D of
+    its inner quarter by ¾ c·h²."""
     ledgers: dict[str, FluxLedger]
+    """Flux by "NAME sky" and "NAME sun" for each component; the panes have an empty name."""
 
     def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
         """D of the cells with the given keys, by sky and by suns; 0 where no photon can land."""
@@ -131,32 +113,22 @@ class Landed:
 
 @dataclass(frozen=True)
 class PhotonTracer:
-    """Photons of a scene.
-
-    Parameters
-    ----------
-    ports : tuple of ComponentPorts
-        Ports of the components, and of the panes.
-    suns : np.ndarray, shape (sun, 3)
-        Unit vectors.
-    diameter : float
-        Angle across a sun [deg].
-    subdivision : int or None
-        Reinhart's factor MF of the sky; None leaves out ground and sky.
-    count : int
-        Photons of a sun to each component in one replicate; a patch has `PATCH` times as many.
-    surfaces : int
-        Largest number of surfaces on a path.
-    """
+    """Photons of a scene."""
 
     ports: tuple[ComponentPorts, ...]
+    """Ports of the components, and of the panes."""
     areas: CellAreas
     squares: Squares
     suns: np.ndarray
+    """Unit vectors, shape (sun, 3)."""
     diameter: float
+    """Angle across a sun [deg]."""
     subdivision: int | None
+    """Reinhart's factor MF of the sky; None leaves out ground and sky."""
     count: int
+    """Photons of a sun to each component in one replicate; a patch has `PATCH` times as many."""
     surfaces: int
+    """Largest number of surfaces on a path."""
 
     @classmethod
     def of(

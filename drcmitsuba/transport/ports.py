@@ -30,28 +30,19 @@ PILOT = 4096
 
 
 class PhotonSources(NamedTuple):
-    """Suns, or ground and sky patches.
-
-    Parameters
-    ----------
-    centre : np.ndarray, shape (source, 3)
-        Unit vectors to the centres.
-    radius : np.ndarray, shape (source,)
-        Angle around the centre that contains the source [rad].
-    solid_angle : np.ndarray, shape (source,)
-        Solid angle [sr].
-    numbers : np.ndarray of uint32, shape (source,)
-        Seeds of the random numbers.
-    draw : callable
-        Gives a direction to a source, uniform in solid angle, from its index and two uniform
-        numbers.
-    """
+    """Suns, or ground and sky patches."""
 
     centre: np.ndarray
+    """Unit vectors to the centres, shape (source, 3)."""
     radius: np.ndarray
+    """Angle around the centre that contains the source [rad], shape (source,)."""
     solid_angle: np.ndarray
+    """Solid angle [sr], shape (source,)."""
     numbers: np.ndarray
+    """Seeds of the random numbers, uint32, shape (source,)."""
     draw: Callable[[Any, Any], Any]
+    """Gives a direction to a source, uniform in solid angle, from its index and two uniform
+    numbers."""
 
 
 def of_suns(suns: np.ndarray, diameter: float) -> PhotonSources:
@@ -85,39 +76,26 @@ def of_sky(subdivision: int) -> PhotonSources:
 
 @dataclass(frozen=True)
 class Start:
-    """Photons on their ports.
-
-    Parameters
-    ----------
-    d : mi.Vector3f
-        Direction of travel.
-    flux : mi.Float
-        Flux per unit radiance of the source [m² sr].
-    bin : mi.UInt32
-        Index of the source.
-    """
+    """Photons on their ports."""
 
     p: mi.Point3f
     d: mi.Vector3f
+    """Direction of travel."""
     flux: mi.Float
+    """Flux per unit radiance of the source [m² sr]."""
     bin: mi.UInt32
+    """Index of the source."""
 
 
 @dataclass(frozen=True)
 class ComponentPorts:
-    """Ports of one component, or of the panes, of a scene.
-
-    Parameters
-    ----------
-    quads : np.ndarray, shape (port, 4, 3)
-        Parallelograms [m]; fronts face the way the light goes.
-    name : str
-        Name of the component; "" stands for the panes.
-    """
+    """Ports of one component, or of the panes, of a scene."""
 
     scene: Scene
     quads: np.ndarray
+    """Parallelograms [m], shape (port, 4, 3); fronts face the way the light goes."""
     name: str
+    """Name of the component; "" stands for the panes."""
 
     @classmethod
     def of(cls, scene: Scene) -> tuple[ComponentPorts, ...]:

@@ -36,19 +36,13 @@ _NONE = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class CellAreas:
-    """Areas of the cells of diffuse surfaces.
-
-    Parameters
-    ----------
-    row : mi.UInt32
-        Row of every key of the grid; `_NONE` without area.
-    area : mi.Float
-        Area of every row [m²].
-    """
+    """Areas of the cells of diffuse surfaces."""
 
     grid: Grid
     row: mi.UInt32
+    """Row of every key of the grid; `_NONE` without area."""
     area: mi.Float
+    """Area of every row [m²]."""
 
     @classmethod
     def of(cls, scene: Scene, grid: Grid, seed: int) -> CellAreas:
@@ -135,44 +129,29 @@ def _exposed(scene: Scene, p: mi.Point3f, n: mi.Vector3f) -> mi.Bool:
 
 @dataclass(frozen=True)
 class SensorPlane:
-    """Sensors in one plane, and a raster over it that lists the sensors near each field.
-
-    Parameters
-    ----------
-    origin : np.ndarray, shape (3,)
-        Corner of the raster [m].
-    axes : np.ndarray, shape (3, 3)
-        Rows: x and y of the raster, and the sensors' normal.
-    edge : float
-        Edge of the raster's fields [m].
-    count : tuple of int
-        Number of fields along x and y.
-    sensors : np.ndarray of int, shape (layer, field)
-        Sensors whose square reaches into a field; −1 for none.
-    """
+    """Sensors in one plane, and a raster over it that lists the sensors near each field."""
 
     origin: np.ndarray
+    """Corner of the raster [m], shape (3,)."""
     axes: np.ndarray
+    """Rows, shape (3, 3): x and y of the raster, and the sensors' normal."""
     edge: float
+    """Edge of the raster's fields [m]."""
     count: tuple[int, int]
+    """Number of fields along x and y."""
     sensors: np.ndarray
+    """Sensors whose square reaches into a field, int, shape (layer, field); −1 for none."""
 
 
 @dataclass(frozen=True)
 class Squares:
-    """Squares around sensors, in their planes.
-
-    Parameters
-    ----------
-    centre : np.ndarray, shape (sensor, 2)
-        Centres in the raster's axes [m].
-    edge : np.ndarray, shape (sensor,)
-        Edges of the squares [m].
-    """
+    """Squares around sensors, in their planes."""
 
     planes: tuple[SensorPlane, ...]
     centre: np.ndarray
+    """Centres in the raster's axes [m], shape (sensor, 2)."""
     edge: np.ndarray
+    """Edges of the squares [m], shape (sensor,)."""
 
     @classmethod
     def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, size: float) -> Squares:

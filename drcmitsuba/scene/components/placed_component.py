@@ -19,21 +19,15 @@ RECESS = 0.005
 
 @dataclass(frozen=True)
 class PlacedComponent:
-    """Component in its position, in the room's frame [m].
-
-    Parameters
-    ----------
-    hole : np.ndarray, shape (4,), or None
-        Hole in the ceiling: lowest and highest x, lowest and highest y [m].
-    is_open : bool
-        Whether straight light may enter by the hole.
-    """
+    """Component in its position, in the room's frame [m]."""
 
     name: str
     surfaces: tuple[Surface, ...]
     ports: tuple[Port, ...]
     hole: np.ndarray | None = None
+    """Hole in the ceiling, shape (4,): lowest and highest x, lowest and highest y [m]."""
     is_open: bool = False
+    """Whether straight light may enter by the hole."""
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

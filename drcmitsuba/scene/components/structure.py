@@ -35,22 +35,16 @@ The error of the light through films/prism.toml is 1.3 % here, 6 % at 10 and 0.3
 
 @dataclass(frozen=True)
 class Opening:
-    """Pane of the façade in its own axes: s along, h up, t out of the room [m].
-
-    Parameters
-    ----------
-    origin, along, up, out : np.ndarray, shape (3,)
-        Lower left corner as seen from outside [m], and unit vectors.
-    width, height : float
-        Extents along s and h [m].
-    """
+    """Pane of the façade in its own axes: s along, h up, t out of the room [m]."""
 
     origin: np.ndarray
     along: np.ndarray
     up: np.ndarray
     out: np.ndarray
+    """Lower left corner as seen from outside [m], and unit vectors, shape (3,) each."""
     width: float
     height: float
+    """Extents along s and h [m]."""
 
     @classmethod
     def of(cls, pane: np.ndarray) -> Opening:

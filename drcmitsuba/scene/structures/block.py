@@ -24,23 +24,17 @@ MM = 1e-3
 
 @dataclass(frozen=True)
 class Block:
-    """A piece of a structure.
-
-    Parameters
-    ----------
-    quads : np.ndarray, shape (quad, 4, 3)
-        Corners [m] in the recipe's axes: x along the façade and y up, both centred on 0; z into
-        the room, at most 0. A triangle repeats its last corner. A clear solid's normals point out.
-    size : np.ndarray, shape (3,)
-        Extent along x, y and z [m].
-    periods : int
-        Number of periods along y.
-    """
+    """A piece of a structure."""
 
     quads: np.ndarray
+    """Corners [m] in the recipe's axes, shape (quad, 4, 3): x along the façade and y up, both
+    centred on 0; z into the room, at most 0. A triangle repeats its last corner. A clear solid's
+    normals point out."""
     material: StructureMaterial
     size: np.ndarray
+    """Extent along x, y and z [m], shape (3,)."""
     periods: int
+    """Number of periods along y."""
 
 
 def is_clear(recipe: Recipe) -> bool:

@@ -26,24 +26,16 @@ StructureMaterial = MirrorMaterial | DielectricMaterial
 
 @dataclass(frozen=True)
 class UnitCell:
-    """One period of a structure.
-
-    Parameters
-    ----------
-    vertices : np.ndarray, shape (vertex, 3)
-        x, y, z [mm]; x of an extruded structure is −1 or 1 and has no meaning.
-    faces : np.ndarray, shape (face, 3)
-        Vertices of each triangle, counter-clockwise as seen from the air.
-    period : np.ndarray, shape (2,)
-        Distances from one repetition to the next along x and y [mm].
-    extruded : bool
-        Whether the structure is the same along all of x.
-    """
+    """One period of a structure."""
 
     vertices: np.ndarray
+    """x, y, z [mm], shape (vertex, 3); x of an extruded structure is −1 or 1 and has no meaning."""
     faces: np.ndarray
+    """Vertices of each triangle, counter-clockwise as seen from the air, shape (face, 3)."""
     period: np.ndarray
+    """Distances from one repetition to the next along x and y [mm], shape (2,)."""
     extruded: bool
+    """Whether the structure is the same along all of x."""
     material: StructureMaterial
     glass: Glass | None = None
 

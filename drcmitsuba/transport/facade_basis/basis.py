@@ -15,24 +15,16 @@ from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, 
 
 
 class Returned(NamedTuple):
-    """Vertices of paths that met the façade from inside, one entry each.
-
-    Parameters
-    ----------
-    row : np.ndarray of int
-        Sensor and group of the path: group · sensors + sensor.
-    block : np.ndarray of int
-        Block of cells that the vertex lies in.
-    mark : np.ndarray of int
-        Elements that the path met, see `facade.Meetings`.
-    weight : np.ndarray of float
-        Throughput, to be multiplied by the shares of those elements.
-    """
+    """Vertices of paths that met the façade from inside, one entry each."""
 
     row: np.ndarray
+    """Sensor and group of the path, int: group · sensors + sensor."""
     block: np.ndarray
+    """Block of cells that the vertex lies in, int."""
     mark: np.ndarray
+    """Elements that the path met, see `facade.Meetings`, int."""
     weight: np.ndarray
+    """Throughput, to be multiplied by the shares of those elements, float."""
 
     def weighed(self, share: np.ndarray) -> np.ndarray:
         """Weights times the shares of the elements that the paths met, shape (vertex,)."""

@@ -33,21 +33,14 @@ MOST_ELEMENTS = (1 << BITS) - 1
 
 @dataclass(frozen=True)
 class Tiles:
-    """Rectangles of a façade, grouped into tiles; a tile has one composition.
-
-    Parameters
-    ----------
-    rectangles : np.ndarray, shape (rectangle, 4)
-        Left, right, bottom and top on the façade, from the foot of the wall [m].
-    tile : np.ndarray of int, shape (rectangle,)
-        Tile of each rectangle.
-    quads : np.ndarray, shape (rectangle, 4, 3)
-        Corners of the rectangles in the world, fronts into the room [m].
-    """
+    """Rectangles of a façade, grouped into tiles; a tile has one composition."""
 
     rectangles: np.ndarray
+    """Left, right, bottom and top from the foot of the wall [m], shape (rectangle, 4)."""
     tile: np.ndarray
+    """Tile of each rectangle, int, shape (rectangle,)."""
     quads: np.ndarray
+    """Corners of the rectangles in the world, fronts into the room [m], shape (rectangle, 4, 3)."""
 
     def __len__(self) -> int:
         """Count the tiles."""
@@ -73,24 +66,16 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Palette:
-    """Materials that tiles may be filled with.
-
-    Parameters
-    ----------
-    materials : dict
-        Materials by name; `open`, a hole, is None.
-    shade : str or None
-        Name of the material that stands before clear tiles while the shade is closed.
-    allowed : np.ndarray of bool, shape (tile, material)
-        Materials that each tile may be filled with.
-    own_shade : bool
-        Whether the shade's material may fill a tile also while the shade is open.
-    """
+    """Materials that tiles may be filled with."""
 
     materials: Mapping[str, SurfaceMaterial | None]
+    """Materials by name; `open`, a hole, is None."""
     shade: str | None
+    """Name of the material that stands before clear tiles while the shade is closed."""
     allowed: np.ndarray
+    """Materials that each tile may be filled with, bool, shape (tile, material)."""
     own_shade: bool = False
+    """Whether the shade's material may fill a tile also while the shade is open."""
 
     @classmethod
     def of(

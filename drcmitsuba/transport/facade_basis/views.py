@@ -36,21 +36,14 @@ class _AllWithin(Enclosure):
 
 @dataclass(frozen=True)
 class TiledRoom:
-    """A room whose façade is filled with tiles.
-
-    Parameters
-    ----------
-    shapes : tuple of mi.Shape
-        Surfaces of the room without the tiles.
-    corners : np.ndarray, shape (corner, 3)
-        Corners of the room and the tiles [m].
-    enclosure : Enclosure
-        Enclosure without openings.
-    """
+    """A room whose façade is filled with tiles."""
 
     shapes: tuple[mi.Shape, ...]
+    """Surfaces of the room without the tiles."""
     corners: np.ndarray
+    """Corners of the room and the tiles [m], shape (corner, 3)."""
     enclosure: Enclosure
+    """Enclosure without openings."""
     tiles: Tiles
     palette: Palette
 

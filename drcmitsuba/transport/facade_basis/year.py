@@ -27,19 +27,13 @@ AT_ONCE = 64
 
 
 class Illuminances(NamedTuple):
-    """Illuminance of a period, tensors (time, sensor) [lx].
-
-    Parameters
-    ----------
-    open, shaded : mi.TensorXf
-        E with the shade open, and with the shade before all clear tiles.
-    direct : mi.TensorXf
-        E by straight sun, the shade open.
-    """
+    """Illuminance of a period, tensors (time, sensor) [lx]."""
 
     open: mi.TensorXf
     shaded: mi.TensorXf
+    """E with the shade open, and with the shade before all clear tiles."""
     direct: mi.TensorXf
+    """E by straight sun, the shade open."""
 
 
 def mixed(arrays: Rows, weights: mi.Float) -> mi.Float:
@@ -70,38 +64,26 @@ def _rows(arrays: np.ndarray, chosen: np.ndarray) -> Rows:
 
 @dataclass(frozen=True)
 class BasisYear:
-    """A façade's basis under the sky of a period.
-
-    Parameters
-    ----------
-    months : np.ndarray of int, shape (time,)
-        Month of each time stamp, 1 to 12.
-    step_hours : float
-        Duration of a time step [h].
-    shape : tuple of int
-        Numbers of bins, blocks and sensors.
-    parts : dict of _Part
-        `covered` by the shade, the `shade` itself, and all `other` elements.
-    straight : tuple
-        Elements that straight light passes and the coefficients of each, flat (bin, sensor) [sr].
-    returned : tuple
-        Sensor, block, mark and weight of paths that met the façade.
-    sky : mi.TensorXf, shape (time, sky bin)
-        Luminance [cd/m²].
-    suns : tuple of (mi.UInt32, mi.Float)
-        Bin and luminance [cd/m²] of each sun that is blended at a time stamp.
-    """
+    """A façade's basis under the sky of a period."""
 
     tiles: Tiles
     palette: Palette
     months: np.ndarray
+    """Month of each time stamp, 1 to 12, int, shape (time,)."""
     step_hours: float
+    """Duration of a time step [h]."""
     shape: tuple[int, int, int]
+    """Numbers of bins, blocks and sensors."""
     parts: Mapping[str, _Part]
+    """`covered` by the shade, the `shade` itself, and all `other` elements."""
     straight: tuple[np.ndarray, Rows]
+    """Elements that straight light passes and the coefficients of each, flat (bin, sensor) [sr]."""
     returned: tuple[mi.UInt32, mi.UInt32, mi.UInt32, mi.Float]
+    """Sensor, block, mark and weight of paths that met the façade."""
     sky: mi.TensorXf
+    """Luminance [cd/m²], shape (time, sky bin)."""
     suns: tuple[tuple[mi.UInt32, mi.Float], ...]
+    """Bin and luminance [cd/m²] of each sun that is blended at a time stamp."""
 
     @classmethod
     def of(cls, basis: Basis, light: Daylight) -> BasisYear:
