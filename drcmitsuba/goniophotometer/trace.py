@@ -144,7 +144,7 @@ def follow(
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     scene = cell.scene
-    ends = (start + length for start, length in zip(cell.corner, cell.period, strict=True))
+    ends = [cell.corner[axis] + cell.period[axis] for axis in range(2)]
     low = mi.Point3f(*(dr.opaque(mi.Float, v) for v in (*cell.corner, cell.bounds[0])))
     high = mi.Point3f(*(dr.opaque(mi.Float, v) for v in (*ends, cell.bounds[1])))
     # An extruded structure is the same at any x: rays are cast in its cross-section.

@@ -13,8 +13,9 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.case.materials import Reflectance
+from drcmitsuba.case.unit_check import refuse_far
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.geometry import furniture, normals
+from drcmitsuba.scene.geometry import around, faces_of, normals
 
 SAME_PLANE = 1e-5
 """Distance below which two planes count as one [m]."""
@@ -74,9 +75,12 @@ def settled(case: Case) -> list[tuple[Furniture, np.ndarray]]:
     Raises
     ------
     InputError
-        Two pieces of different reflectance, or a plate and the floor or ceiling, share a plane.
+        Two pieces of different reflectance, or a plate and the floor or ceiling, share a plane; or
+        a piece lies too far from the origin.
     """
-    pieces = [(piece, np.array(faces)) for piece, faces in furniture(case)]
+    pieces = [(piece, np.array(faces_of(piece))) for piece in case.furniture]
+    for i, (_, faces) in enumerate(pieces):
+        refuse_far(case.source, f"furniture.{i}", faces.reshape(-1, 3), around(case))
     for i, (piece, faces) in enumerate(pieces):
         for plane in planes(case):
             _settle(case, plane, i, piece, faces)

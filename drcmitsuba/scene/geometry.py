@@ -18,7 +18,6 @@ from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.case.room import Room
 from drcmitsuba.case.toml import Side
-from drcmitsuba.case.unit_check import refuse_far
 from drcmitsuba.scene.materials import SurfaceMaterial
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -81,6 +80,11 @@ def boxes(furniture: Furniture) -> list[tuple[np.ndarray, np.ndarray]]:
         for i in range(furniture.count[0])
         for j in range(furniture.count[1])
     ]
+
+
+def faces_of(furniture: Furniture) -> list[np.ndarray]:
+    """Faces (4, 3) [m] of every copy of a piece of furniture, fronts outward."""
+    return [face for corner, size in boxes(furniture) for face in box(corner, size)]
 
 
 def normals(quads: np.ndarray) -> np.ndarray:
@@ -217,23 +221,6 @@ def recentred(case: Case) -> Case:
 def around(case: Case) -> str:
     """Origin of a recentred case's coordinates, in words for messages."""
     return "the room's corner" if case.room is not None else "the sensors"
-
-
-def furniture(case: Case) -> list[tuple[Furniture, list[np.ndarray]]]:
-    """Furniture of a recentred case with its faces (4, 3) [m], fronts outward.
-
-    Raises
-    ------
-    InputError
-        A piece lies too far from the origin.
-    """
-    pieces = []
-    for i, piece in enumerate(case.furniture):
-        faces = [face for corner, size in boxes(piece) for face in box(corner, size)]
-        points = np.concatenate(faces)
-        refuse_far(case.source, f"furniture.{i}", points, around(case))
-        pieces.append((piece, faces))
-    return pieces
 
 
 def rotation(case: Case) -> np.ndarray:

@@ -19,17 +19,10 @@ from drcmitsuba.scene.surfaces import Enclosure, State, geometry_of
 
 
 @dataclass(frozen=True)
-class Part:
+class Part(Surface):
     """Surfaces of one component and BSDF, which photons distinguish."""
 
-    name: str
-    bsdf: Any
-    material: SurfaceMaterial
-    component: str
-    quads: np.ndarray
-    """Corners [m], shape (quad, 4, 3); the fronts of panes face the room."""
-    closed: bool
-    """Whether they enclose a body."""
+    bsdf: Any = None
 
 
 @dataclass(frozen=True)
@@ -120,7 +113,7 @@ def build(
     parts, shapes = [], {}
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        part = Part(group[0].name, mi.load_dict(bsdf(m, channel)), m, component, quads, closed)
+        part = Part(group[0].name, m, quads, component, closed, mi.load_dict(bsdf(m, channel)))
         shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
         parts.append(part)
     is_clear = [lets_through(part.material) for part in parts]

@@ -16,7 +16,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.components.placement import panes_of
-from drcmitsuba.scene.geometry import box, boxes, normals, rotation
+from drcmitsuba.scene.geometry import box, boxes, faces_of, normals, rotation
 from drcmitsuba.scene.materials import albedo, max_reflectance
 
 MOST_FACES = 400
@@ -65,10 +65,12 @@ class SunVisibility:
         ports = [port.quad[::-1] for placed in components for port in placed.ports]
         ports = [q for q in ports if ((q < BEFORE) | (q > size - BEFORE)).any()]
         openings = np.reshape([*panes, *ports], (-1, 4, 3)) @ turn.T
-        blockers = np.reshape([q for piece in standing for q in _faces(piece)], (-1, 4, 3)) @ turn.T
+        blockers = (
+            np.reshape([q for piece in standing for q in faces_of(piece)], (-1, 4, 3)) @ turn.T
+        )
         blockers = blockers[np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]]
         bright = [piece for piece in standing if max_reflectance(piece.reflectance) > 0]
-        pieces = [q for piece in bright for q in _faces(piece)]
+        pieces = [q for piece in bright for q in faces_of(piece)]
         parts = [s for placed in components for s in placed.surfaces if albedo(s.material) > 0]
         pieces += [q for s in parts for q in s.quads if ((q < -BEFORE) | (q > size + BEFORE)).any()]
         faces = np.reshape([*pieces, *box(np.zeros(3), size)], (-1, 4, 3)) @ turn.T
@@ -121,10 +123,6 @@ def outside(case: Case) -> list[Furniture]:
         for piece in case.furniture
         if any(((c < -BEFORE) | (c + s > size + BEFORE)).any() for c, s in boxes(piece))
     ]
-
-
-def _faces(piece: Furniture) -> list[np.ndarray]:
-    return [face for corner, size in boxes(piece) for face in box(corner, size)]
 
 
 def _areas(quads: np.ndarray) -> np.ndarray:

@@ -7,10 +7,10 @@ launch_size
 cells
     Patches of diffuse surface between gather and deposit.
 gather, gather_blocks
-    G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory.
-shadow_rays
+    G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory; G·D.
+openings, shadow_rays
     D: light that comes straight, through openings and clear panes.
-panes, films, film_peaks
+diffusing_panes, films, film_peaks
     D: light that one scattering pane sends on, evenly, by a measured BSDF, by its narrow peaks.
 ports, photon_paths, receivers, photons
     D: light by every other chain, on photons.

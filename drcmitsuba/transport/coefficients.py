@@ -31,8 +31,9 @@ from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered, Met, product
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
+from drcmitsuba.transport.openings import hidden_in_disks
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
-from drcmitsuba.transport.shadow_rays import RIM, hidden_in_disks, pair_deposit, sun_deposit
+from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
 
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
@@ -151,13 +152,9 @@ def _straight_suns(
     edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
     mean, error = total.numpy() / RIM, np.zeros(total.shape, np.float32)
     if dr.width(edges):
-        again = [
-            pair_deposit(
-                scene, p, n, edges, **kind, samples=EDGE_SAMPLES,
-                seed=launch_seed(accuracy.seed, Stream.SUN_EDGES, r),
-            ).numpy()
-            for r in range(accuracy.replicates)
-        ]  # fmt: skip
+        kind["samples"], replicates = EDGE_SAMPLES, range(accuracy.replicates)
+        seeds = [launch_seed(accuracy.seed, Stream.SUN_EDGES, r) for r in replicates]
+        again = [pair_deposit(scene, p, n, edges, **kind, seed=s).numpy() for s in seeds]
         mean[edges.numpy()], error[edges.numpy()] = mean_and_error(np.stack(again))
     return mean.reshape(shape), error.reshape(shape)
 

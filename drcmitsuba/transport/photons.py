@@ -225,12 +225,11 @@ class PhotonTracer:
         sums: FluxSums, bins: int, photons: int, seed: int,
     ) -> FluxLedger:  # fmt: skip
         """Follow `photons` photons of each source and add their flux to `sums`."""
-        columns = start.p, start.d, start.flux, start.bin
-        dr.eval(*columns)
+        dr.eval(*start)
         lanes = dr.compress(start.flux > 0)
         if dr.width(lanes) == 0:
             return FluxLedger()
-        start = Start(*(dr.gather(type(x), x, lanes) for x in columns))
+        start = Start(*(dr.gather(type(x), x, lanes) for x in start))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
         number = dr.gather(mi.UInt32, mi.UInt32(sources.numbers), start.bin)
         random = streams(number, seed, lanes % dr.opaque(mi.UInt32, photons))

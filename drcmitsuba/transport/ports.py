@@ -74,8 +74,7 @@ def of_sky(subdivision: int) -> PhotonSources:
     return PhotonSources(patches.directions, radius, patches.solid_angles, numbers, draw)
 
 
-@dataclass(frozen=True)
-class Start:
+class Start(NamedTuple):
     """Photons on their ports."""
 
     p: mi.Point3f

@@ -33,8 +33,6 @@ class Block:
     material: StructureMaterial
     size: np.ndarray
     """Extent along x, y and z [m], shape (3,)."""
-    periods: int
-    """Number of periods along y."""
 
 
 def is_clear(recipe: Recipe) -> bool:
@@ -65,16 +63,16 @@ def block(recipe: Recipe, width: float, height: float) -> Block:
     """
     unit = unit_cell(recipe)
     if unit.extruded:
-        quads, span, count = _cut(recipe, unit.material, width / MM, height / MM)
+        quads, span = _cut(recipe, unit.material, width / MM, height / MM)
     else:
-        quads, span, count = _tiled(recipe, unit.vertices[unit.faces], width / MM, height / MM)
+        quads, span = _tiled(recipe, unit.vertices[unit.faces], width / MM, height / MM)
     if 2 * len(quads) > MOST_TRIANGLES:
         got = f"{2 * len(quads)} triangles in a pane"
         raise InputError(recipe.source, "structure", got, "give a longer period")
     low, high = quads.min(axis=(0, 1)), quads.max(axis=(0, 1))
     middle = np.array([*(low + high)[:2] / 2, high[2]])
     size = np.array([*span, high[2] - low[2]]) * MM
-    return Block((quads - middle) * MM, unit.material, size, count)
+    return Block((quads - middle) * MM, unit.material, size)
 
 
 def _count(recipe: Recipe, extent: float, period: float, room: float) -> int:
@@ -88,8 +86,8 @@ def _count(recipe: Recipe, extent: float, period: float, room: float) -> int:
 
 def _cut(
     recipe: Recipe, material: StructureMaterial, width: float, height: float
-) -> tuple[np.ndarray, tuple[float, float], int]:
-    """Quads of an extruded structure, their span along x and y [mm], and number of periods."""
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """Quads of an extruded structure, and their span along x and y [mm]."""
     parts, s = outlines(recipe), recipe.structure
     assert not isinstance(s, Mesh)
     y = np.concatenate(parts)[..., 1]
@@ -111,7 +109,7 @@ def _cut(
         for i, outline in enumerate(moved):
             cap = outline[:, 0][ears[i % len(parts)]][:, [0, 1, 2, 2]]
             quads += [_at(-x, cap), _at(x, cap[:, [2, 1, 0, 0]])]
-    return np.concatenate(quads), (width, (count - 1) * s.period + extent), count
+    return np.concatenate(quads), (width, (count - 1) * s.period + extent)
 
 
 def _at(x: float, zy: np.ndarray) -> np.ndarray:
@@ -121,8 +119,8 @@ def _at(x: float, zy: np.ndarray) -> np.ndarray:
 
 def _tiled(
     recipe: Recipe, corners: np.ndarray, width: float, height: float
-) -> tuple[np.ndarray, tuple[float, float], int]:
-    """Quads of copies of a mesh (triangle, 3, 3), their span [mm], and periods along y."""
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """Quads of copies of a mesh (triangle, 3, 3), and their span along x and y [mm]."""
     s = recipe.structure
     assert isinstance(s, Mesh)
     extent = np.ptp(corners.reshape(-1, 3), axis=0)[:2]
@@ -142,4 +140,4 @@ def _tiled(
     step = [[i * s.period[0], j * s.period[1], 0] for i in range(nx) for j in range(ny)]
     quads = (corners[None] + np.array(step)[:, None, None]).reshape(-1, 3, 3)[:, [0, 1, 2, 2]]
     span = np.array([nx - 1, ny - 1]) * s.period + extent
-    return quads, (float(span[0]), float(span[1])), ny
+    return quads, (float(span[0]), float(span[1]))

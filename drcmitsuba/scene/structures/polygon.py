@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross products of vectors (…, 2) in a plane."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
@@ -43,8 +44,8 @@ def triangles(points: np.ndarray) -> np.ndarray:
 def _is_ear(points: np.ndarray, ear: tuple[int, int, int], left: list[int]) -> bool:
     """Whether the triangle of three neighbours is convex and holds no other corner."""
     a, b, c = points[list(ear)]
-    if _cross(b - a, c - b) <= 0:
+    if cross(b - a, c - b) <= 0:
         return False
     others = points[[k for k in left if k not in ear]]
-    sides = [_cross(q - p, others - p) for p, q in ((a, b), (b, c), (c, a))]
+    sides = [cross(q - p, others - p) for p, q in ((a, b), (b, c), (c, a))]
     return not (np.min(sides, axis=0) >= 0).any()

@@ -9,6 +9,7 @@ import numpy as np
 from drcmitsuba.case.materials import DielectricMaterial, MirrorMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.structures.mesh import read_mesh
+from drcmitsuba.scene.structures.polygon import cross
 from drcmitsuba.scene.structures.recipe import Glass, Lamellae, Mesh, Opaque, Prism, Recipe, Slots
 
 ARC_STEP = 0.5
@@ -45,17 +46,18 @@ class UnitCell:
         return float(np.ptp(self.vertices[:, 2]))
 
 
-def _dielectric(n: float) -> DielectricMaterial:
-    return DielectricMaterial(type="dielectric", ior=n)
-
-
 def _opaque(s: Lamellae | Opaque) -> MirrorMaterial:
     return MirrorMaterial(type="mirror", reflectance=s.reflectance, specular=s.specular)
 
 
+def _facets(turn: float = 0.0) -> int:
+    """Number of facets that an arc is cut into."""
+    return max(1, int(np.ceil(abs(turn) / ARC_STEP)))
+
+
 def arc(start: np.ndarray, end: np.ndarray, turn: float) -> np.ndarray:
     """Points (k, 2) from start to before end on an arc that turns left by `turn` degrees."""
-    k = max(1, int(np.ceil(abs(turn) / ARC_STEP)))
+    k = _facets(turn)
     if k == 1:
         return start[None]
     chord = end - start
@@ -70,18 +72,13 @@ def _closed(corners: tuple[tuple[float, ...], ...]) -> np.ndarray:
     """Edges (edge, 2, 2) of a polygon in (z, y), counter-clockwise, arcs cut into facets."""
     at = np.array([c[:2] for c in corners], float)
     after = np.roll(at, -1, axis=0)
-    sense = np.sign((at[:, 0] * after[:, 1] - at[:, 1] * after[:, 0]).sum()) or 1.0
+    sense = np.sign(cross(at, after).sum()) or 1.0
     turns = [c[2] if len(c) > 2 else 0.0 for c in corners]
     pieces = [arc(a, b, sense * t) for a, b, t in zip(at, after, turns, strict=True)]
     points = np.concatenate(pieces)
     if sense < 0:
         points = points[::-1]
     return np.stack([points, np.roll(points, -1, axis=0)], axis=1)
-
-
-def _pieces(corners: tuple[tuple[float, ...], ...]) -> int:
-    """Number of edges of a polygon after its arcs are cut into facets."""
-    return sum(max(1, int(np.ceil(abs(c[2]) / ARC_STEP))) if len(c) > 2 else 1 for c in corners)
 
 
 def _outer(edges: np.ndarray, period: float) -> np.ndarray:
@@ -99,17 +96,13 @@ def alone(edges: np.ndarray, period: float) -> np.ndarray:
     return np.array([(*key[2:], *key[:2]) not in known for key in keys])
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
 def _crossing(a: np.ndarray, b: np.ndarray, tolerance: float) -> bool:
     """Whether some edge of a properly crosses one of b; edges that only touch do not."""
     p, r = a[:, None, 0], a[:, None, 1] - a[:, None, 0]
     q, s = b[None, :, 0], b[None, :, 1] - b[None, :, 0]
     apart = []  # the ends of one edge lie on both sides of the other
     for along, ends in ((r, (q - p, q + s - p)), (s, (p - q, p + r - q))):
-        side = [_cross(along, end) for end in ends]
+        side = [cross(along, end) for end in ends]
         limit = tolerance * np.hypot(along[..., 0], along[..., 1])
         apart.append((np.minimum(*side) < -limit) & (np.maximum(*side) > limit))
     return bool((apart[0] & apart[1]).any())
@@ -172,10 +165,10 @@ def _from_mesh(recipe: Recipe, s: Mesh) -> UnitCell:
     if isinstance(s.material, Opaque):
         material: StructureMaterial = _opaque(s.material)
     else:
-        material = _dielectric(s.material.n)
+        material = DielectricMaterial(type="dielectric", ior=s.material.n)
         a, b, c = (vertices[faces[:, i]] for i in range(3))
         # Sides that a neighbour closes are upright: only the area seen along z has to balance.
-        area = _cross(b[:, :2] - a[:, :2], c[:, :2] - a[:, :2]) / 2
+        area = cross(b[:, :2] - a[:, :2], c[:, :2] - a[:, :2]) / 2
         if abs(area.sum()) > 1e-3 * abs(area).sum():
             remedy = "give a mesh that is closed but for the borders of its period"
             raise InputError(file, "mesh", "the surface is not closed", remedy)
@@ -213,7 +206,8 @@ def unit_cell(recipe: Recipe) -> UnitCell:
     if len(edges) == 0:
         raise InputError(recipe.source, "structure.polygons", "no surface", "give a cross-section")
     _check_crossing(recipe.source, edges, s.period)
-    return _extruded(edges, s.period, _dielectric(s.n), recipe.glass)
+    clear = DielectricMaterial(type="dielectric", ior=s.n)
+    return _extruded(edges, s.period, clear, recipe.glass)
 
 
 def outlines(recipe: Recipe) -> list[np.ndarray]:
@@ -229,7 +223,7 @@ def outlines(recipe: Recipe) -> list[np.ndarray]:
         points = np.concatenate([arc(ends[0], ends[1], -s.turn), ends[1:]])
         return [np.stack([points[:-1], points[1:]], axis=1)]
     polygons = s.polygons if isinstance(s, Prism) else _slot_polygons(s)
-    count = sum(_pieces(p) for p in polygons)
+    count = sum(_facets(*corner[2:]) for polygon in polygons for corner in polygon)
     if count > MOST_EDGES:
         got = f"{count} edges, arcs resolved"
         raise InputError(recipe.source, "structure.polygons", got, f"give at most {MOST_EDGES}")

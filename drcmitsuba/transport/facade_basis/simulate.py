@@ -187,16 +187,15 @@ class _Paths:
 
     def __init__(self, vertices: Vertices, cells: Cells, sensors: int, draws: int) -> None:
         self.vertices, self.cells, self.sensors, self.draws = vertices, cells, sensors, draws
-        self.cell = cells.of(vertices)
-        block, self.blocks = _blocks(cells)
-        met = _marks(vertices) > 0
+        assert vertices.mark is not None
+        self.cell, self.mark = cells.of(vertices), vertices.mark
+        self.block, self.blocks = _blocks(cells)
         # A cell's share of its block: its share of the visits by paths that met the façade.
         visits = dr.zeros(mi.Float64, cells.count)
-        dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, met)
+        dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, self.mark > 0)
         of_block = dr.zeros(mi.Float64, self.blocks)
-        dr.scatter_add(of_block, visits, block)
-        whole = dr.gather(mi.Float64, of_block, block)
-        self.block = block
+        dr.scatter_add(of_block, visits, self.block)
+        whole = dr.gather(mi.Float64, of_block, self.block)
         self.share = mi.Float(dr.select(whole > 0, visits / whole, 0))
 
     @classmethod
@@ -221,7 +220,7 @@ class _Paths:
         out = dr.zeros(mi.Float64, (self.sensors + self.blocks) * self.cells.count)
         sensors = dr.opaque(mi.UInt32, self.sensors)
         replicate, sensor = v.row // sensors, v.row % sensors
-        mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (_marks(v) == 0)
+        mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (self.mark == 0)
         weight = mi.Float64(v.weight / self.draws)
         dr.scatter_add(out, weight, sensor * count + self.cell, mine)
         cell = dr.arange(mi.UInt32, self.cells.count)
@@ -232,19 +231,14 @@ class _Paths:
     def returned(self) -> Returned:
         """Vertices of paths that met the façade."""
         v = self.vertices
-        at = dr.compress(_marks(v) > 0)
+        at = dr.compress(self.mark > 0)
         row = dr.gather(mi.UInt32, v.row, at).numpy()
         return Returned(
             row // (self.draws * self.sensors) * self.sensors + row % self.sensors,
             dr.gather(mi.UInt32, self.block, dr.gather(mi.UInt32, self.cell, at)).numpy(),
-            dr.gather(mi.UInt32, _marks(v), at).numpy(),
+            dr.gather(mi.UInt32, self.mark, at).numpy(),
             dr.gather(mi.Float, v.weight, at).numpy() / self.draws,
         )
-
-
-def _marks(vertices: Vertices) -> mi.UInt32:
-    assert vertices.mark is not None
-    return vertices.mark
 
 
 def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:

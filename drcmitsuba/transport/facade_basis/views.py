@@ -82,7 +82,7 @@ class TiledRoom:
         kind, size = self.palette.kinds[material], 2 * base.accuracy.cell_size
         assert isinstance(kind, BsdfMaterial | DiffuserMaterial)
         quads = self.tiles.quads[self.palette.allowed[self.tiles.tile, material]]
-        panes = Part("panes", mi.load_dict(bsdf(kind)), kind, "", quads, False)
+        panes = Part("panes", kind, quads, bsdf=mi.load_dict(bsdf(kind)))
         scene = self.with_openings(self.palette.allowed[:, material])
         scene = replace(scene, enclosure=self.enclosure, parts=(panes,))
         films = Films.of(scene, size, base.suns, base.diameter)
