@@ -110,8 +110,8 @@ def prepare(unit: UnitCell) -> TracedPeriod:
         bounds[0] = z - MARGIN
         shapes["glass"] = _pane(unit.glass, z, corner, period, unit.extruded)
     scene = mi.load_dict({"type": "scene", **shapes}, optimize=False)
-    numbers = (tuple(map(float, pair)) for pair in (corner, period, bounds))
-    return TracedPeriod(scene, *numbers, unit.extruded)
+    start, length, ends = (tuple(map(float, pair)) for pair in (corner, period, bounds))
+    return TracedPeriod(scene, start, length, ends, unit.extruded)
 
 
 @dr.syntax

@@ -189,10 +189,12 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
         if material.roughness:
             solid |= {"type": "roughdielectric"} | _rough(material.roughness)
         return solid
-    is_clear = isinstance(material, GlazingMaterial)
-    return {
-        "type": "glazing" if is_clear else "diffuser",
+    pane: dict[str, Any] = {
+        "type": "diffuser",
         "transmittance": material.transmittance,
         "reflectance_front": material.reflectance,
         "reflectance_back": 0.0,
-    } | ({"exponent": material.exponent} if is_clear else {})
+    }
+    if isinstance(material, GlazingMaterial):
+        pane |= {"type": "glazing", "exponent": material.exponent}
+    return pane

@@ -110,7 +110,8 @@ def build(
         key = (surface.component, surface.material, surface.closed)
         groups.setdefault(key, []).append(surface)
     # One mesh for each material and component: many shapes slow tracing.
-    parts, shapes = [], {}
+    parts: list[Part] = []
+    shapes = {}
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
         part = Part(group[0].name, m, quads, component, closed, mi.load_dict(bsdf(m, channel)))

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -201,8 +201,9 @@ def pane_transfer(
     """
     count, faces = dr.width(points) // 3, 2 * len(patches)
     out = dr.zeros(mi.Float64, count * faces)
-    optics = [(p.material.transmittance, p.material.reflectance) for p in scene.scattering]
-    through, back = map(flat, np.array(optics)[patches.owner].T)
+    optics: list[Any] = [pane.material for pane in scene.scattering]
+    through = flat([optics[i].transmittance for i in patches.owner])
+    back = flat([optics[i].reflectance for i in patches.owner])
     for look in looks(scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers):
         seen = look.weight > 0
         near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)

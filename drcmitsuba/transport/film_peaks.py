@@ -83,8 +83,8 @@ def take_out(mount: Mount, owner: int, f: np.ndarray, suns: np.ndarray) -> Peaks
     values = flat(f[rows[cell], sun])
     f[peaked] = 0
     sizes = np.tile(size, len(mount.sides))[rows]
-    numbers = (flat_indices(a) for a in (first, suns[sun]))
-    return Peaks(owner, flat_indices(rows), sizes, *numbers, values)
+    numbers = flat_indices(suns[sun])
+    return Peaks(owner, flat_indices(rows), sizes, flat_indices(first), numbers, values)
 
 
 def peak_deposit(

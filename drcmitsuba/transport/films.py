@@ -209,8 +209,8 @@ class Films:
             seen = dr.compress((look.weight > 0) & known)
             if dr.width(seen) == 0:
                 continue
-            kept = [dr.gather(mi.UInt32, x, seen) for x in (look.row, look.patch, row)]
-            kinds.append(Directions(*kept, dr.pi * dr.gather(mi.Float, look.weight, seen)))
+            columns = look.row, look.patch, row, dr.pi * look.weight
+            kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in columns)))
             dr.eval(*kinds[-1])
         return Looked(dr.width(p) // 3, tuple(kinds))
 

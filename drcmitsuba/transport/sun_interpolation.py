@@ -132,8 +132,10 @@ def meshed(
             labels = tuple(map(mesh.label, new))
             suns = Suns(labels, mesh.directions_of(new), diameter, straight=False)
             more = compute(scene, points, normals, suns, accuracy, subdivision=None)
-            joined = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
-            nodes = _Nodes(xr.concat([nodes.C, more], "bin", **joined))
+            joined = xr.concat(
+                [nodes.C, more], "bin", data_vars="minimal", coords="minimal", compat="override"
+            )
+            nodes = _Nodes(joined)
         level += 1
         progress(0.5 + 0.5 * (level - mesh.COARSEST) / (finest - mesh.COARSEST))
         live = live[(_miss(nodes, corners) > tolerance * scale)[of_sun]]
