@@ -36,8 +36,8 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 		<Manufacturer>{manufacturer}</Manufacturer>
 		<DeviceType>Other</DeviceType>
 		<Thickness unit="meter">{thickness:.6g}</Thickness>
-		<Width unit="meter">{width:.6g}</Width>
-		<Height unit="meter">{height:.6g}</Height>
+		<Width unit="meter">1</Width>
+		<Height unit="meter">1</Height>
 	</Material>
 	<DataDefinition>
 		<IncidentDataStructure>{kind}</IncidentDataStructure>
@@ -68,7 +68,7 @@ def _plain(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
-def text(file: BsdfFile, *, thickness: float, width: float, height: float) -> str:
+def text(file: BsdfFile, thickness: float) -> str:
     """Write a BSDF file as XML text; see `save`."""
     assert not file.colour
     # Two hyphens would end a comment.
@@ -78,7 +78,7 @@ def text(file: BsdfFile, *, thickness: float, width: float, height: float) -> st
         _HEAD.format(
             comment=comment, kind=file.kind,
             name=escape(_plain(file.name)), manufacturer=escape(_plain(file.manufacturer)),
-            thickness=thickness, width=width, height=height,
+            thickness=thickness,
         )
     ]  # fmt: skip
     for name, (direction, kind) in _DIRECTIONS.items():
@@ -90,14 +90,7 @@ def text(file: BsdfFile, *, thickness: float, width: float, height: float) -> st
     return "".join([*parts, _FOOT])
 
 
-def save(
-    file: BsdfFile,
-    path: str | Path,
-    *,
-    thickness: float = 0.0,
-    width: float = 1.0,
-    height: float = 1.0,
-) -> None:
+def save(file: BsdfFile, path: str | Path, *, thickness: float = 0.0) -> None:
     """Write tensor trees as a BSDF file that Radiance and `bsdf_file.read` load.
 
     Parameters
@@ -106,8 +99,8 @@ def save(
         Tensor trees to write; the notes become comments.
     path : str or Path
         File that is replaced only after the whole text is written.
-    thickness, width, height : float
-        Extents for the header [m].
+    thickness : float
+        Thickness of the pane for the header [m]; its width and height are 1 m.
 
     Raises
     ------
@@ -115,7 +108,7 @@ def save(
         The file cannot be written.
     """
     path = Path(path)
-    content = text(file, thickness=thickness, width=width, height=height)
+    content = text(file, thickness)
     try:
         path.parent.stat()  # saving would make the folder
         if path.is_dir():

@@ -42,26 +42,11 @@ def draw(
     coefficients: Coefficients, sky: xr.Dataset, illuminance: xr.Dataset, rules: Rules, *,
     rays: int | None, seed: int,
 ) -> Draws:  # fmt: skip
-    """Draw all metrics.
+    """Draw all metrics from C of both states, by luminance or channel, and E of the same C and sky.
 
-    Parameters
-    ----------
-    coefficients : Coefficients
-        `replicates` (replicate, sensor, bin) [sr] of both states, luminance or by channel.
-    sky : xr.Dataset
-        From `sky.radiance`.
-    illuminance : xr.Dataset
-        From `accumulate.illuminance`, of the same coefficients and sky; attribute `has_shade`.
-    rules : Rules
-    rays : int or None
-        Directions that were drawn from the disk of every sun, in all replicates; None where its
-        rim was searched for edges, so that none is hidden.
-    seed : int
-        The same seed, the same draws.
-
-    Returns
-    -------
-    Draws
+    E is from `accumulate.illuminance`, with the attribute `has_shade`. `rays` are the directions
+    that were drawn from the disk of every sun, in all replicates; None where its rim was searched
+    for edges, so that none is hidden. The same seed gives the same draws.
     """
     E = {name: luminance(illuminance[name]) for name in illuminance.data_vars}
     mean, error = E["direct_sun"].values, E["direct_sun_se"].values

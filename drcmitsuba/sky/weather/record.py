@@ -18,6 +18,10 @@ NOMINAL_YEAR = 2015
 """Typical years are patched together from many; 2015 (1 January: Thursday) stands for all."""
 HIGHEST = {"dni": 1500.0, "dhi": 1500.0, "ghi": 2000.0}  # W/m², cloud enhancement included
 COLUMNS = (*HIGHEST, "dew_point")
+SITE_LIMITS = {
+    "latitude": (-90, 90), "longitude": (-180, 180), "time zone": (-12, 14),
+    "elevation": (-500, 9000),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -139,19 +143,10 @@ def dew_point_of(column: pd.Series, table: NumberedRows) -> np.ndarray:
     return np.where(np.abs(value) < 90, value, np.nan)
 
 
-def site_of(
-    path: Path,
-    name: str,
-    latitude: str | float,
-    longitude: str | float,
-    timezone: str | float,
-    elevation: str | float,
-) -> Site:
-    """Make the site of a head line's fields."""
-    return Site(
-        " ".join(name.split()),
-        number(path, "latitude", latitude, -90, 90),
-        number(path, "longitude", longitude, -180, 180),
-        number(path, "time zone", timezone, -12, 14),
-        number(path, "elevation", elevation, -500, 9000),
+def site_of(path: Path, name: str, *numbers: str | float) -> Site:
+    """Site of a head line's fields: name, latitude, longitude, time zone and elevation."""
+    values = (
+        number(path, field, got, low, high)
+        for got, (field, (low, high)) in zip(numbers, SITE_LIMITS.items(), strict=True)
     )
+    return Site(" ".join(name.split()), *values)
