@@ -107,7 +107,7 @@ def season(case: Case, stage: Stage = silent) -> Season:
     clear = next((name for name in glass if name in used), glass[0])
     side = facade_basis.side_of([case])
     cases = [case, filled(case, side, clear), filled(case, side, "open")]
-    judged = [case, cases[1], cases[2].model_copy(update={"shading": None})]
+    judged = [case, cases[1], cases[2].with_tables(shading=None)]
     monthly = [result.metrics["msDA"] for result in evaluate_variants(cases, stage, judged)]
     return Season(case.name, *monthly)
 

@@ -115,17 +115,9 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
 
 @dataclass(frozen=True)
 class Sums:
-    """Path weights at the traced reflectances, and the place to which each is added.
+    """Path weights (entry,) at the traced reflectances, each with the number of its mark.
 
-    Parameters
-    ----------
-    place : mi.UInt32, shape (entry,)
-        Place to which an entry is added, 0 … size − 1.
-    mark : mi.UInt32, shape (entry,)
-        Number of the entry's mark.
-    value : mi.Float, shape (entry,)
-    size : int
-        Number of places.
+    Each `value` is added to its `place`, 0 … size − 1.
     """
 
     place: mi.UInt32

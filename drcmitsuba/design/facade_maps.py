@@ -24,14 +24,9 @@ from drcmitsuba.transport.facade_basis import Tiles
 
 @dataclass(frozen=True)
 class Panes:
-    """Tiles, and the materials that a design puts into them.
+    """Tiles, and the `materials`, columns of a composition, that a design puts into them.
 
-    Parameters
-    ----------
-    materials : tuple of str
-        Columns of a composition.
-    clear, film : str
-        Material that the shade covers, and material that it does not cover.
+    The shade covers the `clear` material, and does not cover the `film`.
 
     Raises
     ------

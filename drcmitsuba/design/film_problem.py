@@ -101,14 +101,9 @@ class FilmCandidate:
 
 @dataclass(frozen=True, eq=False)
 class FilmProblem:
-    """A film with free parameters, its year, and the objective.
+    """A film with free parameters in `ranges` (low, high), its year, and the objective.
 
-    Parameters
-    ----------
-    film : Film
-        Film whose other parameters stay fixed.
-    ranges : mapping of str to (low, high)
-        Free parameters and their ranges.
+    The film's other parameters stay fixed.
 
     Raises
     ------

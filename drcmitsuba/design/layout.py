@@ -124,7 +124,7 @@ class Layout:
         """
         case = self.case
         if isinstance(case.sun, Adaptive):
-            case = case.model_copy(update={"sun": TrueSun()})
+            case = case.with_tables(sun=TrueSun())
         with stage("sky"):
             daylight = daylight_of(case)
         wall = facade_basis.Wall(case, self.side)

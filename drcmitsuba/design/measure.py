@@ -43,14 +43,9 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class RatedCandidate:
-    """One design with its smooth and its hard score.
+    """One design, x (free,) as fractions of the ranges, 0 to 1, with its smooth and its hard score.
 
-    Parameters
-    ----------
-    x : np.ndarray, shape (free,)
-        Free values as fractions of their ranges, 0 to 1.
-    sharpness : float
-        Sharpness of the smooth twins.
+    The smooth twins have the given sharpness.
     """
 
     x: np.ndarray

@@ -75,16 +75,13 @@ def with_reflectances(case: Case, rho: Mapping[str, float]) -> Case:
     """Case with other reflectances of some of its surfaces, checked as by `Interior`."""
     _check(case.source, reflectances(case), rho)
     values = {k: float(v) for k, v in rho.items()}
-    update: dict[str, object] = {
-        "furniture": tuple(
-            piece.model_copy(update={"reflectance": values.get(piece.name, piece.reflectance)})
-            for piece in case.furniture
-        )
-    }
-    if case.room is not None:
-        of_room = {k: v for k, v in values.items() if k in _ROOM}
-        update["room"] = case.room.model_copy(update=of_room)
-    return case.model_copy(update=update)
+    furniture = tuple(
+        piece.model_copy(update={"reflectance": values.get(piece.name, piece.reflectance)})
+        for piece in case.furniture
+    )
+    of_room = {k: v for k, v in values.items() if k in _ROOM}
+    room = None if case.room is None else case.room.model_copy(update=of_room)
+    return case.with_tables(furniture=furniture, room=room)
 
 
 def _check(source: str, known: Mapping[str, float], rho: Mapping[str, float | mi.Float]) -> None:

@@ -62,15 +62,7 @@ class Step(Generic[C]):
 
 @dataclass
 class History(Generic[P, C]):
-    """Evaluations of a problem, in the order in which they were made.
-
-    Parameters
-    ----------
-    steps : list of Step
-        Grows while a search runs.
-    begin : float
-        Reading of `time.perf_counter` at the start [s].
-    """
+    """Evaluations of a problem in their order; `begin` is `time.perf_counter` at the start [s]."""
 
     problem: P
     steps: list[Step[C]] = field(default_factory=list)

@@ -84,23 +84,11 @@ class Slope(NamedTuple):
 
 @dataclass(frozen=True)
 class TiltProblem(RatedProblem):
-    """Lamellae whose tilt is free, their year, and the goal.
+    """Lamellae, a `component`, whose `tilt` [deg] is free, their year, and the goal.
 
-    Parameters
-    ----------
-    component : str
-        Name of the lamellae.
-    tilt : Parameter
-        Tilt of the lamellae [deg].
-    step : float
-        Step of the differences [deg].
-    simulated : dict of float to SimulatedTilt
-        Years by tilt [deg]; no tilt is simulated twice.
-
-    Notes
-    -----
-    A year of 2610 hours and 576 sensors takes 18 MB for every tilt. If lamellae are wider than
-    their period, fewer of them fit at a steep tilt: there the objective has a step.
+    Differences are taken over `step` [deg]. Years are kept by tilt [deg] in `simulated`, so that no
+    tilt is simulated twice; a year of 2610 hours and 576 sensors takes 18 MB. If lamellae are wider
+    than their period, fewer of them fit at a steep tilt: there the objective has a step.
     """
 
     case: Case
@@ -156,7 +144,7 @@ class TiltProblem(RatedProblem):
         """Case at a tilt [deg] with another seed: its noise did not take part in the search."""
         seed = launch_seed(self.case.accuracy.seed, Stream.FRESH_SEED) >> 2  # below a case's limit
         accuracy = self.case.accuracy.model_copy(update={"seed": seed})
-        return self.built(tilt).model_copy(update={"accuracy": accuracy})
+        return self.built(tilt).with_tables(accuracy=accuracy)
 
     def at(self, x: np.ndarray) -> float:
         """Tilt [deg] of a free value; rounded, so that no tilt is simulated twice."""

@@ -117,7 +117,7 @@ class ReferenceDaylight:
     def of(cls, case: Case, times: np.ndarray) -> ReferenceDaylight:
         """Exact suns and a fine sky for some of a case's hours."""
         sky = case.sky.model_copy(update={"subdivision": SUBDIVISION})
-        whole = daylight(case.model_copy(update={"sky": sky, "sun": TrueSun()}))
+        whole = daylight(case.with_tables(sky=sky, sun=TrueSun()))
         L, sun = whole.sky.sel(time=times), whole.sun.sel(time=times)
         directions = sun["direction"].transpose("time", "axis").values
         return cls(L["sky"].values, L["sun"].values, directions, case.outside.sun_diameter)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile
@@ -81,14 +80,13 @@ def spaced(case: Case, factor: int) -> Case:
         for start, wide, n in zip(grid.corner[:2], count, grid.count, strict=True)
     )
     changed = {"count": count, "spacing": spacing, "corner": (x, y, grid.corner[2])}
-    return case.model_copy(update={"sensors": grid.model_copy(update=changed)})
+    return case.with_tables(sensors=grid.model_copy(update=changed))
 
 
 def default(case: Case) -> Case:
     """The case with the program's own settings."""
     sky = case.sky.model_copy(update={"subdivision": 1})
-    accuracy = Accuracy(seed=case.accuracy.seed)
-    return case.model_copy(update={"accuracy": accuracy, "sky": sky, "sun": TrueSun()})
+    return case.with_tables(accuracy=Accuracy(seed=case.accuracy.seed), sky=sky, sun=TrueSun())
 
 
 def design(case: Case, folder: Path) -> list[Setting]:
@@ -107,10 +105,9 @@ def design(case: Case, folder: Path) -> list[Setting]:
     """
     base = default(case)
 
-    def changed(accuracy: Accuracy | None = None, sky: int = 1, sun: Sun | None = None) -> Case:
-        update: dict[str, Any] = {"sky": base.sky.model_copy(update={"subdivision": sky})}
-        update |= {"accuracy": accuracy or base.accuracy, "sun": sun or base.sun}
-        return base.model_copy(update=update)
+    def changed(accuracy: Accuracy = base.accuracy, sky: int = 1, sun: Sun = base.sun) -> Case:
+        fine = base.sky.model_copy(update={"subdivision": sky})
+        return base.with_tables(accuracy=accuracy, sky=fine, sun=sun)
 
     def samples(factor: float) -> Accuracy:
         return times_samples(base.accuracy, factor)
@@ -124,8 +121,7 @@ def design(case: Case, folder: Path) -> list[Setting]:
     if not own:
         limit = min(case.accuracy.time_limit, LONGEST)
         accuracy = case.accuracy.model_copy(update={"time_limit": limit})
-        mine = case.model_copy(update={"accuracy": accuracy})
-        settings.append(Setting("yours", "yours", mine))
+        settings.append(Setting("yours", "yours", case.with_tables(accuracy=accuracy)))
     settings += [
         Setting("samples × 1/4", "samples", changed(samples(1 / 4))),
         Setting("cells 0.9 m", "cell size", changed(cells(0.9))),
@@ -196,4 +192,4 @@ def with_coarser_films(case: Case, levels: int, folder: Path) -> Case:
         material = materials[name]
         assert isinstance(material, BsdfMaterial)
         materials[name] = material.model_copy(update={"file": path})
-    return case.model_copy(update={"materials": materials})
+    return case.with_tables(materials=materials)
