@@ -225,6 +225,10 @@ def around(case: Case) -> str:
 
 def rotation(case: Case) -> np.ndarray:
     """Matrix (3, 3) from the room's frame to the world frame."""
-    angle = np.radians(case.room.rotation) if case.room else 0.0
-    s, c = np.sin(angle), np.cos(angle)
+    return turn(case.room.rotation if case.room else 0.0)
+
+
+def turn(degrees: float) -> np.ndarray:
+    """Matrix (3, 3) that turns about the vertical, clockwise as seen from above."""
+    s, c = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
     return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])

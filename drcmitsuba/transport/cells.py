@@ -158,22 +158,9 @@ class Drawn(NamedTuple):
 def draw_points(
     vertices: Vertices, cell: mi.UInt32, count: int, salt: int, before: Drawn | None = None
 ) -> Drawn:
-    """Draw one vertex at random from each cell.
+    """Draw one vertex at random from each of `count` cells; each `salt` gives another draw.
 
-    Parameters
-    ----------
-    cell : mi.UInt32
-        Cell of every vertex.
-    count : int
-        Number of cells.
-    salt : int
-        Number of the draw.
-    before : Drawn, optional
-        Result of the draw among earlier vertices, which this draw extends.
-
-    Returns
-    -------
-    Drawn
+    `cell` holds the cell of every vertex. The draw extends `before`, a draw among earlier vertices.
     """
     # The largest scrambled tag wins: an atomic draw, independent of the threads.
     scrambled = (vertices.tag ^ mi.UInt32(salt * 0x85EBCA6B & 0xFFFFFFFF)) * _SCRAMBLE

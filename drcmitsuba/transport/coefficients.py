@@ -21,7 +21,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
-from drcmitsuba.runtime.random_streams import Key, Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.sun_models import Suns
@@ -56,14 +56,11 @@ class _Replicate:
 
     def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
         """Compute D of the cells [sr] at the points that stand for them."""
-        p, n = drawn.p, drawn.n
-        key: Key = (Stream.CELLS, self.number)
+        p, n, key = drawn.p, drawn.n, (Stream.CELLS, self.number)
         rays = self.deposit.accuracy.cell_sky_rays
         straight = self.deposit.straight(p, n, key, rays, numbers=keys)
         D = straight.plus(self.deposit.scattered(p, n, key, keys))
-        if self.landed is not None:
-            D = D.plus(Irradiance(*self.landed.on(keys)))
-        self.cells = D
+        self.cells = D if self.landed is None else D.plus(self.landed.on(keys))
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int

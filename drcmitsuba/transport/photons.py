@@ -34,6 +34,7 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.launch_size import PHOTONS
 from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
 from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
@@ -94,21 +95,20 @@ class Landed:
     ledgers: dict[str, FluxLedger]
     """Flux by "NAME sky" and "NAME sun" for each component; the panes have an empty name."""
 
-    def on(self, key: mi.UInt32) -> tuple[mi.TensorXf, mi.TensorXf]:
-        """D of the cells with the given keys, by sky and by suns; 0 where no photon can land."""
+    def on(self, key: mi.UInt32) -> Irradiance:
+        """D of the cells with the given keys; 0 where no photon can land."""
         row, known = self.areas.at(key)
-        out = []
-        for d in (self.sky, self.sun):
+
+        def of(d: mi.TensorXf) -> mi.TensorXf:
             cells, bins = dr.width(key), d.shape[1]
             if not cells or not bins:
-                out.append(dr.zeros(mi.TensorXf, (cells, bins)))
-                continue
-            entry = dr.arange(mi.UInt32, cells * bins)
-            stride = dr.opaque(mi.UInt32, bins)
+                return dr.zeros(mi.TensorXf, (cells, bins))
+            entry, stride = dr.arange(mi.UInt32, cells * bins), dr.opaque(mi.UInt32, bins)
             at, there = (dr.gather(type(x), x, entry // stride) for x in (row, known))
             values = dr.gather(mi.Float, d.array, at * stride + entry % stride, there)
-            out.append(mi.TensorXf(values, (cells, bins)))
-        return out[0], out[1]
+            return mi.TensorXf(values, (cells, bins))
+
+        return Irradiance(of(self.sky), of(self.sun))
 
 
 @dataclass(frozen=True)

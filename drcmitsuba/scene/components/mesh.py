@@ -14,7 +14,7 @@ from drcmitsuba.case.unit_check import ask_about_mesh, refuse_far
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components.placed_component import PlacedComponent
 from drcmitsuba.scene.coplanar import refuse_in_walls
-from drcmitsuba.scene.geometry import Port, Surface, around, box, normals
+from drcmitsuba.scene.geometry import Port, Surface, around, box, normals, turn
 from drcmitsuba.scene.structures.mesh import read_mesh
 from drcmitsuba.scene.structures.solid import check_solid, is_closed, volume
 
@@ -47,10 +47,8 @@ def is_solid(component: MeshComponent) -> bool:
 def triangles(component: MeshComponent) -> np.ndarray:
     """Triangles (triangle, 3, 3) of a placed mesh, in the room's frame [m]."""
     vertices, faces, _ = _shape(component)
-    angle = np.radians(component.rotation)
-    s, c = np.sin(angle), np.cos(angle)
-    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    return (component.scale * vertices @ turn.T + component.position)[faces]
+    placed = component.scale * vertices @ turn(component.rotation).T + component.position
+    return placed[faces]
 
 
 def mesh(case: Case, name: str, component: MeshComponent) -> PlacedComponent:
@@ -65,17 +63,18 @@ def mesh(case: Case, name: str, component: MeshComponent) -> PlacedComponent:
     corners = triangles(component)
     material = case.materials[component.material]
     points = corners.reshape(-1, 3)
+    faces = np.arange(len(points)).reshape(-1, 3)
     refuse_far(case.source, f"components.{name}.position", points, around(case))
     if case.unit is None:
         where = f"components.{name}.scale"
         ask_about_mesh(case.source, where, np.ptp(points, axis=0).tolist(), component.scale)
     if isinstance(material, DielectricMaterial):  # checked as placed: turned and scaled
-        check_solid(component.file, points, np.arange(len(points)).reshape(-1, 3))
+        check_solid(component.file, points, faces)
     if component.ports:
         quads = np.array(component.ports)
         where = f"components.{name}.ports"
         refuse_far(case.source, where, quads.reshape(-1, 3), around(case))
-        _check(case.source, f"components.{name}.ports", quads, points)
+        _check(case.source, where, quads, points)
     else:
         low, high = points.min(axis=0) - AIR, points.max(axis=0) + AIR
         if case.room is not None:  # a mesh on the floor has no port below it
@@ -83,7 +82,6 @@ def mesh(case: Case, name: str, component: MeshComponent) -> PlacedComponent:
             if (low >= -2 * AIR).all() and (high <= size + 2 * AIR).all():
                 low, high = np.maximum(low, 0), np.minimum(high, size)
         quads = np.array(box(low, high - low))[:, [0, 3, 2, 1]]
-    faces = np.arange(len(points)).reshape(-1, 3)
     closed = is_solid(component)
     if closed and volume(points, faces) < 0:
         corners = corners[:, [0, 2, 1]]  # a mirror is the same on both sides

@@ -11,17 +11,9 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def triangles(points: np.ndarray) -> np.ndarray:
-    """Cut a simple polygon into triangles by clipping its ears.
+    """Cut a simple polygon (corner, 2), counter-clockwise, into triangles by clipping its ears.
 
-    Parameters
-    ----------
-    points : np.ndarray, shape (corner, 2)
-        Corners, counter-clockwise.
-
-    Returns
-    -------
-    np.ndarray of int, shape (corner − 2, 3)
-        Indices of corners, counter-clockwise.
+    The result, shape (corner − 2, 3), holds indices of corners, counter-clockwise.
     """
     left = list(range(len(points)))
     ears: list[tuple[int, int, int]] = []

@@ -33,7 +33,7 @@ from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import Enclosure, surfaces_of
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells import Cells, Grid, Vertices, draw_points
+from drcmitsuba.transport.cells import Cells, Grid, draw_points
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.facade_basis.basis import Basis, Returned
 from drcmitsuba.transport.facade_basis.facade import Meetings, Palette, Tiles
@@ -92,7 +92,7 @@ def compute(
     labels = (*Patches(subdivision).labels, *before.labels)
     elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
     _check_size(wall.case, accuracy, groups, len(points), len(elements) * len(labels))
-    paths = _Paths.of(room, walls, points, normals, accuracy, groups)
+    paths = _Paths(room, walls, points, normals, accuracy, groups)
     base = Deposit(walls, before.directions, suns.diameter, subdivision, accuracy, None)
     straight_elements = elements[palette.straight[elements % len(palette.names)]]
     shape = (len(elements), groups, len(labels), len(points))
@@ -185,24 +185,10 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[TiledRoom, scene.
 class _Paths:
     """Gather paths of all groups, split by whether they met the façade from inside."""
 
-    def __init__(self, vertices: Vertices, cells: Cells, sensors: int, draws: int) -> None:
-        self.vertices, self.cells, self.sensors, self.draws = vertices, cells, sensors, draws
-        assert vertices.mark is not None
-        self.cell, self.mark = cells.of(vertices), vertices.mark
-        self.block, self.blocks = _blocks(cells)
-        # A cell's share of its block: its share of the visits by paths that met the façade.
-        visits = dr.zeros(mi.Float64, cells.count)
-        dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, self.mark > 0)
-        of_block = dr.zeros(mi.Float64, self.blocks)
-        dr.scatter_add(of_block, visits, self.block)
-        whole = dr.gather(mi.Float64, of_block, self.block)
-        self.share = mi.Float(dr.select(whole > 0, visits / whole, 0))
-
-    @classmethod
-    def of(
-        cls, room: TiledRoom, walls: scene.Scene, points: np.ndarray, normals: np.ndarray,
+    def __init__(
+        self, room: TiledRoom, walls: scene.Scene, points: np.ndarray, normals: np.ndarray,
         accuracy: Accuracy, groups: int,
-    ) -> _Paths:  # fmt: skip
+    ) -> None:  # fmt: skip
         """Trace the paths of all sensors."""
         meetings = Meetings(room.tiles, room.palette)
         world = replace(walls, full=room.scene(meetings.mesh))
@@ -211,8 +197,19 @@ class _Paths:
             world, points, normals, replicates=accuracy.replicates, paths=accuracy.paths,
             grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS), marks=meetings,
         )  # fmt: skip
-        cells = Cells.none(grid).extended(vertices)
-        return cls(vertices, cells, len(points), accuracy.replicates // groups)
+        assert vertices.mark is not None
+        self.vertices, self.mark = vertices, vertices.mark
+        self.cells = Cells.none(grid).extended(vertices)
+        self.cell = self.cells.of(vertices)
+        self.sensors, self.draws = len(points), accuracy.replicates // groups
+        self.block, self.blocks = _blocks(self.cells)
+        # A cell's share of its block: its share of the visits by paths that met the façade.
+        visits = dr.zeros(mi.Float64, self.cells.count)
+        dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, self.mark > 0)
+        of_block = dr.zeros(mi.Float64, self.blocks)
+        dr.scatter_add(of_block, visits, self.block)
+        whole = dr.gather(mi.Float64, of_block, self.block)
+        self.share = mi.Float(dr.select(whole > 0, visits / whole, 0))
 
     def matrix(self, group: int) -> mi.TensorXf:
         """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
