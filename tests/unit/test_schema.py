@@ -1,4 +1,4 @@
-"""What lies on disk: exact after a round trip, whole or not at all, nothing left behind."""
+"""Files keep datasets exactly, whole or not at all, and leave nothing else behind."""
 
 import json
 
@@ -39,20 +39,20 @@ SAVERS = [(storage.save_zarr, "c.zarr"), (storage.save_netcdf, "c.nc")]
 @pytest.mark.parametrize(("save", "name"), SAVERS)
 def test_a_dataset_comes_back_as_it_was(tmp_path, save, name):
     save(dataset(), tmp_path / "new" / name)
-    found = storage.open_dataset(tmp_path / "new" / name, "direct", "bin").load()
-    xr.testing.assert_identical(found, dataset())
-    assert list(found["bin"].values) == LABELS
-    assert found["direct"].dtype == np.float32
-    assert found["direct"].attrs["units"] == "sr"
-    assert found["direct_se"].attrs["long_name"].startswith("standard error of: ")
+    loaded = storage.open_dataset(tmp_path / "new" / name, "direct", "bin").load()
+    xr.testing.assert_identical(loaded, dataset())
+    assert list(loaded["bin"].values) == LABELS
+    assert loaded["direct"].dtype == np.float32
+    assert loaded["direct"].attrs["units"] == "sr"
+    assert loaded["direct_se"].attrs["long_name"].startswith("standard error of: ")
 
 
 @pytest.mark.parametrize(("save", "name"), SAVERS)
 def test_xarray_alone_opens_it_without_a_warning(tmp_path, save, name):
     save(dataset(), tmp_path / name)
-    with xr.open_dataset(tmp_path / name) as found:
-        assert found["bin"].values.tolist() == LABELS
-        value = found["direct"].sel(state="open", bin=LABELS[3])
+    with xr.open_dataset(tmp_path / name) as opened:
+        assert opened["bin"].values.tolist() == LABELS
+        value = opened["direct"].sel(state="open", bin=LABELS[3])
         np.testing.assert_array_equal(value, dataset()["direct"][0, :, 3])
 
 
@@ -116,19 +116,19 @@ def test_an_interrupted_json_leaves_nothing(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_no_result_is_told_in_one_line(tmp_path):
+def test_what_is_no_result_gives_one_line(tmp_path):
     text = tmp_path / "case.toml"
     text.write_text("name = 1")
     storage.save_netcdf(dataset(), tmp_path / "c.nc")
     cut = tmp_path / "cut.nc"
     cut.write_bytes((tmp_path / "c.nc").read_bytes()[:1000])
-    for path, told in (
+    for path, message in (
         (tmp_path / "none.nc", "no such file or folder; run the step that writes it"),
         (tmp_path, "give a file of this program"),
         (text, "give a file of this program"),
         (cut, "give a file of this program"),
     ):
-        with pytest.raises(InputError, match=told) as caught:
+        with pytest.raises(InputError, match=message) as caught:
             storage.open_dataset(path)
         assert str(caught.value).isprintable()
         assert str(caught.value).startswith(f"{path}: results: ")

@@ -215,8 +215,8 @@ def yardstick(reference, **thresholds):
 
 def test_noise_of_the_reference_is_taken_off(truth):
     """The noise is three times the error, and its mean's is as large as the error."""
-    found = evaluated(truth + ERROR * np.random.default_rng(3).standard_normal(truth.shape))
-    errors = yardstick(reference(truth)).errors(found, same_sensors=True)
+    result = evaluated(truth + ERROR * np.random.default_rng(3).standard_normal(truth.shape))
+    errors = yardstick(reference(truth)).errors(result, same_sensors=True)
     expected = 100 * ERROR / truth.mean()
     plain = 100 * np.sqrt(ERROR**2 + NOISE**2 / ROUNDS) / truth.mean()
     assert plain > 1.3 * expected
@@ -233,7 +233,7 @@ def test_an_offset_is_the_error_of_the_mean(truth):
 
 
 def test_the_truth_has_a_hidden_error_and_an_upper_bound(truth):
-    """Of many references of the truth, the estimate is as often too low as too high."""
+    """The estimate is as often too low as too high, over many references of the truth."""
     squares = []
     for seed in range(20):
         errors = yardstick(reference(truth, seed=seed)).errors(evaluated(truth), same_sensors=True)
@@ -256,8 +256,8 @@ def test_e_is_compared_in_the_same_state_of_the_shade(truth):
     ref = replace(reference(truth, noise=0.0), shaded=shaded, closed=closed)
     mine = np.isin(np.arange(TIMES), [0, 2])
     total = np.where(mine[:, None], 0.1 * truth, truth)
-    found = SettingResult(total, truth, np.zeros_like(truth), mine, 1.0, 1)
-    errors = yardstick(ref).errors(found, same_sensors=True)
+    result = SettingResult(total, truth, np.zeros_like(truth), mine, 1.0, 1)
+    errors = yardstick(ref).errors(result, same_sensors=True)
     assert errors.rms < 1e-3
     assert errors.shade.value == pytest.approx(100 * 2 / TIMES)
 
@@ -293,9 +293,9 @@ def test_another_grid_has_sda_and_ase_only(truth):
 
 def test_jackknife_of_a_mean_is_its_standard_error():
     x = np.random.default_rng(5).random(30)
-    found = jackknife(lambda rounds: float(x[rounds].mean()), 30)
-    assert found.value == pytest.approx(x.mean())
-    assert found.error == pytest.approx(x.std(ddof=1) / np.sqrt(30))
+    estimate = jackknife(lambda rounds: float(x[rounds].mean()), 30)
+    assert estimate.value == pytest.approx(x.mean())
+    assert estimate.error == pytest.approx(x.std(ddof=1) / np.sqrt(30))
 
 
 def test_pairs_of_equal_rounds_do_not_count():
@@ -342,7 +342,7 @@ def known_yardstick(own_rms, mean, sda, ase, rounds, **reference):
 
 
 @pytest.fixture
-def found():
+def room_tradeoff():
     known = known_yardstick(
         1.2, mean=(800.0, 0.8), sda=(55.0, 0.5), ase=12.0, rounds=16, paths=4096, seconds=60.0,
         times=range(201), sensors=range(576),
@@ -372,10 +372,10 @@ def test_it_is_said_beforehand_how_many_settings_fit():
     assert short == "about 6 of 20 settings fit into 2 min; all of them need about --minutes 7"
 
 
-def test_csv_is_whole(found, tmp_path):
-    found.save(tmp_path / "new")
+def test_csv_is_whole(room_tradeoff, tmp_path):
+    room_tradeoff.save(tmp_path / "new")
     table = pd.read_csv(tmp_path / "new" / "tradeoff.csv").set_index("setting")
-    assert list(table.index) == ["reference", *(row.name for row in found.rows)]
+    assert list(table.index) == ["reference", *(row.name for row in room_tradeoff.rows)]
     assert table.loc["default, yours", "E_rms_percent"] == pytest.approx(3.0)
     assert table.loc["default, yours", "memory_MiB"] == 1024
     assert np.isnan(table.loc["spacing × 2", "E_rms_percent"])
@@ -386,8 +386,8 @@ def test_csv_is_whole(found, tmp_path):
     assert {f.name for f in (tmp_path / "new").iterdir()} == {"tradeoff.csv", "tradeoff.png"}
 
 
-def test_it_shows_itself(found):
-    page = found._repr_html_()
+def test_it_shows_itself(room_tradeoff):
+    page = room_tradeoff._repr_html_()
     for text in ("samples × 1/4", "&lt;", "201 of 2610", "data:image/png"):
         assert text in page
 
@@ -435,7 +435,7 @@ def test_a_job_without_an_end_is_stopped():
     assert time.monotonic() - start < 5
 
 
-def test_a_job_that_dies_is_told():
+def test_a_job_that_dies_says_why():
     with pytest.raises(process.JobError, match="SIGABRT"):
         process.run(partial(os.abort), time.monotonic() + 30)
     with pytest.raises(process.JobError, match="exit code 1: ValueError: invalid literal"):

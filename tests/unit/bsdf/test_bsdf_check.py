@@ -1,4 +1,4 @@
-"""What `check` says of films made so that the answers are known, and what the pictures show."""
+"""`check` says what is known of films made for the purpose, and the pictures show it."""
 
 import json
 from dataclasses import replace
@@ -84,13 +84,13 @@ def test_a_redirecting_film_sends_the_sun_up():
 
 
 @pytest.mark.parametrize(
-    ("component", "where", "told"),
+    ("component", "where", "words"),
     [("tb", downward, "upside down"), ("tf", redirecting, "front and back exchanged")],
 )
-def test_a_film_that_is_measured_another_way_round_is_hinted_at(component, where, told):
+def test_a_film_that_is_measured_another_way_round_is_hinted_at(component, where, words):
     other = {"tb": "tf", "tf": "tb"}[component]
     report = check(film(**{component: sending(where), other: lambertian(0.0)}))
-    assert f"mounted {told}" in report.hint
+    assert f"mounted {words}" in report.hint
     assert report.hint.startswith("hint")
 
 
@@ -141,7 +141,7 @@ def test_a_klems_file_is_simulated_as_one():
 @pytest.mark.parametrize(
     ("excess", "verdict"), [(1.0, "ok"), (1.03, "scaled"), (1.06, "refused"), (90.0, "refused")]
 )
-def test_energy_above_one_is_found_where_it_is(excess, verdict):
+def test_energy_above_one_is_seen_where_it_is(excess, verdict):
     grid = np.full((N,) * 4, 0.5 / np.pi)
     grid[3, 12] = excess / np.pi - 0.1 / np.pi
     report = check(film(tb=TensorTree.of_grid(grid), rb=lambertian(0.1)))
@@ -168,13 +168,13 @@ def test_reciprocity_is_measured_against_the_reverse():
     other = tree.reversed()
     twice = replace(other, value=other.value * 3)
     assert balance.reciprocity(film(tb=tree, tf=other))["transmission"] == 0
-    found = balance.reciprocity(film(tb=tree, tf=twice))["transmission"]
-    assert found == pytest.approx(2 / 2)  # |1 − 3| against their mean
+    asymmetry = balance.reciprocity(film(tb=tree, tf=twice))["transmission"]
+    assert asymmetry == pytest.approx(2 / 2)  # |1 − 3| against their mean
     # One leaf of the coarse tree against many of the fine one.
     coarse = TensorTree.constant(0.5)
-    found = balance.reciprocity(film(tb=tree, tf=coarse))["transmission"]
+    asymmetry = balance.reciprocity(film(tb=tree, tf=coarse))["transmission"]
     value = tree.value
-    assert found == pytest.approx(np.abs(value - 0.5).sum() / (value + 0.5).sum() * 2)
+    assert asymmetry == pytest.approx(np.abs(value - 0.5).sum() / (value + 0.5).sum() * 2)
     lacking = balance.reciprocity(film(tb=tree))
     assert lacking == {"transmission": None, "rb": None, "rf": None}
 
@@ -183,14 +183,14 @@ def test_reciprocity_of_matrices_and_of_isotropic_trees():
     symmetric = klems()
     wrong = replace(symmetric, value=np.roll(symmetric.value, 20, axis=0))
     for matrix, error in ((symmetric, 0), (wrong, 2)):
-        found = balance.reciprocity(film("Klems", rb=matrix))["rb"]
-        assert found == pytest.approx(error, abs=1e-12)
+        asymmetry = balance.reciprocity(film("Klems", rb=matrix))["rb"]
+        assert asymmetry == pytest.approx(error, abs=1e-12)
     grid = np.zeros((8, 8, 8))
     grid[:] = np.where(np.arange(8) < 4, 1.0, 2.0)[:, None, None]  # the radius, of which half lives
     grid[:2] = 3.0
-    found = balance.reciprocity(film("TensorTree3", rf=TensorTree.of_grid(grid)))["rf"]
+    asymmetry = balance.reciprocity(film("TensorTree3", rf=TensorTree.of_grid(grid)))["rf"]
     # f is 1 for r < ½ and 3 beyond; half of a quarter and three quarters of the light go across.
-    assert found == pytest.approx(2 * 2 * 0.25 * 0.75 / (0.25 + 3 * 0.75), rel=0.05)
+    assert asymmetry == pytest.approx(2 * 2 * 0.25 * 0.75 / (0.25 + 3 * 0.75), rel=0.05)
 
 
 def test_isotropic_files_have_one_curve_a_side_and_true_averages():
@@ -271,19 +271,19 @@ def test_cones_and_solid_angles():
 @pytest.fixture(scope="module")
 def drawn():
     file = film(tb=sending(redirecting), rb=lambertian(0.2))
-    found = figures(file, check(file), sun=(40.0, -25.0))
-    for figure in found.values():
+    drawings = figures(file, check(file), sun=(40.0, -25.0))
+    for figure in drawings.values():
         FigureCanvasAgg(figure).draw()
-    return found
+    return drawings
 
 
 def texts(figure):
     """All texts but the labels of ticks."""
-    found = [*figure.texts, *(t for legend in figure.legends for t in legend.get_texts())]
+    artists = [*figure.texts, *(t for legend in figure.legends for t in legend.get_texts())]
     for ax in figure.axes:
-        found += [*ax.texts, ax.title, *(c for c in ax.get_children() if c is ax._left_title)]
-        found += [ax.xaxis.label, ax.yaxis.label] if ax.axison else []
-    return [t for t in found if t.get_text().strip()]
+        artists += [*ax.texts, ax.title, *(c for c in ax.get_children() if c is ax._left_title)]
+        artists += [ax.xaxis.label, ax.yaxis.label] if ax.axison else []
+    return [t for t in artists if t.get_text().strip()]
 
 
 def test_the_maps_show_the_value_of_every_cell(drawn):
@@ -349,14 +349,14 @@ def test_pictures_say_where_cells_show(drawn):
     assert any("plateaus" in t.get_text() for t in drawn["curves.png"].texts)
     assert not any("mean is shown" in t.get_text() for t in drawn["lobes.png"].texts)
     file = film("Klems", tb=klems())
-    found = figures(file, check(file))
-    assert any("mean is shown" in t.get_text() for t in found["lobes.png"].texts)
-    assert any("rings' centres" in t.get_text() for t in found["curves.png"].texts)
+    drawings = figures(file, check(file))
+    assert any("mean is shown" in t.get_text() for t in drawings["lobes.png"].texts)
+    assert any("rings' centres" in t.get_text() for t in drawings["curves.png"].texts)
 
 
 def test_what_is_not_in_the_file_is_said(drawn):
     file = film(tb=sending(window))
-    found = figures(file, check(file))
+    drawings = figures(file, check(file))
     for name in ("lobes.png", "section.png"):
-        assert any("not in the file" in t.get_text() for t in texts(found[name]))
+        assert any("not in the file" in t.get_text() for t in texts(drawings[name]))
     assert not any("not in the file" in t.get_text() for t in texts(drawn["lobes.png"]))

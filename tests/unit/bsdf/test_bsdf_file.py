@@ -368,7 +368,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD)
-def test_what_is_wrong_is_told_in_one_line(read, text, message):
+def test_what_is_wrong_gives_one_line(read, text, message):
     with pytest.raises(InputError) as error:
         read(text)
     line = str(error.value)
@@ -397,6 +397,6 @@ def test_a_file_that_is_too_large_is_not_read(read, monkeypatch):
         read(window(block("Reflection Back", LAMBERTIAN)))
 
 
-def test_a_missing_file_is_told_by_name(tmp_path):
+def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.xml"):
         bsdf.read(tmp_path / "nowhere.xml")

@@ -149,13 +149,13 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("text", "told"), BAD.values(), ids=BAD)
-def test_wrong_text_is_told_in_one_line(tmp_path, text, told):
+@pytest.mark.parametrize(("text", "message"), BAD.values(), ids=BAD)
+def test_wrong_text_gives_one_line(tmp_path, text, message):
     with pytest.raises(InputError) as error:
         parsed(tmp_path, text)
     line = str(error.value)
     assert "scan.txt" in line
-    assert told in line
+    assert message in line
     assert "\n" not in line
     assert len(line) < 300
 
@@ -200,7 +200,7 @@ def test_both_hemispheres_give_transmission_and_reflection(tmp_path, kind):
 @pytest.mark.parametrize(
     ("theta", "cells"), [(0, 0.337), (8, 0.239), (22, 0.324), (30, 0.326), (37, 0.207), (55, 0.270)]
 )
-def test_an_isotropic_lobe_is_found_at_and_between_incidences(tmp_path, theta, cells):
+def test_an_isotropic_lobe_is_right_at_and_between_incidences(tmp_path, theta, cells):
     """`cells` is what averaging the truth itself into the cells of such a tree costs."""
     file = from_measurements(measure(tmp_path, through, ONE_PLANE), depth=5)
     error, total = deviation(file, through, unit(theta, 130))
@@ -267,7 +267,7 @@ def test_an_even_sample_is_even_in_pixels_and_cells():
 
 
 @pytest.mark.parametrize(
-    ("spots", "symmetry", "told"),
+    ("spots", "symmetry", "words"),
     [
         ([(0, 0), (40, 0), (40, 90)], "auto", ("left and right", "top and bottom")),
         ([(0, 0), (40, 0), (40, 90), (40, 180)], "auto", ("top and bottom",)),
@@ -275,17 +275,17 @@ def test_an_even_sample_is_even_in_pixels_and_cells():
         ([(0, 0), (40, 0), (40, 90)], "none", ()),
     ],
 )
-def test_symmetry_completes_what_was_not_measured(spots, symmetry, told):
+def test_symmetry_completes_what_was_not_measured(spots, symmetry, words):
     rng = np.random.default_rng(1)
     lights = [(unit(*s)[:2], rng.random((4, 4))) for s in spots]
-    found, notes = incidence.mirrored(lights, symmetry)
-    assert all(any(t in note for note in notes) for t in told)
-    assert len(notes) == len(told)
+    completed, notes = incidence.mirrored(lights, symmetry)
+    assert all(any(t in note for note in notes) for t in words)
+    assert len(notes) == len(words)
     for key, light in lights:
         for axis, word in enumerate(("left and right", "top and bottom")):
             image = np.where(np.arange(2) == axis, -key, key)
-            there = [g for k, g in found if np.allclose(k, image, atol=1e-4)]
-            if word in told:
+            there = [g for k, g in completed if np.allclose(k, image, atol=1e-4)]
+            if word in words:
                 spared = not any(np.allclose(k, image, atol=1e-4) for k, _ in lights)
                 assert len(there) == 1
                 if spared:
@@ -293,30 +293,30 @@ def test_symmetry_completes_what_was_not_measured(spots, symmetry, told):
 
 
 @pytest.mark.parametrize(
-    ("incidences", "told"),
+    ("incidences", "message"),
     [
         ([(30, 0)], "1 incidence"),
         ([(30, 0), (30, 90)], "2 incidences"),
         ([(20, 0), (30, 180), (50, 0)], "one plane"),
     ],
 )
-def test_too_few_incidences_are_told(tmp_path, incidences, told):
+def test_too_few_incidences_are_refused(tmp_path, incidences, message):
     paths = measure(tmp_path, through, incidences, 100)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         from_measurements(paths, depth=2, symmetry="none")
 
 
 @pytest.mark.parametrize(
-    ("rows", "told"),
+    ("rows", "message"),
     [
         ("".join(f"{100 + i} 0 1\n" for i in range(5)), "5 points"),
         ("".join(f"{100 + i} 30 1\n" for i in range(40)), "directions"),
     ],
 )
-def test_too_few_directions_are_told(tmp_path, rows, told):
+def test_too_few_directions_are_refused(tmp_path, rows, message):
     path = tmp_path / "scan.txt"
     path.write_text(scan(HEAD, rows), encoding="utf-8")
-    with pytest.raises(InputError, match=told) as error:
+    with pytest.raises(InputError, match=message) as error:
         from_measurements([path], depth=2)
     assert "scan.txt" in str(error.value)
 
@@ -354,11 +354,11 @@ def test_a_passage_keeps_light_and_its_ends(seed, t):
     rng = np.random.default_rng(seed)
     a, b = (spot(*rng.uniform(10, 22, 2)) + rng.random((32, 32)) ** 8 for _ in range(2))
     rim = np.pad(np.ones((22, 22)), 5)
-    found = displacement.passage(a * rim, b * rim, EVERYWHERE, 8.0)
-    np.testing.assert_allclose(found.at(0), a * rim, atol=1e-12)
-    np.testing.assert_allclose(found.at(1), b * rim, atol=1e-12)
+    passage = displacement.passage(a * rim, b * rim, EVERYWHERE, 8.0)
+    np.testing.assert_allclose(passage.at(0), a * rim, atol=1e-12)
+    np.testing.assert_allclose(passage.at(1), b * rim, atol=1e-12)
     total = (1 - t) * (a * rim).sum() + t * (b * rim).sum()
-    assert found.at(t).sum() == pytest.approx(total)
+    assert passage.at(t).sum() == pytest.approx(total)
 
 
 def test_two_lobes_move_each_its_own_way():

@@ -1,4 +1,4 @@
-"""The case file: what is right loads, every slip of the pen is told in one line that helps."""
+"""The case file: what is right loads, every slip of the pen gives one line that helps."""
 
 import json
 import os
@@ -193,7 +193,7 @@ def test_a_hint_never_comes_from_another_table(load):
         ("[room]\nsize = [4.0, 5.0, 3.0]", "", "facade: there is no room; add a [room]"),
     ],
 )  # fmt: skip
-def test_a_wrong_value_is_told_with_its_place_and_a_remedy(load, old, new, line):
+def test_a_wrong_value_gives_its_place_and_a_remedy(load, old, new, line):
     assert complaint(load, changed(old, new)) == line
 
 
@@ -220,9 +220,9 @@ def test_a_wrong_value_is_told_with_its_place_and_a_remedy(load, old, new, line)
     ids=["syntax", "twice", "latin-1", "zero", "empty", "big", "deep", "digits", "huge", "nested",
          "long-key", "escape-key", "escape-name"],
 )  # fmt: skip
-def test_a_file_that_is_no_case_is_told_in_one_line(load, text, line):
-    told = complaint(load, text)
-    assert line is None or told == line
+def test_a_file_that_is_no_case_gives_one_line(load, text, line):
+    message = complaint(load, text)
+    assert line is None or message == line
 
 
 @settings(
@@ -233,18 +233,18 @@ def test_a_file_that_is_no_case_is_told_in_one_line(load, text, line):
     st.integers(0, 30),
     st.one_of(st.binary(max_size=12), st.text("0123456789.-+e[]{}=\"'\n#,", max_size=12)),
 )
-def test_a_damaged_file_loads_or_is_told_in_one_line(load, start, length, instead):
+def test_a_damaged_file_loads_or_gives_one_line(load, start, length, instead):
     instead = instead if isinstance(instead, bytes) else instead.encode()
     text = CASE.encode()
-    told = ""
+    message = ""
     try:
         load(text[:start] + instead + text[start + length :])
     except InputError as error:
-        told = str(error)
-    assert told.isprintable()
+        message = str(error)
+    assert message.isprintable()
 
 
-def test_a_missing_file_is_told_with_the_shipped_case_that_was_meant(tmp_path):
+def test_a_missing_file_gives_the_shipped_case_that_was_meant(tmp_path):
     with pytest.raises(InputError, match=r"case file: no such file; give a TOML file$"):
         load_case(tmp_path / "none.toml")
     with pytest.raises(InputError, match=r"case file: no such file; give a TOML file$"):
@@ -254,7 +254,7 @@ def test_a_missing_file_is_told_with_the_shipped_case_that_was_meant(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root reads all files")
-def test_an_unreadable_file_is_told(tmp_path):
+def test_an_unreadable_file_is_refused(tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(CASE)
     file.chmod(0)

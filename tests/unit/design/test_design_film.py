@@ -257,7 +257,7 @@ def exactly(year, weight, film):
 
 @pytest.fixture(scope="module")
 def weight(year):
-    """Of every illuminance, so that no symmetry hides an error."""
+    """Every illuminance has a weight of its own, so that no symmetry hides an error."""
     shape = year.rest.shape
     return (np.random.default_rng(5).random(shape) / np.prod(shape)).astype(np.float32)
 

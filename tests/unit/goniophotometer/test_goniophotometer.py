@@ -43,8 +43,8 @@ def replicates(structure, name, *, seeds=range(4), glass=None, **options):
     r = recipe(structure, **({"glass": glass} if glass else {}))
     parts = [gonio.expose(r, seed=s, **options) for s in seeds]
     names = [name] if isinstance(name, str) else name
-    found = [np.concatenate([p.halves[k] for p in parts]) for k in names]
-    return found[0] if isinstance(name, str) else found
+    halves = [np.concatenate([p.halves[k] for p in parts]) for k in names]
+    return halves[0] if isinstance(name, str) else halves
 
 
 def cell_means(function, n, points=64):
@@ -341,7 +341,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_recipe_is_told_in_one_line(tmp_path, case):
+def test_a_wrong_recipe_gives_one_line(tmp_path, case):
     text, expected = WRONG[case]
     (tmp_path / "r.toml").write_text(f"[structure]\n{text}\n")
     with pytest.raises(InputError) as error:
@@ -362,7 +362,7 @@ def test_glass_must_stand_apart_and_keep_energy():
 @pytest.mark.parametrize(
     "options", [{"depth": 9}, {"rank": 2}, {"samples": 0}, {"seed": -1}, {"percent": 101}]
 )
-def test_wrong_arguments_are_told(options):
+def test_wrong_arguments_are_refused(options):
     with pytest.raises(InputError, match=next(iter(options))):
         gonio.measure(recipe(SLAB), **options)
 
@@ -412,7 +412,7 @@ UNFIT = {
 
 
 @pytest.mark.parametrize("name", UNFIT)
-def test_unfit_meshes_are_told_in_one_line(tmp_path, name):
+def test_unfit_meshes_give_one_line(tmp_path, name):
     (tmp_path / name).write_bytes(UNFIT[name])
     with pytest.raises(InputError, match=name) as error:
         read_mesh(tmp_path / name)

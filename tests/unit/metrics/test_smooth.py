@@ -17,7 +17,7 @@ from drcmitsuba.runtime.errors import InputError
 
 TIME, SENSORS = 240, 400
 HOURS, AREA = 20.0, 0.05
-"""Of sun in this short year, and of the room: so that some sensors and hours pass, some do not."""
+"""Sunny hours and share of the room by which some sensors and hours pass, some do not."""
 
 
 @pytest.fixture(autouse=True)
@@ -83,7 +83,7 @@ def test_at_high_sharpness_every_twin_is_its_metric():
     [("sDA", 300.0, 0.5), ("ASE", 1000.0, 1 / 12), ("shade", 1000.0, AREA)],
 )
 def test_the_error_of_one_decision_falls_as_one_over_the_sharpness(which, threshold, share):
-    """What is wrong are the counts within n ± n/k: half as many at 2k.
+    """Counts within n ± n/k are wrong: half as many at 2k.
 
     Sums over sensors gain by errors that cancel, so this looks at single decisions: those of hours
     by the shade, and those of sensors, which are its decisions with time and sensors swapped. The

@@ -1,4 +1,4 @@
-"""What a plan decides: the quantity that decides, in numbers and in words, and who overrules it."""
+"""A plan says which quantity decides, in numbers and in words, and who overrules it."""
 
 import numpy as np
 import pytest
@@ -31,38 +31,37 @@ def planned(**changes):
 
 
 def test_every_effect_says_why():
-    found = planned()
-    told = found.to_dict()
-    assert set(told) == {
+    effects = planned().to_dict()
+    assert set(effects) == {
         "sky", "ground", "suns", "dark_hours", "clear_panes", "scattering_panes", "films",
         "straight_through", "pane_to_pane", "components", "obstructions", "shaded_state",
         "interreflection", "colour", "pictures", "gradients",
     }  # fmt: skip
-    assert all(isinstance(effect["on"], bool) and effect["reason"] for effect in told.values())
-    assert {name for name, effect in told.items() if effect["on"]} == {
+    assert all(isinstance(effect["on"], bool) and effect["reason"] for effect in effects.values())
+    assert {name for name, effect in effects.items() if effect["on"]} == {
         "sky", "ground", "suns", "clear_panes", "interreflection", "pictures"
     }  # fmt: skip
 
 
 def test_a_north_room_in_winter_sees_no_sun_and_the_plan_tells_by_how_much():
     north = {"north": ROOM["facade"]["south"]}
-    found = planned(facade=north, period={**ROOM["period"], "months": [12]}).effects["suns"]
-    assert not found.on
-    assert found.quantities["largest_ns"] < -0.1
-    assert f"largest n·s = {found.quantities['largest_ns']:.2f}" in found.reason
+    suns = planned(facade=north, period={**ROOM["period"], "months": [12]}).effects["suns"]
+    assert not suns.on
+    assert suns.quantities["largest_ns"] < -0.1
+    assert f"largest n·s = {suns.quantities['largest_ns']:.2f}" in suns.reason
 
 
 def test_an_overcast_sky_has_no_sun():
     site = {"latitude": 46.0, "longitude": 6.0, "timezone": 1}
-    found = planned(sky={"model": "cie", "type": "overcast"}, site=site)
-    assert found.effects["suns"].reason == "no sun of the period has a radiance"
-    assert found.effects["sky"].on
-    assert len(found.facts.light.suns.labels) == 0
+    decided = planned(sky={"model": "cie", "type": "overcast"}, site=site)
+    assert decided.effects["suns"].reason == "no sun of the period has a radiance"
+    assert decided.effects["sky"].on
+    assert len(decided.facts.light.suns.labels) == 0
 
 
 def test_a_room_without_openings_asks_for_nothing():
-    found = planned(facade={})
-    on = {name for name, effect in found.effects.items() if effect.on}
+    decided = planned(facade={})
+    on = {name for name, effect in decided.effects.items() if effect.on}
     assert on == {"interreflection", "pictures"}
 
 
@@ -78,10 +77,10 @@ def test_the_ground_is_seen_by_sensors_only_where_something_stands():
     [(0.0, 1e-3, 0), (0.5, 1e-3, 10), (0.8, 1e-3, 31), (0.99, 1e-3, 688), (1.0, 1e-3, None)],
 )
 def test_depth_is_where_the_series_has_faded(albedo, part, surfaces):
-    found = panes.depth(albedo, part)
-    assert found == surfaces
-    if found:
-        assert albedo**found <= part < albedo ** (found - 1)
+    depth = panes.depth(albedo, part)
+    assert depth == surfaces
+    if depth:
+        assert albedo**depth <= part < albedo ** (depth - 1)
 
 
 def test_the_target_decides_how_deep():
@@ -96,26 +95,26 @@ def test_the_target_decides_how_deep():
 
 def test_the_case_overrules_and_the_reason_says_so():
     effects = {"suns": "off", "interreflection": "all", "clear_panes": "all"}
-    found = planned(effects=effects)
-    assert found.effects["suns"].overruled
-    assert found.effects["suns"].reason.endswith('overruled by [effects] suns = "off"')
-    assert (found.scope.suns, found.scope.depth, found.scope.enclosed) == (False, None, False)
-    assert found.notes() == [found.effects["suns"].reason]
+    decided = planned(effects=effects)
+    assert decided.effects["suns"].overruled
+    assert decided.effects["suns"].reason.endswith('overruled by [effects] suns = "off"')
+    assert (decided.scope.suns, decided.scope.depth, decided.scope.enclosed) == (False, None, False)
+    assert decided.notes() == [decided.effects["suns"].reason]
     assert planned(effects={"films": "off"}).notes() == []  # there is none
 
 
 @pytest.mark.parametrize(
-    ("effects", "told"),
+    ("effects", "message"),
     [
         ({"suns": "some"}, "effects.suns: got \"some\"; input should be 'auto', 'all' or 'off'"),
         ({"sun": "all"}, 'effects.sun: unknown key; did you mean "suns"?'),
         ({"dark_hours": "off"}, 'effects.dark_hours: got "off"'),
     ],
 )
-def test_a_choice_that_is_none(effects, told):
+def test_a_choice_that_is_none(effects, message):
     with pytest.raises(InputError) as error:
         checked(Case, {**ROOM, "effects": effects}, "room.toml")
-    assert told in str(error.value)
+    assert message in str(error.value)
 
 
 def test_light_mirrored_between_facades_is_followed_but_with_an_adaptive_sun():

@@ -167,7 +167,7 @@ def test_a_picture_shows_the_sun_behind_a_pane(same):
     assert np.all(np.array(seen)[:, 1] == 0)
 
 
-def test_suns_that_overlap_are_all_found_in_a_mirror(same, plain_coefficients):
+def test_suns_that_overlap_all_count_in_a_mirror(same, plain_coefficients):
     # By a vertical mirror at y = 1 the sensor sees two suns at one place, and a third beside them.
     wall = np.array([[[-9, 1, -9], [9, 1, -9], [9, 1, 9], [-9, 1, 9.0]]])
     mirror = quad_mesh("mirror", wall, mi.load_dict({"type": "twosided", "bsdf": {
@@ -204,16 +204,16 @@ def test_gradient_of_a_render_by_the_radiances_is_c(same, plain_coefficients):
     scene = meter(sky={"type": "tregenza_sky"})
     integrator = mi.load_dict({"type": "prb", "max_depth": 12})
     params = mi.traverse(scene)
-    found = []
+    gradients = []
     for seed in range(16):
         dr.enable_grad(params["sky.radiance"])
         params.update()
         image = mi.render(scene, params, integrator=integrator, spp=1 << 14, seed=seed)
         dr.backward(dr.sum(image.array))
-        found.append(dr.grad(params["sky.radiance"]).numpy())
+        gradients.append(dr.grad(params["sky.radiance"]).numpy())
         dr.disable_grad(params["sky.radiance"])
-    assert np.isfinite(found).all()
-    same(found, other=plain_coefficients(scene, ORIGIN, UP, spp=1 << 14).sum(axis=(0, 2)),
+    assert np.isfinite(gradients).all()
+    same(gradients, other=plain_coefficients(scene, ORIGIN, UP, spp=1 << 14).sum(axis=(0, 2)),
          within=0.005)  # fmt: skip
 
 

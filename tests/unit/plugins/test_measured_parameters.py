@@ -165,7 +165,7 @@ def test_every_variant_gives_the_same(variant, tmp_path, kind):
         ({"filename": "nowhere.xml"}, "nowhere.xml: file: No such file or directory"),
     ],
 )
-def test_wrong_parameters_are_told(tmp_path, parameters, message):
+def test_wrong_parameters_are_refused(tmp_path, parameters, message):
     path = write(tmp_path, "TensorTree4")
     with pytest.raises(RuntimeError, match=message):
         mi.load_dict({"type": "tensor_tree", "filename": str(path), **parameters})
@@ -192,8 +192,8 @@ def test_an_isotropic_peak_keeps_the_energy_on_coarse_leaves():
     for tree in (fine, coarse):
         part = peak.split(tree)
         live = slice(0, n // 2)
-        found = (part.rest.albedos() + part.through)[live]
-        np.testing.assert_allclose(found, tree.albedos()[live])
+        albedos = (part.rest.albedos() + part.through)[live]
+        np.testing.assert_allclose(albedos, tree.albedos()[live])
         assert part.share > 0.3
 
 

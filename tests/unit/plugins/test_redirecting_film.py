@@ -234,7 +234,7 @@ def test_derivatives_of_eval_are_central_differences(change, mode):
 
     for key in keys:
         dr.set_grad(params[key], 1.0)
-        found = dr.forward_to(value()).numpy()
+        derivative = dr.forward_to(value()).numpy()
         at = float(dr.detach(params[key])[0])
         step = 0.02 if key in ("tilt", "spread") else 1e-2
         sides = []
@@ -247,8 +247,11 @@ def test_derivatives_of_eval_are_central_differences(change, mode):
         params.update()
         expected = (sides[0] - sides[1]) / (2 * step)
         scale = max(abs(sides[0]).max(), 0.1)
-        np.testing.assert_allclose(found, expected, rtol=0.01, atol=2e-4 * scale, err_msg=key)
-        assert abs(found).max() > 0 or 0 in (change.get("transmittance"), change.get("redirected"))
+        np.testing.assert_allclose(derivative, expected, rtol=0.01, atol=2e-4 * scale, err_msg=key)
+        assert abs(derivative).max() > 0 or 0 in (
+            change.get("transmittance"),
+            change.get("redirected"),
+        )
 
 
 @pytest.mark.parametrize("change", BOUNDS)
@@ -260,12 +263,12 @@ def test_reverse_equals_forward_and_is_finite(change):
     dr.backward(dr.mean(bsdf.eval(ctx, si, vector(wo))[0]))
     reverse = [float(dr.grad(params[key])[0]) for key in keys]
     assert np.isfinite(reverse).all()
-    for key, found in zip(keys, reverse, strict=True):
+    for key, derivative in zip(keys, reverse, strict=True):
         bsdf, params, _ = attached(change)
         dr.set_grad(params[key], 1.0)
         values = dr.forward_to(bsdf.eval(ctx, si, vector(wo))[0]).numpy()
         assert np.isfinite(values).all()
-        assert values.mean() == pytest.approx(found, rel=1e-3, abs=1e-6), key
+        assert values.mean() == pytest.approx(derivative, rel=1e-3, abs=1e-6), key
 
 
 def test_a_narrow_lobe_has_finite_derivatives_at_its_peak():
@@ -294,12 +297,12 @@ def test_weights_of_samples_carry_the_gradient_of_the_albedo():
     si = interaction(np.tile(unit(WI[1]), (count, 1)))
     _, weight = bsdf.sample(context("Importance"), si, sampler.next_1d(), sampler.next_2d())
     dr.backward(dr.mean(weight[0]))
-    found = {key: float(dr.grad(params[key])[0]) for key in keys}
-    assert found["transmittance"] == pytest.approx(1, abs=0.02)
-    assert found["reflectance_front"] == pytest.approx(1, abs=0.02)
+    gradient = {key: float(dr.grad(params[key])[0]) for key in keys}
+    assert gradient["transmittance"] == pytest.approx(1, abs=0.02)
+    assert gradient["reflectance_front"] == pytest.approx(1, abs=0.02)
     # Per degree: the score's standard deviation is 1/σ = 1/14 for a mean of 65,536 draws.
-    assert found["tilt"] == pytest.approx(0, abs=1e-3)
-    assert found["spread"] == pytest.approx(0, abs=1e-3)
+    assert gradient["tilt"] == pytest.approx(0, abs=1e-3)
+    assert gradient["spread"] == pytest.approx(0, abs=1e-3)
 
 
 BAD = [

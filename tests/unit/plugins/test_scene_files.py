@@ -134,7 +134,7 @@ BAD_SUNS = [
 
 
 @pytest.mark.parametrize(("body", "message"), BAD_SUNS)
-def test_what_is_no_sun_is_told_in_one_line(tmp_path, body, message):
+def test_what_is_no_sun_gives_one_line(tmp_path, body, message):
     with pytest.raises(Exception, match=f"ValueError: sun_disks: .*{message}"):
         sun(body.replace("{pickled}", str(pickled(tmp_path))))
 
@@ -149,7 +149,7 @@ def test_what_is_no_sun_is_told_in_one_line(tmp_path, body, message):
         ('<float name="subdivision" value="1.5"/>', "subdivision: 1.5; give a whole number"),
     ],
 )
-def test_what_is_no_sky_is_told_in_one_line(body, message):
+def test_what_is_no_sky_gives_one_line(body, message):
     with pytest.raises(Exception, match=f"ValueError: tregenza_sky: {message}"):
         emitters(f'<emitter type="tregenza_sky">{body}</emitter>')
 

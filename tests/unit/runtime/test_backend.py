@@ -1,4 +1,4 @@
-"""A machine that cannot run the program is told so in one line, before any kernel is made."""
+"""A machine that cannot run the program gets one line that says so, before any kernel is made."""
 
 import os
 import pydoc
@@ -44,17 +44,17 @@ def refused_in_one_line(done):
 
 @pytest.mark.parametrize("version", UNFIT)
 def test_an_unfit_llvm_is_refused_in_one_line_without_an_abort(version):
-    found = libraries(version)
-    if not found:
+    paths = libraries(version)
+    if not paths:
         pytest.skip(f"no LLVM {version} on this machine")
     line = refused_in_one_line(
-        doctor(DRJIT_LIBLLVM_PATH=str(found[0]), DRCMITSUBA_VARIANT="llvm_ad_mono")
+        doctor(DRJIT_LIBLLVM_PATH=str(paths[0]), DRCMITSUBA_VARIANT="llvm_ad_mono")
     )
     assert "older than 15" in line if version < 15 else f"LLVM {version}." in line
     assert "install LLVM 19" in line
 
 
-def test_a_missing_llvm_is_told_in_one_line(tmp_path):
+def test_a_missing_llvm_gives_one_line(tmp_path):
     nowhere = str(tmp_path / "libLLVM.so")
     line = refused_in_one_line(
         doctor(DRJIT_LIBLLVM_PATH=nowhere, DRCMITSUBA_VARIANT="llvm_ad_mono")
@@ -123,11 +123,11 @@ def test_importing_sets_no_variant_and_says_nothing():
 
 
 def test_the_report_names_backends_and_versions():
-    told = backend.report()
-    assert re.fullmatch(r"\d+\.\d+\.\d+|not found", told["LLVM"])
-    assert told["GPU (CUDA)"] in ("found", "not found")
-    assert int(told["threads"]) >= 1
-    assert told["mitsuba"] == mi.__version__
+    report = backend.report()
+    assert re.fullmatch(r"\d+\.\d+\.\d+|not found", report["LLVM"])
+    assert report["GPU (CUDA)"] in ("found", "not found")
+    assert int(report["threads"]) >= 1
+    assert report["mitsuba"] == mi.__version__
 
 
 def test_plugins_are_registered_however_mitsuba_is_imported():

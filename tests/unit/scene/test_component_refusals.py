@@ -34,7 +34,7 @@ def _backend():
 
 
 @pytest.mark.parametrize(
-    ("tables", "told"),
+    ("tables", "message"),
     [
         ({"components": {"pipe": PIPE | {"mirror": "glass"}}},
          "components.pipe.mirror: \"glass\" is no mirror"),
@@ -53,13 +53,13 @@ def _backend():
          "coating: with a roughness of 0.1"),
     ],
 )  # fmt: skip
-def test_tables_that_do_not_fit_are_refused(tables, told):
-    with pytest.raises(ValueError, match=told):
+def test_tables_that_do_not_fit_are_refused(tables, message):
+    with pytest.raises(ValueError, match=message):
         case(**tables)
 
 
 @pytest.mark.parametrize(
-    ("tables", "told"),
+    ("tables", "message"),
     [
         (
             {"pipe": PIPE | {"centre": [0.2, 2.0]}},
@@ -73,8 +73,8 @@ def test_tables_that_do_not_fit_are_refused(tables, told):
         ({"a": PIPE | {"centre": [2.0, 1.0]}, "b": DUCT}, "components.b: it runs into a"),
     ],
 )
-def test_holes_that_do_not_fit_are_refused(tables, told):
-    with pytest.raises(InputError, match=told):
+def test_holes_that_do_not_fit_are_refused(tables, message):
+    with pytest.raises(InputError, match=message):
         components.place(case(components=tables))
 
 
@@ -85,7 +85,7 @@ def test_a_port_in_furniture_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("text", "changes", "told"),
+    ("text", "changes", "message"),
     [
         (PRISM, {"tilt": 10.0}, "panel.tilt: the recipe is of kind prism"),
         (PRISM + "[glass]\ntransmittance = 0.9\ndistance = 8\n", {"outer": "glass"},
@@ -95,8 +95,8 @@ def test_a_port_in_furniture_is_refused():
         (SLATS.replace("40", "1400"), {}, "structure.period: a period takes 1400 mm"),
     ],
 )  # fmt: skip
-def test_structures_that_do_not_fit_are_refused(tmp_path, text, changes, told):
-    with pytest.raises(InputError, match=told):
+def test_structures_that_do_not_fit_are_refused(tmp_path, text, changes, message):
+    with pytest.raises(InputError, match=message):
         components.place(with_strip(tmp_path, text, **changes))
 
 

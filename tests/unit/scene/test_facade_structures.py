@@ -65,9 +65,9 @@ def test_tilt_lifts_the_edge_at_the_room(tmp_path, tilt):
     placed = only(components.place(with_strip(tmp_path, SLATS, tilt=tilt)))
     slat = part(placed, "structure").quads[:60].reshape(-1, 3)  # south: y grows into the room
     outer, inner = slat[slat[:, 1].argmin()], slat[slat[:, 1].argmax()]
-    found = np.degrees(np.arctan2(inner[2] - outer[2], inner[1] - outer[1]))
+    angle = np.degrees(np.arctan2(inner[2] - outer[2], inner[1] - outer[1]))
     # The arc's ends are its extremes as long as it turns less than the tilt leaves to 90°.
-    assert found == pytest.approx(tilt, abs=1e-6)
+    assert angle == pytest.approx(tilt, abs=1e-6)
 
 
 @pytest.mark.parametrize("side", ["south", "east", "north", "west"])
@@ -163,10 +163,10 @@ def test_shipped_scenes_have_the_ports_of_their_components(name):
     assert name in shipped_cases()
     shipped = load_case(name)
     world = scene.load(shipped)
-    found = Counter(port.component for port in world.ports)
-    assert found == SHIPPED[name]
-    assert {part.component for part in world.parts} == {"", *found}
-    assert plan.plan(shipped, daylight(shipped)).effects["components"].on == bool(found)
+    counts = Counter(port.component for port in world.ports)
+    assert counts == SHIPPED[name]
+    assert {part.component for part in world.parts} == {"", *counts}
+    assert plan.plan(shipped, daylight(shipped)).effects["components"].on == bool(counts)
     sensor_points(shipped)
 
 

@@ -43,12 +43,12 @@ def test_the_ceiling_and_the_ring_fill_everything_but_the_pipe(sides):
     x, y = corners.T
     cross_section = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
     assert cross_section == pytest.approx(sides * 0.25**2 * np.tan(np.pi / sides))
-    found = ceiling_area(surfaces, "ceiling", "ring")
-    assert found == pytest.approx(SIZE[0] * SIZE[1] - cross_section, rel=1e-9)
+    area = ceiling_area(surfaces, "ceiling", "ring")
+    assert area == pytest.approx(SIZE[0] * SIZE[1] - cross_section, rel=1e-9)
     for s in surfaces:
         if s.name.endswith(("ceiling", "ring")):
-            found = normals(s.quads[:, [0, 1, 2, 2]])
-            np.testing.assert_allclose(found, [[0, 0, -1]] * len(found), atol=1e-9)
+            directions = normals(s.quads[:, [0, 1, 2, 2]])
+            np.testing.assert_allclose(directions, [[0, 0, -1]] * len(directions), atol=1e-9)
 
 
 def closed_but_for(surfaces, ports):
@@ -183,7 +183,7 @@ def moved_port(**to):
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "message"),
     [
         (lambda f: with_mesh(f, flipped(CUBE)), "mesh.obj: mesh: the normals point inward"),
         (lambda f: with_mesh(f, CUBE.replace("f 4 1 5 8\n", "")), "not closed: 4 open edges"),
@@ -204,8 +204,8 @@ def moved_port(**to):
         ),
     ],
 )
-def test_unfit_meshes_and_ports_are_refused(tmp_path, make, told):
-    with pytest.raises(InputError, match=told):
+def test_unfit_meshes_and_ports_are_refused(tmp_path, make, message):
+    with pytest.raises(InputError, match=message):
         components.place(make(tmp_path))
 
 

@@ -46,8 +46,8 @@ def normals_and_areas(quads):
 
 
 def area(surfaces, *words):
-    found = [s for s in surfaces if any(word in s.name for word in words)]
-    return sum(normals_and_areas(s.quads)[1].sum() for s in found)
+    named = [s for s in surfaces if any(word in s.name for word in words)]
+    return sum(normals_and_areas(s.quads)[1].sum() for s in named)
 
 
 def wall_area(side):
@@ -195,7 +195,7 @@ DESK = {"name": "desk", "corner": [1.0, 1.0, 0.7], "size": [1.2, 0.6, 0.04]}
 
 
 @pytest.mark.parametrize(
-    ("corner", "furniture", "told"),
+    ("corner", "furniture", "message"),
     [
         ([0.5, 0.5, 0.0], [], r"sensor 0 at \(1, 1, 0\) lies in, on or beyond a wall .*12 in all"),
         ([0.5, 0.5, 3.2], [], r"sensor 0 at \(1, 1, 3.2\) lies in, on or beyond a wall"),
@@ -207,9 +207,9 @@ DESK = {"name": "desk", "corner": [1.0, 1.0, 0.7], "size": [1.2, 0.6, 0.04]}
         ([0.7, 0.7, 0.7], [DESK | {"size": [0.6, 0.6, 0]}], r"0.7\) lies in or on 'desk'; move it"),
     ],
 )
-def test_a_sensor_that_would_see_nothing_is_told_by_number(corner, furniture, told):
+def test_a_sensor_that_would_see_nothing_is_refused_by_number(corner, furniture, message):
     grid = {"corner": corner, "count": [3, 4], "spacing": 1.0}
-    with pytest.raises(InputError, match=told) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         sensor_points(case(sensors=grid, furniture=furniture))
     assert str(caught.value).startswith("case: sensors: ")
     assert str(caught.value).endswith("move it at least 1 mm off every surface")

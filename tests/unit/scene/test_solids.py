@@ -47,16 +47,16 @@ def test_a_solid_is_known_by_its_volume_and_what_it_surrounds():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda f: f[:, ::-1], "normals point inward"),
         (lambda f: f[1:], "not closed: 3 open edges"),
         (lambda f: np.concatenate([f[:1, ::-1], f[1:]]), "disagree on which side is out"),
     ],
 )
-def test_what_is_no_solid_is_refused(change, told):
+def test_what_is_no_solid_is_refused(change, message):
     vertices, faces = tetrahedron()
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         check_solid("file", vertices, change(faces))
 
 

@@ -127,7 +127,7 @@ def strip(bottom, top, segments):
          "facade.south.strips, 1.5 to 2 m: overlaps the strip below it; start at 1.8 m or above"),
     ],
 )  # fmt: skip
-def test_strips_that_do_not_fit_are_told(strips, line):
+def test_strips_that_do_not_fit_are_refused(strips, line):
     with pytest.raises(InputError) as caught:
         case(strips)
     assert str(caught.value) == f"room.toml: {line}"

@@ -1,4 +1,4 @@
-"""Suns that are said not to get in do not get in; those that plainly do not are found."""
+"""Suns that are said not to get in do not get in; those that plainly do not are known."""
 
 import numpy as np
 import pytest
@@ -47,22 +47,22 @@ def box(corner, size, reflectance=0.5):
 def test_a_sun_gets_in_where_its_disk_is_before_an_opening():
     case = room()
     suns = [sun(180, 30), sun(0, 30), sun(90.1, 30), sun(89.9, 30), sun(89.5, 30)]
-    found = reached(case, *suns)
-    np.testing.assert_array_equal(found.mask, [True, False, True, True, False])
-    assert (found.behind, found.hidden) == (2, 0)
-    assert found.largest == pytest.approx(np.cos(np.radians(30)))
+    visible = reached(case, *suns)
+    np.testing.assert_array_equal(visible.mask, [True, False, True, True, False])
+    assert (visible.behind, visible.hidden) == (2, 0)
+    assert visible.largest == pytest.approx(np.cos(np.radians(30)))
 
 
 @pytest.mark.parametrize("rotation", [0.0, 37.0, -90.0])
 def test_the_room_is_turned_with_its_openings(rotation):
-    found = reached(room(rotation=rotation), sun(180 + rotation, 20), sun(rotation, 20))
-    np.testing.assert_array_equal(found.mask, [True, False])
+    visible = reached(room(rotation=rotation), sun(180 + rotation, 20), sun(rotation, 20))
+    np.testing.assert_array_equal(visible.mask, [True, False])
 
 
 def test_a_room_without_openings_lets_no_sun_in():
-    found = reached(room(sides=()), sun(180, 30))
-    assert not found.mask.any()
-    assert found.largest == -1
+    visible = reached(room(sides=()), sun(180, 30))
+    assert not visible.mask.any()
+    assert visible.largest == -1
 
 
 def test_no_room_tells_nothing():
@@ -74,9 +74,9 @@ def test_a_wall_across_the_street_hides_low_suns_and_no_more():
     """Its top, 7 m up and 10 m away, is at atan((7 − 2) / 10) seen from the lintel, 26.57°."""
     case = room(box([-40, -10.5, -1], [84, 0.5, 8], reflectance=0.0))
     limit = np.degrees(np.arctan2(7 - 2.0, 10))
-    found = reached(case, sun(180, limit - 0.4), sun(180, limit + 0.3), sun(180, 70), sun(0, 70))
-    np.testing.assert_array_equal(found.mask, [False, True, True, False])
-    assert (found.behind, found.hidden) == (1, 1)
+    visible = reached(case, sun(180, limit - 0.4), sun(180, limit + 0.3), sun(180, 70), sun(0, 70))
+    np.testing.assert_array_equal(visible.mask, [False, True, True, False])
+    assert (visible.behind, visible.hidden) == (1, 1)
 
 
 def test_a_wall_to_the_north_hands_the_southern_sun_on():
@@ -107,8 +107,8 @@ def test_what_is_left_out_has_no_light(seed):
     suns = np.array([sun(a, h) for a, h in rng.uniform([0, 2], [360, 80], (160, 2))])
     labels = tuple(f"sun_{i}" for i in range(len(suns)))
     diameter = 2.0
-    found = simulation.transport(case, "open", Suns(labels, suns, diameter), 45.0)
-    lit = found["replicates"].sel(bin=list(labels)).values.max(axis=(0, 1)) > 0
+    C = simulation.transport(case, "open", Suns(labels, suns, diameter), 45.0)
+    lit = C["replicates"].sel(bin=list(labels)).values.max(axis=(0, 1)) > 0
     mask = reached(case, *suns, diameter=diameter).mask
     assert not (lit & ~mask).any()
     assert lit.any()

@@ -160,7 +160,7 @@ def test_extreme_suns_stay_finite(kind, zenith):
         (("clear", None, float("nan")), "turbidity"),
     ],
 )
-def test_wrong_input_is_told(arguments, match):
+def test_wrong_input_is_refused(arguments, match):
     with pytest.raises(InputError, match=match):
         CieSky(*arguments)
 

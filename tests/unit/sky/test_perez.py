@@ -357,7 +357,7 @@ def test_a_sky_does_not_depend_on_its_neighbours_in_time():
     np.testing.assert_allclose(alone.sky, whole.sky[part], rtol=1e-12)
 
 
-def test_wrong_input_is_told():
+def test_wrong_input_is_refused():
     sun = sun_at([30.0, 40.0], [180.0, 190.0])
     data = weather(sun, [1.0, np.nan], 1.0)
     with pytest.raises(InputError, match=r"dni: nan W/m2 at 2015-06-01T11:00"):

@@ -174,7 +174,7 @@ def test_times_in_any_order_keep_their_sun():
     np.testing.assert_array_equal(a.direction.to_numpy()[order], b.direction.to_numpy())
 
 
-def test_wrong_input_is_told():
+def test_wrong_input_is_refused():
     with pytest.raises(InputError, match="step"):
         sun_position(YEAR[:2], 0.0, GENEVA)
     with pytest.raises(InputError, match="sun_time"):

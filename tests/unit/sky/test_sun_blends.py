@@ -1,4 +1,4 @@
-"""What stands for the sun: its patches, DAYSIM's hours, the mesh."""
+"""Patches, DAYSIM's hours and the mesh stand for the sun."""
 
 import numpy as np
 import pytest

@@ -80,6 +80,6 @@ def test_each_time_is_the_cie_sky_that_was_drawn():
         (((0.5,) * 12, -0.1), "intermediate"),
     ],
 )
-def test_wrong_input_is_told(arguments, match):
+def test_wrong_input_is_refused(arguments, match):
     with pytest.raises(InputError, match=match):
         Sunshine(*arguments)
