@@ -1,4 +1,4 @@
-"""BSDF files: LBNL XML with tensor trees or Klems matrices."""
+"""BSDF files: XML with tensor trees or Klems matrices; parsed by `bsdf_file` of `plugins`."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from drcmitsuba.runtime.errors import InputError
 
 
 def exposure_stamps(hours: float, step_hours: float, t_m: int = 1, t_y: int = 1) -> int:
-    """Time stamps in the sun at which a sensor counts: ⌈hours/step_hours · t_m/t_y⌉.
+    """Fewest time stamps in the sun at which a sensor counts (a tie does): ⌈hours/step · t_m/t_y⌉.
 
     `hours` of exposure in the whole period and the `step_hours` of a time stamp are in h; the month
     has t_m of t_y time stamps. Hours below 0 or infinite, and a step of 0, raise InputError.

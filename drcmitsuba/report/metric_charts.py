@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drcmitsuba.report.captions import MONTHS
-from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE, tidy
+from drcmitsuba.report.style import BLUE, GREY, INK, METRICS, NAME, ORANGE, tidy
 
 ACCEPTED, PREFERRED = 55, 75
 """Spatial daylight autonomy that LM-83 calls nominally accepted, preferred [%]."""
@@ -66,8 +66,8 @@ def monthly(
         ax.set_yticks(range(0, 101, 10))
         tidy(ax, "#E4E4E4", 0.7, axis="y")
 
-    for at, (name, colour) in enumerate((("sDA", BLUE), ("ASE", ORANGE))):
-        _bar(year, at, metrics[name], colour)
+    for at, name in enumerate(("sDA", "ASE")):
+        _bar(year, at, metrics[name], METRICS[name])
     year.set(xlim=(-0.6, 1.6), ylabel="share of sensors [%]")
     year.set_xticks([0, 1], ["sDA", "ASE"])
     year.tick_params(axis="x", length=0)
@@ -76,8 +76,8 @@ def monthly(
         text = f"{name}\n(sDA {level} %)"
         year.text(1.65, level, text, fontsize=8, va="center", color=INK, linespacing=1.1)
 
-    _line(months, metrics["msDA"], "msDA, of sensors", color=BLUE, marker="o")
-    _line(months, metrics["MSE"], "MSE, of sensors", color=ORANGE, marker="s")
+    _line(months, metrics["msDA"], "msDA, of sensors", color=METRICS["msDA"], marker="o")
+    _line(months, metrics["MSE"], "MSE, of sensors", color=METRICS["MSE"], marker="s")
     if shade:
         closed = f"shade closed for {metrics['shade_closed']['value']:.1f} % of the "
         closed += "year's hours" if period == "year" else "period's hours"

@@ -23,6 +23,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 BLUE, ORANGE, GREY, INK = "#0072B2", "#D55E00", "#5A5A5A", "#222222"
+METRICS = {"sDA": BLUE, "msDA": BLUE, "ASE": ORANGE, "MSE": ORANGE}
+"""Colours of the metrics' bars and lines."""
 
 
 def _halo(linewidth: float, colour: str) -> list[withStroke]:

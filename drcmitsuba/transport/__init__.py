@@ -13,7 +13,7 @@ openings, shadow_rays
 diffusing_panes, films, film_peaks
     D: light that one scattering pane sends on, evenly, by a measured BSDF, by its narrow peaks.
 ports, photon_paths, receivers, photons
-    D: light by every other chain, on photons.
+    D: light by every other chain, from film to film and by components, on photons.
 deposit
     D: all of it.
 coefficients
