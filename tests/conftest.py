@@ -19,8 +19,8 @@ if backend.cuda_available():
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    told = "print how much of what is allowed each hard case takes (tests/hard)"
-    parser.addoption("--margins", action="store_true", help=told)
+    text = "print how much of what is allowed each hard case takes (tests/hard)"
+    parser.addoption("--margins", action="store_true", help=text)
 
 
 @pytest.fixture(params=VARIANTS)

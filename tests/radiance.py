@@ -36,7 +36,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.weather import Site
 
 SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"
-"""Ground and sky as one source, told apart by direction."""
+"""Ground and sky are one source; the direction says which of them is meant."""
 
 RECEIVERS = """#@rfluxmtx h=u u=Y
 void glow groundglow 0 0 4 1 1 1 0
@@ -49,10 +49,10 @@ skyglow source sky 0 0 4 0 0 1 180
 
 def home() -> Path | None:
     """Folder of the pyradiance package; None where it is not installed."""
-    found = importlib.util.find_spec("pyradiance")
-    if found is None or not found.submodule_search_locations:
+    spec = importlib.util.find_spec("pyradiance")
+    if spec is None or not spec.submodule_search_locations:
         return None
-    return Path(found.submodule_search_locations[0])
+    return Path(spec.submodule_search_locations[0])
 
 
 def run(
@@ -72,7 +72,7 @@ def run(
 
 
 def version() -> str:
-    """What `rcontrib` says of itself."""
+    """Version of Radiance, as `rcontrib` gives it."""
     return run(["rcontrib", "-version"], Path()).decode().strip()
 
 

@@ -168,7 +168,7 @@ class Mirror:
         return self.quad + way[:, None] * out
 
     def flux(self, direction: np.ndarray, diameter: float) -> float:
-        """What leaves the mirror for a sun of radiance 1 that it sees all of [m² sr]."""
+        """Flux that leaves the mirror for a sun of radiance 1 that it sees all of [m² sr]."""
         return self.reflectance * area(self.quad) * seen(direction, self.normal, diameter)
 
     def irradiance(self, direction: np.ndarray, normal: np.ndarray, diameter: float) -> float:

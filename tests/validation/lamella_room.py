@@ -16,7 +16,7 @@ from drcmitsuba.scene.materials import Lambertian
 SIZE = np.array([4.0, 4.0, 3.0])
 LEFT, RIGHT, BOTTOM, TOP, DEPTH = 1.5, 2.5, 1.5, 2.5, 0.15
 TRANSMISSIVITY = 0.96
-"""Of Radiance's `glass`; ours is given its tables by `radiance.with_glass`."""
+"""Radiance's `glass` has it; `radiance.with_glass` gives ours its tables."""
 GLASS = GlazingMaterial(type="glazing", transmittance=0.88)
 MIRROR = MirrorMaterial(type="mirror", reflectance=0.9)
 COMPONENT = "lamellae"

@@ -132,11 +132,11 @@ class PhotonRoom(radiance.Room):
         self, directions: np.ndarray, diameter: float, repeats: int, **how: object
     ) -> tuple[np.ndarray, Estimate]:
         """Coefficients (repeat, sensor, sun) of maps with seeds of their own, and the last."""
-        found = [
+        estimates = [
             self.photons(directions, diameter, seed=seed, **how)  # type: ignore[arg-type]
             for seed in range(1, repeats + 1)
         ]
-        return np.stack([f.coefficients for f in found]), found[-1]
+        return np.stack([e.coefficients for e in estimates]), estimates[-1]
 
 
 def receivers(quads: np.ndarray) -> str:

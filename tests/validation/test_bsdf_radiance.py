@@ -71,8 +71,8 @@ def measure(folder: Path, f, incidences, count: int) -> list[str]:
 
 
 def by_radiance(folder: Path, names: list[str], depth: int) -> BsdfFile:
-    found = radiance.run(["pabopto2bsdf", "-n", "2", *names], folder)
-    (folder / "film.sir").write_bytes(found)
+    sir = radiance.run(["pabopto2bsdf", "-n", "2", *names], folder)
+    (folder / "film.sir").write_bytes(sir)
     command = ["bsdf2ttree", "-g", str(depth), "-t", "0", "film.sir"]
     (folder / "film.xml").write_bytes(radiance.run(command, folder))
     return bsdf.read(folder / "film.xml")

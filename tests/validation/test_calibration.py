@@ -108,8 +108,8 @@ def hard(E: xr.Dataset, asked: Rules) -> np.ndarray:
 
 def ends(numbers: dict) -> np.ndarray:
     """Value, low and high of the metrics, in the order of `hard`: (metric, 3)."""
-    found = [numbers[m] for m in ANNUAL] + [i for m in MONTHLY for i in numbers[m]]
-    return np.array([[i[key] for key in ("value", "low", "high")] for i in found])
+    rows = [numbers[m] for m in ANNUAL] + [i for m in MONTHLY for i in numbers[m]]
+    return np.array([[i[key] for key in ("value", "low", "high")] for i in rows])
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Truth:
             "suns": {"type": "sun_disks", "directions": directions},
         }
         integrator = mi.load_dict({"type": "coefficient", "suns_per_vertex": 16})
-        found = {}
+        by_state = {}
         for state, chunks in CHUNKS.items():
             shapes = scene.load(ROOM, state).full.shapes()
             full = {f"shape{i}": shape for i, shape in enumerate(shapes)}
@@ -137,7 +137,7 @@ class Truth:
             )
             # Panes do not mirror here: in the open state what met no diffuse surface is straight.
             straight = parts[:, 0].mean(axis=0)
-            found[state] = xr.Dataset(
+            by_state[state] = xr.Dataset(
                 {
                     "replicates": (("replicate", "sensor", "bin"), parts.sum(axis=1)),
                     "straight": (("sensor", "bin"), straight),
@@ -150,8 +150,8 @@ class Truth:
             )
         # Both with as many replicates: those of the open state are repeated.
         again = np.arange(CHUNKS["shaded"]) % CHUNKS["open"]
-        found["open"] = found["open"].isel(replicate=again)
-        return cls(Coefficients(**found))
+        by_state["open"] = by_state["open"].isel(replicate=again)
+        return cls(Coefficients(**by_state))
 
 
 @pytest.fixture(scope="module")
@@ -168,15 +168,15 @@ def study():
         for state, part in (("open", slice(CHUNKS["open"])), ("shaded", slice(None)))
     }
     error = {state: E["total_se"].values for state, E in own.items()}
-    seconds, intervals, covered, means = [], [], [], []
+    seconds, ends_of_all, covered, means = [], [], [], []
     for seed in range(RUNS):
         accuracy = ROOM.accuracy.model_copy(update={"seed": seed})
         case = ROOM.model_copy(update={"accuracy": accuracy})
         parts = {s: simulation.transport(case, s, suns, 0.0) for s in ("open", "shaded")}
-        found = Coefficients(**parts)
+        C = Coefficients(**parts)
         rows = []
         for i, asked in enumerate(SETS):
-            with_rules = with_thresholds(found, asked)
+            with_rules = with_thresholds(C, asked)
             E = illuminance.illuminance(with_rules, day.sky)
             before = time.perf_counter()
             rays = accuracy.replicates * accuracy.sensor_sun_samples
@@ -186,10 +186,10 @@ def study():
             if i == 0:
                 covered.append(entries_covered(E, true_E[0], error))
                 means.append(E["total_open"].values)
-        intervals.append(rows)
+        ends_of_all.append(rows)
     return SimpleNamespace(
         truth=np.array([hard(E, asked) for E, asked in zip(true_E, SETS, strict=True)]),
-        intervals=np.array(intervals),
+        intervals=np.array(ends_of_all),
         covered=np.array(covered),
         open=np.array(means),
         true_open=true_E[0]["total_open"].values,

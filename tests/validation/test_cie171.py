@@ -134,7 +134,7 @@ def quadrature(room, kind=None, glazed=False):
     """
     corner, u, v = (np.array(a, float) for a in (room.corner, room.u, room.v))
     outward = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
-    found = []
+    E = []
     for p, n in zip(room.at, room.normals, strict=True):
         level = (p[2] - corner[2]) / v[2] if v[2] else 0.0  # of the point on the opening
         bands = [(0, level), (level, 1)] if 0 < level < 1 else [(0, 1)]
@@ -151,8 +151,8 @@ def quadrature(room, kind=None, glazed=False):
             if glazed:
                 light = light * glass(incidence)
             total += np.einsum("ij,i,j->", light, ws, wt)
-        found.append(100 * total * np.linalg.norm(np.cross(u, v)))
-    return np.array(found)
+        E.append(100 * total * np.linalg.norm(np.cross(u, v)))
+    return np.array(E)
 
 
 def black_box(room):

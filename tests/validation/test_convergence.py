@@ -117,8 +117,8 @@ def slope(n: list[float], error: list[float], share: list[float] | None = None) 
     fitted = float((x @ y) / (x @ x))
     rest = y - y.mean() - fitted * x
     scatter = np.sqrt(rest @ rest / (len(x) - 2) / (x @ x))
-    told = np.sqrt((x**2) @ np.square(share)) / (x @ x) if share else 0.0
-    return fitted, float(max(scatter, told))
+    propagated = np.sqrt((x**2) @ np.square(share)) / (x @ x) if share else 0.0
+    return fitted, float(max(scatter, propagated))
 
 
 # Samples
@@ -135,18 +135,18 @@ def root_mean(square: np.ndarray) -> float:
     return float(np.sqrt(np.maximum(square.mean(), 0)))
 
 
-def told_to_shown(runs: list[np.ndarray]) -> Fit:
+def replicates_to_seeds(runs: list[np.ndarray]) -> Fit:
     """Error that replicates tell over the one that seeds show, geometric mean over all scales.
 
     `runs` are of one scale each, shape (seed, replicate, sensor, bin). The standard error is the
     jackknife's over seeds, since the entries of one go together.
     """
-    told = np.array([(C.var(axis=1, ddof=1) / C.shape[1]).mean(axis=(1, 2)) for C in runs])
+    by_replicates = np.array([(C.var(axis=1, ddof=1) / C.shape[1]).mean(axis=(1, 2)) for C in runs])
     means = [C.mean(axis=1) for C in runs]
 
     def ratio(kept: np.ndarray) -> float:
         shown = [m[kept].var(axis=0, ddof=1).mean() for m in means]
-        return float(np.exp(np.mean(np.log(told[:, kept].mean(axis=1) / shown)) / 2))
+        return float(np.exp(np.mean(np.log(by_replicates[:, kept].mean(axis=1) / shown)) / 2))
 
     n = len(means[0])
     left_out = [ratio(np.delete(np.arange(n), k)) for k in range(n)]
@@ -158,7 +158,7 @@ def told_to_shown(runs: list[np.ndarray]) -> Fit:
 def test_error_falls_with_the_samples(name, cell_size):
     """All ray counts × ⅛ … 8: slope −0.45 or steeper, by seeds and against the plain path tracer.
 
-    Told beside it: the error that the replicates themselves tell. Against the path tracer only
+    Beside it stands the error that the replicates themselves tell. Against the path tracer only
     errors above twice the bias count, which is found as the covariance of the differences that
     two halves of the runs with most samples leave.
     """
@@ -166,10 +166,10 @@ def test_error_falls_with_the_samples(name, cell_size):
     loaded, (points, normals) = scene.load(case), sensor_points(case)
     reference = plain(case, 1 << 16, 16).sum(axis=1)
     exact, own = reference.mean(axis=0), reference.var(axis=0, ddof=1) / len(reference)
-    found = {}
+    by_scale = {}
     for scale in SCALES:
         counts = {key: max(1, round(value * scale)) for key, value in BASE.items()}
-        found[scale] = np.stack(
+        by_scale[scale] = np.stack(
             [
                 compute(
                     loaded,
@@ -183,13 +183,13 @@ def test_error_falls_with_the_samples(name, cell_size):
         )  # fmt: skip  (seed, replicate, sensor, bin)
     for part, bins in PARTS.items():
         mean = exact[:, bins].mean()
-        by_seeds, told, apart = [], [], []
-        for C in found.values():
+        by_seeds, by_replicates, apart = [], [], []
+        for C in by_scale.values():
             runs = C.mean(axis=1)[..., bins]
             by_seeds.append(root_mean(runs.var(axis=0, ddof=1)) / mean)
-            told.append(root_mean(C[..., bins].var(axis=1, ddof=1) / REPLICATES) / mean)
+            by_replicates.append(root_mean(C[..., bins].var(axis=1, ddof=1) / REPLICATES) / mean)
             apart.append(root_mean((runs - exact[:, bins]) ** 2 - own[:, bins]) / mean)
-        finest = found[SCALES[-1]].mean(axis=1)[..., bins]
+        finest = by_scale[SCALES[-1]].mean(axis=1)[..., bins]
         ours = [finest[k::2].mean(axis=0) - reference[k::2].mean(axis=0)[:, bins] for k in (0, 1)]
         bias = root_mean(ours[0] * ours[1]) / mean
         kept = [i for i, error in enumerate(apart) if error > 2 * bias]
@@ -206,13 +206,17 @@ def test_error_falls_with_the_samples(name, cell_size):
             + f"its own error {root_mean(own[:, bins]) / mean:.2%}, halves' covariance {bias:.2%}"
         )
         print("| samples × | " + " | ".join(f"{s:g}" for s in SCALES) + " |")
-        for label, values in (("by seeds", by_seeds), ("told", told), ("against", apart)):
+        for label, values in (
+            ("by seeds", by_seeds),
+            ("by replicates", by_replicates),
+            ("against", apart),
+        ):
             print(f"| {label} | " + " | ".join(f"{100 * v:.3g} %" for v in values) + " |")
         for value, _ in slopes.values():
             assert value <= -0.45
         # What the replicates tell is what the seeds show, taken over all scales.
-        ratio, error = told_to_shown([C[..., bins] for C in found.values()])
-        print(f"told over shown: {ratio:.3f} ± {error:.3f}")
+        ratio, error = replicates_to_seeds([C[..., bins] for C in by_scale.values()])
+        print(f"by replicates over by seeds: {ratio:.3f} ± {error:.3f}")
         assert error < 0.15  # else it would tell nothing
         assert abs(ratio - 1) < 4 * error
 
@@ -234,8 +238,8 @@ def deposit(case: Case, accuracy: Accuracy) -> Callable[[Vertices, int], np.ndar
 
     def at(vertices: Vertices, seed: int) -> np.ndarray:
         lit = base.lit(seed)
-        found = lit.straight(vertices.p, vertices.n, (Stream.CELLS, seed), 1)
-        return found.plus(lit.scattered(vertices.p, vertices.n, (Stream.CELLS, seed))).sun.numpy()
+        light = lit.straight(vertices.p, vertices.n, (Stream.CELLS, seed), 1)
+        return light.plus(lit.scattered(vertices.p, vertices.n, (Stream.CELLS, seed))).sun.numpy()
 
     return at
 
@@ -248,7 +252,7 @@ def mean_of_cells(keys: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def bias_of_cells(case: Case, sizes: list[float], paths: int, rounds: int) -> np.ndarray:
-    """What cells add to C, shape (size, shift of the grid, round, sensor, sun); last, unbiased C.
+    """Bias of C by cells, shape (size, shift of the grid, round, sensor, sun); last, unbiased C.
 
     The first shift is the grid of `compute`; with the others the bias does not hang on how edges
     of light and cells happen to lie.
@@ -317,14 +321,14 @@ def test_bias_of_cells_falls_by_an_order_between_one_and_two(name, paths, rounds
 
     Sizes whose bias stands out of its noise by four errors count for the order.
     """
-    found = bias_of_cells(furnished(name == "film"), SIZES[name], paths, rounds)
-    mean = found[-1].mean()
+    biases = bias_of_cells(furnished(name == "film"), SIZES[name], paths, rounds)
+    mean = biases[-1].mean()
     rows = [
-        (size, *np.array(size_of(b)) / mean) for size, b in zip(SIZES[name], found, strict=False)
+        (size, *np.array(size_of(b)) / mean) for size, b in zip(SIZES[name], biases, strict=False)
     ]
-    sums = found[:-1].mean(axis=(3, 4)) / mean
+    sums = biases[:-1].mean(axis=(3, 4)) / mean
     for i, (size, bias, error) in enumerate(rows):
-        own, of_round = size_of(found[i, :1])[0] / mean, sums[i, 0]
+        own, of_round = size_of(biases[i, :1])[0] / mean, sums[i, 0]
         noise = of_round.std(ddof=1) / np.sqrt(rounds)
         print(
             f"| {name} | {size} m | {bias:.2%} ± {error:.2%} | with the grid of compute {own:.2%}, "

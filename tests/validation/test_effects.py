@@ -159,7 +159,7 @@ EFFECTS = [
 PROVED = set(EFFECTS) - {"pane_to_pane", "straight_through"}
 """Forcing these on changes nothing at all, but for the order of sums."""
 ALSO = {"films": {"straight_through"}, "clear_panes": set()}
-"""What a feature flips beside its own effect, by its nature."""
+"""Features flip these beside their own effects, by their nature."""
 
 
 @pytest.fixture(autouse=True)
@@ -246,13 +246,13 @@ MODELS = ["three_phase"] + [
 
 @pytest.mark.parametrize("model", MODELS)
 def test_with_other_models_of_the_sun(model, tmp_path):
-    """What the plan leaves out of a room with a shade and a wall outside, to the north and south.
+    """Nothing that the plan leaves out counts: with a shade, a wall outside, to north and south.
 
     The grid of cells, and all that is drawn, stay the same where more is simulated.
     """
-    found = pairs(tmp_path)
-    south = changed(found["shaded_state"][0], sun={"model": model})
-    wall = found["obstructions"][0]["furniture"]
+    cases = pairs(tmp_path)
+    south = changed(cases["shaded_state"][0], sun={"model": model})
+    wall = cases["obstructions"][0]["furniture"]
     wide = {"period": {"months": [6, 12], "hours": [8, 18], "days_per_week": 1}}
     for data in (
         {**south, **wide, "furniture": wall},

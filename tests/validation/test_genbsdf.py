@@ -131,10 +131,10 @@ def test_genbsdf_finds_the_same(name):
 
 def test_radiance_checks_and_reads_the_shipped_film():
     text = radiance.run(["checkBSDF", str(FILM)], FILM.parent).decode()
-    found = re.findall(r"^(Int|Ext)\S* (Refl|Trans)\s+([\d. ]+)\t\s*([\d.]+)%", text, re.M)
+    lines = re.findall(r"^(Int|Ext)\S* (Refl|Trans)\s+([\d. ]+)\t\s*([\d.]+)%", text, re.M)
     file = bsdf_file.read(FILM)
     names = {"IntRefl": "rf", "ExtRefl": "rb", "IntTrans": "tf", "ExtTrans": "tb"}
-    largest = {names[side + kind]: float(value) / 100 for side, kind, _, value in found}
+    largest = {names[side + kind]: float(value) / 100 for side, kind, _, value in lines}
     assert set(largest) == set(names.values())
     for name, value in largest.items():
         assert file.components[name].albedos().max() == pytest.approx(value, abs=2e-3)

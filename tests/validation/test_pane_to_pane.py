@@ -68,8 +68,8 @@ def by_path_tracing(case, plain_coefficients, seed=0):
 def by_parts(case, *, pane_to_pane):
     suns = Suns(tuple(f"sun_{h:g}" for h in ELEVATIONS), SUNS, DIAMETER)
     world = scene.load(case, effects=EnabledEffects(pane_to_pane=pane_to_pane))
-    found = coefficients.compute(world, *sensor_points(case), suns, case.accuracy)
-    return found["replicates"].values
+    C = coefficients.compute(world, *sensor_points(case), suns, case.accuracy)
+    return C["replicates"].values
 
 
 @pytest.mark.slow

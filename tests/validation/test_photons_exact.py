@@ -55,22 +55,22 @@ def landed(
     return [traced.traced(seed) for seed in range(REPLICATES)]
 
 
-def shares(found: list[Landed], *fates: str) -> np.ndarray:
+def shares(replicates: list[Landed], *fates: str) -> np.ndarray:
     """Shares of the emitted flux, shape (replicate, fate)."""
-    for one in found:
-        conserved(one)
-    books = [whole(f) for f in found]
+    for replicate in replicates:
+        conserved(replicate)
+    books = [whole(f) for f in replicates]
     return np.array([[getattr(book, n) / book.emitted for n in fates] for book in books])
 
 
-def whole(found: Landed) -> FluxLedger:
+def whole(replicate: Landed) -> FluxLedger:
     """The sum of a replicate's ledgers."""
-    return reduce(FluxLedger.plus, found.ledgers.values(), FluxLedger())
+    return reduce(FluxLedger.plus, replicate.ledgers.values(), FluxLedger())
 
 
-def conserved(found: Landed) -> None:
+def conserved(replicate: Landed) -> None:
     """Flux in = flux deposited + absorbed + escaped."""
-    book = whole(found)
+    book = whole(replicate)
     out = book.landed + book.absorbed + book.escaped + book.others + book.lost
     assert book.emitted + book.roulette == pytest.approx(out, rel=1e-5)
     assert abs(book.roulette) < 5e-3 * book.emitted
@@ -97,12 +97,12 @@ def agree(replicates: np.ndarray, exact: np.ndarray | float, offset: float = OFF
     offset : float
         What rays are off by.
     """
-    found = np.asarray(replicates, float).reshape(len(replicates), -1)
-    error = 5 * found.std(axis=0, ddof=1) / np.sqrt(len(found)) + offset
-    off = found.mean(axis=0) - exact
+    values = np.asarray(replicates, float).reshape(len(replicates), -1)
+    error = 5 * values.std(axis=0, ddof=1) / np.sqrt(len(values)) + offset
+    off = values.mean(axis=0) - exact
     print(f"off by {off}, may be {error}")
     assert error.max() < 0.005
-    assert (abs(off) < error).all(), f"{found.mean(axis=0)}, expected {exact}"
+    assert (abs(off) < error).all(), f"{values.mean(axis=0)}, expected {exact}"
 
 
 WIDTH = 0.5
@@ -147,23 +147,24 @@ BEAMS = [(0.4, -0.75, 1.0), (-1.3, 0.2, 1.0)]
 def test_duct_and_the_sun(reflectance, aspect):
     """Transmitted flux of suns, and of it what came straight."""
     for beam in BEAMS:
-        found = landed(*pipe(aspect, reflectance), -inward(beam), 0.5)
+        replicates = landed(*pipe(aspect, reflectance), -inward(beam), 0.5)
         d = duct.on_disk(np.array(beam), 0.5, 20_000)
         missed = np.maximum(1 - aspect * abs(d[:, :2] / d[:, 2:]), 0).prod(axis=1)
         straight = float(np.average(missed, weights=d[:, 2]))
         through = duct.disk(np.array(beam), 0.5, aspect, reflectance)
-        parts = shares(found, "landed", "others", "absorbed")
+        parts = shares(replicates, "landed", "others", "absorbed")
         exact = np.array([through - straight, straight, 1 - through])
         agree(parts, exact)
 
 
 @pytest.mark.parametrize(("reflectance", "aspect"), DUCTS)
 def test_duct_and_an_even_sky(reflectance, aspect):
-    found = landed(*pipe(aspect, reflectance), np.zeros((0, 3)), 0.5, subdivision=1, photons=2048)
-    emitted = np.array([whole(f).emitted for f in found])
+    no_suns = np.zeros((0, 3))
+    replicates = landed(*pipe(aspect, reflectance), no_suns, 0.5, subdivision=1, photons=2048)
+    emitted = np.array([whole(f).emitted for f in replicates])
     agree(emitted / np.pi / WIDTH**2, 1.0)
     through = duct.diffuse(aspect, reflectance)
-    both = shares(found, "landed", "others").sum(axis=1)
+    both = shares(replicates, "landed", "others").sum(axis=1)
     agree(both, through)
 
 
@@ -175,7 +176,7 @@ def test_where_light_leaves_the_duct():
     flat = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
     points = np.column_stack([flat[:, 0], np.full(n * n, aspect * WIDTH - 1e-3), flat[:, 1]])
     facing = np.tile([0.0, -1.0, 0.0], (n * n, 1))
-    found = landed(
+    replicates = landed(
         surfaces,
         ports,
         -inward(beam),
@@ -192,7 +193,7 @@ def test_where_light_leaves_the_duct():
     for part in ("sensors", "mirrored"):
         shift = 2.5e-4 / (WIDTH / n)  # the edges of the parts of the beam, against a field
         brightest = entering * exact.max()
-        agree([getattr(f, part)[:, 0] / brightest for f in found], exact / exact.max(), shift)
+        agree([getattr(f, part)[:, 0] / brightest for f in replicates], exact / exact.max(), shift)
 
 
 @pytest.mark.parametrize("turn", [40.0, 70.0])
@@ -229,9 +230,9 @@ def test_mirror_images_the_sun(turn):
     middle = abs(grid).max(axis=1) < size
     assert core[middle].all()
     normals = np.tile(normal, (len(points), 1))
-    found = landed(surfaces, ports, -sun, 0.5, sensors=(points, normals), sensor_square=size)
-    agree([whole(f).landed / mirror.flux(sun, 0.5) for f in found], 1.0)
-    lit = np.array([f.mirrored[:, 0] for f in found])
+    replicates = landed(surfaces, ports, -sun, 0.5, sensors=(points, normals), sensor_square=size)
+    agree([whole(f).landed / mirror.flux(sun, 0.5) for f in replicates], 1.0)
+    lit = np.array([f.mirrored[:, 0] for f in replicates])
     agree(lit[:, core].mean(axis=1) / mirror.irradiance(sun, normal, 0.5), 1.0)
     # A field counts as dark where none of its corners sees the sun and it is not around the image.
     far = abs(grid).max(axis=1) > 5 * size
@@ -274,9 +275,9 @@ def test_slab(absorption):
     for degrees in (0.0, 45.0, 75.0):
         a = np.radians(degrees)
         sun = -np.array([0.0, np.cos(a), -np.sin(a)])
-        found = landed(surfaces, ports, sun, 0.5, photons=1 << 17)
+        replicates = landed(surfaces, ports, sun, 0.5, photons=1 << 17)
         exact = optics.slab(np.cos(a), 1.52, 0.02, absorption)
-        parts = shares(found, "landed", "escaped", "absorbed")[:, : 3 if absorption else 2]
+        parts = shares(replicates, "landed", "escaped", "absorbed")[:, : 3 if absorption else 2]
         expected = [exact.transmitted, exact.reflected, exact.absorbed][: parts.shape[1]]
         agree(parts, np.array(expected))
 
@@ -296,9 +297,9 @@ def test_total_reflection_to_the_side(absorption):
     floor = rectangle((-2, -2, -1), (5, 0, 0), (0, 5, 0))
     surfaces = [solid, Surface("floor", BLACK, floor[None])]
     ports = (Port("solid", rectangle((0.3, -1e-3, 0.02), (0, 0, 0.06), (0.4, 0, 0))),)
-    found = landed(surfaces, ports, np.array([0.0, -1, 0]), 0.01)
+    replicates = landed(surfaces, ports, np.array([0.0, -1, 0]), 0.01)
     exact = optics.side_prism(1.5, leg, absorption)
-    parts = shares(found, "landed", "escaped")
+    parts = shares(replicates, "landed", "escaped")
     agree(parts, np.array([exact.transmitted, exact.reflected]))
 
 
@@ -314,10 +315,10 @@ def test_total_reflection_back(absorption):
     across = np.array([0, 1.0, -1.0]) / 2**0.5
     corner = np.array([0.3, leg / 2, leg / 2]) + 1e-3 * d - 0.05 * across
     ports = (Port("solid", rectangle(corner, 0.1 * across, (0.4, 0, 0))),)
-    found = landed(surfaces, ports, d, 0.01)
+    replicates = landed(surfaces, ports, d, 0.01)
     exact = optics.roof_prism(1.5, 2**0.5 * leg, absorption)
-    assert shares(found, "landed").max() == 0
-    agree(shares(found, "escaped"), exact.reflected)
+    assert shares(replicates, "landed").max() == 0
+    agree(shares(replicates, "escaped"), exact.reflected)
 
 
 def lamellae(diameter: float = 0.5, **accuracy: float) -> list[Landed]:
@@ -330,6 +331,6 @@ def lamellae(diameter: float = 0.5, **accuracy: float) -> list[Landed]:
 
 def test_ledger_of_lamellae():
     """Suns, sky and ground: flux in = flux deposited + absorbed + escaped."""
-    for found in lamellae():
-        conserved(found)
-        assert whole(found).landed > 0.1 * whole(found).emitted
+    for replicate in lamellae():
+        conserved(replicate)
+        assert whole(replicate).landed > 0.1 * whole(replicate).emitted

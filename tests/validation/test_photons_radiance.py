@@ -10,7 +10,7 @@ Expected: agreement within both errors. Of Radiance's there are two kinds: the s
 different seeds, and the bias of its density estimate, which has no zero: irradiance by the nearest
 photons does not keep the flux. A sensor beside a bright spot finds N photons at a distance r and
 takes N / π r² for their density, so the spots grow tails of 1/r², and walls take light away from
-sensors near them. The bias is told by look-ups of 4 times as many photons: their difference is
+sensors near them. The bias is seen in look-ups of 4 times as many photons: their difference is
 taken for it (see `within_both`).
 """
 
@@ -54,10 +54,10 @@ def test_the_sun_through_a_pane(tmp_path):
     points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 0.8)])
     up = np.tile([0.0, 0, 1], (len(points), 1))
     scene_ = traced(surfaces, room.receiver(), points, up, tmp_path)
-    found, _ = scene_.repeated(sun, DIAMETER, REPEATS, count=20_000, bandwidth=100)
+    C, _ = scene_.repeated(sun, DIAMETER, REPEATS, count=20_000, bandwidth=100)
     tau, _ = radiance.glass(abs(sun[:, 1]), room.TRANSMISSIVITY)
     exact = float(tau[0]) * optics.seen(sun[0], np.array([0, 0, 1.0]), DIAMETER)
-    each = found.mean(axis=(1, 2)) / exact
+    each = C.mean(axis=(1, 2)) / exact
     error = each.std(ddof=1) / REPEATS**0.5
     assert error < 0.01
     # N − 1 of the N photons are within the radius of the last: some 1/N is the look-up's own.
@@ -77,19 +77,19 @@ def test_a_mirror_images_the_sun(tmp_path):
     down = np.tile([0.0, 0, -1], (len(points), 1))
     # Photons lie on the ceiling; a receiver just below would have them counted twice.
     scene_ = traced(surfaces, room.receiver(), points, down, tmp_path)
-    found, _ = scene_.repeated(sun, DIAMETER, REPEATS, count=40_000, bandwidth=100)
+    C, _ = scene_.repeated(sun, DIAMETER, REPEATS, count=40_000, bandwidth=100)
     tau, _ = radiance.glass(abs(sun[:, 1]), room.TRANSMISSIVITY)
     exact = float(tau[0]) * shelf.irradiance(-sun[0], np.array([0, 0, 1.0]), DIAMETER)
     spot = shelf.spot(-sun[0], np.array([0, 0, 3.0]), np.array([0, 0, -1.0]))
     low, high = spot.min(axis=0)[:2], spot.max(axis=0)[:2]
     blur = 0.1
     core = ((points[:, :2] > low + blur) & (points[:, :2] < high - blur)).all(axis=1)
-    each = found[:, core].mean(axis=(1, 2)) / exact
+    each = C[:, core].mean(axis=(1, 2)) / exact
     error = each.std(ddof=1) / REPEATS**0.5
     assert error < 0.02
     assert abs(each.mean() - 1) < 4 * error + 0.01
     far = ((points[:, :2] < low - 2 * blur) | (points[:, :2] > high + 2 * blur)).any(axis=1)
-    assert found[:, far].mean() < 0.1 * exact
+    assert C[:, far].mean() < 0.1 * exact
 
 
 def within_both(ours: np.ndarray, coarse: np.ndarray, fine: np.ndarray, widest: float) -> None:
@@ -139,8 +139,8 @@ def test_lamellae(tmp_path):
     edge = 2 * FINE // SIDE
 
     def theirs(bandwidth: int) -> np.ndarray:
-        found, _ = fine.repeated(directions, DIAMETER, REPEATS, count=800_000, bandwidth=bandwidth)
-        cut = found.reshape(-1, FINE, FINE, 8)[:, edge:-edge, edge:-edge]
+        C, _ = fine.repeated(directions, DIAMETER, REPEATS, count=800_000, bandwidth=bandwidth)
+        cut = C.reshape(-1, FINE, FINE, 8)[:, edge:-edge, edge:-edge]
         return cut.mean(axis=(1, 2))[:, EVEN]
 
     within_both(ours[:, EVEN], theirs(200), theirs(50), widest=0.15)

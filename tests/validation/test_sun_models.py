@@ -47,7 +47,7 @@ from tests.validation.test_films import PRISM, changed, room
 
 needs_radiance = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
 DIAMETER = 0.533
-"""Of the suns that Radiance's tools make [deg]."""
+"""Radiance's tools make suns of this diameter [deg]."""
 NO_SUNS = Suns((), np.zeros((0, 3)))
 BINS = len(Patches())
 
@@ -374,40 +374,40 @@ def rms(values: np.ndarray, axis: int | None = None) -> np.ndarray:
     return np.sqrt((values**2).mean(axis=axis))
 
 
-def apart(case: Case, found: xr.Dataset, suns: Suns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """E by the mesh less E by exact suns of the same seed, its error as told, and E (sun, sensor).
+def apart(case: Case, meshed: xr.Dataset, suns: Suns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """E by the mesh less E by exact suns of the same seed, its errors, and E (sun, sensor).
 
     For suns of 1e9 cd/m². Pairs on the edge of a shadow are left out: few directions make their
     straight light, and that of both is drawn anew.
     """
     points, normals = sensor_points(case)
     world = scene.load(case)
-    whole = sun_interpolation.with_straight(found, world, points, normals, suns, ADAPTIVE)
+    whole = sun_interpolation.with_straight(meshed, world, points, normals, suns, ADAPTIVE)
     between = accumulate.by_source(whole, sky_of(suns, 1e9, "adaptive"))
     C = compute(world, points, normals, suns, ADAPTIVE)
     exact = accumulate.by_source(C, sky_of(suns, 1e9, "true_sun"))
     edge = whole["sun_straight_se"].values + C["straight_se"].values[:, BINS:] > 0
     assert edge.mean() < 0.2
     off = np.where(edge.T, 0, (between.sun - exact.sun).values)
-    told = np.where(edge.T, 0, np.hypot(between.sun_se, exact.sun_se).values)
-    return off, told, exact.sun.values
+    errors = np.where(edge.T, 0, np.hypot(between.sun_se, exact.sun_se).values)
+    return off, errors, exact.sun.values
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROOMS)
 def test_adaptive_suns_keep_to_their_error(name, meshes):
     """E of 96 other suns: as far from exact suns as noise and `mesh_error` say, not farther."""
-    found = meshes[name]
-    off, told, exact = apart(ROOMS[name](), found, some_suns(96))
-    worst = (rms(off, 0) / rms(told, 0)).max()
-    beyond = (abs(off) > 3 * told + 1e-6 * exact).mean()
+    meshed = meshes[name]
+    off, errors, exact = apart(ROOMS[name](), meshed, some_suns(96))
+    worst = (rms(off, 0) / rms(errors, 0)).max()
+    beyond = (abs(off) > 3 * errors + 1e-6 * exact).mean()
     print(
-        f"{name}: {found.attrs['mesh_suns']} suns, mesh_miss {found.attrs['mesh_miss']:.1%}; RMS "
-        f"difference {rms(off):.0f} lx, told {rms(told):.0f} lx, of that the mesh "
-        f"{1e9 * rms(found.mesh_error.values):.0f}; mean E {exact.mean():.0f} lx; worst sensor "
-        f"{worst:.2f} of what is told; beyond 3 errors {beyond:.1%}"
+        f"{name}: {meshed.attrs['mesh_suns']} suns, mesh_miss {meshed.attrs['mesh_miss']:.1%}; RMS "
+        f"difference {rms(off):.0f} lx, errors {rms(errors):.0f} lx, of that the mesh "
+        f"{1e9 * rms(meshed.mesh_error.values):.0f}; mean E {exact.mean():.0f} lx; worst sensor "
+        f"{worst:.2f} of its error; beyond 3 errors {beyond:.1%}"
     )
-    assert rms(off) < 1.1 * rms(told)
+    assert rms(off) < 1.1 * rms(errors)
     assert worst < 1.5
     assert beyond < 0.03
 
@@ -416,9 +416,11 @@ def test_adaptive_suns_keep_to_their_error(name, meshes):
 def test_another_place_and_weather_reuse_the_mesh(meshes):
     """Suns of 44° are served by the mesh that was made for 46.25°."""
     suns = some_suns(64, latitude=44.0, seed=5)
-    off, told, exact = apart(room(PRISM), meshes["film"], suns)
-    print(f"RMS difference {rms(off):.0f} lx, told {rms(told):.0f} lx, mean E {exact.mean():.0f}")
-    assert rms(off) < 1.1 * rms(told)
+    off, errors, exact = apart(room(PRISM), meshes["film"], suns)
+    print(
+        f"RMS difference {rms(off):.0f} lx, errors {rms(errors):.0f} lx, mean E {exact.mean():.0f}"
+    )
+    assert rms(off) < 1.1 * rms(errors)
 
 
 @pytest.mark.slow
@@ -439,8 +441,8 @@ def test_mesh_of_a_room_without_sun_is_not_refined():
     """All wall: no sun is added to the first mesh, and its error is 0."""
     case = changed(room(PRISM), facade={})
     quick = ADAPTIVE.model_copy(update={"replicates": 2, "paths": 4})
-    found = mesh_for(case, quick)
+    meshed = mesh_for(case, quick)
     first = mesh.nodes_of(mesh.possible_suns(LATITUDE), mesh.COARSEST)
-    assert found.attrs["mesh_suns"] == len(first)
-    assert found.attrs["mesh_miss"] == 0
-    assert not found.mesh_error.any()
+    assert meshed.attrs["mesh_suns"] == len(first)
+    assert meshed.attrs["mesh_miss"] == 0
+    assert not meshed.mesh_error.any()

@@ -87,7 +87,7 @@ def test_collimated(direction, reflectance, aspect):
     exact = duct.collimated(np.array(direction, float), aspect, reflectance)
     # The two numbers of mirrors along an axis change places somewhere between two rays.
     assert weight.mean() == pytest.approx(exact, rel=2 * (1 - reflectance) / n)
-    found = np.zeros_like(weight)
+    counts = np.zeros_like(weight)
     for signs, expected in duct.exit_cells(direction, aspect, reflectance, cells).items():
         mine = np.all(np.where(out[:, :2] < 0, -1, 1) == signs, axis=1)
         at = np.minimum((place[mine] * cells).astype(int), cells - 1)
@@ -95,8 +95,8 @@ def test_collimated(direction, reflectance, aspect):
         np.add.at(sums, tuple(at.T), weight[mine])
         # A row of rays more or less on either axis.
         np.testing.assert_allclose(sums / n**2 * cells**2, expected, atol=3 * cells / n)
-        found += mine
-    assert (found == 1).all()
+        counts += mine
+    assert (counts == 1).all()
     total = sum(c.mean() for c in duct.exit_cells(direction, aspect, reflectance, cells).values())
     assert total == pytest.approx(exact, rel=1e-13)
 
