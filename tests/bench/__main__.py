@@ -91,7 +91,7 @@ def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, np.ndarray]:
-    """What some work returns, and its wall and processor seconds, children included."""
+    """Result of some work, and its wall and processor seconds, children included."""
     wall, cpu = perf_counter(), sum(os.times()[:4])
     out = work()
     return out, np.array([perf_counter() - wall, sum(os.times()[:4]) - cpu])
@@ -160,8 +160,8 @@ def compare(
 
     wanted = list(itertools.product(theirs, (False, True)))
     goals = [partial(Errors.within, other=theirs[line][1], dark=dark) for line, dark in wanted]
-    found = fastest(search, work, known, goals)
-    for (line, dark), best in zip(wanted, found, strict=True):
+    choices = fastest(search, work, known, goals)
+    for (line, dark), best in zip(wanted, choices, strict=True):
         at = "RMS, also without direct light," if dark else "RMS"
         if best is None:
             rows.append([f"{name}: no setting tried reaches the {at} of `{line}`", *"------"])
@@ -353,16 +353,16 @@ def component(room: Classroom, options: argparse.Namespace, folder: Path) -> Non
     traced, suns = lamellae.theirs(folder), lamellae.suns
     for count, bandwidth in PHOTON_MAPS[:1] if options.quick else PHOTON_MAPS:
         ask = partial(traced.photons, suns.directions, suns.diameter)
-        found = ask(count=count, bandwidth=bandwidth)
-        error = photons.relative_error(lamellae.by_field(found.coefficients), known)
+        estimate = ask(count=count, bandwidth=bandwidth)
+        error = photons.relative_error(lamellae.by_field(estimate.coefficients), known)
         # Of the look-ups one in each field is counted: means of many only spare Radiance the blame
         # for telling points where our squares tell fields.
-        seconds = found.emission + found.look_up / lamellae.finer**2
+        seconds = estimate.emission + estimate.look_up / lamellae.finer**2
         errors, times = np.log(sorted(ours)).T
         ratio = seconds / np.exp(np.interp(np.log(error), errors, times))
-        split = f"{found.emission:.2f} + {seconds - found.emission:.3f}"
+        split = f"{estimate.emission:.2f} + {seconds - estimate.emission:.3f}"
         name = f"`mkpmap -apC` {count:,} + `rcontrib -ap` {bandwidth}"
-        rows.append([name, split, f"{error:.3f}", f"{found.size / 1e6:.0f}", f"{ratio:.0f} ×"])
+        rows.append([name, split, f"{error:.3f}", f"{estimate.size / 1e6:.0f}", f"{ratio:.0f} ×"])
     head = ["", "seconds", "RMS", "disk [MB]", "ours is faster at equal error by"]
     table(head, rows)
 

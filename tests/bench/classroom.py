@@ -90,7 +90,7 @@ class Classroom:
         return compute(self.scene, points, normals, suns, Accuracy(**accuracy))
 
     def room(self, folder: Path) -> radiance.Room:
-        """What Radiance is given."""
+        """Radiance gets this room."""
         return radiance.Room(radiance.scene_text(surfaces_of(self.case)), *self.sensors, folder)
 
     def with_sources(self, suns: Suns | None) -> mi.Scene:
@@ -190,8 +190,8 @@ def reference(room: Classroom, suns: Suns | None, rounds: int, folder: Path | No
             np.savez(file, direct=direct, halves=halves)
         print(f"Reference for the {kind}: made in {seconds:.0f} s.")
     plain, noise = halves.mean(axis=0), (halves[0] - halves[1]) / 2
-    found = Reference(direct, plain[1], 0.0)
-    mean = found.total.mean()
+    result = Reference(direct, plain[1], 0.0)
+    mean = result.total.mean()
     error, apart = (np.sqrt(np.mean(a**2)) / mean for a in (noise[0], plain[0] - direct))
     own = float(np.sqrt(np.mean(noise[1] ** 2)) / mean)
     print(
@@ -199,4 +199,4 @@ def reference(room: Classroom, suns: Suns | None, rounds: int, folder: Path | No
         f"part {direct.mean() / mean:.0%} of the mean, {apart:.1%} RMS from the plugin's, whose "
         f"own error is {error:.1%}; sums agree to {plain[0].mean() / direct.mean() - 1:+.3%}.\n"
     )
-    return Reference(found.direct, found.interreflected, own)
+    return Reference(result.direct, result.interreflected, own)

@@ -1,4 +1,4 @@
-"""What a façade basis costs, and what compositions and their derivatives cost after it.
+"""Cost of a façade basis, and of compositions and their derivatives after it.
 
 `python -m tests.bench.facade [WEATHER]`: the paper's classroom, cut into few tiles and into many.
 """

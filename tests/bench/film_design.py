@@ -1,4 +1,4 @@
-"""What films as design variables cost, and how well their year agrees with the simulation.
+"""Films as design variables: their cost, and how well their year agrees with the simulation.
 
     python -m tests.bench.film_design [CASE]
 

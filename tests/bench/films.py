@@ -22,7 +22,7 @@ from tests import radiance
 from tests.bench.classroom import BINS, Classroom, Reference
 
 TRANSMISSIVITY = 0.82
-"""Of Radiance's `glass` that stands for the case's glazing in both programs."""
+"""Radiance's `glass` with it stands for the case's glazing in both programs."""
 CONVERGED: dict[str, Any] = {
     "paths": 1024, "cell_size": 0.3, "cell_sky_rays": 1, "sensor_sky_rays": 1,
     "sensor_sun_samples": 16, "pane_points": 1024, "film_sky_samples": 1,

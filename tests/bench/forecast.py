@@ -74,7 +74,7 @@ VARIED: tuple[tuple[str, dict[str, Any]], ...] = (
 
 
 class Actual(NamedTuple):
-    """What an evaluation took, beside the forecasts for this machine and for the reference."""
+    """An evaluation's times, beside the forecasts for this machine and for the reference."""
 
     expected: Forecast
     on_reference: Forecast

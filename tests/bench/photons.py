@@ -75,7 +75,7 @@ class Lamellae:
         return compute(self.scene, *self.sensors, self.suns, settings, subdivision=None)
 
     def theirs(self, folder: Path) -> PhotonRoom:
-        """What Radiance is given."""
+        """Radiance gets this room, with a photon port for the panes."""
         points = room.sensors(self.side * self.finer)
         text = radiance.scene_text(self.surfaces, room.TRANSMISSIVITY)
         ports = modifiers(self.surfaces, ["pane"])
@@ -128,12 +128,12 @@ def ray_rate(traced: PhotonTracer, run: int) -> float:
         dr.eval(ray)
         dr.sync_thread()
         begin = perf_counter()
-        found = scene.ray_intersect_preliminary(ray, coherent=False)
-        dr.eval(found)
+        hit = scene.ray_intersect_preliminary(ray, coherent=False)
+        dr.eval(hit)
         dr.sync_thread()
         seconds += perf_counter() - begin
         hits += dr.width(lanes)
-        si = found.compute_surface_interaction(ray)
+        si = hit.compute_surface_interaction(ray)
         u = [random.next_float32() for _ in range(3)]
         ctx = mi.BSDFContext(mi.TransportMode.Importance)
         bs, weight = si.bsdf().sample(ctx, si, u[0], mi.Point2f(u[1], u[2]), si.is_valid())
@@ -152,9 +152,9 @@ def converged(lamellae: Lamellae) -> tuple[np.ndarray, float]:
     return mean, float(np.sqrt(np.mean(noise**2)) / mean.mean())
 
 
-def relative_error(found: np.ndarray, known: np.ndarray) -> float:
+def relative_error(values: np.ndarray, known: np.ndarray) -> float:
     """RMS over sensors and suns, bias included, over the mean."""
-    return float(np.sqrt(np.mean((found - known) ** 2)) / known.mean())
+    return float(np.sqrt(np.mean((values - known) ** 2)) / known.mean())
 
 
 def year_errors(illuminance: xr.Dataset, least: float = 1.0) -> np.ndarray:

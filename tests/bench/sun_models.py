@@ -62,18 +62,18 @@ def light_of(case: Case, model: str, hour: str) -> daylight.Daylight:
 
 def illuminance(case: Case, model: str, hour: str, accuracy: Accuracy) -> xr.Dataset:
     """E of one hour by a sun model: `sky`, `sun`, `total` and `…_se`, dims (time, sensor) [lx]."""
-    found = light_of(case, model, hour)
+    light = light_of(case, model, hour)
     world, (points, normals) = scene.load(case), sensor_points(case)
     if model == "adaptive":
         kind = Adaptive(model="adaptive")
         C = meshed(
-            world, points, normals, found.suns.diameter, accuracy,
-            latitude=found.sky.attrs["latitude"], tolerance=kind.tolerance, finest=kind.finest,
+            world, points, normals, light.suns.diameter, accuracy,
+            latitude=light.sky.attrs["latitude"], tolerance=kind.tolerance, finest=kind.finest,
         )  # fmt: skip
-        C = with_straight(C, world, points, normals, found.suns, accuracy)
+        C = with_straight(C, world, points, normals, light.suns, accuracy)
     else:
-        C = compute(world, points, normals, found.suns, accuracy)
-    E = accumulate.by_source(C, found.sky)
+        C = compute(world, points, normals, light.suns, accuracy)
+    E = accumulate.by_source(C, light.sky)
     return E.assign_coords({axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")})
 
 

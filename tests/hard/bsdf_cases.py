@@ -33,8 +33,8 @@ def load(path, **parameters):
 
 def values(bsdf, mode, wi, wo):
     """F·|cos| and density for pairs of directions (n, 3)."""
-    found = bsdf.eval_pdf(mi.BSDFContext(mode), interaction(wi, len(wi)), as_vector(wo))
-    return found[0][0].numpy(), found[1].numpy()
+    value, density = bsdf.eval_pdf(mi.BSDFContext(mode), interaction(wi, len(wi)), as_vector(wo))
+    return value[0].numpy(), density.numpy()
 
 
 ROOM = {

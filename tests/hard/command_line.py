@@ -27,9 +27,9 @@ SPARE = 8 * GIB
 
 def _memory(name: str) -> int:
     """Memory of this process [bytes]: VmRSS held now, VmHWM held at most, VmSize reserved."""
-    found = re.search(rf"^{name}:\s*(\d+) kB$", (SELF / "status").read_text(), re.MULTILINE)
-    assert found is not None
-    return 1024 * int(found[1])
+    match = re.search(rf"^{name}:\s*(\d+) kB$", (SELF / "status").read_text(), re.MULTILINE)
+    assert match is not None
+    return 1024 * int(match[1])
 
 
 def growth_of(call):
@@ -56,7 +56,7 @@ def no_more_than(extra: int):
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command came to.
+    """A command ends with an exit code, its output and its use of memory.
 
     Parameters
     ----------
@@ -121,8 +121,8 @@ class CommandLine:
         process = self.process
         assert process.stdin is not None
         assert process.stdout is not None
-        told = json.dumps({"arguments": [str(a) for a in arguments], "folder": str(folder)})
-        process.stdin.write(told.encode() + b"\n")
+        request = json.dumps({"arguments": [str(a) for a in arguments], "folder": str(folder)})
+        process.stdin.write(request.encode() + b"\n")
         process.stdin.flush()
         ready, _, _ = select.select([process.stdout], [], [], self.seconds)
         answer = process.stdout.readline() if ready else b""

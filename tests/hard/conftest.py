@@ -1,4 +1,4 @@
-"""What must hold in a hard case, and the margin that is left."""
+"""Hard cases state what must hold; the margin that is left is printed."""
 
 from collections import Counter
 

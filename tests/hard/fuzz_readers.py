@@ -20,8 +20,8 @@ from pathlib import Path
 from hypothesis import HealthCheck, Phase, given, settings
 
 MEMORY = "4096"
-"""Of the process [MiB]: atheris itself keeps some 0.3 MiB of every BSDF file that it tries. What
-the reader takes for one file is measured, and may be 1 GiB."""
+"""The process may take so much [MiB]: atheris itself keeps some 0.3 MiB of every BSDF file that it
+tries. What the reader takes for one file is measured, and may be 1 GiB."""
 
 
 def seeds(name: str, folder: Path) -> None:
@@ -99,11 +99,11 @@ def main() -> None:
 
     def one(data: bytes) -> None:
         path.write_bytes(data if whole is None else patched(whole, data))
-        told, growth = growth_of(lambda: outcome(reader, path))
+        line, growth = growth_of(lambda: outcome(reader, path))
         if growth > GIB:
             raise MemoryError(f"{growth >> 20} MiB for one file")
         most[0] = max(most[0], growth)
-        counts["result" if told == "result" else "refused"] += 1
+        counts["result" if line == "result" else "refused"] += 1
         if time.monotonic() > end:
             print(f"{name}: {dict(counts)}, {most[0] >> 20} MiB at most for one", flush=True)
             os._exit(0)  # threads of Dr.Jit are running: a plain exit would abort

@@ -18,10 +18,10 @@ ODD = (np.nan, np.inf, -np.inf, -1.0, 1e38, 1e300, 0.0)
 TYPES = ("int8", "float16", "float64", "bool", "U5", "datetime64[ns]", "complex64")
 SIZES = (0, -1, 1, 3, 10**6, 10**12, 2**63, None, "4", 0.5)
 UNWRITABLE = (TypeError, ValueError, NotImplementedError, OverflowError)
-"""What the writers raise for datasets that cannot lie on disk."""
+"""Writers raise these for datasets that cannot lie on disk."""
 
 remarks = st.integers(0, 10**9)
-"""What makes a whole file another one: hypothesis tries nothing twice."""
+"""A remark makes a whole file another one: hypothesis tries nothing twice."""
 
 
 @st.composite

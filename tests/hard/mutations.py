@@ -49,12 +49,12 @@ changes = st.sampled_from((1, 1, 1, 2, 3))
 
 def places(tree, path=()):
     """Paths of all values in a tree of dicts and lists."""
-    found = []
+    paths = []
     for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
-        found.append((*path, key))
+        paths.append((*path, key))
         if isinstance(value, dict | list):
-            found += places(value, (*path, key))
-    return found
+            paths += places(value, (*path, key))
+    return paths
 
 
 def _parent(tree, path):
@@ -156,16 +156,16 @@ def damaged(draw, text: str):
                 lines[i], lines[j] = lines[j], lines[i]
             text = "\n".join(lines)
         elif how == "number":
-            found = re.compile(r"(?<![\w.])-?\d+(\.\d*)?").search(text, at)
-            if found is not None:
+            match = re.compile(r"(?<![\w.])-?\d+(\.\d*)?").search(text, at)
+            if match is not None:
                 new = draw(st.sampled_from(DIGITS))
-                text = text[: found.start()] + new + text[found.end() :]
+                text = text[: match.start()] + new + text[match.end() :]
         else:
             length = 0
             if how == "word":
-                found = re.search(r"[^\s,;<>{}]+", text[at : at + 200])
-                if found is not None:
-                    at, length = at + found.start(), len(found[0])
+                match = re.search(r"[^\s,;<>{}]+", text[at : at + 200])
+                if match is not None:
+                    at, length = at + match.start(), len(match[0])
             text = text[:at] + draw(st.sampled_from(NOISE)) + text[at + length :]
     if draw(st.integers(0, 9)):
         return text.encode("utf-8", "replace")

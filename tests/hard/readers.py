@@ -22,27 +22,27 @@ from drcmitsuba.sky.period import read_timestamps
 
 def read_weather(path: Path) -> None:
     """Irradiance is finite and not negative, time rises."""
-    found = weather.read(path)
+    file = weather.read(path)
     for name in ("dni", "dhi"):
-        assert (found.data[name].values >= 0).all()
-        assert np.isfinite(found.data[name].values).all()
-    assert (np.diff(found.data["time"].values) > np.timedelta64(0)).all()
+        assert (file.data[name].values >= 0).all()
+        assert np.isfinite(file.data[name].values).all()
+    assert (np.diff(file.data["time"].values) > np.timedelta64(0)).all()
 
 
 def read_bsdf(path: Path) -> None:
-    """What passes as a material sends out at most what it gets; the check shows any file."""
+    """A file that passes as a material sends out at most what it gets; the check shows any."""
     report = check.check(bsdf.read(path))
     assert all(isinstance(text, str) for row in report.rows() for text in row)
-    found = film(path)
+    material = film(path)
     directions = np.array([[0, 0, 1], [0.6, 0, 0.8], [0.6, 0, -0.8], [0, 0.99, -0.141067]])
-    totals = np.sum(found.file.hemispherical(directions), axis=0)
+    totals = np.sum(material.file.hemispherical(directions), axis=0)
     assert ((totals >= 0) & (totals <= 1 + 1e-6)).all(), totals
 
 
 def read_measurements(path: Path) -> None:
     """The tree is finite and not negative."""
-    found = from_measurements([path], depth=2)
-    for tree in found.components.values():
+    file = from_measurements([path], depth=2)
+    for tree in file.components.values():
         assert np.isfinite(tree.value).all()
         assert (tree.value >= 0).all()
 

@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
 
 
 def loaded(path):
-    """Whether a case loads; what is wrong with it is told in one line, whatever it is."""
+    """Whether a case loads; one line says what is wrong with it, whatever it is."""
     with no_more_than(GIB):
         return "result" if outcome(load_case, path) == "result" else "refused"
 
@@ -38,12 +38,12 @@ def load_many(folder, tally, examples):
     one()
 
 
-def test_a_case_loads_or_is_told_in_one_line(folder, tally):
+def test_a_case_loads_or_is_refused_in_one_line(folder, tally):
     load_many(folder, tally, 150)
 
 
 @pytest.mark.slow
-def test_many_cases_load_or_are_told_in_one_line(folder, tally):
+def test_many_cases_load_or_are_refused_in_one_line(folder, tally):
     load_many(folder, tally, 10_000)
 
 
@@ -61,12 +61,12 @@ def load_shipped(tmp_path, tally, examples):
     one()
 
 
-def test_a_changed_shipped_case_loads_or_is_told_in_one_line(tmp_path, tally):
+def test_a_changed_shipped_case_loads_or_is_refused_in_one_line(tmp_path, tally):
     load_shipped(tmp_path, tally, 80)
 
 
 @pytest.mark.slow
-def test_many_changed_shipped_cases_load_or_are_told_in_one_line(tmp_path, tally):
+def test_many_changed_shipped_cases_load_or_are_refused_in_one_line(tmp_path, tally):
     load_shipped(tmp_path, tally, 5000)
 
 
@@ -85,16 +85,16 @@ def evaluate_some(command, folder, tally, holds, examples):
     holds("memory that one evaluation takes, of 1 GiB", max(growth) / GIB, 1)
 
 
-def test_a_case_has_a_result_or_is_told_in_one_line(command, folder, tally, holds):
+def test_a_case_has_a_result_or_is_refused_in_one_line(command, folder, tally, holds):
     evaluate_some(command, folder, tally, holds, 8)
 
 
 @pytest.mark.slow
-def test_many_cases_have_a_result_or_are_told_in_one_line(command, folder, tally, holds):
+def test_many_cases_have_a_result_or_are_refused_in_one_line(command, folder, tally, holds):
     evaluate_some(command, folder, tally, holds, 1000)
 
 
-# What was found, kept
+# Failures that fuzzing brought up
 
 GLAZED = {
     "room": {"size": [4.0, 5.0, 3.0]},

@@ -55,8 +55,8 @@ def read_many(name, folder, tally, holds, examples):
         path = folder / f"made{suffix}"
         path.write_bytes(raw)
         with no_more_than(GIB):
-            told, grown = growth_of(lambda: outcome(reader, path))
-        tally["result" if told == "result" else "refused"] += 1
+            line, grown = growth_of(lambda: outcome(reader, path))
+        tally["result" if line == "result" else "refused"] += 1
         growth.append(grown)
 
     one()
@@ -64,13 +64,13 @@ def read_many(name, folder, tally, holds, examples):
 
 
 @pytest.mark.parametrize("name", STRATEGIES)
-def test_a_file_is_read_or_told_in_one_line(name, folder, tally, holds):
+def test_a_file_is_read_or_refused_in_one_line(name, folder, tally, holds):
     read_many(name, folder, tally, holds, 6 if name in SLOW else 25)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STRATEGIES)
-def test_many_files_are_read_or_told_in_one_line(name, folder, tally, holds):
+def test_many_files_are_read_or_refused_in_one_line(name, folder, tally, holds):
     read_many(name, folder, tally, holds, 300 if name in SLOW else 3000)
 
 
@@ -124,7 +124,7 @@ def good(tmp_path_factory, command):
 
 
 def of_kind(kind, good):
-    """What is drawn, and the command that takes it."""
+    """The strategy draws a file of this kind, and the command takes it."""
     made, there = good / "made", good / "good"
     L, C = there / "sky.zarr", there / "coefficients.zarr"
     return {
@@ -159,19 +159,19 @@ def use_many(kind, good, command, tally, holds, examples):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_results_are_used_or_told_in_one_line(kind, good, command, tally, holds):
+def test_results_are_used_or_refused_in_one_line(kind, good, command, tally, holds):
     use_many(kind, good, command, tally, holds, 8)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_many_results_are_used_or_told_in_one_line(
+def test_many_results_are_used_or_refused_in_one_line(
     kind, good, command, tally, holds
 ):  # fmt: skip
     use_many(kind, good, command, tally, holds, 1000)
 
 
-# What was found, kept
+# Failures that fuzzing brought up
 
 
 def opened(path, *variables):
@@ -193,7 +193,7 @@ def test_a_head_that_declares_terabytes_is_refused(good, tmp_path):
             opened(path, "L")
 
 
-def test_a_damaged_hdf5_file_is_told_once(good, command):
+def test_a_damaged_hdf5_file_is_refused_once(good, command):
     """H5netcdf complained a second time, on stderr, when the half-open file was dropped."""
     raw = bytearray((good / "good" / "illuminance.nc").read_bytes())
     for at in range(48, 400, 16):
@@ -202,7 +202,7 @@ def test_a_damaged_hdf5_file_is_told_once(good, command):
         assert len(command("metrics", "e.nc", folder=good).err.splitlines()) <= 1
 
 
-def test_damaged_labels_are_told(good, tmp_path):
+def test_damaged_labels_are_refused(good, tmp_path):
     """Labels are read when they are asked for, after the file was opened."""
     path = tmp_path / "sky.zarr"
     shutil.copytree(good / "good" / "sky.zarr", path)
@@ -211,7 +211,7 @@ def test_damaged_labels_are_told(good, tmp_path):
         opened(path, "L")
 
 
-def test_half_a_blend_is_told(good, tmp_path):
+def test_half_a_blend_is_refused(good, tmp_path):
     path = tmp_path / "sky.zarr"
     shutil.copytree(good / "good" / "sky.zarr", path)
     shutil.rmtree(path / "blend_weight")
@@ -220,7 +220,7 @@ def test_half_a_blend_is_told(good, tmp_path):
 
 
 @pytest.mark.parametrize("changes", ["type", "shape of labels", "threshold"])
-def test_numbers_of_another_kind_are_told(changes, good, tmp_path):
+def test_numbers_of_another_kind_are_refused(changes, good, tmp_path):
     """L of int8 took no sun out of a patch; labels without their dim; 1e300 lx in float32."""
     path = tmp_path / "damaged.zarr"
     name = "coefficients.zarr" if changes == "threshold" else "sky.zarr"

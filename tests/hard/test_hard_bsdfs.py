@@ -92,20 +92,20 @@ OUT = {"tb": np.array([0.1, -0.6, 0.79]), "rb": np.array([0.1, -0.6, -0.79])}
 @pytest.mark.parametrize("name", ["tb", "rb"])
 def test_a_single_cell(name, mode, tmp_path, holds):
     """1 of 16,384 directions sees anything, with f = 3651/sr: neither is it missed, nor blurred."""
-    given, found = cell_of(IN, True), cell_of(OUT[name])
+    given, sent = cell_of(IN, True), cell_of(OUT[name])
     side = np.sign(OUT[name][2])
     path = tmp_path / "cell.xml"
-    path.write_text(xml("TensorTree4", {name: one_cell(given, found, SHARE / CELL)}))
+    path.write_text(xml("TensorTree4", {name: one_cell(given, sent, SHARE / CELL)}))
     bsdf = load(path)
     assert not bsdf.has_view
-    ways = {"given": direction(given, -1, True), "found": direction(found, side)}
-    wi = ways["given" if mode == IMPORTANCE else "found"]
+    ways = {"given": direction(given, -1, True), "sent": direction(sent, side)}
+    wi = ways["given" if mode == IMPORTANCE else "sent"]
     bs, weight = draw(bsdf, wi, mode, 20_000)
     wo, weight, pdf = np.array(bs.wo).T, weight[0].numpy(), bs.pdf.numpy()
     kept = weight > 0  # light that leaves along -z may also come by a reversed transmission
     assert kept.all()
     incident = mode == RADIANCE
-    wanted = given if incident else found
+    wanted = given if incident else sent
     s, t = to_square(*(-wo[:, :2] if incident else wo[:, :2]).T)
     off = np.abs(np.stack([s, t]) * SIDE - np.array(wanted)[:, None] - 0.5).max()
     holds("samples lie in the cell: off its middle, in cells", off, 0.5 + 1e-3)
@@ -124,7 +124,7 @@ def test_a_single_cell(name, mode, tmp_path, holds):
         beside = direction(np.add(wanted, step), -1 if incident else side, incident, uv)
         f, density = values(bsdf, mode, np.broadcast_to(wi, wo.shape), beside)
         holds("nothing beside it", f.max() + density.max(), 0)
-    beside = direction(np.add(found if incident else given, (1, 0)), wi[2], not incident)
+    beside = direction(np.add(sent if incident else given, (1, 0)), wi[2], not incident)
     bs, weight = draw(bsdf, beside * [1, 1, np.sign(wi[2]) * np.sign(beside[2])], mode, 1000)
     holds("nothing to those that look beside it", weight[0].numpy().max() + bs.pdf.numpy().max(), 0)
 
@@ -145,16 +145,16 @@ def test_a_single_cell_straight_through(tmp_path, holds):
 
 def test_a_room_behind_a_single_cell(tmp_path, same, holds):
     """A beam of 0.8° is all that comes in: C is f·Ω·cosθ·∫cell, and 0 for a sun 1.6° beside."""
-    given, found = cell_of(IN, True), cell_of(OUT["tb"])
+    given, sent = cell_of(IN, True), cell_of(OUT["tb"])
     path = tmp_path / "cell.xml"
-    path.write_text(xml("TensorTree4", {"tb": one_cell(given, found, SHARE / CELL)}))
+    path.write_text(xml("TensorTree4", {"tb": one_cell(given, sent, SHARE / CELL)}))
     there = [direction(np.add(given, step), -1, True) for step in ((0, 0), (2, 0))]
     diameter = 0.2
     C = coefficients(
         room(path), [d @ PANE for d in there], diameter, replicates=16, pane_points=1 << 14
     )["replicates"].values
     uv = (np.indices((64, 64)).reshape(2, -1) + 0.5) / 64
-    leaving = direction(found, 1, uv=uv)
+    leaving = direction(sent, 1, uv=uv)
     solid_angle = 4 * np.pi * np.sin(np.radians(diameter) / 4) ** 2
     arrives = solid_angle * -there[0][2]
     exact = SHARE / CELL * arrives * CELL * (-leaving[:, 1] / leaving[:, 2]).mean()
@@ -273,11 +273,11 @@ def test_a_film_of_energy_1_02_is_scaled_to_1(tmp_path, holds):
     even = "".join("{%.9g}" % (1.02 / np.pi if i & 1 else 0.5 / np.pi) for i in range(16))
     path = tmp_path / "warm.xml"
     path.write_text(xml("TensorTree4", {"tb": "{" + even + "}", "tf": "{" + even + "}"}))
-    found = film(path)
-    holds("energy that came: 1.02", abs(found.largest_albedo - 1.02), 1e-6)
+    material = film(path)
+    holds("energy that came: 1.02", abs(material.largest_albedo - 1.02), 1e-6)
     rng = np.random.default_rng(3)
     incident = to_direction(*rng.random((2, 5000)), side=-1)
-    total = np.sum(found.file.hemispherical(incident), axis=0)
+    total = np.sum(material.file.hemispherical(incident), axis=0)
     before = np.sum(bsdf_file.read(path).hemispherical(incident), axis=0)
     assert {*np.round(before, 6)} == {0.5, 1.02}
     holds("scaled energy: 1", abs(total[before > 1] - 1).max(), 1e-9)
@@ -286,8 +286,8 @@ def test_a_film_of_energy_1_02_is_scaled_to_1(tmp_path, holds):
     for d, t in zip(incident[:10], total[:10], strict=True):
         _, weight = draw(bsdf, d, IMPORTANCE, 500)
         holds("weight = energy", abs(weight[0].numpy() / t - 1).max(), FLOAT)
-    (told,) = notes(room(path))
-    assert "sends out up to 102.0 % of the light; scaled down to 100 % there" in told
+    (note,) = notes(room(path))
+    assert "sends out up to 102.0 % of the light; scaled down to 100 % there" in note
 
 
 def test_a_room_behind_energy_1_02_is_that_behind_1(tmp_path, holds):
@@ -329,13 +329,13 @@ def test_a_room_asks_only_for_what_enters(tmp_path, same, plain_coefficients, ho
     lit = {"size": [4.0, 5.0, 3.0]}
     rng = np.random.default_rng(5)
     through = "{" + " ".join(f"{v:.6g}" for v in 0.5 / np.pi * rng.random(16)) + "}"
-    found = []
+    by_back = []
     for name, back in (("none", "{0}"), ("much", "{0.3}")):
         path = tmp_path / f"{name}.xml"
         path.write_text(xml("TensorTree4", {"tb": through, "tf": back}))
         case = room(path, room=lit)
-        found.append(coefficients(case, SUNS, replicates=16)["replicates"].values)
-    holds("C, the other way open or closed", abs(found[0] - found[1]).max(), 0)
+        by_back.append(coefficients(case, SUNS, replicates=16)["replicates"].values)
+    holds("C, the other way open or closed", abs(by_back[0] - by_back[1]).max(), 0)
     black = room(path)
     world, (points, normals) = scene.load(black), sensor_points(black)
     shapes = {f"shape{i}": s for i, s in enumerate(world.full.shapes())}

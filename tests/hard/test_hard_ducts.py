@@ -48,8 +48,8 @@ def traced(sun, surfaces, photons=1 << 15):
     case = duct_case()
     points, normals = sensor_points(case)
     settings = Accuracy(photons=photons, photon_surfaces=surfaces)
-    found = PhotonTracer.of(scene.load(case), points, normals, sun[None], 0.5, None, settings)
-    return [found.traced(seed).ledgers["pipe sun"] for seed in range(12)]
+    tracer = PhotonTracer.of(scene.load(case), points, normals, sun[None], 0.5, None, settings)
+    return [tracer.traced(seed).ledgers["pipe sun"] for seed in range(12)]
 
 
 @pytest.mark.parametrize("beam", [(0.13, 0.08, 1.0), (0.4, -0.75, 1.0)])
@@ -62,11 +62,11 @@ def test_duct_of_1_to_100(holds, beam):
     d = np.array(beam) / np.linalg.norm(beam)
     aspect = LENGTH / WIDTH
     exact = unfolded_duct.disk(np.array(beam), 0.5, aspect, RHO)
-    found = traced(np.array([-d[0], -d[1], d[2]]), surfaces=1000)
-    through = np.array([(f.landed + f.others) / f.emitted for f in found])
-    lost = max(f.lost / f.emitted for f in found)
-    out = [f.landed + f.absorbed + f.escaped + f.others + f.lost for f in found]
-    into = [f.emitted + f.roulette for f in found]
+    ledgers = traced(np.array([-d[0], -d[1], d[2]]), surfaces=1000)
+    through = np.array([(f.landed + f.others) / f.emitted for f in ledgers])
+    lost = max(f.lost / f.emitted for f in ledgers)
+    out = [f.landed + f.absorbed + f.escaped + f.others + f.lost for f in ledgers]
+    into = [f.emitted + f.roulette for f in ledgers]
     holds("flux in = flux out", abs(np.divide(out, into) - 1), 1e-5)
     holds("what is lost after 1000 surfaces", lost, 0)
     mirrors = aspect * (abs(beam[0]) + abs(beam[1]))
@@ -77,16 +77,16 @@ def test_duct_of_1_to_100(holds, beam):
     holds("its relative standard error", error, 0.003)
 
 
-def test_what_a_long_duct_loses_is_told(holds):
+def test_a_note_says_what_a_long_duct_loses(holds):
     """Given up after 20 of 41 mirrors: what is still under way is the flux with ρ²⁰ of it left."""
     d = np.array([0.2, 0.21, 1.0])
     d /= np.linalg.norm(d)
-    found = traced(np.array([-d[0], -d[1], d[2]]), surfaces=20)
-    lost = np.array([f.lost / f.emitted for f in found])
+    ledgers = traced(np.array([-d[0], -d[1], d[2]]), surfaces=20)
+    lost = np.array([f.lost / f.emitted for f in ledgers])
     # The disk's rays meet 39 to 43 mirrors. Points are right to some 4 · 2⁻²⁴ of 14 m: as close to
     # an edge of the duct, a photon may slip between two walls.
     holds("lost = ρ²⁰", abs(lost / RHO**20 - 1), 20 * 4 * 2**-24 * 14 / WIDTH)
-    total = reduce(FluxLedger.plus, found)
+    total = reduce(FluxLedger.plus, ledgers)
     (note,) = plan.photon_notes({"photons": json.dumps({"pipe sun": asdict(total)})})
     assert "67 % of the light from the sun was still under way" in note
     assert "raise accuracy.photon_surfaces" in note

@@ -81,7 +81,7 @@ def test_scene_on_a_map(holds, start):
     holds("C = C at the origin, over its largest entry", difference(here, there), 1e-5)
     names = ("x", "y", "z")
     moved = [there[k].values - here[k].values - start[i] for i, k in enumerate(names)]
-    holds("sensors are told where they are [m]", abs(np.array(moved)), 1e-8)
+    holds("places of the sensors [m]", abs(np.array(moved)), 1e-8)
 
 
 def write_obj(path, vertices, faces):
@@ -183,8 +183,8 @@ def test_mesh_that_its_file_has_rounded(refused, tmp_path):
     rows["n"], rows["i"] = 3, faces
     file.write_bytes(head.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
     position = "position = [-500000.0, -4649776.0, 0.0]\n"
-    told = "its floats are rounded to 0.5 at 4649776, write doubles"
-    refused(ROOM + MESH.format(file) + position, str(file), told)
+    message = "its floats are rounded to 0.5 at 4649776, write doubles"
+    refused(ROOM + MESH.format(file) + position, str(file), message)
 
 
 # --- millimetres
@@ -248,10 +248,10 @@ def hits(case, origin, towards):
     d = towards - np.asarray(origin, float)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     ray = mi.Ray3f(mi.Point3f(*map(float, origin)), mi.Vector3f(*d.T.astype(np.float32)))
-    found = np.array(number(world.full.ray_intersect(ray).bsdf()))
+    hit = np.array(number(world.full.ray_intersect(ray).bsdf()))
     numbers = [int(number(mi.BSDFPtr(part.bsdf))[0]) for part in world.parts]
-    assert dr.width(ray.d) == len(found)
-    return found, {part.material: n for part, n in zip(world.parts, numbers, strict=True)}
+    assert dr.width(ray.d) == len(hit)
+    return hit, {part.material: n for part, n in zip(world.parts, numbers, strict=True)}
 
 
 FACADE = {"strips": [{"bottom": 0.9, "top": 2.0, "material": "glass"}]}
@@ -290,10 +290,10 @@ def test_what_stands_against_the_room_is_not_seen_in_its_walls(holds, piece, axi
     rng, size = np.random.default_rng(1), np.array([4, 5, 3])
     points = rng.uniform(0.01, 0.99, (4000, 3)) * size
     points[:, axis] = at
-    found, materials = hits(case, size / 2, points)
+    hit, materials = hits(case, size / 2, points)
     outside = [n for m, n in materials.items() if getattr(m, "reflectance", None) == 1.0]
     assert len(outside) == 1
-    holds("rays that meet it in the plane of the wall", (found == outside[0]).mean(), 0)
+    holds("rays that meet it in the plane of the wall", (hit == outside[0]).mean(), 0)
 
 
 def test_panes_before_a_box_are_met_first_and_the_box_is_met_behind_them(holds):
@@ -342,9 +342,9 @@ def test_carpet_of_a_millimetre(z):
     plate = {"corner": [9, 9, z], "size": [1, 1, 0], "reflectance": 1.0}
     case = house(plate, room={"size": [12, 12, 3]}, facade={})
     target = np.random.default_rng(0).uniform([9.01, 9.01, z], [9.99, 9.99, z], (2000, 3))
-    found, materials = hits(case, [0.5, 0.5, 2.9], target)
+    hit, materials = hits(case, [0.5, 0.5, 2.9], target)
     plates = [n for m, n in materials.items() if getattr(m, "reflectance", None) == 1.0]
-    assert (found == plates[0]).all()
+    assert (hit == plates[0]).all()
 
 
 def test_mesh_in_the_plane_of_a_pane(refused, tmp_path):
@@ -395,14 +395,14 @@ def test_sensor_1_mm_above_a_desk_does_not_see_it(holds):
 def test_sensor_1_mm_above_a_desk_reads_the_limit(same, holds):
     """In a room the desk is part of it: 1.1 and 0.001 + 1 mm above it E is the same."""
     fine = FEW | {"replicates": 12, "paths": 256, "sensor_sky_rays": 1024}
-    found = []
+    sums = []
     for above in (0.001, 0.0011):
         sensors = {"corner": [0.5, 0.5, 0.74 + above], "count": [2, 2], "spacing": 0.5}
         C = coefficients(house(DESK, sensors=sensors, accuracy=fine))
-        found.append(C["replicates"].values.sum(axis=-1, dtype=float))
-    same(found[0], other=found[1], within=0.01)
+        sums.append(C["replicates"].values.sum(axis=-1, dtype=float))
+    same(sums[0], other=sums[1], within=0.01)
     # The same random numbers: what is left is 0.1 mm of height, 10⁻⁴ of what is about.
-    holds("ΣC at 1.1 mm = ΣC at 1 mm", abs(found[0].mean() / found[1].mean() - 1), 1e-3)
+    holds("ΣC at 1.1 mm = ΣC at 1 mm", abs(sums[0].mean() / sums[1].mean() - 1), 1e-3)
 
 
 # --- meshes with faults
@@ -420,7 +420,7 @@ def test_triangles_without_area_change_nothing(holds, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("vertices", "faces", "told"),
+    ("vertices", "faces", "message"),
     [
         ([[0, 0, 0], [1, 0, 0], [0, float("nan"), 0]], [[0, 1, 2]], "a coordinate is not finite"),
         ([[0, 0, 0], [1, 0, 0], [0, float("inf"), 0]], [[0, 1, 2]], "a coordinate is not finite"),
@@ -429,9 +429,9 @@ def test_triangles_without_area_change_nothing(holds, tmp_path):
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 3]], "a face names vertex 3 of 3"),
     ],
 )  # fmt: skip
-def test_unfit_meshes_are_refused(tmp_path, vertices, faces, told):
+def test_unfit_meshes_are_refused(tmp_path, vertices, faces, message):
     file = write_obj(tmp_path / "bad.obj", vertices, faces)
-    with pytest.raises(InputError, match=told) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         scene.load(with_mesh(file))
     assert str(file) in str(caught.value)
 

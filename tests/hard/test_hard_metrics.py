@@ -85,8 +85,8 @@ def test_metrics_by_hand(corner, holds):
     t, area = RULES.metrics, RULES.shade_area
     holds("sDA", abs(metrics.sda(E, t.sda_threshold) - sda), 0)
     holds("ASE", abs(metrics.ase(D) - ase), 0)
-    found = 100 * float(metrics.shade_closed(D, area=area).mean())
-    holds("shade closed", abs(found - closed), 1e-12)
+    percent = 100 * float(metrics.shade_closed(D, area=area).mean())
+    holds("shade closed", abs(percent - closed), 1e-12)
     months, monthly = metrics.months(E), metrics.msda(E, t.sda_threshold).values
     there = np.isin(np.arange(1, 13), months)
     holds("months with hours that are NaN, or the other way", np.isnan(monthly) == there, 0)
@@ -132,21 +132,21 @@ def test_intervals_are_finite_and_hold_the_value(corner, error, holds):
          "sun_bin": ("time", labels)},
     )  # fmt: skip
     C = Coefficients.of(C)
-    found = illuminance.illuminance(C, sky)
-    holds("E that is not finite", ~np.isfinite(found.to_array().values), 0)
-    draws = intervals.draw(C, sky, found, RULES, rays=16, seed=2)
-    told = [
-        evaluate_metrics.summarise(found, RULES, draws),
-        evaluate_metrics.summarise(found, RULES),
+    illuminances = illuminance.illuminance(C, sky)
+    holds("E that is not finite", ~np.isfinite(illuminances.to_array().values), 0)
+    draws = intervals.draw(C, sky, illuminances, RULES, rays=16, seed=2)
+    summaries = [
+        evaluate_metrics.summarise(illuminances, RULES, draws),
+        evaluate_metrics.summarise(illuminances, RULES),
     ]
-    for numbers in told:
+    for numbers in summaries:
         rows = [numbers[name] for name in ("sDA", "ASE", "shade_closed")]
         rows += [row for name in ("msDA", "MSE", "shade_closed_monthly") for row in numbers[name]]
         values = np.array([[r["low"], r["value"], r["high"]] for r in rows if r is not None])
         holds("ends that are not finite", ~np.isfinite(values), 0)
         holds("values beside their interval", np.diff(values, axis=1) < 0, 0)
         holds("per cent below 0 or above 100", np.maximum(-values, values - 100), 0)
-    widths = [draws.half_width(told[0], unit) for unit in ("point", "%")]
+    widths = [draws.half_width(summaries[0], unit) for unit in ("point", "%")]
     holds("half widths that are not finite", ~np.isfinite(widths), 0)
 
 
@@ -198,16 +198,16 @@ def test_twins_and_gradients_are_finite(corner, k, holds):
     if k == SHARPEST and corner in ("dark", "brightest float32", "smallest float32"):
         # No value lies at its threshold: the sharpest twins are the metrics.
         x, y = (mi.TensorXf(np.asarray(a, np.float32)) for a in (E, D))
-        found = smooth.sda(x, 500.0, sharpness=k)[0], smooth.ase(y, sharpness=k)[0]
-        holds("sharpest twins − metrics", abs(np.array(found) - [sda, ase]), 1e-3)
-        found = smooth.shade_closed(y, sharpness=k).numpy()
-        holds("sharpest shade − shade", abs(100 * found.mean() - closed), 1e-3)
+        twins = smooth.sda(x, 500.0, sharpness=k)[0], smooth.ase(y, sharpness=k)[0]
+        holds("sharpest twins − metrics", abs(np.array(twins) - [sda, ase]), 1e-3)
+        shade = smooth.shade_closed(y, sharpness=k).numpy()
+        holds("sharpest shade − shade", abs(100 * shade.mean() - closed), 1e-3)
 
 
 @pytest.mark.parametrize("aim", ["sDA", "worst month"])
 @pytest.mark.parametrize("corner", CORNERS)
 def test_objectives_are_finite(corner, aim, holds):
-    """What optimisers see, with the soft minimum over months and the shade: value and gradient."""
+    """Optimisers see value and gradient, with the soft minimum over months and the shade."""
     E, D, *_ = CORNERS[corner]
     measure = Measure(RULES, aim, metrics.months(dated(E)))
     for k in (1.0, 8.0, 512.0):
@@ -216,8 +216,8 @@ def test_objectives_are_finite(corner, aim, holds):
             dr.enable_grad(part)
         value, ase = measure.smooth(Illuminances(*parts), k)
         dr.backward(value + ase)
-        found = [value.numpy(), ase.numpy(), *(dr.grad(part).numpy().ravel() for part in parts)]
-        holds("values and derivatives that are not finite", ~np.isfinite(np.concatenate(found)), 0)
+        both = [value.numpy(), ase.numpy(), *(dr.grad(part).numpy().ravel() for part in parts)]
+        holds("values and derivatives that are not finite", ~np.isfinite(np.concatenate(both)), 0)
     hard = measure.hard(Illuminances(*(dr.detach(part) for part in parts)))
     holds("hard numbers that are not finite", ~np.isfinite(hard), 0)
 
@@ -249,12 +249,12 @@ def test_film_share_at_its_bounds(kind, holds):
         np.full(size, v) for v in (0.0, 0.5, 1.0)] + list(np.eye(size)) + [
         np.repeat(pair, size // 2) for pair in itertools.product((0.0, 1.0), repeat=2)]  # fmt: skip
     for x in corners:
-        found = problem.evaluate(np.array(x), sharp)
-        numbers = [*dataclasses.astuple(found.smooth), *dataclasses.astuple(found.hard)]
-        numbers += [*found.gradient, *found.ase_gradient, *found.area_gradient]
+        evaluation = problem.evaluate(np.array(x), sharp)
+        numbers = [*dataclasses.astuple(evaluation.smooth), *dataclasses.astuple(evaluation.hard)]
+        numbers += [*evaluation.gradient, *evaluation.ase_gradient, *evaluation.area_gradient]
         holds("numbers and derivatives that are not finite", ~np.isfinite(numbers), 0)
-        holds("shares that do not add up", abs(found.share.sum(axis=1) - 1), 1e-6)
-        holds("shares below 0", np.maximum(-found.share, 0), 1e-6)
+        holds("shares that do not add up", abs(evaluation.share.sum(axis=1) - 1), 1e-6)
+        holds("shares below 0", np.maximum(-evaluation.share, 0), 1e-6)
     if kind == "window":
         return
     for at, inward in ((0.0, 2e-3), (1.0, -2e-3)):  # film nowhere, and everywhere
@@ -286,10 +286,10 @@ def test_reflectances_at_0_and_1(holds):
         rho = {key: mi.Float(value) for key, value in zip(keys, at, strict=True)}
         for value in rho.values():
             dr.enable_grad(value)
-        found = interior.illuminance(rho)
-        dr.backward(dr.mean(found.open.array))
+        illuminances = interior.illuminance(rho)
+        dr.backward(dr.mean(illuminances.open.array))
         slopes = [dr.grad(value).numpy()[0] for value in rho.values()]
-        E = found.open.numpy()
+        E = illuminances.open.numpy()
         holds("E that is not finite or negative", ~(np.isfinite(E) & (E >= 0)), 0)
         holds(
             "slopes that are not finite or negative",

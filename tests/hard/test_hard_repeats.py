@@ -131,7 +131,7 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
 
 @pytest.mark.parametrize("kind", STRIPS)
 def test_chunks_by_paths(kind, usual, holds, monkeypatch):
-    """What limits a chunk may be the paths, too: one sensor at a time."""
+    """The paths may limit a chunk, too: one sensor at a time."""
     if kind != "open room":
         pytest.skip("the limit is the same one for all rooms")
     monkeypatch.setattr(coefficients, "PATHS", 1)

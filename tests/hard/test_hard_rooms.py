@@ -24,7 +24,7 @@ from drcmitsuba.transport.coefficients import compute, straight_suns
 from drcmitsuba.transport.gather import gather
 
 ROUNDING = 2e-6
-"""Of sums of thousands of equal float32 numbers."""
+"""Sums of thousands of equal float32 numbers are off by this much."""
 NO_SUNS = Suns((), np.zeros((0, 3)))
 UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -104,7 +104,7 @@ def test_closed_white_box(holds, same, reflectance):
 
 
 def test_energy_in_a_white_box_with_an_opening(holds, same):
-    """What comes in is absorbed or leaves: π a = (1 − ρ) ∫ E dA + ∫ E dA over the opening.
+    """Light that comes in is absorbed or leaves: π a = (1 − ρ) ∫ E dA + ∫ E dA over the opening.
 
     Light is reflected sixty times before it is gone. Any L = 1 outside, ground and sky alike.
     """
@@ -266,7 +266,7 @@ def through_the_film(film, corner, u, v, points, suns, diameter):
     si = dr.zeros(mi.SurfaceInteraction3f, len(at) * m)
     si.n = mi.Normal3f(0, 1, 0)
     si.sh_frame = mi.Frame3f(si.n)
-    found = np.zeros((len(points), len(suns)))
+    C = np.zeros((len(points), len(suns)))
     for j, p in enumerate(points):
         to = p - at
         r = np.linalg.norm(to, axis=1)
@@ -280,8 +280,8 @@ def through_the_film(film, corner, u, v, points, suns, diameter):
             si.wi = si.to_local(mi.Vector3f(np.repeat(to, m, axis=0).T))
             wo = si.to_local(mi.Vector3f(np.tile(d, (len(at), 1)).T))
             value = film.eval(mi.BSDFContext(), si, wo)[0].numpy().reshape(len(at), m)
-            found[j, k] = value.mean(axis=1, dtype=float) @ weight * disk_solid_angle(diameter)
-    return found
+            C[j, k] = value.mean(axis=1, dtype=float) @ weight * disk_solid_angle(diameter)
+    return C
 
 
 def test_film_of_1_square_centimetre(holds, same):
@@ -302,9 +302,9 @@ def test_film_of_1_square_centimetre(holds, same):
     exact = through_the_film(film.bsdf, corner, u, v, points, suns, diameter=0.5)
     accuracy = Accuracy(replicates=32, paths=1, pane_points=256)
     C = compute(world, points, normals, Suns(("a", "b"), suns), accuracy, subdivision=None)
-    found = C["replicates"].values
-    same(found, exact=exact, within=0.01)
-    total = found.sum(axis=(1, 2), dtype=float)
+    replicates = C["replicates"].values
+    same(replicates, exact=exact, within=0.01)
+    total = replicates.sum(axis=(1, 2), dtype=float)
     error = total.std(ddof=1) / 32**0.5
     holds("C by the film = its integral over pane and disk, in standard errors",
           abs(total.mean() - exact.sum()) / error, 4)  # fmt: skip

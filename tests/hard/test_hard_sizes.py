@@ -103,7 +103,7 @@ corner = [1.0, 1.0, 0.8]
 
 
 def alone(text, *arguments):
-    """What a process of its own tells."""
+    """A process of its own runs the text and returns JSON."""
     command = [sys.executable, "-W", "error", "-c", text, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
