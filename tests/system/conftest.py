@@ -26,8 +26,8 @@ def run(monkeypatch, capsys):
             main.main()
         except SystemExit as stop:
             code = stop.code
-        told = capsys.readouterr()
-        return code, told.out, told.err
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
 
     return run
 

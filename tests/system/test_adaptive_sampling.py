@@ -44,7 +44,7 @@ def test_a_target_is_read(text, target):
 
 
 @pytest.mark.parametrize("text", ["", "1", "point", "0 points", "101 %", "-1 %", "1 point of sDA"])
-def test_a_target_that_is_none_is_told(text):
+def test_a_target_that_is_none_is_refused(text):
     with pytest.raises(InputError, match=r'target: .*write "1 point"'):
         checked(Accuracy, {"target": text}, "case")
 

@@ -32,24 +32,24 @@ def results(tmp_path_factory):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
-    found = results[model]
-    storage.save_zarr(found.coefficients, tmp_path / "C.zarr")
-    light_module.save_luminances(found.daylight, tmp_path / "L.zarr")
+    result = results[model]
+    storage.save_zarr(result.coefficients, tmp_path / "C.zarr")
+    light_module.save_luminances(result.daylight, tmp_path / "L.zarr")
     C = storage.open_dataset(tmp_path / "C.zarr", "replicates").load()
     L = light_module.from_luminances(storage.open_dataset(tmp_path / "L.zarr", "L", "sun"))
     E = illuminance.illuminance(Coefficients.of(C), L)
-    for name, expected in found.illuminance.data_vars.items():
+    for name, expected in result.illuminance.data_vars.items():
         np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)
 
 
 @pytest.mark.parametrize("model", MODELS[:-1])
 def test_illuminance_is_coefficients_times_luminances(results, model):
-    found = results[model]
-    L = found.sky["L"]
-    C = found.coefficients["replicates"].sel(state="open").mean("replicate")
+    result = results[model]
+    L = result.sky["L"]
+    C = result.coefficients["replicates"].sel(state="open").mean("replicate")
     assert list(C["bin"].values) == list(L["bin"].values)
     E = L.values.astype(float) @ C.values.T.astype(float)
-    np.testing.assert_allclose(found.illuminance["total_open"], E, rtol=1e-4, atol=0.05)
+    np.testing.assert_allclose(result.illuminance["total_open"], E, rtol=1e-4, atol=0.05)
 
 
 def test_the_adaptive_sun_has_no_bin_in_the_sky(results):
@@ -85,11 +85,11 @@ def test_the_adaptive_sun_tells_its_error(results):
 
 def test_a_finer_sky_is_a_setting(tmp_path):
     case = case_of(tmp_path, "three_phase", (DAYS, "months = [3]"), subdivision=2)
-    found = drcmitsuba.evaluate(case)
-    assert found.coefficients.sizes["bin"] == 578
+    result = drcmitsuba.evaluate(case)
+    assert result.coefficients.sizes["bin"] == 578
     np.testing.assert_allclose(
-        found.illuminance["sky_open"] + found.illuminance["sun_open"],
-        found.illuminance["total_open"],
+        result.illuminance["sky_open"] + result.illuminance["sun_open"],
+        result.illuminance["total_open"],
         rtol=1e-4,
     )
 
@@ -138,10 +138,10 @@ def test_true_suns_of_other_hours_are_added_to_those_that_are_known(results, tmp
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_mean_illuminance_is_that_of_the_year(results, model):
-    found = results[model]
-    case, light = found.case, found.daylight
-    draws = evaluate_metrics.evaluate_metrics(case, light, found.by_state).draws
-    E = found.illuminance["total"]
+    result = results[model]
+    case, light = result.case, result.daylight
+    draws = evaluate_metrics.evaluate_metrics(case, light, result.by_state).draws
+    E = result.illuminance["total"]
     assert draws.mean_illuminance.value == pytest.approx(float(E.mean()), rel=1e-4)
 
 
@@ -149,15 +149,15 @@ def test_the_mean_illuminance_is_that_of_the_year(results, model):
 def test_a_coloured_case_has_a_mesh_as_well(tmp_path, model):
     room = ("size = [4.0, 5.0, 3.0]", "size = [4.0, 5.0, 3.0]\nwalls = [0.6, 0.5, 0.3]")
     case = case_of(tmp_path, model, room, (DAYS, "months = [3]"))
-    found = drcmitsuba.evaluate(case)
-    again = drcmitsuba.evaluate(case, known=found.coefficients)
-    np.testing.assert_allclose(again.illuminance["total"], found.illuminance["total"], rtol=1e-4)
-    assert found.illuminance["total"].sizes["channel"] == 3
-    for numbers in (found.metrics, again.metrics):
+    result = drcmitsuba.evaluate(case)
+    again = drcmitsuba.evaluate(case, known=result.coefficients)
+    np.testing.assert_allclose(again.illuminance["total"], result.illuminance["total"], rtol=1e-4)
+    assert result.illuminance["total"].sizes["channel"] == 3
+    for numbers in (result.metrics, again.metrics):
         assert numbers["sDA"]["low"] <= numbers["sDA"]["value"] <= numbers["sDA"]["high"]
 
 
-def test_an_unknown_model_is_told(tmp_path):
+def test_an_unknown_model_is_refused(tmp_path):
     (tmp_path / "case.toml").write_text(CASE + '\n[sun]\nmodel = "true"\n')
     with pytest.raises(InputError, match=r'sun.model: got "true"; choose from: .*"adaptive"'):
         load_case(tmp_path / "case.toml")

@@ -73,7 +73,7 @@ def results(tmp_path_factory):
 
 
 @pytest.mark.parametrize("verb", ["evaluate", "sky", "coefficients"])
-def test_a_missing_case_is_told(refused, tmp_path, verb):
+def test_a_missing_case_is_refused(refused, tmp_path, verb):
     missing = tmp_path / "none.toml"
     line = refused(verb, missing, "-o", tmp_path / "r")
     assert line == f"{missing}: case file: no such file; give a TOML file"
@@ -81,7 +81,7 @@ def test_a_missing_case_is_told(refused, tmp_path, verb):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("[furniture]", "[furnitrue]", 'furnitrue: unknown key; did you mean "furniture"?'),
         ("transmittance = 0.65", "transmitance = 0.65", "unknown key; did you mean"),
@@ -95,11 +95,11 @@ def test_a_missing_case_is_told(refused, tmp_path, verb):
     ],
 )
 @pytest.mark.parametrize("verb", ["evaluate", "coefficients"])
-def test_a_wrong_case_is_told_in_one_line(refused, case, tmp_path, old, new, told, verb):
+def test_a_wrong_case_gives_one_line(refused, case, tmp_path, old, new, message, verb):
     assert CASE.count(old) == 1
     case.write_text(CASE.replace(old, new))
     line = refused(verb, case, "-o", tmp_path / "r")
-    assert told in line
+    assert message in line
     assert line.startswith(str(tmp_path))
     assert not (tmp_path / "r").exists()
 
@@ -125,7 +125,7 @@ def with_code(code):
 
 
 @pytest.mark.parametrize(
-    ("damage", "told"),
+    ("damage", "message"),
     [
         (cut, "rows: 2998 hours, last 05-05 21:00; give all 8760"),
         (cut_within_a_row, "the file is cut or damaged"),
@@ -138,26 +138,26 @@ def with_code(code):
     ],
     ids=["cut", "cut row", "9999", "-9900", "negative", "text", "empty", "binary"],
 )
-def test_unfit_weather_is_told_in_one_line(refused, case, tmp_path, damage, told):
+def test_unfit_weather_gives_one_line(refused, case, tmp_path, damage, message):
     file = tmp_path / "town.csv"
     file.write_text(damage(TMY3.read_text()))
     line = refused("evaluate", case, "--weather", file, "-o", tmp_path / "r")
-    assert told in line
+    assert message in line
     assert line.startswith(f"{file}: ")
     assert not (tmp_path / "r").exists()
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "message"),
     [
         ("none.epw", "none.epw: file: no such file; give the path of a file"),
         ("case.toml", "case.toml: suffix: '.toml'; use one of .epw, .csv, .tm2, .wea"),
         ("", "suffix: ''; use one of"),
     ],
 )
-def test_what_is_no_weather_file_is_told(refused, case, tmp_path, name, told):
+def test_what_is_no_weather_file_is_refused(refused, case, tmp_path, name, message):
     line = refused("sky", case, "--weather", tmp_path / name, "-o", tmp_path / "r")
-    assert told in line
+    assert message in line
 
 
 @pytest.mark.parametrize("verb", ["evaluate", "sky", "coefficients"])
@@ -168,14 +168,14 @@ def test_results_cannot_go_into_a_file(refused, case, verb):
     assert case.read_text() == CASE
 
 
-def test_an_unwritable_folder_is_told_before_the_work(refused, case, tmp_path, monkeypatch):
+def test_an_unwritable_folder_is_refused_before_the_work(refused, case, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write anywhere
     monkeypatch.setattr("drcmitsuba.evaluate", pytest.fail)
     line = refused("evaluate", case, "-o", tmp_path / "r")
     assert line == f"{tmp_path / 'r'}: -o: {tmp_path} may not be written; name another folder"
 
 
-def test_a_full_disk_is_told_in_one_line(refused, case, tmp_path, monkeypatch):
+def test_a_full_disk_gives_one_line(refused, case, tmp_path, monkeypatch):
     def full(figure, path):
         raise OSError(28, "No space left on device", str(path))
 
@@ -189,7 +189,7 @@ def test_a_full_disk_is_told_in_one_line(refused, case, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["evalute"], "command line: No such command 'evalute'"),
         (["evaluate"], "command line: Missing argument"),
@@ -201,14 +201,14 @@ def test_a_full_disk_is_told_in_one_line(refused, case, tmp_path, monkeypatch):
         (["illuminance", "nowhere", "nowhere"], "nowhere: results: no such file or folder"),
     ],
 )
-def test_a_wrong_command_is_told_in_one_line(refused, tmp_path, monkeypatch, arguments, told):
+def test_a_wrong_command_gives_one_line(refused, tmp_path, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)
-    assert told in refused(*arguments)
+    assert message in refused(*arguments)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "told"),
+    ("option", "value", "message"),
     [
         ("--sda-fraction", "7", "sda_fraction: got 7.0; did you mean 0.07?"),
         ("--sda-threshold", "-1", "sda_threshold: got -1.0; input should be greater than 0"),
@@ -216,13 +216,13 @@ def test_a_wrong_command_is_told_in_one_line(refused, tmp_path, monkeypatch, arg
         ("--ase-threshold", "much", "Invalid value for '--ase-threshold'"),
     ],
 )
-def test_unfit_thresholds_are_told(refused, results, option, value, told):
+def test_unfit_thresholds_are_refused(refused, results, option, value, message):
     line = refused("metrics", results / "illuminance.nc", option, value)
     assert line.startswith("command line: ")
-    assert told in line
+    assert message in line
 
 
-def test_files_of_another_kind_are_told(refused, results, tmp_path):
+def test_files_of_another_kind_are_refused(refused, results, tmp_path):
     E, C, L = (results / name for name in ("illuminance.nc", "coefficients.zarr", "sky.zarr"))
     assert "sky.zarr: results: has no 'replicates'" in refused("illuminance", L, C)
     assert "coefficients.zarr: results: has no 'L'" in refused("illuminance", C, C)
@@ -246,7 +246,7 @@ def test_an_unfit_backend_is_exit_code_1(run, case, tmp_path, monkeypatch):
     assert not (tmp_path / "r").exists()
 
 
-def test_an_error_of_the_program_is_not_told_as_a_bad_input(run, case, tmp_path, monkeypatch):
+def test_an_error_of_the_program_does_not_pass_for_bad_input(run, case, tmp_path, monkeypatch):
     def fail(case):
         raise ZeroDivisionError
 

@@ -297,7 +297,7 @@ def test_the_separate_verbs_know_the_thresholds_of_the_case(stamps, tmp_path, mo
 
 
 @pytest.mark.parametrize("settings", ["{", "[]", '{"a": NaN}'])
-def test_damaged_settings_of_an_illuminance_file_are_told(settings):
+def test_damaged_settings_of_an_illuminance_file_are_refused(settings):
     with pytest.raises(InputError, match=r"E.nc: settings: .*compute the illuminance anew"):
         evaluate_metrics.settings_of({"settings": settings}, "E.nc", Metrics())
 

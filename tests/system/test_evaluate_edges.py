@@ -146,7 +146,7 @@ def test_a_cie_sky_needs_no_weather_file(evaluate, stamps):
     assert note.startswith("the period is 2 time stamps, no year")
 
 
-def test_a_cie_sky_without_its_illuminance_is_told_with_the_case(evaluate):
+def test_a_cie_sky_without_its_illuminance_is_refused_with_the_case(evaluate):
     with pytest.raises(InputError, match=r"case.toml: sky.diffuse_horizontal_illuminance: nothing"):
         evaluate(CASE + '[sky]\nmodel = "cie"\ntype = 5\n' + SITE)
 
@@ -188,7 +188,7 @@ def test_own_time_stamps_take_the_sun_of_their_instant(evaluate, stamps, tmp_pat
         (["noon"], "line 2, time: 'noon'"),
     ],
 )
-def test_unfit_time_stamps_are_told(evaluate, stamps, rows, message):
+def test_unfit_time_stamps_are_refused(evaluate, stamps, rows, message):
     with pytest.raises(InputError, match=f"times.csv: {re.escape(message)}"):
         evaluate(changed(stamps(*rows)))
 
@@ -202,7 +202,7 @@ def test_unfit_time_stamps_are_told(evaluate, stamps, rows, message):
         ("hours = [3, 3]", "hours: "),
     ],
 )
-def test_an_unfit_period_is_told_with_the_case(evaluate, period, message):
+def test_an_unfit_period_is_refused_with_the_case(evaluate, period, message):
     with pytest.raises(InputError, match=rf"case.toml: period.{message}") as caught:
         evaluate(changed((DAYS, period)))
     assert str(caught.value).isprintable()

@@ -75,9 +75,9 @@ def test_the_shipped_film_is_checked_and_shown(run, tmp_path):
 
 
 def test_the_shipped_film_has_no_view_and_keeps_energy():
-    found = film(PRISM)
-    assert not found.stands_out
-    assert found.largest_albedo < 1
+    prism = film(PRISM)
+    assert not prism.stands_out
+    assert prism.largest_albedo < 1
     assert bsdf.read(PRISM).components.keys() == {"tb", "tf", "rb", "rf"}
 
 
@@ -120,7 +120,7 @@ def test_measurements_become_a_film(run, tmp_path):
          "films/../films/prism: file: No such file or directory; check its path and rights"),
     ],
 )  # fmt: skip
-def test_wrong_use_is_told_in_one_line(refused, tmp_path, monkeypatch, arguments, line):
+def test_wrong_use_gives_one_line(refused, tmp_path, monkeypatch, arguments, line):
     monkeypatch.chdir(tmp_path)
     assert refused(*arguments) == line
     assert not list(tmp_path.iterdir())
@@ -156,10 +156,10 @@ def test_an_even_film_is_a_diffuser(case):
     np.testing.assert_allclose(by_film.straight, as_diffuser.straight, rtol=1e-5)
 
 
-def test_a_film_that_is_not_there_is_told(refused, case):
+def test_a_film_that_is_not_there_is_refused(refused, case):
     (case.parent / "film.xml").unlink()
-    told = "materials.film.file: film.xml: no such file; give its path relative to the case file"
-    assert told in refused("evaluate", case, "-o", case.parent / "out")
+    message = "materials.film.file: film.xml: no such file; give its path relative to the case file"
+    assert message in refused("evaluate", case, "-o", case.parent / "out")
 
 
 def test_a_film_that_makes_light_is_refused_before_the_work(refused, case):

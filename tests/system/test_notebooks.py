@@ -75,7 +75,7 @@ def test_notebook_runs(path, executed):
     assert len(pictures) >= 2
 
 
-def test_what_is_looked_for_would_be_found(tmp_path, executed):
+def test_a_warning_would_be_noticed(tmp_path, executed):
     source = "import warnings\nwarnings.warn('beware', stacklevel=1)"
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)])
     nbformat.write(notebook, tmp_path / "warns.ipynb")

@@ -73,15 +73,15 @@ def test_the_plan_is_written_as_evaluate_writes_it(run, case, tmp_path):
 def test_json_alone_on_the_screen(run, case):
     code, out, _ = run("plan", case, "--json")
     assert code == 0
-    told = json.loads(out)
-    assert told["suns"] == {
+    report = json.loads(out)
+    assert report["suns"] == {
         "on": False, "reason": "no sun of the period has a radiance",
-        "suns": 0, "reaching": 0, "largest_ns": told["suns"]["largest_ns"], "share": 0.0,
+        "suns": 0, "reaching": 0, "largest_ns": report["suns"]["largest_ns"], "share": 0.0,
     }  # fmt: skip
-    assert told["cost"]["forecast"]["rays"]["photon"] == 0
+    assert report["cost"]["forecast"]["rays"]["photon"] == 0
 
 
-def test_mistakes_are_told_in_one_line(refused, case, tmp_path):
+def test_mistakes_give_one_line(refused, case, tmp_path):
     assert "no such file" in refused("plan", tmp_path / "none.toml")
     case.write_text(CASE.replace('material = "glass"', 'material = "glas"'))
     assert "glass" in refused("plan", case)

@@ -68,7 +68,7 @@ def test_no_time_is_refused(refused, case, tmp_path, minutes):
     assert not (tmp_path / "t").exists()
 
 
-def test_too_little_time_for_the_reference_is_told(refused, case, tmp_path):
+def test_too_little_time_for_the_reference_is_refused(refused, case, tmp_path):
     line = refused("tradeoff", case, "-o", tmp_path / "t", "--minutes", "0.001")
     assert line == "tradeoff: minutes: 0.001: no reference; give more --minutes"
     assert not (tmp_path / "t").exists()
@@ -79,7 +79,7 @@ def test_a_folder_that_is_a_file_is_refused(refused, case):
     assert line == f"{case}: -o: {case} is a file; name a folder"
 
 
-def test_a_wrong_case_is_told_at_once(refused, case, tmp_path):
+def test_a_wrong_case_is_refused_at_once(refused, case, tmp_path):
     case.write_text(CASE.replace("count = [3, 3]", "count = [9, 3]"))
     assert "lies in, on or beyond a wall" in refused("tradeoff", case, "-o", tmp_path / "t")
 

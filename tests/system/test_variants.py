@@ -115,14 +115,14 @@ def test_season(run, tmp_path):
     code, out, err = run("season", "fabric.toml", "-o", "season")
     assert (code, err) == (0, "")
     assert (tmp_path / "season" / "season.png").stat().st_size > 10_000
-    found = json.loads((tmp_path / "season" / "season.json").read_text())["msDA"]
+    msda = json.loads((tmp_path / "season" / "season.json").read_text())["msDA"]
     for name in ("design", "clear", "opening", "relative", "gain"):
-        assert [m is not None for m in found[name]] == [m in (3, 12) for m in range(1, 13)], name
+        assert [m is not None for m in msda[name]] == [m in (3, 12) for m in range(1, 13)], name
     for month in (2, 11):
-        values = {n: found[n][month]["value"] for n in ("design", "clear", "opening")}
+        values = {n: msda[n][month]["value"] for n in ("design", "clear", "opening")}
         assert values["opening"] >= max(values["design"], values["clear"])
-        assert found["gain"][month] == pytest.approx(values["design"] - values["clear"])
-        assert found["relative"][month] == pytest.approx(100 * values["design"] / values["opening"])
+        assert msda["gain"][month] == pytest.approx(values["design"] - values["clear"])
+        assert msda["relative"][month] == pytest.approx(100 * values["design"] / values["opening"])
     assert "of the opening" in out.replace("\n", " ")
 
 
