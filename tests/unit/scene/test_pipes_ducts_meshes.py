@@ -43,8 +43,8 @@ def test_the_ceiling_and_the_ring_fill_everything_but_the_pipe(sides):
     x, y = corners.T
     cross_section = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
     assert cross_section == pytest.approx(sides * 0.25**2 * np.tan(np.pi / sides))
-    area = ceiling_area(surfaces, "ceiling", "ring")
-    assert area == pytest.approx(SIZE[0] * SIZE[1] - cross_section, rel=1e-9)
+    filled = ceiling_area(surfaces, "ceiling", "ring")
+    assert filled == pytest.approx(SIZE[0] * SIZE[1] - cross_section, rel=1e-9)
     for s in surfaces:
         if s.name.endswith(("ceiling", "ring")):
             directions = normals(s.quads[:, [0, 1, 2, 2]])
