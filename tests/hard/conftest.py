@@ -19,7 +19,7 @@ def holds(request):
     """Call `holds(invariant, measured, allowed)`: no NaN in what was measured, none above allowed.
 
     `measured` are the distances from what must hold: a number or an array, none of them negative.
-    `pytest tests/hard --margins` prints the largest beside what is allowed, of all calls of a
+    `pytest tests/hard --margins -n 0` prints the largest beside what is allowed, of all calls of a
     test, whatever its parameters.
     """
 

@@ -2,21 +2,21 @@
 
 The blocks of a page run in order in one folder. A `toml` block with a file name is written there;
 one without a name is a piece of a case: together with the page's case it has to be a valid one. To
-save time, cases of the pages are evaluated for few hours with few samples.
+save time, cases of the pages are evaluated for few hours at few points with few samples, searches
+are short, and one process runs the commands of all pages.
 """
 
-import os
 import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.toml import checked, tomllib
 from tests import ROOT
+from tests.hard.command_line import CommandLine
 from tests.unit.bsdf.test_bsdf_measured import measure, through
 from tests.unit.sky.test_weather import epw, wea
 
@@ -30,6 +30,11 @@ FAST = {
     "accuracy": {"paths": 16, "cell_sky_rays": 16, "sensor_sky_rays": 16, "photons": 16},
 }
 """Tables that make the cases of the pages quick, where a page does not set them itself."""
+FEWER = {
+    "count = [10, 10]\nspacing = 0.5": "count = [4, 4]\nspacing = 1.25",
+    "[design]": "[design]\niterations = 4\nsharpness = [4, 16]\npareto = 2",
+}
+"""Parts of the pages' cases, and what makes them quick."""
 SHAPE = """v 0 0 0
 v 100 0 0
 v 0 100 0
@@ -57,7 +62,9 @@ def named(file):
 
 
 def quick(text):
-    """Case text with the tables of FAST that it does not have."""
+    """Case text with the parts of FEWER, and the tables of FAST that it does not have."""
+    for old, new in FEWER.items():
+        text = text.replace(old, new)
     lines = [text]
     for table, keys in FAST.items():
         if f"[{table}]" not in text:
@@ -109,15 +116,21 @@ def test_pieces_of_cases_are_valid(path, folder):
         checked(Case, case, "block")
 
 
+@pytest.fixture(scope="module")
+def command():
+    """The command line, in a process that stays: Mitsuba is imported once."""
+    process = CommandLine()
+    yield process
+    process.close()
+
+
 @pytest.mark.parametrize("path", PAGES, ids=name_of)
-def test_blocks_run(path, folder, monkeypatch):
+def test_blocks_run(path, folder, command):
     commands = [block for block in blocks(path, "sh", "python") if runs(block)]
     if not commands:
         pytest.skip("no block to run")
     if "measured_00.txt" in path.read_text("utf-8"):
         measurements(folder)
-    program = Path(sys.executable).parent
-    env = {**os.environ, "PATH": f"{program}{os.pathsep}{os.environ['PATH']}"}
     python = []
     for language, _, text in commands:
         if language == "python":
@@ -125,9 +138,10 @@ def test_blocks_run(path, folder, monkeypatch):
             continue
         for line in text.splitlines():
             if line.startswith("drcmitsuba ") and "CASE" not in line:
-                run([*line.split("#")[0].split()], folder, env)
+                answer = command(*line.split("#")[0].split()[1:], folder=folder)
+                assert (answer.code, answer.fault) == (0, ""), f"{line}\n{answer}"
     if python:
-        run([sys.executable, "-c", "\n".join(python)], folder, env)
+        run("\n".join(python), folder)
 
 
 def runs(block):
@@ -138,11 +152,13 @@ def runs(block):
     )
 
 
-def run(command, folder, env):
+def run(text, folder):
+    """Run Python code as a user's script."""
     done = subprocess.run(
-        command, cwd=folder, env=env, capture_output=True, text=True, timeout=600, check=False
-    )
-    assert done.returncode == 0, f"{' '.join(command)[:2000]}\n{done.stdout}{done.stderr}"
+        [sys.executable, "-c", text], cwd=folder, capture_output=True, text=True, timeout=600,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{text[:2000]}\n{done.stdout}{done.stderr}"
 
 
 def measurements(folder):

@@ -17,7 +17,7 @@ References
 """
 
 import csv
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mitsuba as mi
 import numpy as np
@@ -338,9 +338,14 @@ def test_finer_patches_come_closer_to_the_continuous_sky(name):
     assert worst[4] < worst[1] / 2
 
 
+def every_third(room):
+    """The room with every third of its points; `test_every_sky` has them all."""
+    return replace(room, points=dict(list(room.points.items())[::3]))
+
+
 @pytest.mark.parametrize("name", DEFAULT)
 def test_sky_component_with_the_continuous_sky(name):
-    room, kinds = ROOMS[name], DEFAULT[name]
+    room, kinds = every_third(ROOMS[name]), DEFAULT[name]
     continuous = [check(room, kind)[1] for kind in kinds]
     patches = [check_patches(room, kind) for kind in kinds]
     assert np.abs(patches).max() > np.abs(continuous).max()
@@ -352,7 +357,7 @@ def test_quadrature_is_what_cie_published(shared, name, kind):
 
 
 def test_sky_component_through_glass():
-    check(ROOMS["5.9 4x4"], 12, glazed=True)
+    check(every_third(ROOMS["5.9 4x4"]), 12, glazed=True)
 
 
 @pytest.mark.slow

@@ -432,7 +432,7 @@ def test_a_job_without_an_end_is_stopped():
     start = time.monotonic()
     with pytest.raises(TimeoutError):
         process.run(partial(time.sleep, 60), start + 0.5)
-    assert time.monotonic() - start < 5
+    assert time.monotonic() - start < 30  # of 60: other work may share the machine
 
 
 def test_a_job_that_dies_says_why():
