@@ -97,7 +97,7 @@ def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
     scene = scenes.build([*surfaces_of(case), duct], ports=ports)
     points, normals = sensor_points(case)
     accuracy = Accuracy(
-        replicates=16, paths=512, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 11,
+        replicates=16, paths=512, cell_size=0.3, sensor_sky_rays=4096, photons=1 << 11,
         sensor_square=0.15, sensor_sun_samples=64, pane_points=128,
     )  # fmt: skip
     here = compute(scene, points, normals, WIDE, accuracy)
@@ -278,7 +278,7 @@ def test_stored_photons_of_the_plugin_agree(same):
     scene = scenes.build([*surfaces_of(case), duct], ports=(inlet,))
     points, normals = sensor_points(case)
     accuracy = Accuracy(
-        replicates=12, paths=1024, cell_size=0.15, sensor_sky_rays=4096, photons=1 << 12,
+        replicates=12, paths=1024, cell_size=0.3, sensor_sky_rays=4096, photons=1 << 12,
         sensor_square=0.26, sensor_sun_samples=64,
     )  # fmt: skip
     here = compute(scene, points, normals, WIDE, accuracy)["replicates"].values
