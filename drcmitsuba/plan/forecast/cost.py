@@ -18,31 +18,31 @@ REST = "rest"
 
 KERNELS: Mapping[str, float] = {
     # Rays: towards sky and suns, of the gather, towards panes that scatter, of photons.
-    "shadow": 2.5e-8,
-    "path": 7.2e-8,
-    "pane": 1.8e-8,
-    "photon": 5.4e-8,
+    "shadow": 8.2e-8,
+    "path": 1.4e-7,
+    "pane": 3.8e-8,
+    "photon": 1.4e-7,
     # Numbers of D, products of G·D, answers of films to suns, and the sums of answers.
-    "deposit": 2.4e-9,
-    "product": 2.4e-11,
-    "film_sun": 1.45e-8,
-    "film_sum": 1.8e-9,
+    "deposit": 4.8e-9,
+    "product": 3.8e-11,
+    "film_sun": 2.1e-8,
+    "film_sum": 3.9e-9,
 }
 """Seconds of a unit of work in kernels."""
 HOST: Mapping[str, float] = {
     # Blocks of sensors in a replicate, coefficients of a replicate, evaluations.
-    "launch": 0.05,
-    "entry": 4.5e-8,
-    "evaluation": 0.3,
+    "launch": 0.073,
+    "entry": 8.4e-8,
+    "evaluation": 0.9,
     # Illuminances of replicates; bytes of files; pictures.
-    "illuminance": 2.8e-8,
-    "byte": 6e-9,
-    "picture": 1.0,
+    "illuminance": 8e-8,
+    "byte": 1.6e-8,
+    "picture": 3.0,
 }
 """Seconds of a unit of work in NumPy and Python.
 
-Both are seconds on the reference machine, fitted by `python -m tests.bench.forecast --fit` to
-processor seconds; those of kernels are halved for the two threads of the reference machine."""
+Both are seconds on the reference machine, fitted to the stages of the 15 shipped cases; refit them
+with `python -m tests.bench.forecast --fit`."""
 
 
 @dataclass(frozen=True)
