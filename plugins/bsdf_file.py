@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 from xml.etree.ElementTree import Element
@@ -170,8 +171,8 @@ def _text(parent: Element, name: str, default: str = "") -> str:
     return default if element is None or element.text is None else element.text.strip()
 
 
-def _parse(path: Path) -> Element:
-    """Root element of an XML file without namespaces; entities and doctypes are refused."""
+def _bytes(path: Path) -> bytes:
+    """Content of a plain file of at most `MAX_BYTES`."""
     try:
         if not path.is_file():  # a device would never end
             got = "no plain file" if path.exists() else "No such file or directory"
@@ -180,9 +181,13 @@ def _parse(path: Path) -> Element:
         if size > MAX_BYTES:
             remedy = f"give at most {MAX_BYTES >> 20} MB; reduce the tree (rttree_reduce)"
             raise BsdfFileError(path, "size", f"{size >> 20} MB", remedy)
-        raw = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise BsdfFileError(path, "file", str(error.strerror), "name a BSDF file") from None
+
+
+def _parse(path: Path, raw: bytes) -> Element:
+    """Root element of an XML file without namespaces; entities and doctypes are refused."""
     start = raw.find(b"<?xml")
     start = raw.find(b"<") if start < 0 else start
     try:
@@ -223,7 +228,9 @@ def _clean(path: Path, where: str, value: np.ndarray) -> np.ndarray:
     if value.size and value.min() < -NEGLIGIBLE * max(value.max(), 0):
         remedy = "a BSDF is nowhere negative: correct the data"
         raise BsdfFileError(path, where, f"the value {value.min():g} is negative", remedy)
-    return np.maximum(value, 0)
+    value = np.maximum(value, 0)
+    value.flags.writeable = False  # `read` gives the same numbers to all
+    return value
 
 
 def _tree(path: Path, where: str, text: str, rank: int) -> TensorTree:
@@ -273,11 +280,17 @@ def read(path: str | Path) -> BsdfFile:
 
     Notes
     -----
-    Limits: visible data only; wavelength blocks other than Visible and its chromaticity are left
-    out; a geometry within the file is ignored; one layer.
+    The last two files are kept: all states of a scene share them. Limits: visible data only;
+    wavelength blocks other than Visible and its chromaticity are left out; a geometry within the
+    file is ignored; one layer.
     """
     path = Path(path)
-    root = _parse(path)
+    return _read(path, _bytes(path))
+
+
+@lru_cache(maxsize=2)
+def _read(path: Path, raw: bytes) -> BsdfFile:
+    root = _parse(path, raw)
     layer = root.find(".//Layer")
     if layer is None:
         raise BsdfFileError(path, "Layer", "there is none", "give an LBNL BSDF XML file")
