@@ -100,6 +100,7 @@ def test_less_glass_lowers_autonomy_by_twenty_points_except_about_midsummer(exis
     assert max(differences[6], differences[7]) < min(others)
 
 
+@pytest.mark.slow
 def test_films_raise_autonomy_above_the_glass_that_they_replace(existing, o1, o2, o3):
     """Published: O2 far above the preferred 75 %, O3 about 80 % where O1 has below 55 % [2]_."""
     results = {"e": existing, "o1": o1, "o2": o2, "o3": o3}
@@ -110,6 +111,7 @@ def test_films_raise_autonomy_above_the_glass_that_they_replace(existing, o1, o2
     assert sda["o3"]["value"] == pytest.approx(80, abs=6)
 
 
+@pytest.mark.slow
 def test_the_height_of_clear_glass_alone_sets_the_exposure(o1, o2, o3):
     """A film without a straight-through peak adds no direct sun anywhere [2]_."""
     for result in (o1, o2):
@@ -118,6 +120,7 @@ def test_the_height_of_clear_glass_alone_sets_the_exposure(o1, o2, o3):
     assert o3.metrics["ASE"]["value"] == pytest.approx(5.5, abs=2)
 
 
+@pytest.mark.slow
 def test_films_gain_in_spring_and_autumn_and_little_in_winter(existing, o1, o2, o3):
     for with_film, without in ((o2, existing), (o3, o1)):
         gain = [
@@ -135,6 +138,7 @@ def test_films_gain_in_spring_and_autumn_and_little_in_winter(existing, o1, o2, 
         assert abs(winter) < 8
 
 
+@pytest.mark.slow
 def test_the_little_clear_glass_of_o3_needs_no_shade_from_april_to_july(o3):
     assert max(monthly(o3, "shade_closed_monthly", (4, 5, 6, 7))) == 0
     assert max(monthly(o3, "shade_closed_monthly", (12, 1, 2, 3))) > 10

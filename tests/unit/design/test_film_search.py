@@ -90,6 +90,7 @@ def test_search_ends_within_the_noise_of_its_derivatives(coarse, tmp_path):
     assert len(pd.read_csv(tmp_path / "history.csv")) == optimum.evaluations
 
 
+@pytest.mark.slow
 def test_errors_of_derivatives_are_their_scatter_between_seeds(case):
     film, at = ParametricFilm(0.6), {"tilt": 10.0, "spread": 12.0}
 

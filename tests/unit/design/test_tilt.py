@@ -75,6 +75,7 @@ def with_seed(problem, seed, step):
     return replace(problem, case=seeded, step=step, simulated={})
 
 
+@pytest.mark.slow
 def test_slopes_add_up_to_a_wide_difference_with_other_seeds(tmp_path):
     """Over four degrees by two slopes of two degrees each, whatever the curve in between.
 

@@ -268,6 +268,7 @@ def test_a_sun_in_a_mirror_counts_as_straight_and_sunlight_by_a_rough_one_is_not
     assert deposits[1][1] == 0
 
 
+@pytest.mark.slow
 def test_stored_photons_of_the_plugin_agree(same):
     """The second route: photons of `photon_map`, followed through all diffuse reflections."""
     duct, _ = mirror_duct()
