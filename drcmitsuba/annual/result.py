@@ -33,7 +33,7 @@ from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
-from drcmitsuba.plan.forecast import Forecast, forecast, to_dict
+from drcmitsuba.plan.forecast import Forecast, forecast
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
@@ -270,7 +270,11 @@ def summed_up(
         "seconds": dict(run.seconds),
         "peak_memory_bytes": peak_memory(),
     }  # fmt: skip
-    effects = to_dict(planned, expected, coefficients.attrs)
+    effects = planned.to_dict(coefficients.attrs)
+    if expected is None:
+        effects["cost"] = {"on": True, "reason": "no forecast"}
+    else:
+        effects = expected.beside(effects)
     rays = {"rays": dict(run.ray_counter)} if run.ray_counter else {}
     effects = effects | {"cost": _with_actual(effects["cost"], metrics, rays)}
     E = evaluated.illuminance

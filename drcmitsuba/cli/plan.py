@@ -19,7 +19,7 @@ def plan(
     """Show which effects a case calls for, why, and what they will cost."""
     from drcmitsuba.plan import notes
     from drcmitsuba.plan import plan as decide
-    from drcmitsuba.plan.forecast import forecast, to_dict
+    from drcmitsuba.plan.forecast import forecast
     from drcmitsuba.runtime import backend, storage
     from drcmitsuba.scene.sensors import sensor_points
     from drcmitsuba.sky.daylight import daylight
@@ -33,7 +33,7 @@ def plan(
         decided = decide(loaded, light)
         done(0.3)
         expected = forecast(decided)
-    entries = to_dict(decided, expected)
+    entries = expected.beside(decided.to_dict())
     if output is not None:
         storage.save_json(entries, output / "plan.json")
     if as_json:

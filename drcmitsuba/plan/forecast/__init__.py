@@ -12,8 +12,8 @@ size
     Bytes on disk and in memory.
 """
 
-from drcmitsuba.plan.forecast.cost import Forecast, forecast, to_dict
+from drcmitsuba.plan.forecast.cost import Forecast, forecast
 from drcmitsuba.plan.forecast.machine import REFERENCE, Speed, speed
 from drcmitsuba.plan.forecast.work import Work, work
 
-__all__ = ["REFERENCE", "Forecast", "Speed", "Work", "forecast", "speed", "to_dict", "work"]
+__all__ = ["REFERENCE", "Forecast", "Speed", "Work", "forecast", "speed", "work"]

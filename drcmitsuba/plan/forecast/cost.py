@@ -14,8 +14,6 @@ from drcmitsuba.plan.forecast.work import work
 
 REST = "rest"
 """Share of the work that no effect saves: weather, sky, accumulation, metrics, files."""
-
-
 KERNELS: Mapping[str, float] = {
     # Rays: towards sky and suns, of the gather, towards panes that scatter, of photons.
     "shadow": 8.2e-8,
@@ -47,40 +45,32 @@ with `python -m tests.bench.forecast --fit`."""
 
 @dataclass(frozen=True)
 class Forecast:
-    """Forecast of the cost of an evaluation.
-
-    Parameters
-    ----------
-    seconds : float
-        Sum of the `seconds` of all stages in metrics.json, without start-up.
-    memory_bytes : int
-        Largest number of bytes that the process holds.
-    disk_bytes : int
-        Number of bytes of all files.
-    rays : dict of str to int
-        Number of rays by kind, see `ray_counter.KINDS`.
-    items : dict of str to float
-        Amount of work by unit, see `KERNELS` and `HOST`.
-    files : dict of str to int
-        Number of bytes by file.
-    shares : dict of str to float
-        Shares of the seconds by effect [–]; "rest" is the share that no effect saves. All work for
-        the closed shade is "shaded_state", all work for the second and third channel "colour".
-    """
+    """Forecast of the cost of an evaluation."""
 
     seconds: float
+    """Sum of the `seconds` of all stages in metrics.json, without start-up."""
     memory_bytes: int
+    """Largest number of bytes that the process holds."""
     disk_bytes: int
+    """Number of bytes of all files."""
     rays: dict[str, int]
+    """Number of rays by kind, see `ray_counter.KINDS`."""
     items: dict[str, float]
+    """Amount of work by unit, see `KERNELS` and `HOST`."""
     files: dict[str, int]
+    """Number of bytes by file."""
     shares: dict[str, float]
+    """Shares of the seconds by effect [–]; "rest" is the share that no effect saves. All work for
+    the closed shade is "shaded_state", all work for the second and third channel "colour"."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values without the shares, which plan.json has beside the effects."""
+    def beside(self, effects: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+        """Entries of plan.json: the effects with their shares, and "cost" with the forecast."""
         values = {name: value for name, value in asdict(self).items() if name != "shares"}
-        items = {name: float(f"{amount:.4g}") for name, amount in self.items.items()}
-        return values | {"items": items, "seconds": round(self.seconds, 3)}
+        values["items"] = {name: float(f"{amount:.4g}") for name, amount in self.items.items()}
+        values["seconds"] = round(self.seconds, 3)
+        shares = {name: round(share, 4) for name, share in self.shares.items()}
+        cost = {"on": True, "reason": f"forecast {self}", "share": shares[REST], "forecast": values}
+        return {n: {**e, "share": shares[n]} for n, e in effects.items()} | {"cost": cost}
 
     def __str__(self) -> str:
         return (
@@ -93,32 +83,6 @@ class Forecast:
 def _figure(value: float) -> str:
     """Write a number with two significant digits, or as a whole number."""
     return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
-
-
-def to_dict(
-    plan: Plan, expected: Forecast | None = None, coefficients: Mapping[str, Any] | None = None
-) -> dict[str, dict[str, Any]]:
-    """Plan and forecast as plain values for plan.json, {effect: {"on", "reason", "share", …}}.
-
-    Parameters
-    ----------
-    plan : Plan
-    expected : Forecast, optional
-    coefficients : mapping, optional
-        Attributes of C, where it is known.
-
-    Returns
-    -------
-    dict
-        Entries by effect; the entry "cost" has the share of "rest", and the forecast.
-    """
-    entries = plan.to_dict(coefficients or {})
-    entries["cost"] = {"on": True, "reason": "no forecast"}
-    if expected is not None:
-        for name, entry in entries.items():
-            entry["share"] = round(expected.shares[REST if name == "cost" else name], 4)
-        entries["cost"] |= {"reason": f"forecast {expected}", "forecast": expected.to_dict()}
-    return entries
 
 
 def forecast(plan: Plan, on: Speed | None = None) -> Forecast:

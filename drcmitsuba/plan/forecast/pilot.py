@@ -29,7 +29,6 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import launch_size
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import SUN_SAMPLES, Films
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
@@ -48,25 +47,18 @@ Amount = tuple[str, str, float]
 
 
 class Paths(NamedTuple):
-    """Paths of the gather.
-
-    Parameters
-    ----------
-    rays, vertices : float
-        Mean number of rays and of diffuse vertices of one path.
-    before : int
-        Number of rays that measure the length of paths first, where surfaces are white.
-    bounces : float
-        Number of vertices of one path for which memory is reserved.
-    times : np.ndarray, shape (cell,)
-        Number of vertices in each cell that the pilot met.
-    """
+    """Paths of the gather."""
 
     rays: float = 0.0
+    """Mean number of rays of one path."""
     vertices: float = 0.0
+    """Mean number of diffuse vertices of one path."""
     before: int = 0
+    """Number of rays that measure the length of paths first, where surfaces are white."""
     bounces: float = USUAL
+    """Number of vertices of one path for which memory is reserved."""
     times: np.ndarray = np.zeros(0, int)
+    """Number of vertices in each cell that the pilot met, shape (cell,)."""
 
     @classmethod
     def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, a: Accuracy) -> Paths:
@@ -101,32 +93,22 @@ class Paths(NamedTuple):
 
 @dataclass(frozen=True)
 class Pilot:
-    """Pilot of one state of the shade.
-
-    Parameters
-    ----------
-    scene, points, normals, suns, accuracy
-        Scene, sensors, suns and accuracy of the evaluation, as for `compute`.
-    bins : tuple of int
-        Number of bins of sky and ground, and of suns.
-    coefficients : xr.Dataset
-        C of the pilot's sensors for the sky and the pilot's suns [sr].
-    traced : dict of Purpose to dict of str to int
-        Number of rays of the pilot by purpose and kind.
-    scale : dict of str to float
-        Factors from the rays of the pilot to those of the evaluation, by names of the purpose.
-    """
+    """Pilot of one state of the shade: scene, sensors, suns and accuracy of the evaluation."""
 
     scene: Scene
     points: np.ndarray
     normals: np.ndarray
     suns: Suns
-    bins: tuple[int, int]
     accuracy: Accuracy
+    bins: tuple[int, int]
+    """Number of bins of sky and ground, and of suns."""
     paths: Paths
     coefficients: xr.Dataset
+    """C of the pilot's sensors for the sky and the pilot's suns [sr]."""
     traced: dict[Purpose, dict[str, int]]
+    """Number of rays of the pilot by purpose and kind."""
     scale: dict[str, float]
+    """Factors from the rays of the pilot to those of the evaluation, by names of the purpose."""
 
     @classmethod
     def of(cls, plan: Plan, state: State, suns: Suns) -> Pilot:
@@ -156,7 +138,7 @@ class Pilot:
             Draw.PEAKS.name: bins[1] / max(1, len(few.labels)),
         }
         rays = scene.ray_counter.by_purpose()
-        return cls(scene, points, normals, suns, bins, a, paths, C, rays, scale)
+        return cls(scene, points, normals, suns, a, bins, paths, C, rays, scale)
 
     @property
     def count(self) -> int:
@@ -190,12 +172,6 @@ class Pilot:
         """Number of values of the films' BSDFs that a replicate looks up for each sun."""
         mounts = () if self.films is None else self.films.mounts
         return sum(m.rows * SUN_SAMPLES["even" if m.bsdf.out_even else "uneven"] for m in mounts)
-
-    @cached_property
-    def faces(self) -> int:
-        """Number of faces of the patches of panes that scatter evenly."""
-        quads = [panes.quads for panes in self.scene.scattering]
-        return 2 * len(PanePatches.of(quads, 2 * self.accuracy.cell_size)) if quads else 0
 
     def rays(self) -> Iterator[Amount]:
         """Rays of the evaluation by effect and kind, and the sums of the answers of films."""

@@ -21,25 +21,17 @@ from drcmitsuba.transport.sun_interpolation import HELD_OUT
 
 MESH_SUNS = 500
 """Approximate number of suns of an adaptive mesh at its end."""
-REFLECTIONS = 4
-"""Number of reflections from pane to pane."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """Work of an evaluation, with the pilots from which it follows.
-
-    Parameters
-    ----------
-    pilots : dict of State to Pilot
-        Pilot of each simulated state of the shade.
-    amounts : Counter of (str, str)
-        Number of units of work by effect and unit; units that are kinds of rays count rays.
-    """
+    """Work of an evaluation, with the pilots from which it follows."""
 
     plan: Plan
     pilots: dict[State, Pilot] = field(default_factory=dict)
+    """Pilot of each simulated state of the shade."""
     amounts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """Number of units of work by effect and unit; units that are kinds of rays count rays."""
 
     def add(self, amounts: Iterable[Amount], times: float = 1.0, effect: str | None = None) -> None:
         """Add amounts, all to one effect where it is given."""
@@ -94,7 +86,9 @@ def work(plan: Plan) -> Work:
         behind = "shaded_state" if state == "shaded" else None
         counted.add(amounts, 1, behind)
         counted.add(amounts, counted.channels - 1, behind or "colour")
-    counted.add(_around(counted))
+    entries = counted.entries * plan.facts.case.accuracy.replicates
+    counted.add([("rest", "evaluation", 1), ("rest", "illuminance", entries)])
+    counted.add([("pictures", "picture", plan.scope.pictures)])
     return counted
 
 
@@ -139,14 +133,4 @@ def _transport(pilot: Pilot) -> Iterator[Amount]:
     yield "interreflection", "deposit", a.replicates * cells * bins
     yield "rest", "entry", a.replicates * n * bins
     yield "rest", "launch", a.replicates * pilot.blocks
-    products = pilot.faces * (n + cells + REFLECTIONS * pilot.faces) * bins
-    yield "scattering_panes", "product", a.replicates * products
     yield "films", "film_sun", a.replicates * pilot.film_values * pilot.bins[1]
-
-
-def _around(counted: Work) -> Iterator[Amount]:
-    """Work outside of transport: sky, accumulation, metrics, pictures."""
-    replicates = counted.plan.facts.case.accuracy.replicates
-    yield "rest", "evaluation", 1
-    yield "rest", "illuminance", counted.entries * replicates
-    yield "pictures", "picture", counted.plan.scope.pictures
