@@ -25,7 +25,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
@@ -220,8 +220,16 @@ class Films:
         first_sky = flat_indices(self.first_sky_rows())
         first_of_mount = np.cumsum([0, *(m.rows for m in self.mounts)])
         first_sun = flat_indices(first_of_mount[self.patches.owner])
-        by_face = lit.faces.numpy().reshape(len(self.patches), 2, n_suns)
-        shone = flat(by_face.sum(axis=1)[:, self.suns])
+        lit_suns, columns = flat_indices(self.suns), dr.opaque(mi.UInt32, n_suns)
+        shining = dr.opaque(mi.UInt32, len(self.suns))  # literals would have kernels compiled anew
+        shone = mi.Float(0)
+        if len(self.suns):
+            at = dr.arange(mi.UInt32, len(self.patches) * len(self.suns))
+            sun = dr.gather(mi.UInt32, lit_suns, at % shining)
+            front = 2 * (at // shining) * columns + sun
+            faces = lit.faces.array
+            shone = dr.gather(mi.Float, faces, front) + dr.gather(mi.Float, faces, front + columns)
+            dr.eval(shone)
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
         by_sky = dr.zeros(mi.Float, count * bins)
         for kind in looked.kinds:
@@ -238,8 +246,8 @@ class Films:
         out = dr.zeros(mi.Float, count * n_suns)
         if len(self.suns):
             at = dr.arange(mi.UInt32, count * len(self.suns))
-            to = dr.gather(mi.UInt32, flat_indices(self.suns), at % len(self.suns))
-            dr.scatter(out, by_sun, at // len(self.suns) * n_suns + to)
+            sun = dr.gather(mi.UInt32, lit_suns, at % shining)
+            dr.scatter(out, by_sun, at // shining * columns + sun)
         return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))
 
 
