@@ -31,11 +31,11 @@ HOST: Mapping[str, float] = {
     # Blocks of sensors in a replicate, coefficients of a replicate, evaluations.
     "launch": 0.073,
     "entry": 8.4e-8,
-    "evaluation": 0.9,
+    "evaluation": 0.8,
     # Illuminances of replicates; bytes of files; pictures.
     "illuminance": 8e-8,
     "byte": 1.6e-8,
-    "picture": 3.0,
+    "picture": 2.0,
 }
 """Seconds of a unit of work in NumPy and Python.
 
