@@ -24,6 +24,7 @@ from drcmitsuba_plugins.redirection import concentration, redirected
 from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.design.film_bins import Bins
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene import materials
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
@@ -38,14 +39,6 @@ class Film(Protocol):
 
     def answer(self, bins: Bins) -> mi.TensorXf:
         """Return the leaving radiance per unit radiance of the bins, shape (cell, bin)."""
-
-
-def _floats(a: np.ndarray) -> mi.Float:
-    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
-
-
-def _indices(a: np.ndarray) -> mi.UInt32:
-    return mi.UInt32(np.ascontiguousarray(a, np.uint32).ravel())
 
 
 def _parameter(name: str, value: Any, low: float, high: float) -> mi.Float:
@@ -98,7 +91,7 @@ class ParametricFilm:
         spread = _parameter("spread", self.spread, LEAST_SPREAD, 90)
         cells, count = bins.cells, len(bins)
         arriving, leaving = bins.arriving(WITHIN, 1), bins.parts(WITHIN)
-        x, y, z = (_floats(c) for c in (arriving.d * [1, 1, -1]).T)
+        x, y, z = (flat(c) for c in (arriving.d * [1, 1, -1]).T)
         centre = redirected(mi.Vector3f(x, y, z), tilt)
         # A lobe behind the pane is folded: its mirror image, the nearer centre, has the same lobe.
         centre.z = dr.abs(centre.z)
@@ -108,7 +101,7 @@ class ParametricFilm:
         direction, cell = lane // cells, lane % cells
         mu = dr.gather(mi.Vector3f, centre, direction)
         kappa = dr.gather(mi.Float, kappa, dr.zeros(mi.UInt32, dr.width(lane)))
-        points, solid_angle = _floats(leaving.d), _floats(leaving.solid_angle)
+        points, solid_angle = flat(leaving.d), flat(leaving.solid_angle)
         lobe = mi.Float(0)
         for k in range(WITHIN**2):
             at = cell * WITHIN**2 + k
@@ -119,8 +112,8 @@ class ParametricFilm:
             lobe += dr.gather(mi.Float, solid_angle, at) * near
         whole = dr.gather(mi.Float, dr.block_sum(lobe, cells), direction)
         radiance = lobe / whole * (cells / np.pi)
-        radiance *= dr.gather(mi.Float, _floats(arriving.weight), direction)
-        into = cell * count + dr.gather(mi.UInt32, _indices(arriving.bin), direction)
+        radiance *= dr.gather(mi.Float, flat(arriving.weight), direction)
+        into = cell * count + dr.gather(mi.UInt32, flat_indices(arriving.bin), direction)
         in_lobe = dr.zeros(mi.Float, cells * count)
         dr.scatter_add(in_lobe, radiance, into)
         even = mi.Float(np.bincount(arriving.bin, arriving.weight, count).astype(np.float32))
@@ -273,19 +266,19 @@ def leaves_of(film: MeasuredFilm, bins: Bins) -> LeavesOfAnswer:
     fits = bsdf.out_even and bsdf.out_cells in [1 << 2 * k for k in range(bins.depth + 1)]
     points = 1 if fits else WITHIN**2
     arriving = bins.arriving(8, 4) if fits else bins.arriving(WITHIN, 1)
-    to, from_ = bins.points(points), _floats(arriving.d)
+    to, from_ = bins.points(points), flat(arriving.d)
     leaves, total = [], len(arriving.d) * len(to)
     si = dr.zeros(mi.SurfaceInteraction3f)
     # A horizontal pane has the world's y axis, so that local directions are those of the pane.
     si.n = mi.Normal3f(0, 0, 1)
     si.sh_frame = mi.Frame3f(si.n)
-    stride, to = dr.opaque(mi.UInt32, len(to)), _floats(to)
+    stride, to = dr.opaque(mi.UInt32, len(to)), flat(to)
     for start in range(0, total, SHADOW_RAYS):
         lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, total - start)) + dr.opaque(mi.UInt32, start)
         si.wi = dr.gather(mi.Vector3f, to, lane % stride)
         leaves.append(bsdf.leaf(si, dr.gather(mi.Vector3f, from_, lane // stride)))
         dr.eval(leaves[-1])
     return LeavesOfAnswer(
-        dr.concat(leaves), _floats(arriving.weight / points), _indices(arriving.bin), points,
+        dr.concat(leaves), flat(arriving.weight / points), flat_indices(arriving.bin), points,
         shape=(bins.cells, len(bins)),
     )  # fmt: skip

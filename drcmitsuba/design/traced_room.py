@@ -13,6 +13,7 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.design.bounce_counts import Sums, marked, numbered, powers
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -65,8 +66,8 @@ class AnnualIlluminance:
         out = dr.zeros(mi.Float, dr.width(entry))
         first = dr.opaque(mi.UInt32, d.sky.shape[1])
         for columns, values in zip(self.column.T, self.sun.T, strict=True):
-            column = dr.gather(mi.UInt32, mi.UInt32(np.ascontiguousarray(columns)), time)
-            value = dr.gather(mi.Float, mi.Float(np.ascontiguousarray(values)), time)
+            column = dr.gather(mi.UInt32, flat_indices(columns), time)
+            value = dr.gather(mi.Float, flat(values), time)
             here = column < first
             for part, at, mine in ((d.sky, column, here), (d.sun, column - first, ~here)):
                 if part.shape[1]:
@@ -187,7 +188,7 @@ def _deposited(
         PanePatches.of(panes, size) if panes else None,
         Films.of(world, size, suns.directions, suns.diameter),
     )  # fmt: skip
-    p, n = (mi.Float(x.astype(np.float32).ravel()) for x in (points, normals))
+    p, n = flat(points), flat(normals)
     samples = a.sensor_sun_samples if suns.straight else 0
     sums: tuple[mi.TensorXf, ...] = ()
     sensor_means, cell_means = [], []

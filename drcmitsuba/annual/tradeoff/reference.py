@@ -21,6 +21,7 @@ from drcmitsuba import metrics, schema
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sun import TrueSun
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import State
@@ -192,7 +193,7 @@ def _channels(case: Case) -> Iterator[tuple[int, float]]:
 
 def direct_sun(case: Case, light: ReferenceDaylight) -> np.ndarray:
     """Direct sun on all sensors of a case, shape (time, sensor) [lx]."""
-    points, normals = (mi.Float(a.astype(np.float32).ravel()) for a in sensor_points(case))
+    points, normals = map(flat, sensor_points(case))
     lit = light.shining
     E = np.zeros((len(light.sun), dr.width(points) // 3))
     for channel, weight in _channels(case):

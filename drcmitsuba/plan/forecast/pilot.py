@@ -12,7 +12,6 @@ from functools import cached_property
 from math import ceil, prod
 from typing import NamedTuple
 
-import mitsuba as mi
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
@@ -20,6 +19,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.plan.planning import Plan
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.runtime.ray_counter import Purpose
 from drcmitsuba.scene.scene import Scene, load
@@ -103,6 +103,8 @@ class Pilot:
     bins: tuple[int, int]
     """Number of bins of sky and ground, and of suns."""
     paths: Paths
+    cells: float
+    """Number of cells of the evaluation."""
     coefficients: xr.Dataset
     """C of the pilot's sensors for the sky and the pilot's suns [sr]."""
     traced: dict[Purpose, dict[str, int]]
@@ -128,27 +130,22 @@ class Pilot:
             scene, points[some], normals[some], few, a.model_copy(update=less),
             subdivision=case.sky.subdivision,
         )  # fmt: skip
-        whole = a.replicates * a.paths * len(points) * paths.vertices
+        cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
         scale = {
             Stream.SENSORS.name: len(points) / len(some),
-            Stream.CELLS.name: paths.cells(whole) / max(1, len(paths.times)),
+            Stream.CELLS.name: cells / max(1, len(paths.times)),
             Stream.PHOTONS.name: a.photons / photons,
             Stream.FILMS.name + Draw.SKY.name: a.film_sky_samples / film_samples,
             Draw.SUN.name: bins[1] / max(1, len(few.labels)),
             Draw.PEAKS.name: bins[1] / max(1, len(few.labels)),
         }
         rays = scene.ray_counter.by_purpose()
-        return cls(scene, points, normals, suns, a, bins, paths, C, rays, scale)
+        return cls(scene, points, normals, suns, a, bins, paths, cells, C, rays, scale)
 
     @property
     def count(self) -> int:
         """Number of gather paths of all replicates."""
         return self.accuracy.replicates * self.accuracy.paths * len(self.points)
-
-    @property
-    def cells(self) -> float:
-        """Number of cells of the evaluation."""
-        return self.paths.cells(self.count * self.paths.vertices)
 
     @property
     def vertices(self) -> float:
@@ -205,7 +202,7 @@ class Pilot:
     def sunlit(self, directions: np.ndarray) -> np.ndarray:
         """Share [–] of a sun's normal illuminance on each sensor, shape (sensor, direction)."""
         some = spread(len(self.points), 2 * SENSORS)
-        p, n = (mi.Float(x[some].astype(np.float32).ravel()) for x in (self.points, self.normals))
+        p, n = flat(self.points[some]), flat(self.normals[some])
         D = sun_deposit(
             self.scene, p, n, suns=directions, diameter=self.suns.diameter, samples=1,
             seed=launch_seed(self.accuracy.seed, Stream.SUN_RIMS),
