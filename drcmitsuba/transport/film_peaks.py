@@ -24,7 +24,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
 from drcmitsuba.transport.film_orientation import Mount
@@ -44,7 +44,7 @@ class Peaks(NamedTuple):
     """Index of the mount."""
     rows: mi.UInt32
     """Outgoing cells in which some sun has a peak."""
-    size: np.ndarray
+    size: mi.Float
     """Projected solid angles of these cells [sr], shape (cell,)."""
     first: mi.UInt32
     """First entry of every cell in `sun` and `f`, and last their length."""
@@ -54,37 +54,50 @@ class Peaks(NamedTuple):
     """BSDF from these suns into the cell [1/sr]."""
 
 
-def take_out(mount: Mount, owner: int, f: np.ndarray, suns: np.ndarray) -> Peaks | None:
+def take_out(
+    mount: Mount, owner: int, f: mi.Float, suns: mi.UInt32
+) -> tuple[mi.Float, Peaks | None]:
     """Take the peaks out of a table of f.
 
     Parameters
     ----------
     owner : int
         Index of the mount.
-    f : np.ndarray, shape (row, sun)
-        BSDF from every sun into every outgoing cell [1/sr]; set to 0 in the peaks.
-    suns : np.ndarray of int, shape (sun,)
+    f : mi.Float, shape (row · sun,)
+        BSDF from every sun into every outgoing cell [1/sr].
+    suns : mi.UInt32, shape (sun,)
         Indices of the suns.
 
     Returns
     -------
-    Peaks or None
+    f : mi.Float, shape (row · sun,)
+        BSDF [1/sr], 0 in the peaks.
+    peaks : Peaks or None
         None where no cell stands out.
     """
-    size = mount.cell_size
-    sides = f.reshape(len(mount.sides), len(size), -1)
-    mean = np.einsum("scb,c->sb", sides, size) / np.pi
-    peaked = (sides > STANDS_OUT * mean[:, None]).reshape(f.shape)
-    rows = np.flatnonzero(peaked.any(axis=1))
-    if len(rows) == 0:
-        return None
-    cell, sun = np.nonzero(peaked[rows])
-    first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=len(rows)))])
-    values = flat(f[rows[cell], sun])
-    f[peaked] = 0
-    sizes = np.tile(size, len(mount.sides))[rows]
-    numbers = flat_indices(suns[sun])
-    return Peaks(owner, flat_indices(rows), sizes, flat_indices(first), numbers, values)
+    cells, stride = (dr.opaque(mi.UInt32, n) for n in (mount.bsdf.out_cells, dr.width(suns)))
+    lane, sizes = dr.arange(mi.UInt32, dr.width(f)), flat(mount.cell_size)
+    size = dr.gather(mi.Float, sizes, lane // stride % cells)
+    side = lane // stride // cells * stride + lane % stride
+    flux = dr.zeros(mi.Float64, len(mount.sides) * dr.width(suns))
+    dr.scatter_add(flux, mi.Float64(f) * mi.Float64(size), side)
+    mean = mi.Float(flux / np.pi)
+    peaked = f > STANDS_OUT * dr.gather(mi.Float, mean, side)
+    at = dr.compress(peaked)
+    if dr.width(at) == 0:
+        return f, None
+    row = at // stride
+    first = first_of_rows(row, mount.rows)
+    every = dr.arange(mi.UInt32, mount.rows)
+    rows = dr.compress(dr.gather(mi.UInt32, first, every + 1) > dr.gather(mi.UInt32, first, every))
+    peaks = Peaks(
+        owner, rows, dr.gather(mi.Float, sizes, rows % cells),
+        dr.concat([dr.gather(mi.UInt32, first, rows), mi.UInt32(dr.width(at))]),
+        dr.gather(mi.UInt32, suns, at % stride), dr.gather(mi.Float, f, at),
+    )  # fmt: skip
+    rest = dr.select(peaked, 0, f)
+    dr.eval(rest, peaks)
+    return rest, peaks
 
 
 def peak_deposit(
@@ -113,7 +126,7 @@ def peak_deposit(
     count, n_suns = dr.width(points) // 3, len(suns)
     n = min(DIRECTIONS * dr.width(peaks.rows), most)
     out = dr.zeros(mi.Float64, count * n_suns)
-    share, whole = mi.DiscreteDistribution(flat(peaks.size)), float(peaks.size.sum())
+    share, whole = mi.DiscreteDistribution(peaks.size), mi.Float(dr.sum(mi.Float64(peaks.size)))
     centres, owners = flat(suns), flat_indices(patches.owner)
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     block = max(1, SHADOW_RAYS // n)

@@ -25,7 +25,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
-from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
@@ -119,14 +119,16 @@ class Films:
         """Take the peaks of films that are not exposed out of the table of `answer_to_suns`."""
         if not len(self.suns) or all(mount.exposed for mount in self.mounts):
             return to_suns, ()
-        table = to_suns.numpy().reshape(-1, len(self.suns))
-        ends = np.cumsum([mount.rows for mount in self.mounts])
-        peaks = [
-            take_out(mount, i, table[end - mount.rows : end], self.suns)
-            for i, (mount, end) in enumerate(zip(self.mounts, ends, strict=True))
-            if not mount.exposed
-        ]
-        return mi.Float(table.ravel()), tuple(one for one in peaks if one is not None)
+        suns, start, tables, peaks = flat_indices(self.suns), 0, [], []
+        for i, mount in enumerate(self.mounts):
+            entries = dr.arange(mi.UInt32, mount.rows * len(self.suns))
+            table = dr.gather(mi.Float, to_suns, entries + dr.opaque(mi.UInt32, start))
+            start += dr.width(entries)
+            if not mount.exposed:
+                table, taken = take_out(mount, i, table, suns)
+                peaks += [] if taken is None else [taken]
+            tables.append(table)
+        return dr.concat(tables), tuple(peaks)
 
     def first_sky_rows(self) -> np.ndarray:
         """First row of every patch in the table of the sky, and last the number of rows.
@@ -233,7 +235,7 @@ class Films:
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
         by_sky = dr.zeros(mi.Float, count * bins)
         for kind in looked.kinds:
-            first = _first_of_rows(kind.receiver, count)
+            first = first_of_rows(kind.receiver, count)
             sun_row = kind.row + dr.gather(mi.UInt32, first_sun, kind.patch)
             sky_row = kind.row + dr.gather(mi.UInt32, first_sky, kind.patch)
             dr.eval(sun_row, sky_row)
@@ -249,13 +251,6 @@ class Films:
             sun = dr.gather(mi.UInt32, lit_suns, at % shining)
             dr.scatter(out, by_sun, at // shining * columns + sun)
         return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))
-
-
-def _first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:
-    """First entry of every row of a list sorted by rows, and last the length of the list."""
-    entries = dr.zeros(mi.UInt32, count + 1)
-    dr.scatter_add(entries, mi.UInt32(1), row + 1)
-    return dr.cumsum(entries)
 
 
 @dr.syntax
