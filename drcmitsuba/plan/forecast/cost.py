@@ -11,6 +11,7 @@ from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast import machine, size
 from drcmitsuba.plan.forecast.machine import Speed
 from drcmitsuba.plan.forecast.work import work
+from drcmitsuba.runtime.ray_counter import KINDS
 
 REST = "rest"
 """Share of the work that no effect saves: weather, sky, accumulation, metrics, files."""
@@ -108,6 +109,7 @@ def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
     counted = work(plan)
     files = size.disk(counted)
     counted.add([(REST, "byte", sum(files.values()) - files.get("pictures", 0))])
+    items = counted.by_unit
     each = {name: value / here.rays for name, value in KERNELS.items()}
     each |= {name: value / here.host for name, value in HOST.items()}
     seconds: Counter[str] = Counter()
@@ -118,8 +120,8 @@ def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
         seconds=whole,
         memory_bytes=size.memory(counted),
         disk_bytes=sum(files.values()),
-        rays=counted.rays,
-        items=counted.by_unit,
+        rays={kind: round(items[kind]) for kind in KINDS},
+        items=dict(items),
         files=files,
         shares={name: seconds[name] / whole for name in (*plan.effects, REST)},
     )

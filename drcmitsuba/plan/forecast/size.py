@@ -14,18 +14,12 @@ PARTS = 6
 """Number of parts of C: straight, direct, interreflected, and their standard errors."""
 KEPT = 0.93
 """Part of the bytes of numbers other than 0 that zarr's compression keeps; zeros cost nothing."""
-LABEL = 45
-"""Bytes of all labels and coordinates of a time stamp."""
-PICTURES = 4 * 48_000 + 118_000
-"""Bytes of the four plans, and of the months."""
-TEXTS = 15_000
-"""Bytes of metrics.json and plan.json."""
+LABEL, TEXTS, PICTURES = 45, 15_000, 4 * 48_000 + 118_000
+"""Bytes of the labels of a time stamp; of metrics.json and plan.json; of four plans and months."""
 VERTEX = 40
 """Bytes of one vertex of a path: row, key, tag, weight, position, normal."""
-BASE = 290 << 20
-"""Bytes of the program: libraries, kernels, weather."""
-PHOTONS = 135 << 20
-"""Bytes of the photons of one launch, from their ports on."""
+BASE, PHOTONS = 290 << 20, 135 << 20
+"""Bytes of the program with libraries, kernels and weather; of the photons of one launch."""
 HELD = {
     "vertices": 4.0, "deposit": 1.8, "films": 2.5, "landed": 3.5, "coefficients": 1.6,
     "luminance": 2.0, "illuminance": 1.5,

@@ -11,7 +11,6 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Amount, Pilot, spread
-from drcmitsuba.runtime.ray_counter import KINDS
 from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import sources
@@ -39,17 +38,12 @@ class Work:
             self.amounts[effect or name, unit] += times * amount  # type: ignore[assignment]
 
     @property
-    def by_unit(self) -> dict[str, float]:
-        """Amounts of every unit."""
-        units = sorted({unit for _, unit in self.amounts})
-        return {
-            name: sum(n for (_, unit), n in self.amounts.items() if unit == name) for name in units
-        }
-
-    @property
-    def rays(self) -> dict[str, int]:
-        """Number of rays by kind, as `RayCounter` counts them."""
-        return {kind: round(self.by_unit.get(kind, 0)) for kind in KINDS}
+    def by_unit(self) -> Counter[str]:
+        """Amounts of every unit, in sum over the effects."""
+        sums: Counter[str] = Counter()
+        for (_, unit), amount in sorted(self.amounts.items()):
+            sums[unit] += amount
+        return sums
 
     @property
     def channels(self) -> int:

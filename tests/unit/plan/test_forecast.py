@@ -110,8 +110,7 @@ def test_rays_are_those_that_are_traced(kind):
     facts, run = case_plan.facts, Run.of(case_plan.facts.case, case_plan.scope)
     coefficients(facts.case, facts.light, run)
     rays = run.ray_counter
-    expected = work(case_plan).rays
-    assert set(expected) == set(KINDS)
+    expected = work(case_plan).by_unit
     for name in KINDS:
         allowed = CHANCE.get((kind, name), WITHIN[name])
         assert (expected[name] == 0) == (rays[name] == 0), name
@@ -127,7 +126,7 @@ def test_a_pilot_of_a_shipped_case_is_small_and_gives_its_rays_within_a_factor_o
     coefficients(case, case_plan.facts.light, run)
     counted = work(case_plan)
     for kind, rays in run.ray_counter.items():
-        assert rays / 2 <= counted.rays[kind] <= 2 * rays, kind
+        assert rays / 2 <= counted.by_unit[kind] <= 2 * rays, kind
     pilots = sum(sum(p.scene.ray_counter.counted().values()) for p in counted.pilots.values())
     assert pilots < sum(run.ray_counter.values()) / 4
 
