@@ -28,10 +28,11 @@ from drcmitsuba.case.materials import (
     BsdfMaterial,
     DielectricMaterial,
     GlazingMaterial,
+    Lambertian,
     MirrorMaterial,
 )
 from drcmitsuba.scene.geometry import Surface
-from drcmitsuba.scene.materials import Lambertian, channel_of, lets_through
+from drcmitsuba.scene.materials import channel_of, lets_through
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.weather import Site
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -124,6 +125,23 @@ Material = Annotated[
     GlazingMaterial | DiffuserMaterial | BsdfMaterial | MirrorMaterial | DielectricMaterial,
     Field(discriminator="type"),
 ]
+
+
+@dataclass(frozen=True)
+class Lambertian:
+    """Opaque diffuse surface, the same on both sides: room, furniture, context."""
+
+    reflectance: Reflectance
+
+
+SurfaceMaterial = (
+    Lambertian
+    | GlazingMaterial
+    | DiffuserMaterial
+    | BsdfMaterial
+    | MirrorMaterial
+    | DielectricMaterial
+)
 
 
 def check_names(materials: Mapping[str, Material]) -> None:

@@ -10,8 +10,9 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.materials import Lambertian
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.materials import Lambertian, bsdf
+from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.surfaces import State, surfaces_of
 

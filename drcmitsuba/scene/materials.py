@@ -16,28 +16,13 @@ from drcmitsuba.case.materials import (
     DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
+    Lambertian,
     MirrorMaterial,
     Reflectance,
+    SurfaceMaterial,
 )
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
-
-
-@dataclass(frozen=True)
-class Lambertian:
-    """Opaque diffuse surface, the same on both sides."""
-
-    reflectance: Reflectance
-
-
-SurfaceMaterial = (
-    Lambertian
-    | GlazingMaterial
-    | DiffuserMaterial
-    | BsdfMaterial
-    | MirrorMaterial
-    | DielectricMaterial
-)
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, SurfaceMaterial
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.scene.materials import SurfaceMaterial, bsdf, film, lets_through
+from drcmitsuba.scene.materials import bsdf, film, lets_through
 from drcmitsuba.scene.surfaces import Enclosure, State, geometry_of
 
 

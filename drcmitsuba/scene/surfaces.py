@@ -13,7 +13,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.scene.components import PlacedComponent, place
 from drcmitsuba.scene.coplanar import settled
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
@@ -29,7 +29,7 @@ from drcmitsuba.scene.geometry import (
     side_of,
     wall,
 )
-from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, lets_through
+from drcmitsuba.scene.materials import lets_through
 from drcmitsuba.scene.sun_visibility import reaches_in
 
 State = Literal["open", "shaded"]

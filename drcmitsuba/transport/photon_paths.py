@@ -14,10 +14,12 @@ from drcmitsuba.case.materials import (
     DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
+    Lambertian,
     MirrorMaterial,
+    SurfaceMaterial,
 )
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, is_diffuse
+from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Part
 from drcmitsuba.transport.bsdf_lookup import (
     absorption,

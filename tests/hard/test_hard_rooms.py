@@ -11,11 +11,12 @@ import drcmitsuba
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.materials import Lambertian
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface
-from drcmitsuba.scene.materials import Lambertian, bsdf
+from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns

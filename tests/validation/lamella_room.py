@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from drcmitsuba.case.materials import GlazingMaterial, MirrorMaterial
+from drcmitsuba.case.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.scene.materials import Lambertian
 
 SIZE = np.array([4.0, 4.0, 3.0])
 LEFT, RIGHT, BOTTOM, TOP, DEPTH = 1.5, 2.5, 1.5, 2.5, 0.15

@@ -25,10 +25,10 @@ import pytest
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.case.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
-from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.sky.cie import CieSky, relative
 from drcmitsuba.transport.shadow_rays import sky_deposit
 

@@ -19,11 +19,10 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.materials import DielectricMaterial, MirrorMaterial
+from drcmitsuba.case.materials import DielectricMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room

@@ -17,11 +17,10 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
-from drcmitsuba.case.materials import GlazingMaterial
+from drcmitsuba.case.materials import GlazingMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components.placed_component import PlacedComponent, ray_offset
 from drcmitsuba.scene.geometry import Port, Surface, quad
-from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.scene.structures.block import MM, Block, block, is_clear
 from drcmitsuba.scene.structures.recipe import Lamellae, Mesh, Recipe, load_recipe
 from drcmitsuba.scene.structures.structure import MOST_TRIANGLES

@@ -16,10 +16,17 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial, Reflectance
+from drcmitsuba.case.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    Reflectance,
+    SurfaceMaterial,
+)
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
-from drcmitsuba.scene.materials import Lambertian, SurfaceMaterial, bsdf, lets_through
+from drcmitsuba.scene.materials import bsdf, lets_through
 from drcmitsuba.scene.scene import quad_mesh
 
 FRAME = "(frame)"

@@ -21,7 +21,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, Lambertian
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
@@ -29,7 +29,6 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface, rotation
 from drcmitsuba.scene.geometry import normals as unit_normals
-from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import Enclosure, surfaces_of
 from drcmitsuba.sky.sun_models import Suns

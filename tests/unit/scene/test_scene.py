@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial
+from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial, Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import geometry, scene
-from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from drcmitsuba.case.materials import MirrorMaterial
+from drcmitsuba.case.materials import Lambertian, MirrorMaterial
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
-from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.gather import gather
 from tests.plain_gather import plain_gather

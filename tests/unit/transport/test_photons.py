@@ -8,11 +8,10 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import DielectricMaterial, MirrorMaterial
+from drcmitsuba.case.materials import DielectricMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.scene.materials import Lambertian
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
