@@ -1,0 +1,7 @@
+"""Models that users own, read as surfaces with materials, sensors, views and a place.
+
+model
+    What every reader gives.
+polygon
+    Polygons of any shape, with holes, as triangles and parallelograms.
+"""

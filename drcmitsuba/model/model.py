@@ -1,0 +1,87 @@
+"""A user's model, as every reader gives it: surfaces by material, sensors, views, place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from drcmitsuba.case.materials import SurfaceMaterial
+
+Role = Literal["surface", "pane", "context"]
+"""Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Surfaces of one material name."""
+
+    name: str
+    """Name of the material, layer or modifier in the source."""
+    material: SurfaceMaterial
+    role: Role
+    quads: np.ndarray
+    """Parallelograms, and triangles that repeat their last corner, counter-clockwise from the
+    front [m], shape (quad, 4, 3)."""
+    polygon: np.ndarray
+    """Index of the source's polygon that each quad is part of, int, shape (quad,)."""
+    places: tuple[str, ...]
+    """Where each polygon stands in the source, for messages ("office.rad, line 12: wall.3");
+    meshes of many faces may have one place for all, which then is the only entry."""
+    group: str = ""
+    """Group of panes that change their state together; "" for none."""
+
+    def place(self, quad: int) -> str:
+        """Where a quad stands in the source."""
+        return self.places[min(int(self.polygon[quad]), len(self.places) - 1)]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Sensors of a model."""
+
+    name: str
+    points: np.ndarray
+    """Positions [m], shape (sensor, 3)."""
+    normals: np.ndarray
+    """Unit normals, shape (sensor, 3)."""
+
+
+@dataclass(frozen=True)
+class View:
+    """View of a model, in the terms of Radiance's `rview`."""
+
+    name: str
+    kind: str
+    """v, h, a, s, c or l of `-vt`."""
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    up: tuple[float, float, float]
+    angles: tuple[float, float]
+    """`-vh` and `-vv` [deg]; sizes [m] of a parallel view."""
+
+
+@dataclass(frozen=True)
+class Location:
+    """Place on earth that a model states."""
+
+    latitude: float
+    """[deg north]."""
+    longitude: float
+    """[deg east]."""
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Model:
+    """Everything that a source says, in metres, z up."""
+
+    layers: tuple[Layer, ...]
+    grids: tuple[Grid, ...] = ()
+    views: tuple[View, ...] = ()
+    location: Location | None = None
+    north: float = 0.0
+    """Direction of true north in the model, clockwise from its y axis [deg]."""
+    notes: tuple[str, ...] = ()
+    """One sentence for everything in the source that was simplified or left out."""

@@ -1,0 +1,98 @@
+"""Polygons of any shape as parallelograms and triangles, which the engine knows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mapbox_earcut
+import numpy as np
+
+FLAT = 1e-3
+"""Largest distance of a corner from its polygon's plane, over the polygon's extent [–]."""
+SAME = 1e-9
+"""Corners nearer to each other than this, over the polygon's extent, are one corner [–]."""
+
+
+def area_vector(corners: np.ndarray) -> np.ndarray:
+    """Normal times area of a polygon (corner, 3), front counter-clockwise (Newell) [m²]."""
+    c = corners - corners[0]
+    return np.asarray(np.cross(c, np.roll(c, -1, axis=0)).sum(axis=0) / 2)
+
+
+def quads_of(corners: np.ndarray, holes: Sequence[np.ndarray] = ()) -> np.ndarray:
+    """Cut a polygon into parallelograms and triangles.
+
+    A polygon whose boundary runs along a seam to a hole and back, as Radiance writes holes, is cut
+    like one with holes.
+
+    Parameters
+    ----------
+    corners : np.ndarray, shape (corner, 3)
+        Corners in turn, counter-clockwise from the front [m].
+    holes : sequence of np.ndarray, shape (corner, 3) each
+        Corners of holes, in any direction [m].
+
+    Returns
+    -------
+    np.ndarray, shape (quad, 4, 3)
+        Parallelograms, and triangles that repeat their last corner, counter-clockwise from the
+        front [m].
+
+    Raises
+    ------
+    ValueError
+        The polygon has no area, is not planar, or crosses itself.
+    """
+    rings = [_distinct(np.asarray(ring, float)) for ring in (corners, *holes)]
+    outer = rings[0]
+    if len(outer) < 3:
+        raise ValueError("fewer than three distinct corners")
+    extent = float(np.ptp(outer, axis=0).max())
+    normal = area_vector(outer)
+    size = float(np.linalg.norm(normal))
+    if not np.isfinite(extent) or size < SAME * extent**2:
+        raise ValueError("no area")
+    normal /= size
+    every = np.concatenate(rings)
+    off = float(np.abs((every - outer[0]) @ normal).max())
+    if off > FLAT * extent:
+        raise ValueError(f"not planar: a corner lies {off:.3g} m off its plane")
+    if len(rings) == 1 and len(outer) == 3:
+        return outer[[0, 1, 2, 2]][None]
+    if len(rings) == 1 and len(outer) == 4 and _is_parallelogram(outer, extent):
+        return outer[None]
+    u, v = _axes(normal)
+    flat = np.stack([(every - outer[0]) @ u, (every - outer[0]) @ v], axis=1)
+    ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
+    index = mapbox_earcut.triangulate_float64(flat, ends).reshape(-1, 3)
+    triangles = every[index]
+    n = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) @ normal
+    wanted = size - sum(float(np.linalg.norm(area_vector(hole))) for hole in rings[1:])
+    if abs(float(np.abs(n).sum()) / 2 - wanted) > 1e-6 * size:
+        raise ValueError("its outline crosses itself, or a hole crosses it")
+    triangles[n < 0] = triangles[n < 0][:, ::-1]
+    triangles = triangles[np.abs(n) > SAME * extent**2]
+    return triangles[:, [0, 1, 2, 2]]
+
+
+def _distinct(ring: np.ndarray) -> np.ndarray:
+    """Corners without those that repeat the one before."""
+    if len(ring) < 2:
+        return ring
+    extent = float(np.ptp(ring, axis=0).max())
+    far = np.abs(ring - np.roll(ring, 1, axis=0)).max(axis=1) > SAME * extent
+    return ring[far]
+
+
+def _is_parallelogram(corners: np.ndarray, extent: float) -> bool:
+    """Whether four corners span a parallelogram."""
+    gap = corners[0] - corners[1] + corners[2] - corners[3]
+    return bool(np.abs(gap).max() <= 1e-6 * extent)
+
+
+def _axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors across a normal; (u, v, normal) is right-handed."""
+    least = np.eye(3)[np.argmin(np.abs(normal))]
+    u = np.cross(least, normal)
+    u /= np.linalg.norm(u)
+    return u, np.cross(normal, u)
