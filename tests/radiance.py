@@ -24,7 +24,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade, Strip
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
     GlazingMaterial,

@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Any
 
 from drcmitsuba.annual.variants import evaluate_variants
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import GlazingMaterial
-from drcmitsuba.case.toml import Side
+from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.toml import Side
 from drcmitsuba.transport import facade_basis
 
 if TYPE_CHECKING:

@@ -2,14 +2,14 @@
 
 case
     `Case`: all tables together; `load_case`.
-toml, unit_check
-    Reading and checking of tables; refusal of lengths that look like millimetres.
+unit_check
+    Refusal of lengths that look like millimetres.
 weather, sky, sun
     Place, weather file and period; sky and ground; model of the sun.
 room, facade, furniture, sensors
     The room, its sides with panes, boxes and plates, points of the illuminance.
-materials, components, shading
-    Panes, mirrors and solids; components that are geometry; the sun shade.
+components, shading
+    Components that are geometry; the sun shade.
 metrics, accuracy, effects, design
     Thresholds; numbers of samples; simulated effects of light; the search of `optimise`.
 shipped

@@ -7,8 +7,8 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
 
-from drcmitsuba.case.toml import Table, shortened
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Table, shortened
 
 
 class Target(NamedTuple):

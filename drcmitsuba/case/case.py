@@ -22,16 +22,8 @@ from drcmitsuba.case.components import (
 )
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.effects import Effects
-from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.facade import Facade, check_names
 from drcmitsuba.case.furniture import Furniture, check_furniture
-from drcmitsuba.case.materials import (
-    BsdfMaterial,
-    DielectricMaterial,
-    GlazingMaterial,
-    Material,
-    MirrorMaterial,
-    check_names,
-)
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.room import Room
 from drcmitsuba.case.sensors import Sensors
@@ -39,7 +31,17 @@ from drcmitsuba.case.shading import Shading
 from drcmitsuba.case.shipped import locate_case
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
-from drcmitsuba.case.toml import (
+from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
+from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DielectricMaterial,
+    GlazingMaterial,
+    Material,
+    MirrorMaterial,
+)
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import (
     Name,
     Side,
     Table,
@@ -49,9 +51,6 @@ from drcmitsuba.case.toml import (
     read_toml,
     shortened,
 )
-from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
-from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
-from drcmitsuba.runtime.errors import InputError
 
 MAX_BYTES = 1 << 20
 """Largest size of a case file [bytes]."""

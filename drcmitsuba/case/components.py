@@ -8,14 +8,15 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
     Material,
     MirrorMaterial,
 )
-from drcmitsuba.case.toml import (
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import (
     Coordinate,
     Fraction,
     Point,
@@ -25,7 +26,6 @@ from drcmitsuba.case.toml import (
     named_of_kind,
     shortened,
 )
-from drcmitsuba.runtime.errors import InputError
 
 Extent = Annotated[float, Field(ge=1e-3, le=10_000, strict=True)]
 """Width or length of a pipe or duct [m]; smaller values are taken for mistakes."""

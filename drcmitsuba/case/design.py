@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from drcmitsuba.case.toml import Percent, Side, Table, choose, shortened
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Percent, Side, Table, choose, shortened
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Tilt = Annotated[float, Field(gt=-90, lt=90)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from drcmitsuba.case.toml import Table
+from drcmitsuba.runtime.toml import Table
 
 Choice = Literal["auto", "all", "off"]
 

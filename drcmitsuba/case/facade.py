@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from drcmitsuba.case.materials import Reflectance
-from drcmitsuba.case.toml import Length, Side, Table, choose, shortened
+from drcmitsuba.model.materials import Material, Reflectance
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Length, Side, Table, choose, shortened
 
 THINNEST = 1e-3
 """Smallest width and height of a pane [m]; smaller values are taken for mistakes."""
@@ -103,3 +103,11 @@ class Facade(Table):
                 if strip.bottom < top:
                     refuse(strip, "overlaps the strip below it", f"start at {top:g} m or above")
                 top = strip.top
+
+
+def check_names(materials: Mapping[str, Material]) -> None:
+    """Raise InputError for materials with the names that strips use for wall and holes."""
+    for name in ("wall", "open"):
+        if name in materials:
+            got = "strips use this name for no material"
+            raise InputError("case", f"materials.{name}", got, "choose another name")

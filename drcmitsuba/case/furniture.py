@@ -7,9 +7,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drcmitsuba.case.materials import Reflectance
-from drcmitsuba.case.toml import Coordinate, Length, Name, Point, Table
+from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Coordinate, Length, Name, Point, Table
 
 MOST_PIECES = 100_000
 """Largest number of boxes and plates in a case."""

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drcmitsuba.case.toml import Fraction, Illuminance, Table
+from drcmitsuba.runtime.toml import Fraction, Illuminance, Table
 
 
 class Metrics(Table):

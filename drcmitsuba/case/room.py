@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drcmitsuba.case.materials import Reflectance
-from drcmitsuba.case.toml import Length, Side, Table
+from drcmitsuba.model.materials import Reflectance
+from drcmitsuba.runtime.toml import Length, Side, Table
 
 
 class Room(Table):

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from drcmitsuba.case.toml import Length, Point, Table
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Length, Point, Table
 
 MOST_SENSORS = 250_000
 """Largest number of points in a case."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, Material
-from drcmitsuba.case.toml import Fraction, Illuminance, Table, choose, named_of_kind, shortened
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Material
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Fraction, Illuminance, Table, choose, named_of_kind, shortened
 
 
 class Shading(Table):

@@ -6,8 +6,8 @@ import difflib
 from importlib import resources
 from pathlib import Path
 
-from drcmitsuba.case.toml import is_file
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import is_file
 
 OTHER_FILES = {
     ".rad": "a Radiance scene",

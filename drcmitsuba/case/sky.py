@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drcmitsuba.case.toml import Fraction, Table, default_model
+from drcmitsuba.runtime.toml import Fraction, Table, default_model
 
 
 class SkyTable(Table):

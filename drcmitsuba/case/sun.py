@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from drcmitsuba.case.effects import Effects
-from drcmitsuba.case.toml import Table, default_model
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Table, default_model
 
 
 class TrueSun(Table):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drcmitsuba.case.toml import Name, Table
+from drcmitsuba.runtime.toml import Name, Table
 
 
 class SiteTable(Table):

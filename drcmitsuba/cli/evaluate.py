@@ -63,13 +63,13 @@ def evaluate(
         _evaluate_variants(case, variants.split(","), output, weather)
         return
     from drcmitsuba import evaluate as run
-    from drcmitsuba.runtime import storage
+    from drcmitsuba.annual import stored_arrays
 
     loaded = load(case, weather)
     known = None
     if coefficients is not None:
-        known = storage.open_dataset(coefficients, "replicates", "straight", "state")
-        known = storage.loaded(coefficients, known)
+        known = stored_arrays.open_dataset(coefficients, "replicates", "straight", "state")
+        known = stored_arrays.loaded(coefficients, known)
     with stages() as stage:
         result = run(loaded, stage, known)
         result.save(output, stage)

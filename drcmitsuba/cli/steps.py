@@ -52,16 +52,19 @@ def illuminance(
     output: Output = Path("results"),
 ) -> None:
     """Compute the illuminance E = C·L: illuminance.nc."""
+    from drcmitsuba.annual import stored_arrays
     from drcmitsuba.metrics.coefficients_by_state import Coefficients
     from drcmitsuba.metrics.illuminance import illuminance as accumulated
     from drcmitsuba.runtime import storage
     from drcmitsuba.sky import daylight
 
-    C = storage.open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
-    L = storage.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
+    C = stored_arrays.open_dataset(
+        c, "replicates", "straight", "straight_se", "state", "bin", *"xyz"
+    )
+    L = stored_arrays.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
-        L = storage.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
-        states = Coefficients.of(storage.loaded(c, C))
+        L = stored_arrays.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
+        states = Coefficients.of(stored_arrays.loaded(c, C))
         E = accumulated(states, daylight.from_luminances(L))
         E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
         storage.save_netcdf(E, output / "illuminance.nc")
@@ -82,6 +85,7 @@ def metrics(
     The intervals are wider than those of evaluate: the file holds the error of every illuminance,
     but not the correlation of these errors.
     """
+    from drcmitsuba.annual import stored_arrays
     from drcmitsuba.metrics import evaluate_metrics
     from drcmitsuba.runtime import storage
 
@@ -91,8 +95,8 @@ def metrics(
         "ase_threshold": ase_threshold,
         "ase_hours": ase_hours,
     }
-    E = storage.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
-    E = storage.loaded(e, E)
+    E = stored_arrays.open_dataset(e, "total", "total_se", "direct_sun", "direct_sun_se")
+    E = stored_arrays.loaded(e, E)
     rules = evaluate_metrics.rules_of(E.attrs, e, thresholds)
     numbers = evaluate_metrics.summarise(E, rules)
     if settings := evaluate_metrics.settings_of(E.attrs, e, rules.metrics):
@@ -111,13 +115,13 @@ def plot(
     folder: Annotated[Path, argument("FOLDER", "Folder of an evaluation.")],
 ) -> None:
     """Draw the plots of an evaluation again."""
+    from drcmitsuba.annual import stored_arrays
     from drcmitsuba.case.case import Case
-    from drcmitsuba.case.toml import checked
     from drcmitsuba.report import figures, plots
-    from drcmitsuba.runtime import storage
+    from drcmitsuba.runtime.toml import checked
 
     path, file = folder / "illuminance.nc", folder / "metrics.json"
-    E = storage.loaded(path, storage.open_dataset(path, "total", "direct_sun"))
+    E = stored_arrays.loaded(path, stored_arrays.open_dataset(path, "total", "direct_sun"))
     numbers = figures.read_numbers(file, E.sizes["sensor"])
     known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
     case = checked(Case, known, file)

@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import Lambertian
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import Scene

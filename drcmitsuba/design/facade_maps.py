@@ -16,9 +16,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case.toml import choose
 from drcmitsuba.design.parameters import Parameter, Values, inward
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose
 from drcmitsuba.transport.facade_basis import Tiles
 
 

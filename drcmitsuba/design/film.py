@@ -21,8 +21,8 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.redirection import concentration, redirected
 
-from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.design.film_bins import Bins
+from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene import materials

@@ -10,17 +10,17 @@ import numpy as np
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.design import Design
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial, check_energy
 from drcmitsuba.case.sun import Adaptive, TrueSun
-from drcmitsuba.case.toml import Side, checked
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.optimise import FacadeOptimum, Search
 from drcmitsuba.design.parameters import Factor, Map, Parameter
 from drcmitsuba.design.problem import FacadeProblem, Goal
 from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.evaluate_metrics import rules
+from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_energy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.toml import Side, checked
 from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport import facade_basis
 from drcmitsuba.transport.facade_basis import BasisYear

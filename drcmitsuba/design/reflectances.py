@@ -21,12 +21,12 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.toml import choose, shortened
 from drcmitsuba.design.bounce_counts import FRAMES, WALLS
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.traced_room import TracedRoom
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import channel_of
 from drcmitsuba.scene.surfaces import State

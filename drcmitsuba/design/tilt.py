@@ -35,7 +35,6 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
-from drcmitsuba.case.toml import shortened
 from drcmitsuba.design.measure import (
     ASE_TOLERANCE,
     Aim,
@@ -50,6 +49,7 @@ from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics, may_close, rul
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene import components
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
 from drcmitsuba.schema import luminance

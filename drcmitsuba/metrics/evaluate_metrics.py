@@ -14,12 +14,12 @@ import xarray as xr
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.sun import Adaptive, ThreePhase
-from drcmitsuba.case.toml import checked
 from drcmitsuba.metrics import intervals
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.metrics.intervals import Bounds, Draws, Rules, values
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight
 

@@ -1,5 +1,7 @@
 """Models that users own, read as surfaces with materials, sensors, views and a place.
 
+materials
+    Panes, mirrors, solids, diffuse surfaces.
 model
     What every reader gives.
 polygon

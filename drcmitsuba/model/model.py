@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from drcmitsuba.case.materials import SurfaceMaterial
+from drcmitsuba.model.materials import SurfaceMaterial
 
 Role = Literal["surface", "pane", "context"]
 """Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""

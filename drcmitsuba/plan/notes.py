@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial
+from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.scene.materials import film
 

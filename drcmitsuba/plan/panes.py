@@ -6,7 +6,7 @@ import math
 from typing import TypeVar
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, max_reflectance
 from drcmitsuba.scene.sun_visibility import outside

@@ -2,6 +2,8 @@
 
 errors
     `InputError`, which describes a user's mistake in one line; `BackendError`.
+toml
+    Reading and checking of the tables of a file.
 backend
     The compiler backend: LLVM on the processor, CUDA on a GPU.
 progress
@@ -9,7 +11,7 @@ progress
 flat_arrays
     NumPy arrays on the device.
 storage
-    Files of results: written whole or not at all, read as untrusted input.
+    Files of results, written whole or not at all.
 process
     A job in a process of its own.
 ray_counter

@@ -12,8 +12,8 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.furniture import Furniture
-from drcmitsuba.case.materials import Reflectance
 from drcmitsuba.case.unit_check import refuse_far
+from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import around, faces_of, normals
 

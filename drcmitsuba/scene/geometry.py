@@ -16,9 +16,9 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.furniture import Furniture
-from drcmitsuba.case.materials import SurfaceMaterial
 from drcmitsuba.case.room import Room
-from drcmitsuba.case.toml import Side
+from drcmitsuba.model.materials import SurfaceMaterial
+from drcmitsuba.runtime.toml import Side
 
 UP = np.array([0.0, 0.0, 1.0])
 SIDES: tuple[Side, ...] = ("south", "east", "north", "west")

@@ -11,7 +11,7 @@ from drcmitsuba_plugins import energy, peak
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 
 from drcmitsuba import bsdf as bsdf_files
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,

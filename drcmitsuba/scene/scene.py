@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, SurfaceMaterial
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, SurfaceMaterial
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects

@@ -13,7 +13,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, Lambertian, SurfaceMaterial
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.scene.components import PlacedComponent, place
 from drcmitsuba.scene.coplanar import settled
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects

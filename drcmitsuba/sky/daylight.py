@@ -15,10 +15,10 @@ from drcmitsuba import schema, sky
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sky import CieTable, PerezSky, SunshineTable
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, ThreePhase
-from drcmitsuba.case.toml import is_file
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import is_file
 from drcmitsuba.sky import sun_models, weather
 from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
 from drcmitsuba.sky.sun_models import Blend, Suns

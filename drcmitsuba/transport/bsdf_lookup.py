@@ -8,7 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case.materials import DielectricMaterial
+from drcmitsuba.model.materials import DielectricMaterial
 from drcmitsuba.scene.scene import Scene
 
 

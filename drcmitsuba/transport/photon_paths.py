@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,

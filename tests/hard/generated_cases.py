@@ -13,7 +13,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from drcmitsuba.case.shipped import shipped_cases, shipped_folder
-from drcmitsuba.case.toml import read_toml
+from drcmitsuba.runtime.toml import read_toml
 from tests.hard.mutations import damaged, mutated, places, toml
 
 TREE = """<WindowElement><Optical><Layer><DataDefinition>

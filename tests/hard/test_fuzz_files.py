@@ -12,7 +12,7 @@ import xarray as xr
 from hypothesis import given, settings
 
 from drcmitsuba import InputError
-from drcmitsuba.runtime import storage
+from drcmitsuba.annual import stored_arrays
 from tests import ROOT
 from tests.hard import generated_files
 from tests.hard import generated_results as results
@@ -175,7 +175,7 @@ def test_many_results_are_used_or_refused_in_one_line(
 
 
 def opened(path, *variables):
-    return storage.loaded(path, storage.open_dataset(path, *variables))
+    return stored_arrays.loaded(path, stored_arrays.open_dataset(path, *variables))
 
 
 def test_a_head_that_declares_terabytes_is_refused(good, tmp_path):

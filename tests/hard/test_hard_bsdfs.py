@@ -12,7 +12,7 @@ from drcmitsuba_plugins.klems_basis import BASES
 from drcmitsuba_plugins.tensor import to_direction, to_disk, to_square
 
 from drcmitsuba import InputError
-from drcmitsuba.case.materials import BsdfMaterial
+from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import notes
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene

@@ -11,8 +11,8 @@ import drcmitsuba
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case, load_case
-from drcmitsuba.case.materials import Lambertian
 from drcmitsuba.case.shipped import shipped_folder
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface

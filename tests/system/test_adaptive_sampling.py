@@ -8,8 +8,8 @@ import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.accuracy import Accuracy, Target
-from drcmitsuba.case.toml import checked
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
 from tests.system.test_evaluate import changed
 
 RNG = np.random.default_rng(0)

@@ -6,6 +6,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.annual import stored_arrays
 from drcmitsuba.metrics import evaluate_metrics, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import storage
@@ -35,8 +36,8 @@ def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
     result = results[model]
     storage.save_zarr(result.coefficients, tmp_path / "C.zarr")
     light_module.save_luminances(result.daylight, tmp_path / "L.zarr")
-    C = storage.open_dataset(tmp_path / "C.zarr", "replicates").load()
-    L = light_module.from_luminances(storage.open_dataset(tmp_path / "L.zarr", "L", "sun"))
+    C = stored_arrays.open_dataset(tmp_path / "C.zarr", "replicates").load()
+    L = light_module.from_luminances(stored_arrays.open_dataset(tmp_path / "L.zarr", "L", "sun"))
     E = illuminance.illuminance(Coefficients.of(C), L)
     for name, expected in result.illuminance.data_vars.items():
         np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)

@@ -10,6 +10,7 @@ import pvlib
 import pytest
 
 import drcmitsuba
+from drcmitsuba.annual import stored_arrays
 from drcmitsuba.case.case import Case
 from drcmitsuba.cli import main
 from drcmitsuba.report import plots
@@ -184,8 +185,8 @@ def test_a_full_disk_gives_one_line(refused, case, tmp_path, monkeypatch):
     assert "No space left on device" in refused("evaluate", case, "-o", folder)
     left = {p.name for p in folder.iterdir()}
     assert left == {"illuminance.nc", "coefficients.zarr", "sky.zarr"}
-    storage.open_dataset(folder / "illuminance.nc", "total").load()
-    storage.open_dataset(folder / "coefficients.zarr", "replicates").load()
+    stored_arrays.open_dataset(folder / "illuminance.nc", "total").load()
+    stored_arrays.open_dataset(folder / "coefficients.zarr", "replicates").load()
 
 
 @pytest.mark.parametrize(
@@ -228,7 +229,7 @@ def test_files_of_another_kind_are_refused(refused, results, tmp_path):
     assert "coefficients.zarr: results: has no 'L'" in refused("illuminance", C, C)
     assert "sky.zarr: results: has no 'total'" in refused("metrics", L)
     assert "metrics.json: results: " in refused("metrics", results / "metrics.json")
-    storage.save_netcdf(storage.open_dataset(E).load(), tmp_path / "illuminance.nc")
+    storage.save_netcdf(stored_arrays.open_dataset(E).load(), tmp_path / "illuminance.nc")
     assert "metrics.json: metrics: " in refused("plot", tmp_path)
     (tmp_path / "metrics.json").write_text('{"settings": {"sensors": 3}}')
     assert "metrics.json: " in refused("plot", tmp_path)
@@ -318,7 +319,7 @@ def test_ctrl_c_leaves_one_line_and_whole_files(tmp_path, case, module, name, de
     assert not any(file.startswith(".") for file in left)
     assert written <= left < RESULTS
     for file in left:
-        storage.open_dataset(folder / file).load()
+        stored_arrays.open_dataset(folder / file).load()
 
 
 # ---- what works -------------------------------------------------------------------------------

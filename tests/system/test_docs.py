@@ -14,7 +14,7 @@ import sys
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.toml import checked, tomllib
+from drcmitsuba.runtime.toml import checked, tomllib
 from tests import ROOT
 from tests.hard.command_line import CommandLine
 from tests.unit.bsdf.test_bsdf_measured import measure, through

@@ -8,12 +8,11 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case, metrics
-from drcmitsuba.annual import simulation
+from drcmitsuba.annual import simulation, stored_arrays
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics import accumulate, evaluate_metrics, illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from tests.system.small_room import CASE, DAYS, SHADING, SUN, VARIABLES, changed, run
@@ -247,7 +246,7 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     run(monkeypatch, "illuminance", *parts, "-o", tmp_path)
     run(monkeypatch, "metrics", tmp_path / "illuminance.nc", "-o", tmp_path)
     assert capsys.readouterr().err == ""
-    chained = storage.open_dataset(tmp_path / "illuminance.nc").load()
+    chained = stored_arrays.open_dataset(tmp_path / "illuminance.nc").load()
     assert set(chained.variables) == set(E.variables)
     for name in E.data_vars:
         np.testing.assert_allclose(chained[name], E[name], rtol=1e-4, atol=0.05, err_msg=name)
@@ -310,7 +309,7 @@ def test_points_too_close_to_call_are_listed_printed_and_drawn(tmp_path, monkeyp
     (folder / "undecided_ase_plan.png").write_text("of an evaluation before this one")
     run(monkeypatch, "evaluate", tmp_path / "case.toml", "-o", folder)
     numbers = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-    E = storage.open_dataset(folder / "illuminance.nc").load()
+    E = stored_arrays.open_dataset(folder / "illuminance.nc").load()
     listed = numbers["undecided"]
     assert 0 < len(listed) < 25
     assert all(0.025 < one["probability"] < 0.975 for one in listed)

@@ -8,7 +8,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case, metrics, schema
-from drcmitsuba.runtime import storage
+from drcmitsuba.annual import stored_arrays
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky.sun_models import Suns
@@ -123,7 +123,8 @@ def test_a_coloured_case_goes_through_the_verbs(tmp_path, monkeypatch, capsys):
     run(monkeypatch, "illuminance", *files, "-o", tmp_path / "again")
     run(monkeypatch, "metrics", tmp_path / "again" / "illuminance.nc")
     E, again = (
-        storage.open_dataset(tmp_path / name / "illuminance.nc").load() for name in ("r", "again")
+        stored_arrays.open_dataset(tmp_path / name / "illuminance.nc").load()
+        for name in ("r", "again")
     )
     for name in E.data_vars:
         np.testing.assert_allclose(again[name], E[name], rtol=1e-4, atol=0.05, err_msg=name)

@@ -12,7 +12,7 @@ import pytest
 from tests import ROOT
 
 ROOMS = [
-    "schema", "runtime", "case", "sky", "bsdf", "model", "scene", "goniophotometer", "transport",
+    "schema", "runtime", "model", "case", "sky", "bsdf", "scene", "goniophotometer", "transport",
     "metrics", "report", "plan", "annual", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10

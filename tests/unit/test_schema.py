@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from drcmitsuba import schema
+from drcmitsuba.annual import stored_arrays
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
@@ -39,7 +40,7 @@ SAVERS = [(storage.save_zarr, "c.zarr"), (storage.save_netcdf, "c.nc")]
 @pytest.mark.parametrize(("save", "name"), SAVERS)
 def test_a_dataset_comes_back_as_it_was(tmp_path, save, name):
     save(dataset(), tmp_path / "new" / name)
-    loaded = storage.open_dataset(tmp_path / "new" / name, "direct", "bin").load()
+    loaded = stored_arrays.open_dataset(tmp_path / "new" / name, "direct", "bin").load()
     xr.testing.assert_identical(loaded, dataset())
     assert list(loaded["bin"].values) == LABELS
     assert loaded["direct"].dtype == np.float32
@@ -61,7 +62,7 @@ def test_saving_again_replaces_all_of_it(tmp_path, save, name):
     save(dataset(), tmp_path / name)
     smaller = dataset().isel(bin=[0, 1], sensor=[2]).drop_vars("direct_se")
     save(smaller, tmp_path / name)
-    xr.testing.assert_identical(storage.open_dataset(tmp_path / name).load(), smaller)
+    xr.testing.assert_identical(stored_arrays.open_dataset(tmp_path / name).load(), smaller)
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
@@ -87,7 +88,7 @@ def test_an_interrupted_save_keeps_what_was_there(tmp_path, monkeypatch, save, n
             patch.setattr(storage, "_replace", stop_at_once)
         with pytest.raises(stop):
             save(2 * dataset(), tmp_path / name)
-    xr.testing.assert_identical(storage.open_dataset(tmp_path / name).load(), dataset())
+    xr.testing.assert_identical(stored_arrays.open_dataset(tmp_path / name).load(), dataset())
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
@@ -129,11 +130,11 @@ def test_what_is_no_result_gives_one_line(tmp_path):
         (cut, "give a file of this program"),
     ):
         with pytest.raises(InputError, match=message) as caught:
-            storage.open_dataset(path)
+            stored_arrays.open_dataset(path)
         assert str(caught.value).isprintable()
         assert str(caught.value).startswith(f"{path}: results: ")
     with pytest.raises(InputError, match="results: has no 'total'; give a file of this program"):
-        storage.open_dataset(tmp_path / "c.nc", "direct", "total")
+        stored_arrays.open_dataset(tmp_path / "c.nc", "direct", "total")
 
 
 def test_luminance_weighs_channels_and_leaves_grey_alone():

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drcmitsuba.case.materials import GlazingMaterial, Lambertian, MirrorMaterial
+from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.scene.geometry import Port, Surface
 
 SIZE = np.array([4.0, 4.0, 3.0])

@@ -29,8 +29,8 @@ from drcmitsuba_plugins.tensor import TensorTree, to_direction, unpack
 from scipy.stats import norm
 
 from drcmitsuba import goniophotometer as gonio
-from drcmitsuba.case.toml import checked
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import UnitCell, unit_cell
 from tests import ROOT, radiance

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.materials import DielectricMaterial, Lambertian, MirrorMaterial
+from drcmitsuba.model.materials import DielectricMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Port, Surface

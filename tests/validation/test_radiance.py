@@ -27,7 +27,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba import sky
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case, load_case
-from drcmitsuba.case.materials import GlazingMaterial
+from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points

@@ -15,8 +15,8 @@ from drcmitsuba_plugins.tensor import TensorTree
 from drcmitsuba.bsdf import writer
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
+from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.scene.materials import film
 
 RAYS = (

@@ -10,7 +10,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import LightPipe
-from drcmitsuba.case.materials import Lambertian
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components.placed_component import PlacedComponent, is_open, recess
 from drcmitsuba.scene.geometry import UP, Port, Surface, quad

@@ -9,8 +9,8 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent
-from drcmitsuba.case.materials import DielectricMaterial
 from drcmitsuba.case.unit_check import ask_about_mesh, refuse_far
+from drcmitsuba.model.materials import DielectricMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components.placed_component import PlacedComponent
 from drcmitsuba.scene.coplanar import refuse_in_walls

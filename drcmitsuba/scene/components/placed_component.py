@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import GlazingMaterial
+from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import Port, Surface
 

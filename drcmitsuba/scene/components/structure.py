@@ -17,7 +17,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
-from drcmitsuba.case.materials import GlazingMaterial, Lambertian, SurfaceMaterial
+from drcmitsuba.model.materials import GlazingMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components.placed_component import PlacedComponent, ray_offset
 from drcmitsuba.scene.geometry import Port, Surface, quad

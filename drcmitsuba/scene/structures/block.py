@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.case.materials import DielectricMaterial
+from drcmitsuba.model.materials import DielectricMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.structures.polygon import triangles
 from drcmitsuba.scene.structures.recipe import Mesh, Recipe

@@ -11,9 +11,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from drcmitsuba.case.materials import check_energy
-from drcmitsuba.case.toml import Name, Table, checked, read_toml
+from drcmitsuba.model.materials import check_energy
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Name, Table, checked, read_toml
 
 MAX_BYTES = 1 << 20
 

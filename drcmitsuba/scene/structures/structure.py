@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.case.materials import DielectricMaterial, MirrorMaterial
+from drcmitsuba.model.materials import DielectricMaterial, MirrorMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.structures.mesh import read_mesh
 from drcmitsuba.scene.structures.polygon import cross

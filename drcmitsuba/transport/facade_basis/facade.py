@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     BsdfMaterial,
     DiffuserMaterial,
     GlazingMaterial,

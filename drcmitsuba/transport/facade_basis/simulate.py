@@ -21,7 +21,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial, Lambertian
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress

@@ -9,9 +9,9 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.materials import Reflectance
-from drcmitsuba.case.toml import Side
+from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Side
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import facade_quads
 from drcmitsuba.transport.facade_basis.facade import FRAME, Palette, Tiles

@@ -14,7 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.case.materials import BsdfMaterial, DiffuserMaterial
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.materials import bsdf

@@ -10,7 +10,6 @@ import pytest
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.case.toml import checked
 from drcmitsuba.design import pictures
 from drcmitsuba.design.facade_maps import Panes, Strips, Window
 from drcmitsuba.design.layout import Layout
@@ -21,6 +20,7 @@ from drcmitsuba.design.realise import realise
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene.surfaces import surfaces_of
 from tests.synthetic_year import MATERIALS, SyntheticYear, Tiles
 

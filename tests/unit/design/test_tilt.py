@@ -11,7 +11,6 @@ import pytest
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.case.toml import checked
 from drcmitsuba.design import pictures
 from drcmitsuba.design.measure import Measure
 from drcmitsuba.design.parameters import Parameter
@@ -22,6 +21,7 @@ from drcmitsuba.metrics.evaluate_metrics import evaluate_metrics
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
 from drcmitsuba.transport.facade_basis.year import Illuminances
 
 SLATS = """[structure]

@@ -11,8 +11,8 @@ from drcmitsuba_plugins.tensor import TensorTree, to_direction
 from drcmitsuba import InputError
 from drcmitsuba import goniophotometer as gonio
 from drcmitsuba.bsdf.merge import merge
-from drcmitsuba.case.toml import checked
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene.structures.mesh import read_mesh
 from drcmitsuba.scene.structures.recipe import Recipe
 from drcmitsuba.scene.structures.structure import arc, unit_cell

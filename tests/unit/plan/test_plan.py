@@ -5,10 +5,10 @@ import pytest
 
 from drcmitsuba import evaluate, load_case
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.toml import checked
 from drcmitsuba.plan import panes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
 from drcmitsuba.sky.daylight import daylight
 
 ROOM = {

@@ -5,7 +5,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba.case.materials import MirrorMaterial
+from drcmitsuba.model.materials import MirrorMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.materials import bsdf
 

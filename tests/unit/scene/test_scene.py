@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial, Lambertian
+from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import geometry, scene

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.toml import checked
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.surfaces import surfaces_of
 

@@ -7,7 +7,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import DiffuserMaterial, GlazingMaterial, Lambertian
+from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, Lambertian
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.sky.sun_models import Suns

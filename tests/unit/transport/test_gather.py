@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drcmitsuba.case.materials import Lambertian, MirrorMaterial
+from drcmitsuba.model.materials import Lambertian, MirrorMaterial
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.transport.cells import Grid

@@ -8,7 +8,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.materials import DielectricMaterial, Lambertian, MirrorMaterial
+from drcmitsuba.model.materials import DielectricMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Port, Surface

@@ -1,8 +1,7 @@
-"""The tables `[materials.NAME]` of a case: panes of façades, mirrors and solids of components."""
+"""Materials of surfaces: the tables `[materials.NAME]` of a case, and what users' models hold."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,8 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from drcmitsuba.case.toml import Fraction, Table
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Fraction, Table
 
 Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
 """One reflectance (grey), or three for red, green and blue [–]."""
@@ -142,11 +141,3 @@ SurfaceMaterial = (
     | MirrorMaterial
     | DielectricMaterial
 )
-
-
-def check_names(materials: Mapping[str, Material]) -> None:
-    """Raise InputError for materials with the names that strips use for wall and holes."""
-    for name in ("wall", "open"):
-        if name in materials:
-            got = "strips use this name for no material"
-            raise InputError("case", f"materials.{name}", got, "choose another name")
