@@ -17,6 +17,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
+from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -128,6 +129,7 @@ def transport(
 def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     """Digest of everything that determines C, the contents of files included."""
     names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
+    names |= set() if case.model is None else {"model"}
     settings = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
         del settings["accuracy"][name]
@@ -138,6 +140,10 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
         "subdivision": case.sky.subdivision,
         "diameter": case.outside.sun_diameter,
     }
+    if case.model is not None:
+        settings["model"]["files"] = [_digest(file) for file in case.model.files]
+    if isinstance(case.sensors, PointSensors) and case.sensors.points is not None:
+        settings["sensors"]["points"] = _digest(case.sensors.points)
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
             settings["materials"][name]["file"] = _digest(material.file)

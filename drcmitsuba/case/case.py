@@ -25,8 +25,10 @@ from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.facade import Facade, check_names
 from drcmitsuba.case.furniture import Furniture, check_furniture
 from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.case.model import ENDINGS, ModelTable
+from drcmitsuba.case.model_case import tables_of, usual_sensors
 from drcmitsuba.case.room import Room
-from drcmitsuba.case.sensors import Sensors
+from drcmitsuba.case.sensors import AnySensors, FloorSensors, PointSensors, Sensors
 from drcmitsuba.case.shading import Shading
 from drcmitsuba.case.shipped import locate_case
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
@@ -37,9 +39,11 @@ from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
     GlazingMaterial,
+    Lambertian,
     Material,
     MirrorMaterial,
 )
+from drcmitsuba.model.model import EMPTY, Model
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import (
     Name,
@@ -76,7 +80,9 @@ class Case(Table):
     outside: Outside = Outside()
     """Ground, and the size of the sun."""
     room: Room | None = None
-    """Box of the room; without it, the sensors are under the free sky."""
+    """Box of the room; without it and a model, the sensors are under the free sky."""
+    model: ModelTable | None = None
+    """Building that was drawn elsewhere."""
     facade: dict[Side, Facade] = Field(default_factory=dict)
     """Sides of the room that have panes, by name."""
     materials: dict[str, Material] = Field(default_factory=dict)
@@ -85,7 +91,7 @@ class Case(Table):
     """Components that are geometry, by name."""
     furniture: Annotated[tuple[Furniture, ...], Field(max_length=10_000)] = ()
     """Boxes and plates, inside the room or outside of it."""
-    sensors: Sensors
+    sensors: AnySensors
     """Points at which the illuminance is computed."""
     shading: Shading | None = None
     """Sun shade of the clear panes; without it, there is none."""
@@ -100,11 +106,17 @@ class Case(Table):
 
     _source: str = PrivateAttr("case")
     _folder: Path = PrivateAttr(Path())
+    _building: Model = PrivateAttr(EMPTY)
 
     @property
     def source(self) -> str:
         """Name of the case's file, for messages."""
         return self._source
+
+    @property
+    def building(self) -> Model:
+        """Surfaces, sensors and views of the files of `[model]`; empty without any."""
+        return self._building
 
     @property
     def glazed(self) -> tuple[Side, ...]:
@@ -155,9 +167,9 @@ class Case(Table):
         check_components(self.components, self.materials, self.room is not None)
         check_sun(self.sun, self.effects, bool(self.standing))
         if self.unit is None:
-            if self.room is None:
+            if self.room is None and isinstance(self.sensors, Sensors):
                 ask_about_spacing(self.sensors.spacing)
-            else:
+            elif self.room is not None:
                 ask_about_room(self.room.size)
                 for i, piece in enumerate(self.furniture):
                     ask_about_furniture(f"furniture.{i}", piece.corner, piece.size, self.room.size)
@@ -167,6 +179,14 @@ class Case(Table):
             self.shading.check(self.materials)
         if self.design is not None:
             self._check_design(self.design)
+        if self.room is not None and self.model is not None:
+            got = "beside a room of boxes"
+            raise InputError("case", "model", got, "give one of them")
+        if self.model is None and not isinstance(self.sensors, Sensors):
+            if isinstance(self.sensors, FloorSensors):
+                raise InputError("case", "sensors.floors", "there is no [model]", "add one")
+            if self.sensors.grids:
+                raise InputError("case", "sensors.grids", "there is no [model]", "add one")
         return self
 
     def _needed_room(self, table: str) -> Room:
@@ -200,6 +220,7 @@ class Case(Table):
         """Replace tables by name, unchecked: values are those of the tables' classes, or None."""
         changed = self.model_copy(update=tables)
         changed._source, changed._folder = self._source, self._folder
+        changed._building = self._building
         return changed
 
     def with_facade(self, side: Side, facade: Facade) -> Case:
@@ -224,7 +245,7 @@ def load_case(path: str | Path) -> Case:
     Parameters
     ----------
     path : str or Path
-        A TOML file, or the name of a shipped case (`classroom/existing`).
+        A TOML file, a file of a model, or the name of a shipped case (`classroom/existing`).
 
     Returns
     -------
@@ -236,10 +257,14 @@ def load_case(path: str | Path) -> Case:
         The file is missing or no TOML, or has an unknown key or a value out of its range.
     """
     file = locate_case(path)
-    data = read_toml(file, MAX_BYTES)
+    is_model = file.suffix.lower() in ENDINGS
+    data = tables_of(file) if is_model else read_toml(file, MAX_BYTES)
     case = checked(Case, data, file)
     case._source, case._folder = str(file), file.parent
-    return _with_files(case)
+    case = _with_files(case)
+    if is_model:
+        case = case.with_tables(sensors=usual_sensors(case.source, case.building))
+    return case
 
 
 def _with_files(case: Case) -> Case:
@@ -261,4 +286,15 @@ def _with_files(case: Case) -> Case:
             key = "recipe" if isinstance(component, StructureComponent) else "file"
             path = resolved(getattr(component, key), f"components.{name}.{key}")
             case.components[name] = component.model_copy(update={key: path})
+    sensors, table = case.sensors, case.model
+    if isinstance(sensors, PointSensors) and sensors.points is not None:
+        points = resolved(sensors.points, "sensors.points")
+        case = case.with_tables(sensors=sensors.model_copy(update={"points": points}))
+    if table is not None:
+        files = tuple(resolved(f, f"model.files.{i}") for i, f in enumerate(table.files))
+        case = case.with_tables(model=table.model_copy(update={"files": files}))
+        case._building = table.read(case.source, files, case.materials)
+        for layer in case.building.layers:  # strips and panes name their materials alike
+            if layer.role == "pane" and not isinstance(layer.material, Lambertian):
+                case.materials.setdefault(layer.name, layer.material)
     return case

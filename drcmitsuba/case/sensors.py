@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Length, Point, Table
+from drcmitsuba.runtime.toml import Length, Name, Point, Table
 
 MOST_SENSORS = 250_000
 """Largest number of points in a case."""
@@ -31,3 +32,36 @@ class Sensors(Table):
         if points > MOST_SENSORS:
             raise InputError("sensors", "count", f"{points} points", f"at most {MOST_SENSORS}")
         return self
+
+
+class FloorSensors(Table):
+    """Grids above the floors of a model, of points that face up; x fastest, floor by floor."""
+
+    floors: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1000)]
+    """Names of the floors' materials in the model's files; `*` stands for any text."""
+    height: Annotated[float, Field(ge=0.001, le=10)] = 0.8
+    """Height above the floor [m]."""
+    spacing: Length = 0.3
+    """Largest distance between neighbouring points [m]; LM-83 allows 0.61 m."""
+    margin: Annotated[float, Field(ge=0, le=10)] = 0.3
+    """Width of the strip along the floor's edge that has no points [m]: 0.3 by LM-83, 0.5 by
+    EN 17037."""
+
+
+class PointSensors(Table):
+    """Points with normals from a file, or the grids of a model."""
+
+    points: Path | None = None
+    """File of one point and its normal a line, x y z dx dy dz [m], beside the case."""
+    grids: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
+    """Names of sensor grids of the model's files; `*` stands for any text."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> PointSensors:
+        if (self.points is None) == (not self.grids):
+            got = "neither points nor grids" if self.points is None else "points and grids"
+            raise InputError("sensors", "points", got, "give one of them")
+        return self
+
+
+AnySensors = Sensors | FloorSensors | PointSensors

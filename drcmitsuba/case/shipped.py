@@ -10,12 +10,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import is_file
 
 OTHER_FILES = {
-    ".rad": "a Radiance scene",
-    ".oct": "a Radiance scene",
-    ".hbjson": "a Honeybee model",
-    ".json": "a JSON file",
-    ".obj": "a mesh",
-    ".ply": "a mesh",
+    ".oct": "a compiled Radiance scene",
     ".epw": "a weather file",
     ".wea": "a weather file",
     ".xml": "a BSDF or a scene in XML",
@@ -50,7 +45,7 @@ def locate_case(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        There is no such file and no such shipped case, or the file is a model of another program.
+        There is no such file and no such shipped case, or the file is of another kind.
     """
     if is_file(Path(path), path, "case file"):
         other = OTHER_FILES.get(Path(path).suffix.lower())

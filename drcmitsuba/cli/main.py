@@ -13,7 +13,17 @@ from typing import Annotated
 import typer
 from typer.core import TyperCommand
 
-from drcmitsuba.cli import evaluate, films, information, optimise, plan, season, steps, tradeoff
+from drcmitsuba.cli import (
+    case,
+    evaluate,
+    films,
+    information,
+    optimise,
+    plan,
+    season,
+    steps,
+    tradeoff,
+)
 from drcmitsuba.cli.startup import with_kernels
 from drcmitsuba.runtime.errors import BackendError, InputError, on_a_line, was_stopped
 from drcmitsuba.runtime.interruption import LINE, STOPPED
@@ -29,8 +39,8 @@ app = typer.Typer(
 )
 
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
-    evaluate.evaluate, plan.plan, tradeoff.tradeoff, optimise.optimise, season.season, steps.sky,
-    steps.coefficients, steps.illuminance, steps.metrics, steps.plot, films.bsdf,
+    evaluate.evaluate, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise, season.season,
+    steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot, films.bsdf,
     films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information.schema)

@@ -17,7 +17,7 @@ from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import bsdf
-from drcmitsuba.scene.scene import mesh, quad_mesh
+from drcmitsuba.scene.meshes import mesh, quad_mesh
 from drcmitsuba.scene.structures.recipe import Glass
 from drcmitsuba.scene.structures.structure import UnitCell, copies
 

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from drcmitsuba.model.materials import SurfaceMaterial
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    SurfaceMaterial,
+)
 
 Role = Literal["surface", "pane", "context"]
 """Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""
 
 
-@dataclass(frozen=True)
+def role_of(material: SurfaceMaterial) -> Role:
+    """Role of surfaces of a material: panes let light through."""
+    panes = GlazingMaterial | DiffuserMaterial | BsdfMaterial
+    return "pane" if isinstance(material, panes) else "surface"
+
+
+@dataclass(frozen=True, eq=False)
 class Layer:
     """Surfaces of one material name."""
 
@@ -36,8 +48,14 @@ class Layer:
         """Where a quad stands in the source."""
         return self.places[min(int(self.polygon[quad]), len(self.places) - 1)]
 
+    def made_of(self, material: SurfaceMaterial) -> Layer:
+        """Put another material in place, and with it its role."""
+        if material is self.material:
+            return self
+        return replace(self, material=material, role=role_of(material))
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Sensors of a model."""
 
@@ -73,11 +91,11 @@ class Location:
     name: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
     """Everything that a source says, in metres, z up."""
 
-    layers: tuple[Layer, ...]
+    layers: tuple[Layer, ...] = ()
     grids: tuple[Grid, ...] = ()
     views: tuple[View, ...] = ()
     location: Location | None = None
@@ -85,3 +103,28 @@ class Model:
     """Direction of true north in the model, clockwise from its y axis [deg]."""
     notes: tuple[str, ...] = ()
     """One sentence for everything in the source that was simplified or left out."""
+
+    def scaled(self, factor: float) -> Model:
+        """Multiply all lengths."""
+        if factor == 1:
+            return self
+        layers = (replace(layer, quads=layer.quads * factor) for layer in self.layers)
+        grids = (replace(grid, points=grid.points * factor) for grid in self.grids)
+        return replace(self, layers=tuple(layers), grids=tuple(grids))
+
+
+EMPTY = Model()
+"""No model."""
+
+
+def joined(models: Sequence[Model]) -> Model:
+    """Join the contents of several sources; location and north are the first that are stated."""
+    stated = [m for m in models if m.location is not None]
+    return Model(
+        tuple(layer for m in models for layer in m.layers),
+        tuple(grid for m in models for grid in m.grids),
+        tuple(view for m in models for view in m.views),
+        stated[0].location if stated else None,
+        next((m.north for m in models if m.north), 0.0),
+        tuple(note for m in models for note in m.notes),
+    )

@@ -8,6 +8,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.sensors import PointSensors, Sensors
 from drcmitsuba.case.sun import Adaptive, ThreePhase, TrueSun
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.plan import panes
@@ -56,7 +57,7 @@ class Facts:
     @property
     def surrounded(self) -> bool:
         """Whether anything outside may send light back."""
-        return bool(outside(self.case)) or bool(self.case.standing)
+        return bool(outside(self.case) or self.case.standing or self.case.building.layers)
 
 
 def sky(facts: Facts) -> Effect:
@@ -83,6 +84,8 @@ def ground(facts: Facts) -> Effect:
     if facts.surrounded:
         return Effect(True, f"its reflectance is {reflectance:g}, and things stand outside")
     if facts.reach is None:
+        if not isinstance(facts.case.sensors, Sensors):
+            return Effect(True, f"its reflectance is {reflectance:g}, and sensors may face it")
         return Effect(False, "the sensors look up and nothing stands around them")
     lowest = float(facts.reach.normals[:, 2].min())
     reason = f"its reflectance is {reflectance:g}; lowest n·z of an opening = {lowest:.2f}"
@@ -211,7 +214,8 @@ def pane_to_pane(facts: Facts) -> Effect:
     }
     in_turn = bool(with_film) and len(facing) > 1
     above = any(c.is_open for c in facts.components)
-    mirrored = bool(mirrors) and len(case.glazed) + above > 1
+    glazed = {side for sides in sides_of.values() for side in sides}
+    mirrored = bool(mirrors) and len(glazed) + above > 1
     if not in_turn and not mirrored:
         return Effect(False, "no mirroring glass or film across from another opening")
     reasons: list[str] = []
@@ -230,11 +234,13 @@ def pane_to_pane(facts: Facts) -> Effect:
 
 def obstructions(facts: Facts) -> Effect:
     """Furniture outside of the room."""
-    pieces = outside(facts.case)
+    pieces = [piece.name for piece in outside(facts.case)]
+    pieces += [layer.name for layer in facts.case.building.layers if layer.role == "context"]
     if not pieces:
         return Effect(False, "nothing stands outside of the room")
-    names = ", ".join(dict.fromkeys(piece.name for piece in pieces))
-    return Effect(True, f"outside stand: {names}", {"pieces": len(pieces)})
+    return Effect(
+        True, f"outside stand: {', '.join(dict.fromkeys(pieces))}", {"pieces": len(pieces)}
+    )
 
 
 def shaded_state(facts: Facts) -> Effect:
@@ -270,6 +276,8 @@ def most_direct(facts: Facts) -> tuple[float, int]:
     bends = bool(case.standing) or pane_to_pane(facts).on or case.effects.pane_to_pane == "all"
     normal = facts.light.sky["direct_normal_illuminance"].values
     z = facts.light.sun["direction"].values[:, 2]
+    if isinstance(case.sensors, PointSensors):  # of any normal
+        z = np.ones_like(z)
     bound = normal * np.clip(z + np.radians(case.outside.sun_diameter), 0, 1) * factor
     if facts.reach is not None:
         directions = facts.light.sun["direction"].values

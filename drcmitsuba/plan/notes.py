@@ -53,8 +53,8 @@ def shade_notes(case: Case) -> list[str]:
 
 
 def notes(case: Case) -> list[str]:
-    """Notes on the shade, and on films whose BSDF was scaled down."""
-    remarks = shade_notes(case)
+    """Notes on the model, on the shade, and on films whose BSDF was scaled down."""
+    remarks = [*case.building.notes, *shade_notes(case)]
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)
         if measured.largest_albedo > 1:

@@ -8,17 +8,28 @@ from typing import TypeVar
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.scene.components import PlacedComponent
+from drcmitsuba.scene.geometry import rotation
 from drcmitsuba.scene.materials import albedo, max_reflectance
+from drcmitsuba.scene.panes_of_model import panes_of_model, side_name
 from drcmitsuba.scene.sun_visibility import outside
 
 M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
 
 
 def used(case: Case) -> dict[str, tuple[str, ...]]:
-    """Sides of the room that have each material: panes, the hole "open" and the shade, by name."""
+    """Sides that have each material: panes, the hole "open" and the shade, by name.
+
+    The side of a model's pane is the direction that it faces, such as "south".
+    """
     sides_of: dict[str, tuple[str, ...]] = {}
+    side: str
     for side, facade in case.facade.items():
         for name in dict.fromkeys(s.material for s in facade.strips if s.material != "wall"):
+            sides_of[name] = (*sides_of.get(name, ()), side)
+    panes = panes_of_model(case.building)
+    for i, front, is_outside in zip(panes.layer, panes.front, panes.outside, strict=True):
+        name, side = case.building.layers[i].name, side_name(front @ rotation(case).T, is_outside)
+        if side not in sides_of.get(name, ()):
             sides_of[name] = (*sides_of.get(name, ()), side)
     if case.shading is not None and any(case.is_clear(name) for name in sides_of):
         sides = [s for n, where in sides_of.items() if case.is_clear(n) for s in where]
@@ -48,6 +59,9 @@ def most_reflecting(
         for side, facade in case.facade.items():
             if facade.frame > 0:
                 reflectances.append((max_reflectance(facade.frame_reflectance), f"frames {side}"))
+    for layer in case.building.layers:
+        if layer.role == "surface" or (layer.role == "context" and beyond):
+            reflectances.append((albedo(layer.material), layer.name))
     left_out = [] if beyond else outside(case)
     for piece in case.furniture:
         if piece not in left_out:

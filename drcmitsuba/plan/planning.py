@@ -15,6 +15,7 @@ from drcmitsuba.plan.decide import Facts
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.scene.components import place
 from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns
 from drcmitsuba.sky.daylight import Daylight
 
@@ -68,8 +69,9 @@ def plan(case: Case, light: Daylight) -> Plan:
     Raises
     ------
     InputError
-        A component or a BSDF file is unfit.
+        A component or a BSDF file is unfit, or a model leaks.
     """
+    refuse_leaks(case)
     components = place(case)
     reach = SunVisibility.of(case, components)
     everything = VisibleSuns(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
@@ -128,7 +130,7 @@ def _scope(
         components=on("components"),
         obstructions=on("obstructions"),
         pane_to_pane=on("pane_to_pane"),
-        beyond=on("obstructions") or bool(facts.case.standing),
+        beyond=on("obstructions") or bool(facts.case.standing or facts.case.building.layers),
         shade=on("shaded_state"),
         every_shade=forced("shaded_state"),
         depth=limits[chosen["interreflection"]],

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import shapely
 import xarray as xr
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -18,7 +19,10 @@ from drcmitsuba.metrics import Interval
 from drcmitsuba.report import plots
 from drcmitsuba.report.captions import caption, is_rated, period_name
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.geometry import boxes, rotation
+from drcmitsuba.scene.geometry import boxes, origin, rotation
+from drcmitsuba.scene.panes_of_model import panes_of_model
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.sensors_of_model import floor_below
 from drcmitsuba.schema import luminance
 
 MAX_BYTES = 1 << 26
@@ -85,12 +89,35 @@ def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
     return {**numbers, **read.model_dump()}
 
 
+def _outlines_of_model(case: Case) -> dict[str, Any]:
+    """Level surfaces below the sensors, outer panes and context in plan, world frame [m]."""
+    turn, start = rotation(case)[:2, :2].T, origin(case)[:2]
+    height = float((sensor_points(case)[0][:, 2] + origin(case)[2]).min())
+
+    def rings(shape: Any) -> list[np.ndarray]:
+        shapes = [s for s in getattr(shape, "geoms", [shape]) if s.geom_type == "Polygon"]
+        every = (ring for s in shapes for ring in (s.exterior, *s.interiors))
+        return [(np.array(ring.coords)[:, :2] - start) @ turn + start for ring in every]
+
+    layers, panes = case.building.layers, panes_of_model(case.building)
+    edges = panes.frame[panes.outside][:, :2, :2]
+    context = [q[:, :2] for layer in layers if layer.role == "context" for q in layer.quads]
+    hulls = shapely.union_all([shapely.MultiPoint(c).convex_hull for c in context])
+    return {
+        "room": rings(floor_below(case.building, height)),
+        "glazing": [(edge - start) @ turn + start for edge in edges],
+        "surroundings": rings(hulls) if context else [],
+    }
+
+
 def _outlines(case: Case) -> dict[str, Any]:
     """Room, glazing, furniture and surroundings in plan, in the world's frame [m].
 
-    A piece entirely outside the room's walls belongs to the surroundings. A case without a room has
-    no outlines.
+    A piece entirely outside the room's walls belongs to the surroundings. A case without a room or
+    a model has no outlines.
     """
+    if case.building.layers:
+        return _outlines_of_model(case)
     if case.room is None:
         return {}
     width, depth, _ = case.room.size

@@ -17,6 +17,7 @@ from drcmitsuba.case.components import MeshComponent
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.case.room import Room
+from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.model.materials import SurfaceMaterial
 from drcmitsuba.runtime.toml import Side
 
@@ -91,6 +92,30 @@ def normals(quads: np.ndarray) -> np.ndarray:
     """Unit normals (quad, 3) of quadrilaterals (quad, 4, 3)."""
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
     return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+def is_triangle(quads: np.ndarray) -> np.ndarray:
+    """Whether the last corner of each quadrilateral repeats, shape (quad,)."""
+    return np.asarray((quads[:, 2] == quads[:, 3]).all(axis=1))
+
+
+def areas(quads: np.ndarray) -> np.ndarray:
+    """Areas (quad,) [m²] of parallelograms and triangles (quad, 4, 3)."""
+    n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    return np.asarray(np.linalg.norm(n, axis=1) / 2)
+
+
+def points_on(quads: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """Points (quad, 3) on parallelograms and triangles at uniform numbers (quad, 2)."""
+    fold = is_triangle(quads) & (uv.sum(axis=1) > 1)
+    a, b = np.where(fold[:, None], 1 - uv, uv).T[:, :, None]
+    return quads[:, 0] + a * (quads[:, 1] - quads[:, 0]) + b * (quads[:, 3] - quads[:, 0])
+
+
+def reversed_quads(quads: np.ndarray) -> np.ndarray:
+    """Quads (quad, 4, 3) with their fronts on the other side; triangles stay triangles."""
+    triangles = quads[:, [0, 2, 1, 1]]
+    return np.where(is_triangle(quads)[:, None, None], triangles, quads[:, ::-1])
 
 
 def side_of(room: Room, side: Side) -> tuple[np.ndarray, np.ndarray]:
@@ -188,10 +213,16 @@ def facade_quads(case: Case, side: Side, rectangles: np.ndarray) -> np.ndarray:
 def origin(case: Case) -> np.ndarray:
     """Origin of the traced frame in the case's coordinates, shape (3,) [m].
 
-    With a room it is the room's corner, 0. Without a room it is the corner of the sensors in whole
-    metres, because such a case may have the coordinates of a map.
+    With a room it is the room's corner, 0. A model, and sensors under the free sky, may have the
+    coordinates of a map: there it is the lowest corner of the model's rooms, or the sensors', in
+    whole metres.
     """
-    return np.zeros(3) if case.room is not None else np.floor(case.sensors.corner)
+    if case.room is not None:
+        return np.zeros(3)
+    near = [layer.quads for layer in case.building.layers if layer.role != "context"]
+    if near:
+        return np.floor(np.min([quads.min(axis=(0, 1)) for quads in near], axis=0))
+    return np.floor(case.sensors.corner) if isinstance(case.sensors, Sensors) else np.zeros(3)
 
 
 def recentred(case: Case) -> Case:
@@ -214,18 +245,22 @@ def recentred(case: Case) -> Case:
             moved = {"position": near(c.position), "ports": ports}
             components[name] = c.model_copy(update=moved)
     pieces = [piece.model_copy(update={"corner": near(piece.corner)}) for piece in case.furniture]
-    sensors = case.sensors.model_copy(update={"corner": near(case.sensors.corner)})
+    sensors = case.sensors
+    if isinstance(sensors, Sensors):
+        sensors = sensors.model_copy(update={"corner": near(sensors.corner)})
     return case.with_tables(sensors=sensors, furniture=tuple(pieces), components=components)
 
 
 def around(case: Case) -> str:
     """Origin of a recentred case's coordinates, in words for messages."""
-    return "the room's corner" if case.room is not None else "the sensors"
+    if case.room is not None:
+        return "the room's corner"
+    return "the model's corner" if case.building.layers else "the sensors"
 
 
 def rotation(case: Case) -> np.ndarray:
-    """Matrix (3, 3) from the room's frame to the world frame."""
-    return turn(case.room.rotation if case.room else 0.0)
+    """Matrix (3, 3) from the frame of the room, or of the model, to the world frame."""
+    return turn(case.room.rotation if case.room else -case.building.north)
 
 
 def turn(degrees: float) -> np.ndarray:

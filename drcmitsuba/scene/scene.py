@@ -9,12 +9,17 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, SurfaceMaterial
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    Lambertian,
+    SurfaceMaterial,
+)
 from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import bsdf, film, lets_through
+from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.surfaces import Enclosure, State, geometry_of
 
 
@@ -75,26 +80,6 @@ class Scene:
     def high(self) -> np.ndarray:
         """Upper bound of all surfaces [m]."""
         return self.corners.max(axis=0)
-
-
-def mesh(name: str, vertices: np.ndarray, faces: np.ndarray, bsdf: mi.BSDF | None) -> mi.Mesh:
-    """Triangle mesh of vertices (vertex, 3) and faces (face, 3)."""
-    props = mi.Properties()
-    if bsdf is not None:
-        props["bsdf"] = bsdf
-    made = mi.Mesh(name, vertex_count=len(vertices), face_count=len(faces), props=props)
-    params = mi.traverse(made)
-    params["vertex_positions"] = flat(vertices)
-    params["faces"] = flat_indices(faces)
-    params.update()
-    return made
-
-
-def quad_mesh(name: str, quads: np.ndarray, bsdf: mi.BSDF | None = None) -> mi.Mesh:
-    """One mesh of quadrilaterals (quad, 4, 3); quad i has triangles 2i and 2i + 1."""
-    corner = np.arange(len(quads))[:, None] * 4
-    faces = np.concatenate([corner + [0, 1, 2], corner + [0, 2, 3]], axis=1)
-    return mesh(name, quads.reshape(-1, 3), faces.reshape(-1, 3), bsdf)
 
 
 def build(
@@ -165,6 +150,8 @@ def load(
 def is_coloured(case: Case) -> bool:
     """Whether any reflectance differs between colour channels, or a film is coloured."""
     values = [f.reflectance for f in case.furniture]
+    of_model = (layer.material for layer in case.building.layers)
+    values += [m.reflectance for m in of_model if isinstance(m, Lambertian)]
     if case.room is not None:
         values += [case.room.floor, case.room.ceiling, case.room.walls]
     values += [f.frame_reflectance for f in case.facade.values()]

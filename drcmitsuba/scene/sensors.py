@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.sensors import MOST_SENSORS, FloorSensors, Sensors
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import inside
 from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
+from drcmitsuba.scene.sensors_of_model import above_floors, listed, on_a_surface
 
 
 def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
@@ -22,19 +24,34 @@ def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
     InputError
         A sensor lies outside the room, inside furniture, or within 1 mm of a surface.
     """
-    case, start = recentred(case), origin(case)
-    grid = case.sensors
+    start, sensors = origin(case), recentred(case).sensors
+    if isinstance(sensors, Sensors):
+        points, normals = _box_grid(sensors)
+    elif isinstance(sensors, FloorSensors):
+        points, normals = above_floors(case, sensors)
+        points = points - start
+    else:
+        points, normals = listed(case, sensors)
+        points = points - start
+    if len(points) > MOST_SENSORS:
+        got = f"{len(points)} points"
+        raise InputError(case.source, "sensors", got, f"at most {MOST_SENSORS}")
+    _check_sensors(case, points, start)
+    turn = rotation(case).T
+    return points @ turn, normals @ turn
+
+
+def _box_grid(grid: Sensors) -> tuple[np.ndarray, np.ndarray]:
+    """Positions [m] and normals of a rectangular grid, shape (sensor, 3) each."""
     x = grid.corner[0] + (np.arange(grid.count[0]) + 0.5) * grid.spacing
     y = grid.corner[1] + (np.arange(grid.count[1]) + 0.5) * grid.spacing
     points = np.stack([np.tile(x, len(y)), np.repeat(y, len(x))], axis=-1)
     points = np.column_stack([points, np.full(len(points), grid.corner[2])])
-    _check_sensors(case, points, start)
-    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    return points @ rotation(case).T, normals
+    return points, np.tile([0.0, 0.0, 1.0], (len(points), 1))
 
 
 def _check_sensors(case: Case, points: np.ndarray, start: np.ndarray) -> None:
-    """Refuse sensors in or on a surface, a piece of furniture or a closed mesh.
+    """Refuse sensors in or on a surface of a room, a piece of furniture or a closed mesh.
 
     `start` (3,) is the origin of the points in the user's coordinates [m].
     """
@@ -50,13 +67,15 @@ def _check_sensors(case: Case, points: np.ndarray, start: np.ndarray) -> None:
                 "move it at least 1 mm off every surface",
             )  # fmt: skip
 
+    if case.building.layers:
+        refuse(on_a_surface(case, points), "on a surface of the model")
     if case.room is not None:
         size = np.array(case.room.size)
         outside = (points <= margin) | (points >= size - margin)
         refuse(outside.any(axis=1), "in, on or beyond a wall of the room")
-    for piece in case.furniture:
+    for piece in recentred(case).furniture:
         for corner, size in boxes(piece):
             near = (points > corner - margin) & (points < corner + size + margin)
             refuse(near.all(axis=1), f"in or on {piece.name!r}")
-    for name, within in inside(case, points):
+    for name, within in inside(recentred(case), points):
         refuse(within, f"in component {name!r}")

@@ -16,8 +16,19 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.components.placement import panes_of
-from drcmitsuba.scene.geometry import box, boxes, faces_of, normals, rotation
+from drcmitsuba.scene.geometry import (
+    areas,
+    box,
+    boxes,
+    faces_of,
+    is_triangle,
+    normals,
+    origin,
+    reversed_quads,
+    rotation,
+)
 from drcmitsuba.scene.materials import albedo, max_reflectance
+from drcmitsuba.scene.panes_of_model import panes_of_model
 
 MOST_FACES = 400
 """Largest number of surfaces outside for an exchange; with more, every sun lights the room."""
@@ -57,6 +68,8 @@ class SunVisibility:
     @classmethod
     def of(cls, case: Case, components: tuple[PlacedComponent, ...]) -> SunVisibility | None:
         """SunVisibility of a case; None without a room: its sensors are in the open."""
+        if case.building.layers:
+            return cls._of_model(case)
         if case.room is None:
             return None
         turn = rotation(case)
@@ -68,17 +81,37 @@ class SunVisibility:
         blockers = (
             np.reshape([q for piece in standing for q in faces_of(piece)], (-1, 4, 3)) @ turn.T
         )
-        blockers = blockers[np.argsort(-_areas(blockers), kind="stable")[:MOST_BLOCKERS]]
+        blockers = blockers[np.argsort(-areas(blockers), kind="stable")[:MOST_BLOCKERS]]
         bright = [piece for piece in standing if max_reflectance(piece.reflectance) > 0]
         pieces = [q for piece in bright for q in faces_of(piece)]
         parts = [s for placed in components for s in placed.surfaces if albedo(s.material) > 0]
         pieces += [q for s in parts for q in s.quads if ((q < -BEFORE) | (q > size + BEFORE)).any()]
         faces = np.reshape([*pieces, *box(np.zeros(3), size)], (-1, 4, 3)) @ turn.T
-        faces = faces[_areas(faces) > 0]
+        faces = faces[areas(faces) > 0]
         everything = len(faces) > MOST_FACES
         if everything or not pieces:
             return cls(openings, np.zeros((0, 3)), blockers, everything)
         return cls(openings, _relays(faces, openings), blockers)
+
+    @classmethod
+    def _of_model(cls, case: Case) -> SunVisibility | None:
+        """SunVisibility of a model: any of its surfaces may pass light on to its panes."""
+        panes, start, turn = panes_of_model(case.building), origin(case), rotation(case).T
+        assert case.model is not None
+        if case.model.leaks == "allow":
+            return None
+        openings = (reversed_quads(panes.frame[panes.outside]) - start) @ turn
+        layers = case.building.layers
+        context = [layer.quads for layer in layers if layer.role == "context"]
+        blockers = np.concatenate([np.zeros((0, 4, 3)), *context])
+        blockers = blockers[~is_triangle(blockers)] if len(blockers) else blockers
+        order = np.argsort(-areas(blockers), kind="stable")[:MOST_BLOCKERS]
+        blockers = (blockers[order] - start) @ turn
+        if sum(len(layer.quads) for layer in layers) > MOST_FACES:
+            return cls(openings, np.zeros((0, 3)), blockers, everything=True)
+        bright = [layer.quads for layer in layers if albedo(layer.material) > 0]
+        faces = np.concatenate([np.zeros((0, 4, 3)), *bright])
+        return cls(openings, _relays((faces - start) @ turn, openings), blockers)
 
     @property
     def normals(self) -> np.ndarray:
@@ -123,12 +156,6 @@ def outside(case: Case) -> list[Furniture]:
         for piece in case.furniture
         if any(((c < -BEFORE) | (c + s > size + BEFORE)).any() for c, s in boxes(piece))
     ]
-
-
-def _areas(quads: np.ndarray) -> np.ndarray:
-    """Areas (quad,) [m²] of parallelograms (quad, 4, 3) or triangles with a repeated corner."""
-    n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    return np.linalg.norm(n, axis=1) / 2
 
 
 def _relays(faces: np.ndarray, openings: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from drcmitsuba.scene.geometry import (
     Port,
     Surface,
     ceiling,
+    origin,
     overhead,
     quad,
     recentred,
@@ -30,6 +31,7 @@ from drcmitsuba.scene.geometry import (
     wall,
 )
 from drcmitsuba.scene.materials import lets_through
+from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import reaches_in
 
 State = Literal["open", "shaded"]
@@ -50,6 +52,8 @@ class Enclosure:
     """Least width or height of a pane or hole that lets straight light in [m]."""
     spares: bool = True
     """Whether shadow rays that pass no opening are left out."""
+    is_box: bool = True
+    """Whether the walls of a box bound the room; the rooms of a model have any shape."""
 
     def contains(self, points: mi.Float) -> bool:
         """Whether every point (three numbers each, world frame) lies in the room."""
@@ -103,6 +107,7 @@ def _surfaces(
                 if material is not None:
                     parts.append((f"{name} {side}", material, quads))
     made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
+    made += model_surfaces(case, state, effects)
     for piece, all_faces in settled(case):
         faces = all_faces if effects.obstructions else all_faces[reaches_in(case, all_faces)]
         if len(faces) == 0:
@@ -111,6 +116,38 @@ def _surfaces(
         made.append(Surface(piece.name, m, faces, closed=is_body))
     made += [surface for component in components for surface in component.surfaces]
     return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
+
+
+def model_surfaces(case: Case, state: State, effects: EnabledEffects) -> list[Surface]:
+    """Surfaces of a case's model, relative to the case's `geometry.origin`, before rotation."""
+    made, start = [], origin(case)
+    for layer, quads in zip(case.building.layers, panes_of_model(case.building).quads, strict=True):
+        material: SurfaceMaterial | None = layer.material
+        if layer.role == "pane":
+            material = _pane_material(case, layer.name, state, effects)
+        elif layer.role == "context" and not effects.obstructions:
+            continue
+        if material is not None:
+            made.append(Surface(layer.name, material, quads - start))
+    return made
+
+
+def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> Enclosure | None:
+    """Enclosure with the rectangles around the panes that let straight light in.
+
+    Rays that miss the panes are traced, too: no shape tells which points lie in a room.
+    """
+    assert case.model is not None
+    if case.model.leaks == "allow":
+        return None
+    layers, panes, turn = case.building.layers, panes_of_model(case.building), rotation(case)
+    clear = [_is_opening(case, layers[i].name, state, effects) for i in panes.layer]
+    lit = panes.outside & np.array(clear, bool)
+    rooms = [q for layer, q in zip(layers, panes.quads, strict=True) if layer.role != "context"]
+    size = np.ptp(np.concatenate([q.reshape(-1, 3) for q in rooms]), axis=0)
+    openings = (panes.frame[lit] - origin(case)) @ turn.T
+    narrowest = float(panes.width[lit].min(initial=np.inf))
+    return Enclosure(size, turn, openings, narrowest, spares=False, is_box=False)
 
 
 def _pane_material(
@@ -136,6 +173,8 @@ def _enclosure(
     case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
 ) -> Enclosure | None:
     """Enclosure with a rectangle around the openings of each façade, and the ceiling's holes."""
+    if case.building.layers:
+        return _enclosure_of_model(case, state, effects)
     if case.room is None:
         return None
     openings, narrowest = [], np.inf

@@ -23,7 +23,8 @@ from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.scene.scene import Scene, quad_mesh
+from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
 from drcmitsuba.transport.shadow_rays import visibility
 
@@ -35,7 +36,7 @@ OFFSET = 1e-4
 
 @dataclass(frozen=True)
 class PanePatches:
-    """Patches that panes are cut into.
+    """Patches that panes are cut into: parallelograms, or triangles of half their area.
 
     Faces are numbered 2·patch for the front (towards the room) and 2·patch + 1 for the back.
     """
@@ -46,10 +47,14 @@ class PanePatches:
     """Corner and the two edges from it [m], shape (patch, 3) each."""
     owner: np.ndarray
     """Group of panes that the patch belongs to, int, shape (patch,)."""
+    triangular: np.ndarray
+    """Whether the patch is the triangle between its corner and the ends of the edges."""
 
     @classmethod
     def of(cls, groups: Sequence[np.ndarray], size: float) -> PanePatches:
         """Cut groups of panes, (pane, 4, 3) each, into patches of about `size` [m].
+
+        A triangular pane, which repeats its last corner, becomes n² congruent triangles.
 
         Raises
         ------
@@ -61,6 +66,9 @@ class PanePatches:
             for quad in quads:
                 corner, u, v = quad[0], quad[1] - quad[0], quad[3] - quad[0]
                 nu, nv = (max(1, round(float(np.linalg.norm(e)) / size)) for e in (u, v))
+                is_triangular = bool((quad[2] == quad[3]).all())
+                if is_triangular:
+                    nu = nv = max(nu, nv)
                 n = nu * nv
                 total += n
                 if total > MOST_PATCHES:
@@ -68,7 +76,15 @@ class PanePatches:
                     raise InputError("case", "accuracy.cell_size", got, "take larger cells")
                 i, j = (a.ravel()[:, None] for a in np.mgrid[:nu, :nv])
                 edges = np.tile(u / nu, (n, 1)), np.tile(v / nv, (n, 1))
-                parts.append((corner + i * u / nu + j * v / nv, *edges, np.full(n, owner)))
+                start = corner + i * u / nu + j * v / nv
+                if is_triangular:  # the square (i, j) beyond the diagonal folds back onto it
+                    turned = i + j >= nu
+                    start = np.where(turned, corner + (nu - i) * u / nu + (nu - j) * v / nu, start)
+                    edges = (
+                        np.where(turned, -edges[0], edges[0]),
+                        np.where(turned, -edges[1], edges[1]),
+                    )
+                parts.append((start, *edges, np.full(n, owner), np.full(n, is_triangular)))
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def __len__(self) -> int:
@@ -86,16 +102,30 @@ class PanePatches:
         """Scene of the patches alone; primitives 2i and 2i + 1 are the triangles of patch i."""
         c, u, v = self.corner, self.u, self.v
         quads = np.stack([c, c + u, c + u + v, c + v], axis=1)
+        quads[self.triangular, 2] = quads[self.triangular, 3]
         return mi.load_dict({"type": "scene", "patches": quad_mesh("patches", quads)})
 
     @cached_property
     def area(self) -> np.ndarray:
         """Area of every patch, shape (patch,) [m²]."""
-        return np.linalg.norm(np.cross(self.u, self.v), axis=1)
+        return np.linalg.norm(np.cross(self.u, self.v), axis=1) / (1 + self.triangular)
+
+    @cached_property
+    def _tables(self) -> tuple[mi.Float, mi.Float, mi.Float, mi.Bool]:
+        return flat(self.corner), flat(self.u), flat(self.v), mi.Bool(self.triangular)
+
+    def at(self, patch: mi.UInt32, a: mi.Float, b: mi.Float) -> mi.Point3f:
+        """Points of patches at uniform numbers a and b, spread evenly over the area."""
+        corner, u, v, triangular = self._tables
+        fold = dr.gather(mi.Bool, triangular, patch) & (a + b > 1)
+        a, b = dr.select(fold, 1 - a, a), dr.select(fold, 1 - b, b)
+        y = dr.gather(mi.Point3f, corner, patch)
+        return y + a * dr.gather(mi.Vector3f, u, patch) + b * dr.gather(mi.Vector3f, v, patch)
 
     def face_points(self, rng: np.random.Generator) -> tuple[mi.Float, mi.Float]:
         """One random point and the outward normal of every face, three numbers each."""
-        a, b = rng.random((2, len(self), 1))
+        uv = rng.random((2, len(self), 1))
+        a, b = np.where(self.triangular[:, None] & (uv.sum(axis=0) > 1), 1 - uv, uv)
         p = self.corner + a * self.u + b * self.v
         sides = np.array([1.0, -1.0])[None, :, None]
         n = sides * self.normal[:, None]
@@ -140,8 +170,7 @@ def looks(
         By points and by directions, lanes receiver · rays + index.
     """
     count = dr.width(points) // 3
-    columns = patches.corner, patches.u, patches.v, patches.normal
-    corner, along_u, along_v, normal = map(flat, columns)
+    normal = flat(patches.normal)
     total_area = float(patches.area.sum())
     share = mi.DiscreteDistribution(flat(patches.area))
     lane = dr.arange(mi.UInt32, count * rays)
@@ -168,9 +197,7 @@ def looks(
     # Points on the panes.
     stratum = (mi.Float(index) + a) / rays
     patch, u = share.sample_reuse(stratum)
-    y = dr.gather(mi.Point3f, corner, patch)
-    y += u * dr.gather(mi.Vector3f, along_u, patch)
-    y += b * dr.gather(mi.Vector3f, along_v, patch)
+    y = patches.at(patch, u, b)
     distance = dr.norm(y - p)
     d = (y - p) / dr.maximum(distance, 1e-9)
     by_point = look(patch, d, distance, mi.Bool(True))

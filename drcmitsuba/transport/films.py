@@ -183,11 +183,8 @@ class Films:
         wanted = self.scene.effects.shines(d)
         if mount.exposed:
             return d, dr.select((bs.wo.z < 0) & wanted, weight, 0)
-        corner, u, v = (
-            mi.Vector3f(*(dr.opaque(mi.Float, float(c)) for c in edge[patch]))
-            for edge in (self.patches.corner, self.patches.u, self.patches.v)
-        )
-        p = corner + a * u + b * v + dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
+        p = self.patches.at(dr.full(mi.UInt32, patch, dr.width(row)), a, b)
+        p += dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
         return d, weight * straight(self.scene, None, mi.Point3f(p), d, (weight > 0) & wanted)
 
     def _rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:

@@ -112,7 +112,7 @@ def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter
     """
     room, radius = scene.enclosure, np.radians(diameter) / 2
     if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
-        openings = Openings.of(scene, flat(points))
+        openings = Openings.of(scene, flat(points)) if room.is_box else Openings(room.openings)
         if openings is not None:
             return mi.Bool(openings.reached(points, suns, np.full(len(suns), radius)).ravel())
     return mi.Bool(False)

@@ -16,7 +16,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.scene.geometry import Port, normals
+from drcmitsuba.scene.geometry import Port, is_triangle, normals, reversed_quads
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
@@ -92,7 +92,8 @@ class ComponentPorts:
 
     scene: Scene
     quads: np.ndarray
-    """Parallelograms [m], shape (port, 4, 3); fronts face the way the light goes."""
+    """Parallelograms, and triangles that repeat their last corner [m], shape (port, 4, 3); fronts
+    face the way the light goes."""
     name: str
     """Name of the component; "" stands for the panes."""
 
@@ -117,12 +118,14 @@ class ComponentPorts:
     @cached_property
     def area(self) -> np.ndarray:
         """Area of every port, shape (port,) [m²]."""
-        return np.linalg.norm(np.cross(*self.edges[1:]), axis=1)
+        across = np.linalg.norm(np.cross(*self.edges[1:]), axis=1)
+        return across / (1 + is_triangle(self.quads))
 
     @cached_property
     def normal(self) -> np.ndarray:
         """Unit normals, the way the light goes, shape (port, 3)."""
-        return np.cross(*self.edges[1:]) / self.area[:, None]
+        n = np.cross(*self.edges[1:])
+        return n / np.linalg.norm(n, axis=1)[:, None]
 
     @cached_property
     def exposed(self) -> bool:
@@ -143,6 +146,8 @@ class ComponentPorts:
         """Point on a port and the port's normal."""
         columns = (*self.edges, self.normal)
         at, u, v, n = (dr.gather(mi.Vector3f, flat(column), port) for column in columns)
+        fold = dr.gather(mi.Bool, mi.Bool(is_triangle(self.quads)), port) & (uv.x + uv.y > 1)
+        uv = dr.select(fold, 1 - uv, uv)
         return mi.Point3f(at + uv.x * u + uv.y * v), mi.Normal3f(n)
 
     def _visible(self, p: mi.Point3f, d: mi.Vector3f, flux: mi.Float) -> mi.Float:
@@ -156,10 +161,11 @@ class ComponentPorts:
     def _passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
         """Whether light from directions d passes another port before it reaches the points."""
         corner, u, v = self.edges
-        n, area = self.normal, self.area[:, None]
+        n, area = self.normal, np.linalg.norm(np.cross(u, v), axis=1)[:, None]
         # Products of a point with the dual edges are its coordinates in the parallelogram.
         tables = [flat(a) for a in (corner, np.cross(v, n) / area, np.cross(n, u) / area, n)]
-        return _crossed(tables, dr.opaque(mi.UInt32, len(self)), p, d)
+        most = flat(np.where(is_triangle(self.quads), 1.0, 2.0))
+        return _crossed(tables, most, dr.opaque(mi.UInt32, len(self)), p, d)
 
     def could(self, sources: PhotonSources) -> np.ndarray:
         """Upper bound of the area [m²] that ports turn towards sources, shape (source, port)."""
@@ -210,15 +216,21 @@ class ComponentPorts:
 
 
 @dr.syntax
-def _crossed(tables: list[mi.Float], count: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-    """Whether rays cross any parallelogram (corner, two dual edges, normal) from the front."""
+def _crossed(
+    tables: list[mi.Float], most: mi.Float, count: mi.UInt32, p: mi.Point3f, d: mi.Vector3f
+) -> mi.Bool:
+    """Whether rays cross any parallelogram (corner, two dual edges, normal) from the front.
+
+    The sum of a point's coordinates is at most `most`: 2, or 1 for a triangle.
+    """
     i, crossed = mi.UInt32(0), mi.Bool(False)
-    while dr.hint(i < count, exclude=[tables, p, d, count]):
+    while dr.hint(i < count, exclude=[tables, most, p, d, count]):
         corner, u, v, n = (dr.gather(mi.Vector3f, table, i) for table in tables)
         t = dr.dot(corner - p, n) / dr.dot(d, n)
         at = p + t * d - corner
         a, b = dr.dot(at, u), dr.dot(at, v)
-        crossed |= (dr.dot(d, n) < 0) & (t > 0) & (a >= 0) & (a < 1) & (b >= 0) & (b < 1)
+        inside = (a >= 0) & (a < 1) & (b >= 0) & (b < 1) & (a + b < dr.gather(mi.Float, most, i))
+        crossed |= (dr.dot(d, n) < 0) & (t > 0) & inside
         i += 1
     return crossed
 
@@ -245,5 +257,5 @@ def _pane_ports(scene: Scene) -> list[Port]:
                 ports.append(Port("", quad))
             room = scene.enclosure
             if room is None or ((room.openings - quad[0]) @ n > 1e-3).any():
-                ports.append(Port("", quad[::-1]))
+                ports.append(Port("", reversed_quads(quad[None])[0]))
     return ports

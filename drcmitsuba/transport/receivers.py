@@ -210,7 +210,7 @@ def _plane(
 
 def _to_walls(scene: Scene, points: np.ndarray) -> np.ndarray:
     """Distance to the nearest wall of the room along its axes [m]."""
-    if scene.enclosure is None:
+    if scene.enclosure is None or not scene.enclosure.is_box:
         return np.full(len(points), np.inf)
     at, size = points @ scene.enclosure.turn, scene.enclosure.size
     return np.minimum(at, size - at)[:, :2].min(axis=1)

@@ -17,7 +17,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.materials import bsdf
-from drcmitsuba.scene.scene import quad_mesh
+from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.cells import Grid

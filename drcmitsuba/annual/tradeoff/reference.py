@@ -19,6 +19,7 @@ import xarray as xr
 
 from drcmitsuba import metrics, schema
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.case.sun import TrueSun
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
@@ -59,8 +60,12 @@ def some_hours(times: np.ndarray, about: int = HOURS) -> np.ndarray:
 
 
 def some_sensors(case: Case, most: int = MOST_SENSORS) -> np.ndarray:
-    """Positions in the grid, x fastest, of all sensors, or of every n-th along x and along y."""
-    nx, ny = case.sensors.count
+    """Positions in the grid, x fastest, of all sensors, or of every n-th along x and along y.
+
+    Sensors that are no rectangular grid are taken as one row.
+    """
+    grid = case.sensors
+    nx, ny = grid.count if isinstance(grid, Sensors) else (len(sensor_points(case)[0]), 1)
     step = 1
     while -(-nx // step) * -(-ny // step) > most:
         step += 1

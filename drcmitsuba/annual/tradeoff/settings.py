@@ -15,6 +15,7 @@ from drcmitsuba_plugins.tensor import TensorTree
 from drcmitsuba.bsdf import writer
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, Sun, ThreePhase, TrueSun
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.scene.materials import film
@@ -71,8 +72,11 @@ def spaced(case: Case, factor: int) -> Case:
     """Set the sensors `factor` times as far apart; the grid keeps its extent.
 
     A count that `factor` does not divide is rounded up, and the points move inward accordingly.
+    Sensors that are no rectangular grid stay.
     """
     grid = case.sensors
+    if not isinstance(grid, Sensors):
+        return case
     count = tuple(-(-n // factor) for n in grid.count)
     spacing = grid.spacing * factor
     x, y = (
@@ -151,7 +155,7 @@ def design(case: Case, folder: Path) -> list[Setting]:
         Setting("cells 0.15 m", "cell size", changed(cells(0.15))),
         Setting("sky MF 6", "sky", changed(sky=6)),
     ]
-    return settings
+    return [s for s in settings if s.varied != "sensor spacing" or s.case.sensors != base.sensors]
 
 
 def coarser(tree: TensorTree, levels: int) -> TensorTree:

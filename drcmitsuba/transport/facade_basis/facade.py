@@ -27,7 +27,7 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.materials import bsdf, lets_through
-from drcmitsuba.scene.scene import quad_mesh
+from drcmitsuba.scene.meshes import quad_mesh
 
 FRAME = "(frame)"
 """Name of the opaque frame around panes among the materials of tiles."""

@@ -36,7 +36,7 @@ def side_of(cases: Sequence[Case]) -> Side:
     first = cases[0]
     sides = {side for case in cases for side in case.glazed}
     if first.room is None or not sides:
-        raise InputError(first.source, "facade", "no window", "give one side of a room strips")
+        raise InputError(first.source, "facade", "no window", "give one side of a [room] strips")
     if len(sides) > 1:
         got = f"windows in {', '.join(sorted(sides))}"
         raise InputError(first.source, "facade", got, "keep to one side, or evaluate each case")

@@ -18,7 +18,8 @@ from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.materials import bsdf
-from drcmitsuba.scene.scene import Part, Scene, quad_mesh
+from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.scene.surfaces import Enclosure
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches

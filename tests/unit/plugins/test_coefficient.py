@@ -7,7 +7,7 @@ import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.runtime import backend
-from drcmitsuba.scene.scene import quad_mesh
+from drcmitsuba.scene.meshes import quad_mesh
 from tests.unit.plugins.small_scenes import (
     ORIGIN,
     PRISM,

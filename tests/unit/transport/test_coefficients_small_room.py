@@ -15,7 +15,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.materials import bsdf
-from drcmitsuba.scene.scene import quad_mesh
+from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.transport import coefficients

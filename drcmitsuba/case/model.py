@@ -1,0 +1,100 @@
+"""The table `[model]` of a case: files of a building that was drawn elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drcmitsuba.model.materials import Lambertian, Reflectance, SurfaceMaterial
+from drcmitsuba.model.model import Layer, Model, joined
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Name, Table, choose, shortened
+
+METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
+"""Metres per unit."""
+RADIANCE, HONEYBEE = (".rad", ".mat"), (".hbjson", ".json")
+MESHES = (".obj", ".ply", ".stl", ".gltf", ".glb")
+ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES)
+"""Endings of the files that a model may consist of."""
+
+Patterns = Annotated[tuple[Name, ...], Field(max_length=1000)]
+
+
+class ModelTable(Table):
+    """Files of a model. A material of `[materials]` replaces that of the same name in the files."""
+
+    files: Annotated[tuple[Path, ...], Field(min_length=1, max_length=1000)]
+    """Radiance scenes in the order of `oconv`, a Honeybee model, or meshes, beside the case."""
+    unit: Literal["m", "dm", "cm", "mm", "ft", "in"] | None = None
+    """Unit of the lengths of meshes that state none; Radiance scenes are in metres by default."""
+    north: Annotated[float, Field(ge=-360, le=360)] | None = None
+    """Direction of true north, clockwise from the model's y axis [deg]; by default the model's."""
+    reflectances: dict[Name, Reflectance] = Field(default_factory=dict)
+    """Diffuse reflectances [–] that replace materials of the files, by name."""
+    context: Patterns = ()
+    """Names of materials of bodies outside: buildings, trees, terrain; `*` stands for any text."""
+    leave_out: Patterns = ()
+    """Names of materials whose surfaces are left out; `*` stands for any text."""
+    means: bool = False
+    """Whether Radiance's patterns and textures count with their mean; else they are refused."""
+    leaks: Literal["refuse", "allow"] = "refuse"
+    """Whether the rooms of the sensors may be open to the sky where there is no pane."""
+
+    def read(
+        self, source: str, files: tuple[Path, ...], materials: Mapping[str, SurfaceMaterial]
+    ) -> Model:
+        """Read the files, whose paths are given, with the materials that the case puts in place.
+
+        Raises
+        ------
+        InputError
+            A file is missing or unfit, of an unknown kind, or holds nothing of a given name.
+        """
+        from drcmitsuba.model import honeybee, mesh, radiance  # when they are needed only
+
+        scale = None if self.unit is None else METRES[self.unit]
+        own = {**materials, **{n: Lambertian(r) for n, r in self.reflectances.items()}}
+        parts = []
+        if scenes := [f for f in files if f.suffix.lower() in RADIANCE]:
+            parts.append(radiance.read(scenes, means=self.means).scaled(scale or 1.0))
+        for file in files:
+            ending = file.suffix.lower()
+            if ending in HONEYBEE:
+                parts.append(honeybee.read(file))
+            elif ending in MESHES:
+                parts.append(mesh.read(file, unit=scale, materials=own))
+            elif ending not in RADIANCE:
+                remedy = f"give one of {', '.join(ENDINGS)}"
+                raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
+        model = joined(parts)
+        names = [layer.name for layer in model.layers]
+        for field, wanted in (
+            ("context", self.context), ("leave_out", self.leave_out),
+            ("reflectances", tuple(self.reflectances)),
+        ):  # fmt: skip
+            for pattern in wanted:
+                if not any(fnmatchcase(name, pattern) for name in names):
+                    got = f"no surface has the material {shortened(pattern)}"
+                    raise InputError(source, f"model.{field}", got, choose(pattern, names))
+        kept = [
+            self._settled(layer, own)
+            for layer in model.layers
+            if not any(fnmatchcase(layer.name, p) for p in self.leave_out)
+        ]
+        if not kept:
+            remedy = "give files with polygons or meshes"
+            raise InputError(source, "model.files", "they hold no surface", remedy)
+        north = model.north if self.north is None else self.north
+        return replace(model, layers=tuple(kept), north=north)
+
+    def _settled(self, layer: Layer, own: Mapping[str, SurfaceMaterial]) -> Layer:
+        """Layer with the case's material and role."""
+        layer = layer.made_of(own.get(layer.name, layer.material))
+        if any(fnmatchcase(layer.name, pattern) for pattern in self.context):
+            return replace(layer, role="context")
+        return layer

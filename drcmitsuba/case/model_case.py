@@ -1,0 +1,132 @@
+"""A case for a model alone, and the case file that one would edit."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drcmitsuba.case.sensors import AnySensors, FloorSensors, PointSensors
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DielectricMaterial,
+    Lambertian,
+    SurfaceMaterial,
+)
+from drcmitsuba.model.model import Layer, Model
+from drcmitsuba.runtime.errors import InputError
+
+
+def tables_of(file: Path) -> dict[str, Any]:
+    """Tables of a case that consists of a model's file."""
+    model: dict[str, Any] = {"files": [file.name]}
+    return {"name": file.stem, "model": model, "sensors": {"grids": ["*"]}}
+
+
+def usual_sensors(source: str, building: Model) -> AnySensors:
+    """Sensors of a model alone: its grids, or grids above its floors.
+
+    Raises
+    ------
+    InputError
+        The model has no grid, and no material whose name holds "floor".
+    """
+    if building.grids:
+        return PointSensors(grids=("*",))
+    surfaces = (layer.name for layer in building.layers if layer.role == "surface")
+    floors = tuple(dict.fromkeys(name for name in surfaces if "floor" in name.lower()))
+    if not floors:
+        got = "no sensor grid, and no material whose name holds 'floor'"
+        remedy = "name the floors in a case file: [sensors] floors = [...], [model] files = [...]"
+        raise InputError(source, "sensors", got, remedy)
+    return FloorSensors(floors=floors)
+
+
+def words(material: SurfaceMaterial) -> str:
+    """Describe a material in a few words."""
+    if isinstance(material, Lambertian):
+        rho = material.reflectance
+        value = f"{rho:.2f}" if isinstance(rho, float | int) else str([round(v, 3) for v in rho])
+        return f"diffuse, reflectance {value}"
+    if isinstance(material, BsdfMaterial):
+        return f"bsdf {material.file.name}"
+    if isinstance(material, DielectricMaterial):
+        return f"dielectric, index {material.ior:g}"
+    parts = [f"{k} {getattr(material, k):.2f}" for k in ("transmittance", "reflectance")
+             if hasattr(material, k)]  # fmt: skip
+    return f"{material.type}, {', '.join(parts)}"
+
+
+def area(layer: Layer) -> float:
+    """Area of a layer [m²]."""
+    q = layer.quads
+    n = np.cross(q[:, 2] - q[:, 0], q[:, 3] - q[:, 1])
+    return float(np.linalg.norm(n, axis=1).sum() / 2)
+
+
+def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) -> str:
+    """Text of a case file in a folder for a model's file, with its materials as comments."""
+    relative = os.path.relpath(file.absolute(), folder.absolute())
+    lines = [
+        f"# A case for {_comment(file.name)}.",
+        "# Every key, its unit and its limits: drcmitsuba schema",
+        f"name = {_text(file.stem)}",
+        "",
+        "[weather]",
+        '# file = "my_town.epw"               # EPW, TMY3, TMY2 or WEA beside this file',
+        "",
+        "[period]",
+        'calendar = "EvalDRC"                 # Monday to Friday, 8 to 18 h; "LM-83": every day',
+        "",
+        "[model]",
+        f"files = [{_text(relative)}]",
+        f"# north = {building.north:g}    # of the model, clockwise from its y axis [deg]",
+        "# context = []                       # materials of buildings, trees and terrain outside",
+        "# reflectances = { wall = 0.5 }      # in place of the model's",
+        "# Materials of the model; a table [materials.NAME] replaces the one of that name:",
+        *(f"#   {_comment(line)}" for line in listing(building)),
+        "",
+        "[sensors]",
+        *_sensors(sensors),
+        "",
+        "# [materials.shade]                  # fabric of the sun shade",
+        '# type = "diffuser"',
+        "# transmittance = 0.05",
+        "# [shading]                          # closed, it stands in place of the clear panes",
+        '# material = "shade"',
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def listing(model: Model) -> list[str]:
+    """One line for every layer of a model: name, role, area [m²], material, group."""
+    width = max(len(layer.name) for layer in model.layers)
+    return [
+        f"{layer.name:{min(width, 40)}}  {layer.role:8} {area(layer):9.2f} m²  "
+        f"{words(layer.material)}{f'  group {layer.group}' if layer.group else ''}"
+        for layer in model.layers
+    ]
+
+
+def _sensors(sensors: AnySensors) -> list[str]:
+    if not isinstance(sensors, FloorSensors):
+        return ['grids = ["*"]                        # the grids of the model']
+    return [
+        f"floors = [{', '.join(map(_text, sensors.floors))}]",
+        f"height = {sensors.height:g}                         # above the floor",
+        f"spacing = {sensors.spacing:g}",
+        f"margin = {sensors.margin:g}                         # without points, along the walls",
+    ]
+
+
+def _text(text: str) -> str:
+    """Write a text as TOML, whose basic strings are those of JSON."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _comment(text: str) -> str:
+    """Text that cannot end a comment."""
+    return "".join(c if c.isprintable() else "?" for c in text)

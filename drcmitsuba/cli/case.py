@@ -1,0 +1,74 @@
+"""The command `drcmitsuba case`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drcmitsuba.cli.options import CaseName, Output, Weather, load
+from drcmitsuba.cli.terminal import show_notes
+from drcmitsuba.runtime.errors import InputError
+
+if TYPE_CHECKING:
+    from drcmitsuba.case.case import Case
+    from drcmitsuba.report.scene_view import Drawn
+
+
+def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> None:
+    """Draw a scene before it is simulated; of a model alone, write the case file to edit."""
+    from drcmitsuba.case.model import ENDINGS
+    from drcmitsuba.case.model_case import case_text, listing
+    from drcmitsuba.report import style
+    from drcmitsuba.report.scene_view import scene_view
+    from drcmitsuba.runtime import backend, storage
+    from drcmitsuba.scene.leaks import refuse_leaks
+    from drcmitsuba.scene.sensors import sensor_points
+
+    loaded = load(case, weather)
+    backend.select()
+    points, _ = sensor_points(loaded)
+    drawn, panes = _drawn(loaded)
+    figure = scene_view(drawn, points, title=loaded.name, names=panes)
+    target = output / f"{Path(case).stem}.toml"
+    is_model = Path(case).suffix.lower() in ENDINGS
+    if is_model and target.exists():
+        remedy = "give another folder with -o; nothing is overwritten"
+        raise InputError(target, "-o", "the file exists", remedy)
+    output.mkdir(parents=True, exist_ok=True)
+    print(f"the scene is drawn in {style.save(figure, output / 'scene.png')}")
+    if loaded.building.layers:
+        print("\n".join(listing(loaded.building)))
+    if is_model:
+        storage.save_text(case_text(Path(case), output, loaded.building, loaded.sensors), target)
+        print(f"{target}: a case to change; next: drcmitsuba evaluate {target}")
+    show_notes(loaded.building.notes)
+    refuse_leaks(loaded)
+
+
+def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
+    """Surfaces of a case by kind, and a line for each material of its panes."""
+    from drcmitsuba.model.model import role_of
+    from drcmitsuba.plan.panes import used
+    from drcmitsuba.report.scene_view import Drawn
+    from drcmitsuba.scene.geometry import areas
+    from drcmitsuba.scene.sun_visibility import outside
+    from drcmitsuba.scene.surfaces import surfaces_of
+
+    context = {piece.name for piece in outside(case)} if case.room is not None else set()
+    context |= {layer.name for layer in case.building.layers if layer.role == "context"}
+    drawn, size = [], dict[str, float]()
+    for surface in surfaces_of(case):
+        is_pane = role_of(surface.material) == "pane" and not surface.component
+        kind = "context" if surface.name in context else "pane" if is_pane else "surface"
+        drawn.append(Drawn(kind, surface.quads))
+        if is_pane:
+            name = _name(case, surface.name)
+            size[name] = size.get(name, 0.0) + float(areas(surface.quads).sum())
+    sides = used(case)
+    panes = [f"{n}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for n, a in size.items()]
+    return drawn, panes
+
+
+def _name(case: Case, surface: str) -> str:
+    """Name of a pane's material; surfaces of a room's façades also name their side."""
+    return surface if surface in case.materials else surface.rpartition(" ")[0]

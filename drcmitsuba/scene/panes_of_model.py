@@ -1,0 +1,142 @@
+"""Panes of a model: which side faces the room, and where light may enter.
+
+Files say nothing about the front of glass. The side from which fewer rays escape to the sky and
+the ground is the room's; a pane from which no ray escapes on either side stands between rooms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.model.materials import BsdfMaterial
+from drcmitsuba.model.model import Model
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.scene.geometry import areas, normals, points_on, reversed_quads
+from drcmitsuba.scene.meshes import quad_mesh
+
+RAYS = 256
+"""Number of rays from each side of a pane."""
+AWAY = 0.02
+"""Share of rays that escape from a pane's outer side, at least [–]."""
+OFFSET = 1e-4
+"""Distance of the rays' origins from the pane, per metre of the model's extent."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPanes:
+    """Panes of a model, polygon by polygon."""
+
+    layer: np.ndarray
+    """Index of the layer of every polygon, int, shape (polygon,)."""
+    polygon: np.ndarray
+    """Index of the polygon in its layer, int, shape (polygon,)."""
+    outside: np.ndarray
+    """Whether the sky or the ground is on one side, shape (polygon,)."""
+    front: np.ndarray
+    """Unit normals towards the room, shape (polygon, 3)."""
+    frame: np.ndarray
+    """Smallest upright rectangles around the polygons, fronts towards the room [m], shape
+    (polygon, 4, 3)."""
+    width: np.ndarray
+    """Area over the longer edge of that rectangle [m], shape (polygon,)."""
+    quads: tuple[np.ndarray, ...]
+    """Quads of every layer of the model, those of panes with their fronts towards the room."""
+
+
+@lru_cache(maxsize=4)
+def panes_of_model(model: Model) -> ModelPanes:
+    """Turn the panes of a model towards its rooms."""
+    members: list[tuple[int, int, np.ndarray]] = []
+    for i, layer in enumerate(model.layers):
+        if layer.role == "pane":
+            order = np.argsort(layer.polygon, kind="stable")
+            polygons, first = np.unique(layer.polygon[order], return_index=True)
+            mine = np.split(order, first[1:])
+            members += [(i, int(p), own) for p, own in zip(polygons, mine, strict=True)]
+    turned = [layer.quads.copy() for layer in model.layers]
+    if not members:
+        empty = np.zeros((0, 4, 3))
+        return ModelPanes(
+            np.zeros(0, int),
+            np.zeros(0, int),
+            np.zeros(0, bool),
+            empty[:, 0],
+            empty,
+            np.zeros(0),
+            tuple(turned),
+        )
+    escaping = _escaping(model, members)
+    front, frames, width = [], [], []
+    for (i, _, own), (before, behind) in zip(members, escaping, strict=True):
+        # A film's file says which side is which: its panes keep the front that they have.
+        if before > behind and not isinstance(model.layers[i].material, BsdfMaterial):
+            turned[i][own] = reversed_quads(turned[i][own])
+        front.append(normals(turned[i][own[:1]])[0])
+        frames.append(_frame(turned[i][own].reshape(-1, 3), front[-1]))
+        longest = np.linalg.norm(frames[-1][[1, 3]] - frames[-1][0], axis=1).max()
+        width.append(areas(turned[i][own]).sum() / longest)
+    is_outside = escaping.max(axis=1) > AWAY
+    of_layer, polygon = (np.array([member[k] for member in members]) for k in (0, 1))
+    return ModelPanes(
+        of_layer,
+        polygon,
+        is_outside,
+        np.array(front),
+        np.array(frames),
+        np.array(width),
+        tuple(turned),
+    )
+
+
+def _escaping(model: Model, members: list[tuple[int, int, np.ndarray]]) -> np.ndarray:
+    """Share of rays that leave the model from both sides of panes, shape (polygon, side)."""
+    every = np.concatenate([layer.quads for layer in model.layers])
+    low = every.reshape(-1, 3).min(axis=0)  # coordinates near 0 keep their digits
+    extent = float(np.ptp(every.reshape(-1, 3), axis=0).max())
+    scene = mi.load_dict({"type": "scene", "all": quad_mesh("all", every - low)}, optimize=False)
+    rng, points, fronts = np.random.default_rng(1), [], []
+    for i, _, mine in members:
+        quads = model.layers[i].quads[mine] - low
+        share = areas(quads)
+        some = quads[rng.choice(len(quads), 2 * RAYS, p=share / share.sum())]
+        n = normals(some) * np.repeat([[1.0], [-1.0]], RAYS, axis=0)
+        points.append(points_on(some, rng.random((2 * RAYS, 2))) + OFFSET * (1 + extent) * n)
+        fronts.append(n)
+    lane = dr.arange(mi.UInt32, 2 * len(members) * RAYS)
+    uv = even_numbers(lane % RAYS, lane // RAYS, 1, 0)
+    p, n = (dr.gather(mi.Vector3f, flat(np.concatenate(x)), lane) for x in (points, fronts))
+    d = mi.Frame3f(n).to_world(mi.warp.square_to_cosine_hemisphere(uv))
+    hit = scene.ray_test(mi.Ray3f(mi.Point3f(p), d), coherent=False)
+    return 1 - hit.numpy().reshape(-1, 2, RAYS).mean(axis=2)
+
+
+def _frame(corners: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """Rectangle (4, 3) around corners in a plane; its edges are level and steepest."""
+    level = np.cross([0.0, 0.0, 1.0], front)
+    if np.linalg.norm(level) < 1e-6:
+        level = np.array([1.0, 0.0, 0.0])
+    level /= np.linalg.norm(level)
+    up = np.cross(front, level)
+    at = np.stack([corners @ level, corners @ up], axis=1)
+    (x0, y0), (x1, y1) = at.min(axis=0), at.max(axis=0)
+    height = float(corners[0] @ front)
+    ends = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    return np.array([x * level + y * up + height * front for x, y in ends])
+
+
+def side_name(front: np.ndarray, is_outside: bool) -> str:
+    """Words for the direction that the outer side of a pane faces, such as "south"."""
+    if not is_outside:
+        return "between rooms"
+    x, y, z = -front
+    if abs(z) > 0.9:
+        return "above" if z > 0 else "below"
+    names = ("north", "north-east", "east", "south-east", "south", "south-west", "west")
+    octant = round(float(np.degrees(np.arctan2(x, y))) / 45) % 8
+    return (*names, "north-west")[octant]
