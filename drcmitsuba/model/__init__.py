@@ -6,4 +6,6 @@ model
     What every reader gives.
 polygon
     Polygons of any shape, with holes, as triangles and parallelograms.
+radiance
+    Radiance scene descriptions, views and sensors.
 """

@@ -1,0 +1,144 @@
+"""Materials and patterns by name, each with the modifiers that it had when it was defined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from drcmitsuba.model.radiance.text import Primitive
+from drcmitsuba.model.radiance.xform import STILL, Moves
+
+SURFACES = {
+    "polygon": None, "sphere": 4, "bubble": 4, "cylinder": 7, "tube": 7, "cone": 8, "cup": 8,
+    "ring": 8, "source": 4, "mesh": 0, "instance": 0,
+}  # fmt: skip
+"""Kinds of surfaces with their number of arguments; a polygon has three for each corner."""
+TEXTURES = ("texfunc", "texdata")
+PATTERNS = (
+    "brightfunc", "brightdata", "brighttext", "colorfunc", "colordata", "colorpict", "colortext",
+    "spectrum", "specfile", "specfunc", "specdata", "specpict",
+)  # fmt: skip
+MIXTURES = ("mixfunc", "mixdata", "mixpict", "mixtext")
+MATERIALS = (
+    "plastic", "metal", "trans", "plastic2", "metal2", "trans2", "ashik2", "dielectric",
+    "interface", "glass", "plasfunc", "metfunc", "transfunc", "BRTDfunc", "WGMDfunc", "plasdata",
+    "metdata", "transdata", "BSDF", "aBSDF", "antimatter", "light", "illum", "glow", "spotlight",
+    "mirror", "prism1", "prism2", "mist",
+)  # fmt: skip
+MODIFIERS = frozenset((*TEXTURES, *PATTERNS, *MIXTURES, *MATERIALS))
+
+_NAMED = {"illum": 1, "mirror": 1, **dict.fromkeys(MIXTURES, 2)}
+"""Number of leading strings that name other modifiers."""
+_ORIENTED = ("BSDF", "aBSDF", "dielectric", "interface")
+"""Kinds that a transform changes, as far as they are understood."""
+DEEPEST = 64
+"""Largest number of modifiers in a chain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """Modifier as it was defined; later definitions of the same name leave it as it is."""
+
+    name: str
+    """Name by which surfaces call it."""
+    primitive: Primitive
+    """Text that defines it, of another name for an alias."""
+    modifier: Definition | None
+    """Modifier of this one; None for void."""
+    named: tuple[Definition | None, ...]
+    """Modifiers that its arguments name."""
+    number: int
+    """Position in the order of definitions."""
+    depth: int
+    """Number of modifiers in the chain from here on."""
+    folders: tuple[Path, ...]
+    """Folders in which the files that it names are looked for."""
+    moves: Moves = field(default=STILL)
+    """Move of the files that it was read from, a single one."""
+
+    def moved(self, moves: Moves, since: int, done: Moved) -> Definition:
+        """Definition as one copy's move leaves it; those numbered below `since` stay.
+
+        `done` holds what this copy has moved.
+        """
+        if self.number < since:
+            return self
+        if id(self) not in done:
+            others = [other and other.moved(moves, since, done) for other in self._others]
+            if others != list(self._others) or self.primitive.kind in _ORIENTED:
+                modifier, *named = others
+                moved = self.moves.then(moves)
+                done[id(self)] = replace(self, modifier=modifier, named=(*named,), moves=moved)
+            else:
+                done[id(self)] = self
+        return done[id(self)]
+
+    @property
+    def _others(self) -> tuple[Definition | None, ...]:
+        return self.modifier, *self.named
+
+
+Moved = dict[int, Definition]
+"""Definitions that a copy has moved, by the identity of the original."""
+
+
+class Definitions:
+    """Modifiers that have been defined so far."""
+
+    def __init__(self) -> None:
+        self.latest: dict[str, Definition] = {}
+        self.order: list[str] = []
+
+    def of(self, name: str, user: Primitive) -> Definition | None:
+        """Latest definition of a name; None for void.
+
+        Raises
+        ------
+        InputError
+            The name is not defined before its user.
+        """
+        if name == "void":
+            return None
+        if name not in self.latest:
+            got = f"its modifier {name!r} is not defined before it"
+            raise user.error(got, "give the file of materials first")
+        return self.latest[name]
+
+    def add(self, primitive: Primitive, folders: tuple[Path, ...]) -> None:
+        """Take in a material, texture, pattern, mixture or alias.
+
+        Raises
+        ------
+        InputError
+            A modifier that it names is not known, or the chain of modifiers is too long.
+        """
+        number = len(self.order)
+        if primitive.kind == "alias":
+            original = self.of(primitive.strings[0], primitive)
+            if original is None:
+                raise primitive.error("an alias of void", "name a material or a pattern")
+            modifier = original.modifier
+            if primitive.modifier != "inherit":
+                modifier = self.of(primitive.modifier, primitive)
+            definition = replace(
+                original, name=primitive.name, modifier=modifier, number=number, depth=0
+            )
+        else:
+            named = tuple(
+                self.of(name, primitive)
+                for name in primitive.strings[: _NAMED.get(primitive.kind, 0)]
+            )
+            modifier = self.of(primitive.modifier, primitive)
+            definition = Definition(primitive.name, primitive, modifier, named, number, 0, folders)
+        others = [other.depth for other in (definition.modifier, *definition.named) if other]
+        depth = 1 + max(others, default=0)
+        if depth > DEEPEST:
+            raise primitive.error(f"a chain of {depth} modifiers", f"chain at most {DEEPEST}")
+        self.latest[primitive.name] = replace(definition, depth=depth)
+        self.order.append(primitive.name)
+
+    def move(self, moves: Moves, since: int) -> None:
+        """Move all that was defined since a position, as the last copy of its file leaves it."""
+        done: Moved = {}
+        for name in set(self.order[since:]):
+            self.latest[name] = self.latest[name].moved(moves, since, done)

@@ -1,0 +1,259 @@
+"""Radiance's materials as materials of the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.case.materials import (
+    DielectricMaterial,
+    DiffuserMaterial,
+    Lambertian,
+    MirrorMaterial,
+    SurfaceMaterial,
+)
+from drcmitsuba.model.radiance import glazing, patterns
+from drcmitsuba.model.radiance.colour import is_grey, luminance, reflectance
+from drcmitsuba.model.radiance.definitions import MATERIALS, MIXTURES, Definition
+from drcmitsuba.model.radiance.films import Mounted, film
+from drcmitsuba.model.radiance.notes import Notes
+from drcmitsuba.model.radiance.text import Primitive
+
+SMALL = 0.05
+"""Largest share of mirrored light that counts as diffuse [–]."""
+HIGHLIGHTS = (
+    f"Mirrored light counts as diffuse where it is at most {100 * SMALL:.0f} % of the light"
+)
+GREYED = "Mirrors, panes and solids are grey: these have the luminance of their colour"
+BLACK = "Daylight is the only light: lamps are black"
+INVISIBLE = "Surfaces without a material are left out"
+ISOTROPIC = "Brushed surfaces have the geometric mean of their two roughnesses"
+REPLACED = "Mirrors reflect alike in every direction, without their alternate material"
+BOTH_SIDES = "Mirrors reflect on both sides"
+DISPERSION = "Solids have one refractive index for all colours"
+GLAZED = "Panes keep Radiance's transmittance at normal incidence and are at most"
+
+
+@dataclass(frozen=True)
+class Finish:
+    """Material of a definition with the patterns that apply to it."""
+
+    definition: Definition
+    factor: np.ndarray
+    """Factor of its colour, shape (3,)."""
+    notes: Notes
+
+    @property
+    def primitive(self) -> Primitive:
+        """Text that defines the material."""
+        return self.definition.primitive
+
+    def numbers(self, *counts: int, strings: int = 0) -> np.ndarray:
+        """Arguments of the material; their number has to be one of the counts."""
+        given = self.primitive.numbers
+        if len(given) not in counts or len(self.primitive.strings) < strings:
+            got = f"{len(self.primitive.strings)} strings and {len(given)} numbers"
+            wanted = " or ".join(map(str, counts))
+            remedy = f"give {f'{strings} strings or more and ' * (strings > 0)}{wanted} numbers"
+            raise self.primitive.error(got, remedy)
+        return np.array(given, float)
+
+    def share(self, values: np.ndarray, what: str) -> np.ndarray:
+        """Values, which have to lie within 0 and 1."""
+        if not ((values >= 0) & (values <= 1)).all():
+            got = f"{what} {' '.join(f'{v:g}' for v in np.atleast_1d(values))}"
+            raise self.primitive.error(got, "keep within 0 and 1")
+        return values
+
+    def colour(self, numbers: np.ndarray) -> np.ndarray:
+        """First three arguments under the patterns."""
+        return self.share(numbers[:3] * self.factor, "a colour of")
+
+    def grey(self, channels: np.ndarray) -> float:
+        """Luminance, with a note where that drops a colour."""
+        if not is_grey(channels):
+            self.notes.add(GREYED, self.definition.name)
+        return float(luminance(channels)) if not is_grey(channels) else float(channels[1])
+
+
+def _opaque(finish: Finish) -> SurfaceMaterial:
+    """Plastic and metal: diffuse C (1 − s), mirrored s, for metal C s, of roughness α."""
+    brushed = finish.primitive.kind.endswith("2")
+    numbers = finish.numbers(6 if brushed else 5, strings=4 if brushed else 0)
+    colour = finish.colour(numbers)
+    (s,) = finish.share(numbers[3:4], "a specular part of")
+    mirrored = colour * s if finish.primitive.kind.startswith("metal") else np.full(3, s)
+    total = colour * (1 - s) + mirrored
+    if s <= SMALL:
+        if s > 0:
+            finish.notes.add(HIGHLIGHTS, finish.definition.name)
+        return Lambertian(reflectance(total))
+    rough = finish.share(np.minimum(numbers[4:], 1), "a roughness of")
+    if brushed:
+        finish.notes.add(ISOTROPIC, finish.definition.name)
+    rho = finish.grey(total)
+    specular = float(luminance(mirrored)) / rho if rho > 0 else 1.0
+    roughness = float(np.prod(rough) ** (1 / len(rough)))
+    return MirrorMaterial(
+        type="mirror", reflectance=rho, roughness=roughness, specular=min(specular, 1.0)
+    )
+
+
+def _trans(finish: Finish) -> SurfaceMaterial:
+    """Diffusing sheet: with the transmitted share t, of which t_s is not scattered.
+
+    It transmits C (1 − s) t and reflects C (1 − s) (1 − t) + s.
+    """
+    brushed = finish.primitive.kind.endswith("2")
+    numbers = finish.numbers(8 if brushed else 7, strings=4 if brushed else 0)
+    colour = finish.colour(numbers)
+    s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of")
+    through, back = colour * (1 - s) * t, colour * (1 - s) * (1 - t) + s
+    straight = float(luminance(through)) * t_s
+    if straight > SMALL or s > SMALL:
+        got = f"{100 * straight:.1f} % transmitted and {100 * s:.1f} % reflected without scattering"
+        remedy = f"keep each below {100 * SMALL:.0f} %, or give the pane as glass or BSDF"
+        raise finish.primitive.error(got, remedy)
+    if straight > 0 or s > 0:
+        finish.notes.add(HIGHLIGHTS, finish.definition.name)
+    return DiffuserMaterial(
+        type="diffuser", transmittance=finish.grey(through), reflectance=finish.grey(back)
+    )
+
+
+def _pane(finish: Finish) -> SurfaceMaterial:
+    """`glass`, and `BRTDfunc` as glazing tools write it."""
+    if finish.primitive.kind == "glass":
+        numbers = finish.numbers(3, 4)
+        index = float(numbers[3]) if len(numbers) == 4 else glazing.INDEX
+        if not 1 < index <= 4:
+            raise finish.primitive.error(f"a refractive index of {index:g}", "give 1 to 4")
+        colour = finish.colour(numbers)
+        finish.grey(colour)
+        material, deviation = glazing.glass(colour, index)
+    else:
+        material, deviation = glazing.from_functions(finish.primitive)
+    # Rounded up to a whole hundredth, so that panes share a sentence.
+    finish.notes.add(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others",
+                     finish.definition.name)  # fmt: skip
+    return material
+
+
+def _solid(finish: Finish) -> SurfaceMaterial:
+    """`dielectric`, and `interface` to air: clear solids with Beer's absorption per metre."""
+    if finish.primitive.kind == "interface":
+        numbers = finish.numbers(8)
+        if (numbers[4:] != 1).any():
+            got = "a medium outside that is not air (1 1 1 1)"
+            raise finish.primitive.error(got, "leave a gap of air between the solids")
+    else:
+        numbers = finish.numbers(5)
+        if numbers[4] != 0:
+            finish.notes.add(DISPERSION, finish.definition.name)
+    left = finish.share(numbers[:3], "a transmission of") ** (1 / finish.definition.moves.scale[0])
+    rest = finish.grey(left)
+    if not 1 < numbers[3] <= 4 or not rest > 0 or -np.log(rest) > 1e4:
+        got = f"index {numbers[3]:g} and a transmission of {rest:g} per metre"
+        raise finish.primitive.error(got, "give an index of 1 to 4 and a transmission above 0")
+    return DielectricMaterial(
+        type="dielectric", ior=float(numbers[3]), absorption=float(max(0.0, -np.log(rest)))
+    )
+
+
+def _mirror(finish: Finish) -> SurfaceMaterial:
+    """`mirror`, whose back is black in Radiance."""
+    colour = finish.colour(finish.numbers(3))
+    if finish.definition.named:
+        if finish.definition.named[0] is None:
+            got = "void as its alternate material, so it is seen by the sun only"
+            raise finish.primitive.error(got, "take out the mirror or what it hides")
+        finish.notes.add(REPLACED, finish.definition.name)
+    finish.notes.add(BOTH_SIDES, finish.definition.name)
+    return MirrorMaterial(type="mirror", reflectance=finish.grey(colour))
+
+
+def _lamp(finish: Finish) -> SurfaceMaterial:
+    finish.notes.add(BLACK, finish.definition.name)
+    return Lambertian(0.0)
+
+
+_COLOURED: dict[str, Callable[[Finish], SurfaceMaterial]] = {
+    **dict.fromkeys(("plastic", "metal", "plastic2", "metal2"), _opaque),
+    **dict.fromkeys(("trans", "trans2"), _trans),
+    "glass": _pane,
+    "mirror": _mirror,
+    **dict.fromkeys(("light", "glow", "spotlight"), _lamp),
+}
+"""Kinds whose colour patterns change; lamps are black under any."""
+_PLAIN: dict[str, Callable[[Finish], SurfaceMaterial | Mounted]] = {
+    "BRTDfunc": _pane,
+    **dict.fromkeys(("dielectric", "interface"), _solid),
+    **dict.fromkeys(("BSDF", "aBSDF"), lambda finish: film(finish.definition)),
+}
+
+
+def material_of(
+    definition: Definition | None, means: bool, notes: Notes
+) -> SurfaceMaterial | Mounted | None:
+    """Material of surfaces that have a modifier.
+
+    Parameters
+    ----------
+    definition : Definition or None
+        Modifier of the surfaces; None for void.
+    means : bool
+        Whether patterns and mixtures that are not constant count as their mean.
+    notes : Notes
+        Takes in what is simplified.
+
+    Returns
+    -------
+    SurfaceMaterial, Mounted or None
+        Measured panes know their up direction; None is for surfaces that nothing sees.
+
+    Raises
+    ------
+    InputError
+        The material, or a pattern of it, has no counterpart.
+    """
+    above: list[Definition] = []
+    while definition is not None and definition.primitive.kind not in MATERIALS:
+        if definition.primitive.kind in MIXTURES:
+            definition = patterns.part(definition, means, notes)
+        else:
+            above.append(definition)
+            definition = definition.modifier
+    if definition is not None and definition.primitive.kind == "illum":
+        # Nothing of it is seen but the material that it names.
+        (definition,) = definition.named or (None,)
+        if definition is not None:
+            return material_of(definition, means, notes)
+    if definition is None:
+        notes.add(INVISIBLE)
+        return None
+    kind = definition.primitive.kind
+    if kind not in _COLOURED and kind not in _PLAIN:
+        raise definition.primitive.error(
+            "a material without a counterpart here",
+            "use plastic, metal, trans, glass, dielectric, mirror or a BSDF file",
+        )
+    if _COLOURED.get(kind) is _lamp:
+        return _lamp(Finish(definition, np.ones(3), notes))
+    below = definition.modifier
+    while below is not None:
+        above.append(below)
+        below = below.modifier
+    scale = np.ones(3)
+    for pattern in above:
+        if pattern.primitive.kind in (*MATERIALS, *MIXTURES):
+            got = f"modified by {pattern.name!r}, which is a {pattern.primitive.kind}"
+            raise definition.primitive.error(got, "modify materials by patterns only")
+        scale = scale * patterns.factor(pattern, means, notes)
+    if kind in _PLAIN:
+        if (scale != 1).any():
+            got = "a pattern other than 1"
+            raise definition.primitive.error(got, "write the pattern into the material")
+        return _PLAIN[kind](Finish(definition, scale, notes))
+    return _COLOURED[kind](Finish(definition, scale, notes))

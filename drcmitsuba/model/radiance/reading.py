@@ -1,0 +1,252 @@
+"""Scene files with the files and commands that they call for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.model.radiance import command as commands
+from drcmitsuba.model.radiance.definitions import MODIFIERS, SURFACES, Definitions
+from drcmitsuba.model.radiance.generators import GENERATORS
+from drcmitsuba.model.radiance.notes import Notes
+from drcmitsuba.model.radiance.polygons import LARGEST
+from drcmitsuba.model.radiance.surfaces import Surfaces
+from drcmitsuba.model.radiance.text import (
+    Command,
+    Place,
+    Primitive,
+    read_bytes,
+    sought,
+    statements,
+)
+from drcmitsuba.model.radiance.xform import transform
+
+MOST_BYTES = 1 << 27
+"""Largest size of all files together, each as often as it is read [byte]."""
+MOST_FILES = 20_000
+"""Largest number of files that are read, each as often as it is."""
+MOST_QUADS = 2_000_000
+"""Largest number of quads of a model."""
+MOST_COPIES = 2_000_000
+"""Largest number of copies of all arrays together."""
+DEEPEST = 16
+"""Largest number of files, each called by the one before."""
+NO_SOURCES = "Suns, skies and grounds of the source files are left out: the weather file gives them"
+
+
+@dataclass
+class Budget:
+    """What a reading may still take."""
+
+    bytes: int = MOST_BYTES
+    files: int = MOST_FILES
+    quads: int = MOST_QUADS
+    copies: int = MOST_COPIES
+
+    def spend_quads(self, quads: int, place: Place) -> None:
+        """Count quads; too many raise InputError."""
+        self.quads -= quads
+        if self.quads < 0:
+            got = f"more than {MOST_QUADS} surfaces"
+            raise place.error("model", got, "leave out what no daylight meets")
+
+    def spend_copies(self, copies: int, place: Place) -> None:
+        """Count copies of arrays; too many raise InputError."""
+        self.copies -= copies
+        if self.copies < 0:
+            raise place.error("xform", f"more than {MOST_COPIES} copies", "make fewer")
+
+
+@dataclass(frozen=True)
+class Context:
+    """Where a statement stands, and what it adds to."""
+
+    definitions: Definitions
+    surfaces: Surfaces
+    budget: Budget
+    notes: Notes
+    files: tuple[Path, ...] = ()
+    """Files that call for each other, the present one last."""
+    real: tuple[Path, ...] = ()
+    """The same without links."""
+    override: str | None = None
+    """Modifier that `xform -m` gives to all surfaces."""
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """Folders in which files are looked for: the file's, its callers', the present one."""
+        return (*dict.fromkeys(file.parent for file in reversed(self.files)), Path())
+
+
+Stage = Callable[[Context], None]
+"""Command of a pipe: it adds what it gives to a context."""
+
+
+def read_file(path: Path, context: Context, place: Place | None = None) -> None:
+    """Add what a file describes to a context.
+
+    Raises
+    ------
+    InputError
+        The file or one that it calls for cannot be read or understood, calls for itself, or asks
+        for too much.
+    """
+    chain = (*context.files, path)
+    real = path.resolve()
+    if real in context.real and place:
+        names = " → ".join(file.name for file in chain)
+        raise place.error("file", f"a circle: {names}", "take out one of these calls")
+    if len(chain) > DEEPEST and place:
+        raise place.error("file", f"{len(chain)} files deep", f"nest at most {DEEPEST}")
+    context.budget.files -= 1
+    if context.budget.files < 0 and place:
+        raise place.error("file", f"more than {MOST_FILES} files", "join some of them")
+    text = read_bytes(path, context.budget.bytes)
+    context.budget.bytes -= len(text)
+    inner = replace(context, files=chain, real=(*context.real, real))
+    for statement in statements(text, path):
+        if isinstance(statement, Command):
+            _run(statement, inner)
+        else:
+            add(statement, inner)
+
+
+def add(primitive: Primitive, context: Context) -> None:
+    """Add a primitive to a context."""
+    if primitive.kind in MODIFIERS or primitive.kind == "alias":
+        context.definitions.add(primitive, context.folders)
+    elif primitive.kind in ("mesh", "instance"):
+        what, remedy = {
+            "mesh": ("a compiled mesh", "give the OBJ file that it was made from"),
+            "instance": ("an octree", "put !xform and the .rad files that it was made from"),
+        }[primitive.kind]
+        raise primitive.error(f"{what}, {' '.join(primitive.strings[:1]) or 'no file'}", remedy)
+    elif primitive.kind == "source":
+        context.notes.add(NO_SOURCES)
+    elif primitive.kind in SURFACES:
+        name = primitive.modifier if context.override is None else context.override
+        definition = context.definitions.of(name, primitive)
+        count = context.surfaces.add(primitive, definition)
+        context.budget.spend_quads(count, primitive.place)
+    else:
+        raise primitive.error("no kind of primitive of Radiance", "correct the word")
+
+
+def _run(command: Command, context: Context) -> None:
+    """Add what a command gives to a context."""
+    stage: Stage | None = None
+    for name, *words in commands.pipeline(command):
+        if name in GENERATORS:
+            stage = _generator(name, words, command.place)
+        elif name == "cat":
+            stage = _files(words, command.place) if words else stage
+        else:
+            stage = _xform(words, stage, command.place)
+        if stage is None:
+            raise command.place.error("cat", "no file", "name one")
+    if stage is not None:
+        stage(context)
+
+
+def _generator(name: str, words: Sequence[str], place: Place) -> Stage:
+    def stage(context: Context) -> None:
+        for primitive in GENERATORS[name](words, place):
+            add(primitive, context)
+
+    return stage
+
+
+def _files(names: Iterable[str], place: Place) -> Stage:
+    def stage(context: Context) -> None:
+        for name in names:
+            path = sought(name, context.folders)
+            if path is None:
+                got = f"no file {name!r}"
+                raise place.error("file", got, "put it beside the file that calls for it")
+            read_file(path, context, place)
+
+    return stage
+
+
+def _xform(words: Sequence[str], before: Stage | None, place: Place) -> Stage:
+    """Stage of `xform`, whose input is its files or the stage before."""
+
+    def stage(context: Context) -> None:
+        for line in _with_argument_files(words, context, place, 0):
+            _transformed(line, before, context, place)
+
+    return stage
+
+
+def _with_argument_files(
+    words: Sequence[str], context: Context, place: Place, depth: int
+) -> list[list[str]]:
+    """Command lines with each -f and its file replaced by the lines of the file, one at a time."""
+    if "-f" not in words:
+        return [list(words)]
+    at = list(words).index("-f")
+    name = words[at + 1] if at + 1 < len(words) else ""
+    path = sought(name, context.folders) if name else None
+    if path is None or depth >= DEEPEST:
+        got = f"-f {name}, " + ("no such file" if path is None else f"{depth} files deep")
+        raise place.error("xform", got, "give a file of arguments")
+    text = read_bytes(path, context.budget.bytes)
+    lines: list[list[str]] = []
+    for number, line in enumerate(text.decode("utf-8", "replace").splitlines(), 1):
+        context.budget.bytes -= len(line) + len(words)
+        inner = Command("xform " + line.strip().removeprefix("!").removeprefix("xform"), place)
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        if context.budget.bytes < 0 or len(lines) > MOST_FILES:
+            raise Place(path, number).error("xform", "too many lines", "give fewer")
+        given = commands.pipeline(inner._replace(place=Place(path, number)))[0][1:]
+        whole = [*words[:at], *given, *words[at + 2 :]]
+        lines += _with_argument_files(whole, context, place, depth + 1)
+    return lines
+
+
+def _transformed(
+    words: Sequence[str], before: Stage | None, context: Context, place: Place
+) -> None:
+    """Add what `xform` gives for its arguments to a context."""
+    override, inverted, at = context.override, False, 0
+    while at < len(words) and words[at] in ("-n", "-m", "-I", "-c", "-e"):
+        option = words[at]
+        if option in ("-n", "-m"):
+            if at + 1 >= len(words):
+                raise place.error("xform", f"{option} without a name", "give one")
+            if option == "-m" and context.override is None:
+                override = words[at + 1]
+            at += 1
+        inverted ^= option == "-I"
+        at += 1
+    moves, used = transform(words[at:], place)
+    names = words[at + used :]
+    if wrong := [name for name in names if name.startswith("-")]:
+        got = f"{wrong[0]} behind {' '.join(words[: at + used]) or 'nothing'}"
+        raise place.error("xform", got, "write -n -m -I first, then the moves, then the files")
+    stage = _files(names, place) if names else before
+    if stage is None:
+        raise place.error("xform", "no file", "name one, or write it behind a pipe")
+    since = len(context.definitions.order)
+    inner = replace(context, surfaces=Surfaces(), override=override)
+    stage(inner)
+    patches = inner.surfaces.patches()
+    context.budget.spend_copies(len(moves), place)
+    more = len(moves) - 1
+    context.budget.spend_quads(more * sum(len(p.quads) for p in patches.values()), place)
+    if any(not _in_bounds(moves.matrix, patch.quads) for patch in patches.values()):
+        raise place.error("xform", "coordinates that are not finite or too large", "move less")
+    context.surfaces.add_copies(patches, moves, since, inverted=inverted)
+    context.definitions.move(moves.one(-1), since)
+
+
+def _in_bounds(matrix: np.ndarray, quads: np.ndarray) -> bool:
+    """Whether moved quads keep to finite coordinates of use."""
+    with np.errstate(all="ignore"):
+        far = float(np.abs(quads).max(initial=0))
+        reach = np.abs(matrix[:, :3, :3]).sum(axis=2) * far + np.abs(matrix[:, :3, 3])
+    return bool((reach <= LARGEST).all())

@@ -1,0 +1,157 @@
+"""Surfaces as they are read: polygons and facets by their modifier, and their copies."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from drcmitsuba.model.radiance import bodies, polygons
+from drcmitsuba.model.radiance.definitions import SURFACES, Definition, Moved
+from drcmitsuba.model.radiance.text import Primitive
+from drcmitsuba.model.radiance.xform import Moves, reversed_front
+
+
+class Patch(NamedTuple):
+    """Quads of one modifier."""
+
+    quads: np.ndarray
+    """Shape (quad, 4, 3) [m]."""
+    polygon: np.ndarray
+    """Index of the source's polygon that each is part of, int, shape (quad,)."""
+    places: tuple[str, ...]
+    """Where each polygon stands."""
+
+    def copied(self, moves: Moves) -> Patch:
+        """Copies by moves, each with polygons of its own."""
+        quads = moves.of(self.quads).reshape(-1, 4, 3)
+        first = len(self.places) * np.arange(len(moves))
+        polygon = (self.polygon + first[:, None]).ravel()
+        return Patch(quads, polygon, self.places * len(moves))
+
+
+def joined(patches: Sequence[Patch]) -> Patch:
+    """Patches as one."""
+    first = np.cumsum([0, *(len(patch.places) for patch in patches[:-1])])
+    index = [patch.polygon + start for patch, start in zip(patches, first, strict=True)]
+    places = tuple(place for patch in patches for place in patch.places)
+    return Patch(np.concatenate([p.quads for p in patches]), np.concatenate(index), places)
+
+
+@dataclass
+class _Polygons:
+    """Polygons of one modifier before they are cut."""
+
+    corners: array = field(default_factory=lambda: array("d"))
+    counts: array = field(default_factory=lambda: array("q"))
+    primitives: list[Primitive] = field(default_factory=list)
+
+
+class Surfaces:
+    """Surfaces by their modifier; None stands for void."""
+
+    def __init__(self) -> None:
+        self._polygons: dict[Definition | None, _Polygons] = {}
+        self._patches: dict[Definition | None, list[Patch]] = {}
+
+    def add(self, primitive: Primitive, definition: Definition | None) -> int:
+        """Take in a surface, and return the smallest number of quads that it becomes.
+
+        Raises
+        ------
+        InputError
+            The number of its arguments is wrong, or it has no area.
+        """
+        kind, numbers = primitive.kind, primitive.numbers
+        wanted = SURFACES[kind]
+        if wanted is None:
+            if len(numbers) < 9 or len(numbers) % 3:
+                got = f"{len(numbers)} numbers"
+                raise primitive.error(got, "give three for each of three corners or more")
+            waiting = self._polygons.setdefault(definition, _Polygons())
+            waiting.corners.extend(numbers)
+            waiting.counts.append(len(numbers) // 3)
+            # Without its numbers: they are in the array.
+            waiting.primitives.append(primitive._replace(numbers=[]))
+            return 1
+        if len(numbers) != wanted:
+            raise primitive.error(f"{len(numbers)} numbers", f"give {wanted}")
+        quads = facets(primitive)
+        patch = Patch(quads, np.zeros(len(quads), np.int64), (primitive.place.of(primitive.name),))
+        self._patches.setdefault(definition, []).append(patch)
+        return len(quads)
+
+    def patches(self) -> dict[Definition | None, Patch]:
+        """Quads of each modifier.
+
+        Raises
+        ------
+        InputError
+            A polygon has no area, is not planar, or crosses itself.
+        """
+        for definition, waiting in self._polygons.items():
+
+            def refuse(index: int, got: str, waiting: _Polygons = waiting) -> Exception:
+                return waiting.primitives[index].error(got, "correct or remove it")
+
+            corners = np.frombuffer(waiting.corners).reshape(-1, 3)
+            quads, index = polygons.cut(corners, np.array(waiting.counts), refuse)
+            places = tuple(p.place.of(p.name) for p in waiting.primitives)
+            self._patches.setdefault(definition, []).append(Patch(quads, index, places))
+        self._polygons = {}
+        self._patches = {key: [joined(patches)] for key, patches in self._patches.items()}
+        return {key: patches[0] for key, patches in self._patches.items()}
+
+    def add_copies(
+        self, patches: dict[Definition | None, Patch], moves: Moves, since: int, *, inverted: bool
+    ) -> None:
+        """Take in copies of patches; definitions since a position move with them."""
+        for definition, patch in patches.items():
+            if inverted:
+                patch = patch._replace(quads=reversed_front(patch.quads))
+            if definition is None or definition.moved(moves.one(0), since, {}) is definition:
+                self._patches.setdefault(definition, []).append(patch.copied(moves))
+                continue
+            for copy in range(len(moves)):
+                one = moves.one(copy)
+                done: Moved = {}
+                moved = definition.moved(one, since, done)
+                self._patches.setdefault(moved, []).append(patch.copied(one))
+
+
+def facets(primitive: Primitive) -> np.ndarray:
+    """Facets (quad, 4, 3) of a sphere, cylinder, cone, ring or one of their inverses.
+
+    Raises
+    ------
+    InputError
+        The body has no area.
+    """
+    values = np.array(primitive.numbers)
+    if not (np.abs(values) <= polygons.LARGEST).all():
+        raise primitive.error("a number that is not finite, or too large", "correct it")
+    kind = primitive.kind
+    inward = kind in ("bubble", "tube", "cup")
+    try:
+        if kind == "ring":
+            if (values[6:] < 0).any():
+                raise ValueError("a radius below 0")
+            return bodies.ring(values[:3], values[3:6], (values[6], values[7]))
+        # A negative radius turns the front round.
+        radii = values[3:4] if kind in ("sphere", "bubble") else values[6:]
+        if (radii < 0).any():
+            if (radii > 0).any():
+                raise ValueError("radii of different sign")
+            inward, radii = not inward, -radii
+        if kind in ("sphere", "bubble"):
+            if radii[0] == 0:
+                raise ValueError("no area")
+            quads = bodies.sphere(values[:3], radii[0])
+        else:
+            quads = bodies.cone(values[:3], values[3:6], (radii[0], radii[-1]))
+    except ValueError as error:
+        raise primitive.error(str(error), "correct or remove it") from None
+    return reversed_front(quads) if inward else quads

@@ -1,0 +1,356 @@
+"""Materials of scene files against Radiance's formulas, its `rtrace`, and what has no twin here."""
+
+import numpy as np
+import pytest
+
+from drcmitsuba.case.materials import (
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    MirrorMaterial,
+)
+from drcmitsuba.model.radiance import glazing, read
+from drcmitsuba.runtime.errors import InputError
+from tests import radiance
+
+SQUARE = " polygon p 0 0 12 -9 -9 0 9 -9 0 9 9 0 -9 9 0\n"
+WALL = " polygon wall 0 0 12 0 0 0 1 0 0 1 0 1 0 0 1\n"
+needs_radiance = pytest.mark.skipif(radiance.home() is None, reason="pyradiance is not installed")
+
+
+def model_of(text, folder, **options):
+    (folder / "x.rad").write_text(text)
+    return read([folder / "x.rad"], **options)
+
+
+def material(text, folder, **options):
+    """Material of a surface with the modifier m."""
+    (layer,) = model_of(f"{text}\nm{SQUARE}", folder, **options).layers
+    return layer.material
+
+
+def seen(text, folder, incidence, side):
+    """Radiance (angle, 3) seen from below in a square under a glow of 1 that is above or below."""
+    z = {"above": 1, "below": -1}[side]
+    sky = f"void glow g 0 0 4 1 1 1 0\ng source s 0 0 4 0 0 {z} 180\n"
+    (folder / "r.rad").write_text(f"{text}\nm{SQUARE}{sky}")
+    (folder / "r.oct").write_bytes(radiance.run(["oconv", "r.rad"], folder))
+    t = np.radians(incidence)
+    rays = [f"0 0 -1e-3 {np.sin(a):.9g} 0 {np.cos(a):.9g}\n" for a in t]
+    command = ["rtrace", "-h", "-ov", "-ab", "1", "-ad", "256", "-aa", "0", "r.oct"]
+    return np.array(radiance.run(command, folder, "".join(rays).encode()).split(), float).reshape(
+        -1, 3
+    )
+
+
+def test_transmittance_and_transmissivity_follow_the_manual():
+    for t_n in (0.1, 0.65, 0.96, 1.0):
+        tau, _ = glazing.pane(np.array([t_n]), 1.52, np.zeros(1))
+        assert glazing.transmissivity(float(tau[0, 0])) == pytest.approx(t_n, abs=2e-6)
+    assert glazing.transmissivity(0.88) == pytest.approx(0.96, abs=2e-3)
+
+
+@needs_radiance
+@pytest.mark.parametrize("index", [None, 1.7])
+def test_panes_are_those_that_rtrace_sees(index, tmp_path):
+    incidence = np.array([0, 30, 45, 60, 75, 85])
+    t_n = np.array([0.3, 0.65, 0.96])
+    count = "3" if index is None else "4"
+    text = f"void glass m 0 0 {count} .3 .65 .96 {index or ''}"
+    tau, rho = glazing.pane(t_n, index or 1.52, np.radians(incidence))
+    np.testing.assert_allclose(seen(text, tmp_path, incidence, "above"), tau, atol=2e-5)
+    np.testing.assert_allclose(seen(text, tmp_path, incidence, "below"), rho, atol=2e-5)
+
+
+def engine(pane, incidence):
+    return pane.transmittance * (1 - (1 - np.cos(np.radians(incidence))) ** pane.exponent)
+
+
+LOW_E = (
+    "void BRTDfunc m 10 sr_clear_r sr_clear_g sr_clear_b st_clear_r st_clear_g st_clear_b 0 0 0 "
+    "glaze1.cal 0 19 0 0 0 0 0 0 0 0 0 {side} .07 .07 .07 .13 .13 .13 .76 .76 .76"
+)
+DOUBLE = (
+    "void BRTDfunc m 10 if(Rdot,cr(fr(0.1),ft(0.7),fr(0.08)),cr(fr(.2),ft(.7),rclr)) "
+    "'if(Rdot,cr(fr(0.1),ft(0.7),fr(0.08)),cr(fr(.2),ft(.7),rclr))' "
+    "if(Rdot,cr(fr(0.1),ft(0.7),fr(0.08)),cr(fr(.2),ft(.7),rclr)) "
+    "ft(0.7)*tclr ft(0.7)*tclr ft(0.7)*tclr 0 0 0 glaze2.cal 0 9 0 0 0 0 0 0 0 0 0"
+)
+
+
+@needs_radiance
+@pytest.mark.parametrize(
+    ("text", "deviation"),
+    [
+        ("void glass m 0 0 3 1 1 1", 0.08),
+        ("void glass m 0 0 3 .96 .96 .96", 0.05),
+        ("void glass m 0 0 3 .65 .65 .65", 0.03),
+        ("void glass m 0 0 3 .2 .2 .2", 0.02),
+        ("void glass m 0 0 4 .9 .9 .9 1.7", 0.05),
+        (LOW_E.format(side=1), 0.05),
+        (LOW_E.format(side=-1), 0.05),
+        (DOUBLE, 0.06),
+        ("void BRTDfunc m 10 .1 .1 .1 .6 .6 .6 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", 0.35),
+    ],
+)
+def test_a_glazing_is_radiances_at_normal_incidence_and_near_it_elsewhere(
+    text, deviation, tmp_path
+):
+    incidence = np.arange(0, 90, 5)
+    pane = material(text, tmp_path)
+    assert isinstance(pane, GlazingMaterial)
+    through = seen(text, tmp_path, incidence, "above")[:, 1]
+    assert pane.transmittance == pytest.approx(through[0], abs=1e-5)
+    assert np.abs(engine(pane, incidence) - through).max() < deviation
+
+
+@needs_radiance
+@pytest.mark.parametrize(
+    "text",
+    [
+        "void plastic m 0 0 5 .5 .4 .3 .04 .1",
+        "void plastic m 0 0 5 .5 .4 .3 .2 .1",
+        "void metal m 0 0 5 .7 .7 .7 .03 .1",
+        "void metal m 0 0 5 .7 .7 .7 .9 .1",
+        "void trans m 0 0 7 .8 .7 .6 0 0 .6 0",
+        "void trans m 0 0 7 .8 .7 .6 .03 .1 .6 .05",
+    ],
+)
+def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
+    finish = material(text, tmp_path)
+    options = {"incidence": [0.0], "folder": tmp_path}
+    reflected = seen(text, side="below", **options)[0]
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    if isinstance(finish, Lambertian):
+        np.testing.assert_allclose(np.broadcast_to(finish.reflectance, 3), reflected, atol=4e-3)
+    else:
+        assert finish.reflectance == pytest.approx(reflected @ weights, abs=4e-3)
+    if isinstance(finish, DiffuserMaterial):
+        through = seen(text, side="above", **options)[0]
+        assert finish.transmittance == pytest.approx(through @ weights, abs=4e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("void plastic m 0 0 5 .5 .5 .5 0 0", Lambertian(0.5)),
+        ("void plastic m 0 0 5 .5 .4 .3 0 0", Lambertian((0.5, 0.4, 0.3))),
+        ("void plastic m 0 0 5 .5 .5 .5 .04 .1", Lambertian(0.52)),
+        ("void metal m 0 0 5 .5 .5 .5 .04 .1", Lambertian(0.5)),
+        (
+            "void metal m 0 0 5 .9 .9 .9 1 0",
+            MirrorMaterial(type="mirror", reflectance=0.9),
+        ),
+        (
+            "void metal m 0 0 5 .8 .8 .8 .5 .2",
+            MirrorMaterial(type="mirror", reflectance=0.8, roughness=0.2, specular=0.5),
+        ),
+        (
+            "void metal2 m 4 0 0 1 . 0 6 .8 .8 .8 .5 .1 .4",
+            MirrorMaterial(type="mirror", reflectance=0.8, roughness=0.2, specular=0.5),
+        ),
+        (
+            "void plastic m 0 0 5 .5 .5 .5 .2 0",
+            MirrorMaterial(type="mirror", reflectance=0.6, specular=1 / 3),
+        ),
+        ("void mirror m 0 0 3 .85 .85 .85", MirrorMaterial(type="mirror", reflectance=0.85)),
+        (
+            "void trans m 0 0 7 .8 .8 .8 0 0 .25 0",
+            DiffuserMaterial(type="diffuser", transmittance=0.2, reflectance=0.6),
+        ),
+        (
+            "void dielectric m 0 0 5 .5 .5 .5 1.5 0",
+            DielectricMaterial(type="dielectric", ior=1.5, absorption=np.log(2)),
+        ),
+        (
+            "void interface m 0 0 8 1 1 1 1.5 1 1 1 1",
+            DielectricMaterial(type="dielectric", ior=1.5),
+        ),
+        ("void light m 0 0 3 10 10 10", Lambertian(0.0)),
+        ("void plastic a 0 0 5 .5 .5 .5 0 0\nvoid illum m 1 a 0 3 9 9 9", Lambertian(0.5)),
+        ("void plastic a 0 0 5 .3 .3 .3 0 0\nvoid alias m a", Lambertian(0.3)),
+        (
+            "void brightfunc half 2 A1/2 . 0 1 1\nhalf plastic a 0 0 5 .6 .6 .6 0 0\n"
+            "inherit alias m a",
+            Lambertian(0.3),
+        ),
+        (
+            "void colorfunc tint 4 1 .5 .5 . 0 0\ntint plastic a 0 0 5 .6 .6 .6 0 0\n"
+            "void alias m a",
+            Lambertian(0.6),
+        ),
+        (
+            "void plastic a 0 0 5 .6 .6 .6 0 0\na colorfunc m 4 1 .5 .5 . 0 0",
+            Lambertian((0.6, 0.3, 0.3)),
+        ),
+        (
+            "void plastic a 0 0 5 .6 .6 .6 0 0\nvoid mixfunc m 4 void a 0 . 0 0",
+            Lambertian(0.6),
+        ),
+        (
+            "void plastic m 0 0 5 .6 .6 .6 0 0\nm plastic m 0 0 5 .2 .2 .2 0 0"
+            "\nvoid plastic m 0 0 5 .1 .1 .1 0 0",
+            Lambertian(0.1),
+        ),
+    ],
+)
+def test_a_material_has_its_counterpart(text, expected, tmp_path):
+    given = material(text, tmp_path)
+    assert type(given) is type(expected)
+    for field in ("reflectance", "transmittance", "roughness", "specular", "ior", "absorption"):
+        if hasattr(expected, field):
+            assert getattr(given, field) == pytest.approx(getattr(expected, field)), field
+
+
+def test_a_scaled_solid_absorbs_as_much_on_its_way_through(tmp_path):
+    (tmp_path / "a.rad").write_text(f"void dielectric m 0 0 5 .5 .5 .5 1.5 0\nm{SQUARE}")
+    (tmp_path / "b.rad").write_text("!xform -s 2 a.rad\n!xform -s .5 a.rad\n")
+    large, small = read([tmp_path / "b.rad"]).layers
+    assert [large.name, small.name] == ["m", "m (2)"]
+    assert large.material.absorption == pytest.approx(np.log(2) / 2)
+    assert small.material.absorption == pytest.approx(2 * np.log(2))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("void plastic m 0 0 5 1.2 .5 .5 0 0", "plastic 'm': a colour of 1.2"),
+        ("void plastic m 0 0 4 .5 .5 .5 0", "plastic 'm': 0 strings and 4 numbers"),
+        ("void metal2 m 0 0 6 .5 .5 .5 .9 .1 .1", "metal2 'm': 0 strings"),
+        ("void trans m 0 0 7 .9 .9 .9 0 0 .5 .5", "22.5 % transmitted"),
+        ("void glass m 0 0 4 .9 .9 .9 1", "a refractive index of 1"),
+        ("void dielectric m 0 0 5 0 0 0 1.5 0", "a transmission of 0"),
+        ("void interface m 0 0 8 1 1 1 1.5 1 1 1 1.3", "not air"),
+        ("void antimatter m 0 0 0", "antimatter 'm': a material without a counterpart"),
+        ("void mist m 0 0 0", "mist 'm'"),
+        ("void transfunc m 2 f g.cal 0 6 .1 .1 .1 0 .5 .5", "transfunc 'm'"),
+        ("void ashik2 m 4 1 0 0 . 0 8 .3 .1 .05 .05 .05 .08 5 30", "ashik2 'm'"),
+        ("void BRTDfunc m 10 0 0 0 0 0 0 0 0 0 my.cal 0 9 0 0 0 0 0 0 0 0 0", "'my.cal'"),
+        ("void BRTDfunc m 10 0 0 0 0 0 0 0 0 0 . 0 9 0 0 0 0 0 0 .1 .1 .1", "scatters light"),
+        ("void BRTDfunc m 10 RdotP 0 0 0 0 0 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", "'RdotP'"),
+        ("void BRTDfunc m 10 .6 0 0 .6 0 0 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", "no shares"),
+        ("void mirror m 1 void 0 3 .5 .5 .5", "void as its alternate material"),
+        ("void colorpict c 7 a b c d e f g 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "colorpict 'c'"),
+        ("void texfunc c 4 x y z f.cal 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "texfunc 'c'"),
+        ("void mixfunc m 4 void void x f.cal 0 0", "mixfunc 'm': a mixture"),
+        ("void brightfunc b 2 .5 . 0 0\nb BSDF m 6 0 a.xml 0 0 1 . 0 0", "a pattern other than 1"),
+        ("void plastic a 0 0 5 0 0 0 0 0\na plastic m 0 0 5 0 0 0 0 0", "modified by 'a'"),
+        ("void alias m nothing", "'nothing' is not defined"),
+        ("void wood m 0 0 0", "wood 'm': no kind of primitive"),
+    ],
+)
+def test_what_has_no_counterpart_is_refused_by_name(text, complaint, tmp_path):
+    with pytest.raises(InputError) as error:
+        material(text, tmp_path)
+    assert complaint in str(error.value)
+    assert "x.rad: line " in str(error.value)
+
+
+def test_materials_that_no_surface_has_are_not_judged(tmp_path):
+    text = f"void antimatter a 0 0 0\nvoid plastic m 0 0 5 .5 .5 .5 0 0\nm{SQUARE}"
+    assert len(model_of(text, tmp_path).layers) == 1
+
+
+def test_means_take_patterns_as_one_and_name_them(tmp_path):
+    text = (
+        "void colorpict c 7 a b c d e f g 0 0\nc plastic a 0 0 5 .5 .5 .5 0 0\n"
+        f"void metal b 0 0 5 .6 .6 .6 0 0\nvoid mixfunc m 4 a b x f.cal 0 0\nm{SQUARE}"
+        f"void mixtext t 4 a b f t 0 0\nt{SQUARE}"
+    )
+    first, second = model_of(text, tmp_path, means=True).layers
+    assert (first.material, second.material) == (Lambertian(0.5), Lambertian(0.6))
+    assert model_of(text, tmp_path, means=True).notes == (
+        "Mixtures count as their first material, text as its background: m, t.",
+        "Patterns and textures count as their mean of 1: c.",
+    )
+
+
+def test_roles_names_and_notes(tmp_path):
+    text = (
+        "void glow sky 0 0 4 1 1 1 0\nsky source s 0 0 4 0 0 1 180\n"
+        f"void plastic a 0 0 5 .5 .5 .5 .02 0\na{WALL}\nvoid glass b 0 0 3 .9 .9 .9\nb{WALL}\n"
+        f"void light c 0 0 3 1 1 1\nc{WALL}\nvoid{WALL}\nvoid illum d 0 0 3 1 1 1\nd{WALL}"
+    )
+    model = model_of(text, tmp_path)
+    assert {layer.name: layer.role for layer in model.layers} == {
+        "a": "surface",
+        "b": "pane",
+        "c": "surface",
+    }
+    assert model.notes == (
+        "Suns, skies and grounds of the source files are left out: the weather file gives them.",
+        "Mirrored light counts as diffuse where it is at most 5 % of the light: a.",
+        "Panes keep Radiance's transmittance at normal incidence and are at most 0.04 off at "
+        "others: b.",
+        "Daylight is the only light: lamps are black: c.",
+        "Surfaces without a material are left out.",
+    )
+
+
+@pytest.fixture
+def pane(tmp_path):
+    (tmp_path / "film.xml").write_text("<xml/>")
+
+    def layers(kind, up, wall=WALL, extra=""):
+        thick = "0 " if kind == "BSDF" else ""
+        count = 5 + len(thick.split()) + len(extra.split())
+        text = f"void {kind} m {count} {thick}film.xml {up} . {extra} 0 0\nm{wall}"
+        return model_of(text, tmp_path).layers
+
+    return layers
+
+
+LEVEL = " polygon roof 0 0 12 0 0 0 1 0 0 1 1 0 0 1 0\n"
+
+
+@pytest.mark.parametrize(
+    ("up", "wall", "extra", "turn"),
+    [
+        ("0 0 1", WALL, "", False),
+        ("0 0 -1", WALL, "", True),
+        ("0 .7 .5", WALL, "", False),
+        ("0 1 0", WALL, "-rx 90", False),
+        ("0 1 0", WALL, "-rx -90", True),
+        ("0 1 0", LEVEL, "", False),
+        ("0 -1 0", LEVEL, "", True),
+    ],
+)
+def test_a_film_is_mounted_as_its_up_vector_says(up, wall, extra, turn, pane):
+    (layer,) = pane("BSDF", up, wall, extra)
+    assert (layer.material.turn, layer.material.straight_through) == (turn, "auto")
+    assert (layer.role, layer.material.flip) == ("pane", False)
+    assert pane("aBSDF", up, wall, extra)[0].material.straight_through == "on"
+
+
+def test_films_move_with_the_files_that_they_stand_in(pane, tmp_path):
+    pane("BSDF", "0 0 1")
+    (tmp_path / "turned.rad").write_text("!xform -a 2 -rx 180 -i 1 -rz 30 x.rad\n")
+    up, down = read([tmp_path / "turned.rad"]).layers
+    assert [up.material.turn, down.material.turn] == [False, True]
+    assert len(up.quads) == len(down.quads) == 1
+
+
+@pytest.mark.parametrize(("up", "wall"), [("1 0 1", WALL), ("0 0 1", LEVEL), ("0 1 0", WALL)])
+def test_a_film_that_lies_askew_is_refused(up, wall, pane):
+    with pytest.raises(InputError, match="neither up nor down"):
+        pane("BSDF", up, wall)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("BSDF m 6 .1 film.xml 0 0 1 . 0 0", "a thickness of .1"),
+        ("BSDF m 6 t film.xml 0 0 1 . 0 0", "unknown name 't'"),
+        ("BSDF m 6 0 film.xml 0 0 1 f.cal 0 0", "function file 'f.cal'"),
+        ("BSDF m 6 0 film.xml 0 0 1 . 0 3 .1 .1 .1", "diffuse parts"),
+        ("BSDF m 6 0 gone.xml 0 0 1 . 0 0", "no file 'gone.xml'"),
+        ("aBSDF m 4 film.xml 0 0 1 0 0", "4 strings"),
+        ("aBSDF m 7 film.xml 0 0 1 . -q 2 0 0", "the transform '-q 2'"),
+    ],
+)
+def test_a_film_that_cannot_be_followed_is_refused(text, complaint, pane, tmp_path):
+    pane("BSDF", "0 0 1")
+    with pytest.raises(InputError) as error:
+        material(f"void {text}", tmp_path)
+    assert complaint in str(error.value)
