@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drcmitsuba.case.materials import Reflectance
+from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 GREY = 1e-6

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drcmitsuba.case.materials import BsdfMaterial
+from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.definitions import Definition
 from drcmitsuba.model.radiance.text import Primitive, sought

@@ -12,7 +12,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from drcmitsuba.case.materials import GlazingMaterial
+from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.colour import luminance
 from drcmitsuba.model.radiance.text import Primitive

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     DielectricMaterial,
     DiffuserMaterial,
     Lambertian,

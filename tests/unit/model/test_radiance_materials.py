@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
