@@ -26,6 +26,18 @@ def role_of(material: SurfaceMaterial) -> Role:
 
 
 @dataclass(frozen=True, eq=False)
+class LayerState:
+    """State that a layer takes together with the other layers of its group."""
+
+    name: str
+    """Name of the state: that of its material in the source."""
+    material: SurfaceMaterial | None
+    """Material of the layer in this state; None where the state leaves an opening."""
+    shades: tuple[Layer, ...] = ()
+    """Surfaces that stand in this state only."""
+
+
+@dataclass(frozen=True, eq=False)
 class Layer:
     """Surfaces of one material name."""
 
@@ -43,6 +55,9 @@ class Layer:
     meshes of many faces may have one place for all, which then is the only entry."""
     group: str = ""
     """Group of panes that change their state together; "" for none."""
+    states: tuple[LayerState, ...] = ()
+    """States of the group, as this layer takes them: state k of a group is the k-th of each of its
+    layers. Material and surfaces of the first state are `material` and `states[0].shades`."""
 
     def place(self, quad: int) -> str:
         """Where a quad stands in the source."""

@@ -1,0 +1,185 @@
+"""Many polygons of three or four corners at once, as parallelograms and triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from drcmitsuba.model.polygon import FLAT, SAME, quads_of
+
+PARALLEL = 1e-6
+"""Largest gap between a corner and the one that closes a parallelogram, over the extent [–]."""
+
+
+def are_parallelograms(corners: np.ndarray) -> np.ndarray:
+    """Whether polygons (polygon, 4, 3) are parallelograms, bool (polygon,)."""
+    gap = np.abs(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]).max(axis=1)
+    return np.asarray(gap <= PARALLEL * np.ptp(corners, axis=1).max(axis=1))
+
+
+def have_area(corners: np.ndarray) -> np.ndarray:
+    """Whether polygons (polygon, corner, 3) of three or four corners have an area, bool."""
+    diagonals = corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1]
+    size = np.linalg.norm(_cross(*diagonals), axis=1) / 2
+    return np.asarray(size > SAME * np.ptp(corners, axis=1).max(axis=1) ** 2)
+
+
+def facet_quads(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cut polygons of three or four corners; those that are no parallelograms need not be planar.
+
+    Polygons without area are left out.
+
+    Parameters
+    ----------
+    corners : np.ndarray, shape (polygon, 3, 3) or (polygon, 4, 3)
+        Corners in turn, counter-clockwise from the front [m].
+
+    Returns
+    -------
+    quads : np.ndarray, shape (quad, 4, 3)
+        Parallelograms, and triangles that repeat their last corner [m].
+    polygon : np.ndarray, shape (quad,)
+        Polygon that each quad is part of, in increasing order.
+    """
+    index = np.arange(len(corners))
+    if corners.shape[1] == 3:
+        quads, polygon = corners[:, [0, 1, 2, 2]], index
+    else:
+        whole = are_parallelograms(corners)
+        first, second = _halves(corners[~whole])
+        quads = np.concatenate([corners[whole], first, second])
+        polygon = np.concatenate([index[whole], index[~whole], index[~whole]])
+        order = np.argsort(polygon, kind="stable")
+        quads, polygon = quads[order], polygon[order]
+    kept = have_area(quads)
+    return quads[kept], polygon[kept]
+
+
+def polygon_quads(corners: np.ndarray, refuse: Callable[[int, str], Exception]) -> np.ndarray:
+    """Cut polygons of one number of corners; those of more than four must be planar.
+
+    Parameters
+    ----------
+    corners : np.ndarray, shape (polygon, corner, 3)
+        Corners in turn, counter-clockwise from the front [m].
+    refuse : callable
+        Error to raise, from the index of a polygon and what is wrong with it.
+
+    Returns
+    -------
+    np.ndarray, shape (quad, 4, 3)
+        Parallelograms, and triangles that repeat their last corner, in the order of the polygons.
+    """
+    if corners.shape[1] <= 4:
+        return facet_quads(corners)[0]
+    convex = _are_convex(corners)
+    second = np.arange(2, corners.shape[1])
+    fan = np.stack([0 * second, second - 1, second, second], axis=1)
+    quads = corners[:, fan]
+    parts = [quads[convex].reshape(-1, 4, 3)]
+    polygon = [np.repeat(np.flatnonzero(convex), len(fan))]
+    for k in np.flatnonzero(~convex):
+        try:
+            parts.append(quads_of(corners[k]))
+        except ValueError as error:
+            raise refuse(int(k), str(error)) from None
+        polygon.append(np.full(len(parts[-1]), k))
+    return np.concatenate(parts)[np.argsort(np.concatenate(polygon), kind="stable")]
+
+
+def _are_convex(corners: np.ndarray) -> np.ndarray:
+    """Whether polygons (polygon, corner, 3) are planar and seen whole from their first corner."""
+    spokes = corners[:, 1:] - corners[:, :1]
+    cross = _cross(spokes[:, :-1], spokes[:, 1:])
+    normal = cross.sum(axis=1)
+    size = np.linalg.norm(normal, axis=1)
+    extent = np.ptp(corners, axis=1).max(axis=1)
+    normal /= np.maximum(size, np.finfo(float).tiny)[:, None]
+    flat = np.abs(np.einsum("pcx,px->pc", spokes, normal)).max(axis=1) <= FLAT * extent
+    sine = np.einsum("pcx,px->pc", cross, normal)
+    cosine = (spokes[:, :-1] * spokes[:, 1:]).sum(axis=2)
+    once = np.arctan2(sine, cosine).sum(axis=1) < 2 * np.pi - 1e-6
+    return flat & once & (sine > SAME * extent[:, None] ** 2).all(axis=1)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross product over the last axis, several times faster than NumPy's."""
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _halves(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two triangles of each polygon (polygon, 4, 3), along the diagonal that lies inside."""
+
+    def normal(i: int, j: int, k: int) -> np.ndarray:
+        a, b, c = corners[:, i], corners[:, j], corners[:, k]
+        return _cross(b - a, c - a)
+
+    inside = (normal(0, 1, 2) * normal(0, 2, 3)).sum(axis=1) >= 0
+    turned = np.where(inside[:, None, None], corners, np.roll(corners, -1, axis=1))
+    return turned[:, [0, 1, 2, 2]], turned[:, [0, 2, 3, 3]]
+
+
+def join(quads: np.ndarray) -> np.ndarray:
+    """Make one quad of two triangles that follow each other and share a parallelogram's diagonal.
+
+    Files that know only triangles write parallelograms so.
+
+    Parameters
+    ----------
+    quads : np.ndarray, shape (quad, 4, 3)
+        Parallelograms, and triangles that repeat their last corner [m].
+
+    Returns
+    -------
+    np.ndarray, shape (quad, 4, 3)
+        The same surface in fewer quads [m].
+    """
+    closing = _closes(quads)
+    opening = np.roll(closing, -1)
+    out = quads.copy()
+    out[opening] = _parallelogram(quads[opening], quads[closing])[0]
+    return out[~closing]
+
+
+def _closes(quads: np.ndarray) -> np.ndarray:
+    """Whether a quad is the second triangle of a parallelogram that the one before begins."""
+    fits = np.zeros(len(quads), bool)
+    pairs = _candidates(quads)
+    fits[pairs + 1] = _parallelogram(quads[pairs], quads[pairs + 1])[1]
+    # In a run of triangles that all fit the one before, every second one closes.
+    index = np.arange(len(quads))
+    start = np.maximum.accumulate(np.where(fits, 0, index))
+    return np.asarray(fits & ((index - start) % 2 == 1))
+
+
+def _candidates(quads: np.ndarray) -> np.ndarray:
+    """Index of triangles that may make a parallelogram with the next one.
+
+    With the sums S of their corners, its corner off the shared diagonal is (2 S₁ − S₂) / 3.
+    """
+    total = quads[:, :3].sum(axis=1)
+    apex = (2 * total[:-1] - total[1:]) / 3
+    triangle = (quads[:, 2] == quads[:, 3]).all(axis=1)
+    near = 1e-5 * np.ptp(quads[:-1], axis=1).max(axis=1)
+    off = [np.abs(quads[:-1, k] - apex).max(axis=1) for k in range(3)]
+    return np.flatnonzero(triangle[:-1] & triangle[1:] & (np.min(off, axis=0) <= near))
+
+
+def _parallelogram(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parallelograms (pair, 4, 3) that pairs of triangles make, and whether they make one."""
+    out = np.concatenate([first[:, :3], first[:, :1]], axis=1)
+    fits = np.zeros(len(first), bool)
+    for i in range(3):
+        for j in range(3):
+            a, b = first[:, i], first[:, (i + 1) % 3]  # edge of the first triangle
+            c, d = second[:, (j + 1) % 3], second[:, j]  # the same edge, run the other way
+            quad = np.stack([b, first[:, (i + 2) % 3], a, second[:, (j + 2) % 3]], axis=1)
+            meets = (a == c).all(axis=1) & (b == d).all(axis=1) & are_parallelograms(quad)
+            start = np.argmin(np.abs(quad - first[:, None, 0]).sum(axis=2), axis=1)
+            turn = (start[:, None] + np.arange(4)) % 4
+            quad = np.take_along_axis(quad, turn[:, :, None], axis=1)
+            out = np.where(meets[:, None, None], quad, out)
+            fits |= meets
+    return out, fits

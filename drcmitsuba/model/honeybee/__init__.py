@@ -1,0 +1,17 @@
+"""HBJSON models of Honeybee.
+
+reader
+    `read`: from a file to a model.
+entries
+    JSON objects whose values are checked where they are read.
+pieces, layers
+    Polygons of rooms and shades, once each, and the layers that they make.
+modifiers, modifier_materials, notes
+    Which modifier an object has, its material, and what that simplifies; `bsdf_xml`: BSDF files
+    that a model holds.
+"""
+
+from drcmitsuba.model.honeybee.modifier_materials import bsdf_xml
+from drcmitsuba.model.honeybee.reader import read
+
+__all__ = ["bsdf_xml", "read"]

@@ -1,0 +1,36 @@
+"""Files from strangers: their size is known before a byte is read."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from drcmitsuba.runtime.errors import InputError
+
+LARGEST = 2 * 10**9
+"""Largest file that is read [B]."""
+
+
+def size_of(file: Path, largest: int = LARGEST) -> int:
+    """Size of a file [B]; InputError where it is no file or larger than the largest [B]."""
+    try:
+        state = file.stat()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(file, "file", reason, "check the path") from None
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError(file, "file", "not a file", "give the path of a file")
+    if state.st_size > largest:
+        got = f"{state.st_size / 1e9:.3g} GB"
+        raise InputError(file, "size", got, f"give a file of at most {largest / 1e9:g} GB")
+    return state.st_size
+
+
+def read_bytes(file: Path, largest: int = LARGEST) -> bytes:
+    """Content of a file; InputError where it cannot be read or is larger than the largest [B]."""
+    size = size_of(file, largest)
+    try:
+        with file.open("rb") as stream:
+            return stream.read(size)
+    except OSError as error:
+        raise InputError(file, "file", error.strerror or str(error), "check the path") from None

@@ -1,0 +1,316 @@
+"""HBJSON models: surfaces, panes, shades and groups; areas, fronts and counts are exact."""
+
+import json
+
+import numpy as np
+import pytest
+
+from drcmitsuba.case.materials import DiffuserMaterial, Lambertian, MirrorMaterial
+from drcmitsuba.model import honeybee
+from drcmitsuba.model.honeybee.modifiers import DEFAULT_SET, GLASS, PLASTIC
+from drcmitsuba.model.model import View
+from drcmitsuba.model.polygon import area_vector
+from tests import SHARED
+from tests.unit.model import box_room as box
+
+WALL, PANE = "generic_wall_0.50", "generic_exterior_window_vis_0.64"
+SAMPLES = SHARED / "data" / "hbjson"
+has_samples = pytest.mark.skipif(not SAMPLES.is_dir(), reason="no sample models beside the project")
+
+
+def read(folder, *rooms, **fields):
+    return honeybee.read(box.written(folder, box.model(*rooms, **fields)))
+
+
+def shade(name, height, modifier=None, **fields):
+    corners = [[0, 0, height], [2, 0, height], [2, 1, height], [0, 1, height]]
+    return box.element("Shade", name, corners, modifier, **fields)
+
+
+def test_a_box_has_its_areas_and_fronts_outside(tmp_path):
+    model = read(tmp_path, box.room())
+    assert box.area_of(model.layers) == pytest.approx(
+        {
+            ("generic_floor_0.20", "surface"): 24,
+            (WALL, "surface"): 2 * 6 * 3 + 2 * 4 * 3 - 2,
+            (PANE, "pane"): 2,
+            ("generic_ceiling_0.80", "surface"): 24,
+        }
+    )
+    centre = box.CORNERS.mean(axis=0)
+    for layer in model.layers:
+        for quad in layer.quads:
+            assert area_vector(quad) @ (quad.mean(axis=0) - centre) > 0
+    assert box.layer_of(model, PANE).quads.shape == (1, 4, 3)
+    assert box.layer_of(model, WALL).place(0) == "Face Room_South"
+    assert "generic_wall_0.50" in model.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"),
+    [
+        ("Meters", 1),
+        ("Millimeters", 1e-3),
+        ("Centimeters", 0.01),
+        ("Feet", 0.3048),
+        ("Inches", 0.0254),
+    ],
+)
+def test_every_unit_becomes_metres(tmp_path, unit, metres):
+    grid = {"identifier": "g", "sensors": [{"pos": [1, 2, 3], "dir": [0, 0, 2]}]}
+    view = {"identifier": "v", "view_type": "l", "h_size": 2, "v_size": 4}
+    view |= {"position": [1, 1, 1], "direction": [0, 1, 0], "up_vector": [0, 0, 1]}
+    model = read(
+        tmp_path, box.room(), units=unit, radiance={"sensor_grids": [grid], "views": [view]}
+    )
+    assert box.layer_of(model, PANE).quads[0] == pytest.approx(box.WINDOW * metres)
+    assert model.grids[0].points == pytest.approx(np.array([[1, 2, 3]]) * metres)
+    assert model.grids[0].normals.tolist() == [[0, 0, 1]]
+    at = (metres, metres, metres)
+    assert model.views == (View("v", "l", at, (0, 1, 0), (0, 0, 1), (2 * metres, 4 * metres)),)
+
+
+def touching(name, *others):
+    return {"type": "Surface", "boundary_condition_objects": [name, *others]}
+
+
+def two_rooms():
+    """Two rooms side by side, whose wall between them has an aperture and a glass door."""
+    first, second = box.room("A"), box.room("B", 4.0)
+    hole = np.array([[4, 1, 1], [4, 2, 1], [4, 2, 2], [4, 1, 2.0]])
+    door = hole + [0, 2, 0]
+    east, west = first["faces"][2], second["faces"][4]
+    east["boundary_condition"] = touching("B_West", "B")
+    west["boundary_condition"] = touching("A_East", "A")
+    for face, own, other, ring in (
+        (east, "A", "B", slice(None)),
+        (west, "B", "A", slice(None, None, -1)),
+    ):
+        on = {"boundary_condition": touching(f"{other}_Glass")}
+        face["apertures"] = [box.element("Aperture", f"{own}_Glass", hole[ring], **on)]
+        on = {"boundary_condition": touching(f"{other}_Door"), "is_glass": True}
+        face["doors"] = [box.element("Door", f"{own}_Door", door[ring], **on)]
+    return first, second
+
+
+def test_walls_panes_and_doors_between_rooms_count_once(tmp_path):
+    model = read(tmp_path, *two_rooms())
+    areas = box.area_of(model.layers)
+    assert areas[WALL, "surface"] == pytest.approx(3 * 6 * 3 - 2 + 4 * 4 * 3 - 4)
+    between = box.layer_of(model, "generic_interior_window_vis_0.88")
+    assert [between.place(k) for k in range(2)] == ["Aperture A_Glass", "Door A_Door"]
+    wall = box.layer_of(model, WALL)
+    places = {wall.place(k) for k in range(len(wall.quads))}
+    assert "Face A_East" in places
+    assert "Face B_West" not in places
+
+
+def test_air_boundaries_and_void_modifiers_are_openings(tmp_path):
+    first, second = two_rooms()
+    first["faces"][2]["face_type"] = second["faces"][4]["face_type"] = "AirBoundary"
+    first["faces"][1]["apertures"][0]["properties"]["radiance"]["modifier"] = "nothing"
+    void = {"type": "Void", "identifier": "nothing"}
+    model = read(tmp_path, first, second, radiance={"modifiers": [void]})
+    areas = box.area_of(model.layers)
+    assert areas[WALL, "surface"] == pytest.approx(2 * 6 * 3 - 2 + 4 * 4 * 3 - 2)
+    assert areas[PANE, "pane"] == pytest.approx(2)
+
+
+def test_doors_holes_and_openings_at_the_edge_are_cut_out(tmp_path):
+    room = box.room()
+    south, top = room["faces"][1], room["faces"][5]
+    door = [[0.2, 0, 0], [0.8, 0, 0], [0.8, 0, 2], [0.2, 0, 2]]
+    south["doors"] = [box.element("Door", "Door", door)]
+    hole = [[1, 1, 3], [2, 1, 3], [2, 2, 3], [1, 2, 3]]
+    top["geometry"] = box.geometry(box.CORNERS[box.FACES["Top"][1]], [hole])
+    areas = box.area_of(read(tmp_path, room).layers)
+    assert areas[WALL, "surface"] == pytest.approx(2 * 18 + 2 * 12 - 2 - 1.2)
+    assert areas["generic_opaque_door_0.50", "surface"] == pytest.approx(1.2)
+    assert areas["generic_ceiling_0.80", "surface"] == pytest.approx(23)
+
+
+def test_corners_within_the_tolerance_are_put_on_their_plane(tmp_path):
+    room = box.room()
+    window = room["faces"][1]["apertures"][0]
+    window["geometry"]["boundary"][0][1] = 0.008
+    layers = read(tmp_path, room, tolerance=0.01).layers
+    assert box.area_of(layers)[WALL, "surface"] == pytest.approx(58)
+
+
+def test_orphans_are_part_of_the_model(tmp_path):
+    orphans = {
+        "orphaned_faces": [box.element("Face", "F", box.WINDOW, face_type="Wall")],
+        "orphaned_apertures": [box.element("Aperture", "P", box.WINDOW + 9)],
+        "orphaned_doors": [box.element("Door", "D", box.WINDOW + 19)],
+        "orphaned_shades": [shade("S", 5, is_detached=True)],
+        "shade_meshes": [
+            {
+                "type": "ShadeMesh",
+                "identifier": "M",
+                "geometry": {"vertices": box.VERTICES.tolist(), "faces": [[0, 1, 5], [0, 2, 3, 1]]},
+                "is_detached": detached,
+                "properties": {},
+            }
+            | {"identifier": f"M{detached}"}
+            for detached in (True, False)
+        ],
+    }
+    assert box.area_of(read(tmp_path, **orphans).layers) == pytest.approx(
+        {
+            (WALL, "surface"): 2,
+            (PANE, "pane"): 2,
+            ("generic_opaque_door_0.50", "surface"): 2,
+            ("generic_context_0.20", "context"): 2 + 6 + 24,
+            ("generic_exterior_shade_0.35", "context"): 6 + 24,
+        }
+    )
+
+
+def test_modifiers_of_object_room_and_model_come_in_turn(tmp_path):
+    own, of_room, of_model = (
+        box.plastic(name, v, v, v) for name, v in (("o", 0.1), ("r", 0.2), ("m", 0.3))
+    )
+    room_set = {
+        "type": "ModifierSetAbridged",
+        "identifier": "set",
+        "wall_set": {"exterior_modifier": "r"},
+    }
+    whole = {"wall_set": {"exterior_modifier": "m"}, "floor_set": {"exterior_modifier": "m"}}
+    whole |= {"type": "GlobalModifierSet", "modifiers": [of_model]}
+    radiance = {
+        "modifiers": [own, of_room],
+        "modifier_sets": [room_set],
+        "global_modifier_set": whole,
+    }
+    first, second = box.room("A"), box.room("B", 9.0)
+    first["properties"] = {"radiance": {"modifier_set": "set"}}
+    first["faces"][2]["properties"]["radiance"]["modifier"] = "o"
+    areas = box.area_of(read(tmp_path, first, second, radiance=radiance).layers)
+    assert areas["o", "surface"] == pytest.approx(18)
+    assert areas["r", "surface"] == pytest.approx(58 - 18)
+    assert areas["m", "surface"] == pytest.approx(58 + 2 * 24)
+
+
+def test_modifiers_become_materials(tmp_path):
+    glass = {f"{c}_transmissivity": 0.6975761815384331 for c in "rgb"}
+    modifiers = [
+        box.plastic("coloured", 0.6, 0.4, 0.2),
+        box.plastic("glossy", 0.5, 0.5, 0.5, specularity=0.1, roughness=0.02),
+        box.plastic("shiny", 0.9, 0.9, 0.9, type="Metal", specularity=0.95),
+        {"type": "Mirror", "identifier": "mirror"},
+        {"type": "Glass", "identifier": "glass", "refraction_index": None} | glass,
+        box.plastic("sheet", 0.5, 0.5, 0.5, type="Trans", transmitted_diff=0.4),
+        {"type": "Glow", "identifier": "lamp", "r_emittance": 1},
+    ]
+    shades = [shade(f"s{k}", 5 + k, each["identifier"]) for k, each in enumerate(modifiers)]
+    model = read(tmp_path, orphaned_shades=shades, radiance={"modifiers": modifiers})
+    made = {layer.name: layer.material for layer in model.layers}
+    assert made["coloured"] == Lambertian((0.6, 0.4, 0.2))
+    assert made["lamp"] == Lambertian(0.0)
+    assert made["mirror"] == MirrorMaterial(type="mirror", reflectance=1)
+    assert made["sheet"] == DiffuserMaterial(type="diffuser", transmittance=0.2, reflectance=0.3)
+    assert made["glossy"].reflectance == pytest.approx(0.55)
+    assert made["glossy"].specular == pytest.approx(0.1 / 0.55)
+    assert made["shiny"].specular == pytest.approx(0.95)
+    assert made["glass"].transmittance == pytest.approx(0.64, abs=1e-6)
+    assert made["glass"].reflectance == pytest.approx(0.0616, abs=1e-4)
+    assert any("lamps are black: Glow lamp" in note for note in model.notes)
+
+
+def test_states_of_a_group_give_materials_and_shades_in_turn(tmp_path):
+    room = box.room()
+    states = [{"modifier": "clear"}, {"modifier": "dark", "shades": [shade("awning", 2)]}, {}]
+    dynamic = {"dynamic_group_identifier": "south", "states": states}
+    room["faces"][1]["apertures"][0]["properties"]["radiance"] = dynamic
+    glass = [{f"{c}_transmissivity": t for c in "rgb"} for t in (0.9, 0.1)]
+    modifiers = [
+        {"type": "Glass", "identifier": name} | each
+        for name, each in zip(("clear", "dark"), glass, strict=True)
+    ]
+    layer = box.layer_of(read(tmp_path, room, radiance={"modifiers": modifiers}), "clear")
+    assert layer.group == "south"
+    assert [state.name for state in layer.states] == ["clear", "dark", PANE]
+    assert layer.states[0].material == layer.material
+    assert layer.states[1].material.transmittance < 0.1
+    assert [len(state.shades) for state in layer.states] == [0, 1, 0]
+    assert layer.states[1].shades[0].quads.shape == (1, 4, 3)
+
+
+def test_polygons_without_area_are_left_out_with_a_note(tmp_path):
+    line = shade("line", 5)
+    line["geometry"] = box.geometry([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    model = read(tmp_path, orphaned_shades=[shade("s", 4), line])
+    assert len(model.layers[0].quads) == 1
+    assert "Polygons without area are left out: Shade line." in model.notes
+
+
+COUNTS = {
+    "model_complete_holes": {"generic_floor_0.20": 1, WALL: 8, "generic_ceiling_0.80": 1, PANE: 1,
+                             "generic_context_0.20": 1},
+    "model_complete_single_zone_office": {
+        "generic_floor_0.20": 1, WALL: 4, "generic_ceiling_0.80": 1, PANE: 2,
+        "generic_opaque_door_0.50": 1, "generic_exterior_shade_0.35": 2,
+        "generic_interior_shade_0.50": 2, "generic_context_0.20": 1,
+    },
+    "model_energy_shoe_box": {"generic_floor_0.20": 1, WALL: 4, "generic_ceiling_0.80": 1, PANE: 2},
+    "model_radiance_dynamic_states": {
+        "generic_floor_0.20": 2, WALL: 7, "generic_ceiling_0.80": 2, "custom_triple_pane_0.3": 1,
+        "generic_opaque_door_0.50": 1, "generic_exterior_shade_0.35": 1, "ElectrochromicState1": 1,
+        "generic_interior_window_vis_0.88": 1, "outdoor_light_shelf_0.5": 1, "grass": 1,
+        "SummerLeaves": 1,
+    },
+    "model_radiance_grid_views": {
+        "generic_floor_0.20": 2, WALL: 7, "generic_ceiling_0.80": 2, PANE: 2,
+        "generic_interior_shade_0.50": 1, "generic_exterior_shade_0.35": 1,
+    },
+    "model_with_shade_mesh": {
+        "generic_floor_0.20": 1, WALL: 4, "generic_ceiling_0.80": 1, PANE: 2,
+        "generic_opaque_door_0.50": 1, "generic_interior_shade_0.50": 1,
+        "generic_exterior_shade_0.35": 1, "generic_context_0.20": 1,
+    },
+}  # fmt: skip
+"""Polygons of each modifier in Honeybee's own samples, counted by hand; a mesh is one."""
+
+
+@has_samples
+@pytest.mark.parametrize("name", COUNTS)
+def test_samples_of_honeybee_have_their_polygons(name):
+    model = honeybee.read(SAMPLES / f"{name}.hbjson")
+    assert {layer.name: len(set(layer.polygon)) for layer in model.layers} == COUNTS[name]
+
+
+@has_samples
+def test_sensors_views_and_states_of_the_samples_are_those_of_their_files():
+    model = honeybee.read(SAMPLES / "model_radiance_grid_views.hbjson")
+    assert {grid.name: len(grid.points) for grid in model.grids} == {
+        "Tiny_House_Zone": 200,
+        "Tiny_Garage": 200,
+    }
+    assert model.grids[0].points[0].tolist() == [4.75, 0.25, 1]
+    assert [view.direction for view in model.views] == [(0, -1, 0), (0, 1, 0)]
+    model = honeybee.read(SAMPLES / "model_radiance_dynamic_states.hbjson")
+    groups = {layer.group: len(layer.states) for layer in model.layers if layer.group}
+    assert groups == {
+        "ElectrochromicWindow": 4,
+        "DynamicLightShelf": 2,
+        "SeasonalGround": 2,
+        "DeciduousTree": 2,
+    }
+
+
+@has_samples
+def test_the_default_set_is_the_one_that_honeybee_writes():
+    text = (SAMPLES / "model_with_shade_mesh.hbjson").read_text()
+    written = json.loads(text)["properties"]["radiance"]["global_modifier_set"]
+    for key, inner in DEFAULT_SET.items():
+        own = written[key]
+        assert inner == (
+            {k: v for k, v in own.items() if k != "type"} if isinstance(own, dict) else own
+        )
+    modifiers = {each["identifier"]: each for each in written["modifiers"]}
+    assert set(modifiers) == {*GLASS, *PLASTIC, "air_boundary"}
+    for name, reflectance in PLASTIC.items():
+        assert modifiers[name]["r_reflectance"] == reflectance
+    for name, transmittance in GLASS.items():
+        pane = honeybee.modifiers.radiance_materials.transmissivity(transmittance)
+        assert modifiers[name]["r_transmissivity"] == pytest.approx(pane, abs=1e-9)
