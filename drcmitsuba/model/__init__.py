@@ -8,4 +8,14 @@ polygon
     Polygons of any shape, with holes, as triangles and parallelograms.
 radiance
     Radiance scene descriptions, views and sensors.
+facets
+    Many polygons of few corners at once; triangles joined to parallelograms.
+source_file, notes
+    Files from strangers, of bounded size; sentences about what a reader simplified.
+radiance_materials
+    Materials of Radiance as those of the engine.
+honeybee
+    `read`: HBJSON models of Honeybee.
+mesh
+    `read`: OBJ, PLY, STL, glTF and GLB files.
 """

@@ -56,7 +56,9 @@ def facet_quads(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return quads[kept], polygon[kept]
 
 
-def polygon_quads(corners: np.ndarray, refuse: Callable[[int, str], Exception]) -> np.ndarray:
+def polygon_quads(
+    corners: np.ndarray, refuse: Callable[[int, str], Exception]
+) -> tuple[np.ndarray, np.ndarray]:
     """Cut polygons of one number of corners; those of more than four must be planar.
 
     Parameters
@@ -68,24 +70,28 @@ def polygon_quads(corners: np.ndarray, refuse: Callable[[int, str], Exception]) 
 
     Returns
     -------
-    np.ndarray, shape (quad, 4, 3)
-        Parallelograms, and triangles that repeat their last corner, in the order of the polygons.
+    quads : np.ndarray, shape (quad, 4, 3)
+        Parallelograms, and triangles that repeat their last corner [m].
+    polygon : np.ndarray of int, shape (quad,)
+        Polygon that each quad is part of, in increasing order.
     """
     if corners.shape[1] <= 4:
-        return facet_quads(corners)[0]
+        return facet_quads(corners)
     convex = _are_convex(corners)
     second = np.arange(2, corners.shape[1])
     fan = np.stack([0 * second, second - 1, second, second], axis=1)
     quads = corners[:, fan]
     parts = [quads[convex].reshape(-1, 4, 3)]
-    polygon = [np.repeat(np.flatnonzero(convex), len(fan))]
+    polygons = [np.repeat(np.flatnonzero(convex), len(fan))]
     for k in np.flatnonzero(~convex):
         try:
             parts.append(quads_of(corners[k]))
         except ValueError as error:
             raise refuse(int(k), str(error)) from None
-        polygon.append(np.full(len(parts[-1]), k))
-    return np.concatenate(parts)[np.argsort(np.concatenate(polygon), kind="stable")]
+        polygons.append(np.full(len(parts[-1]), k))
+    polygon = np.concatenate(polygons)
+    order = np.argsort(polygon, kind="stable")
+    return np.concatenate(parts)[order], polygon[order]
 
 
 def _are_convex(corners: np.ndarray) -> np.ndarray:
@@ -121,7 +127,7 @@ def _halves(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return turned[:, [0, 1, 2, 2]], turned[:, [0, 2, 3, 3]]
 
 
-def join(quads: np.ndarray) -> np.ndarray:
+def join(quads: np.ndarray, part: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Make one quad of two triangles that follow each other and share a parallelogram's diagonal.
 
     Files that know only triangles write parallelograms so.
@@ -130,28 +136,29 @@ def join(quads: np.ndarray) -> np.ndarray:
     ----------
     quads : np.ndarray, shape (quad, 4, 3)
         Parallelograms, and triangles that repeat their last corner [m].
+    part : np.ndarray of int, shape (quad,), optional
+        Part of a mesh that each is of; those of two parts stay apart.
 
     Returns
     -------
-    np.ndarray, shape (quad, 4, 3)
+    quads : np.ndarray, shape (quad, 4, 3)
         The same surface in fewer quads [m].
+    part : np.ndarray of int, shape (quad,)
+        Part that each is of.
     """
-    closing = _closes(quads)
+    part = np.zeros(len(quads), int) if part is None else part
+    pairs = _candidates(quads)
+    pairs = pairs[part[pairs] == part[pairs + 1]]
+    closing = np.zeros(len(quads), bool)
+    closing[pairs + 1] = _parallelogram(quads[pairs], quads[pairs + 1])[1]
+    # In a run of triangles that all fit the one before, every second one closes.
+    index = np.arange(len(quads))
+    start = np.maximum.accumulate(np.where(closing, 0, index))
+    closing &= (index - start) % 2 == 1
     opening = np.roll(closing, -1)
     out = quads.copy()
     out[opening] = _parallelogram(quads[opening], quads[closing])[0]
-    return out[~closing]
-
-
-def _closes(quads: np.ndarray) -> np.ndarray:
-    """Whether a quad is the second triangle of a parallelogram that the one before begins."""
-    fits = np.zeros(len(quads), bool)
-    pairs = _candidates(quads)
-    fits[pairs + 1] = _parallelogram(quads[pairs], quads[pairs + 1])[1]
-    # In a run of triangles that all fit the one before, every second one closes.
-    index = np.arange(len(quads))
-    start = np.maximum.accumulate(np.where(fits, 0, index))
-    return np.asarray(fits & ((index - start) % 2 == 1))
+    return out[~closing], part[~closing]
 
 
 def _candidates(quads: np.ndarray) -> np.ndarray:

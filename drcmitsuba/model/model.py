@@ -19,10 +19,10 @@ Role = Literal["surface", "pane", "context"]
 """Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""
 
 
-def role_of(material: SurfaceMaterial) -> Role:
-    """Role of surfaces of a material: panes let light through."""
+def role_of(*materials: SurfaceMaterial | None) -> Role:
+    """Role of a layer that is not context: a pane where one of its materials lets light through."""
     panes = GlazingMaterial | DiffuserMaterial | BsdfMaterial
-    return "pane" if isinstance(material, panes) else "surface"
+    return "pane" if any(isinstance(material, panes) for material in materials) else "surface"
 
 
 @dataclass(frozen=True, eq=False)

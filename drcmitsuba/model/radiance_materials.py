@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drcmitsuba.case.materials import (
+from drcmitsuba.model.materials import (
     DiffuserMaterial,
     GlazingMaterial,
     Lambertian,

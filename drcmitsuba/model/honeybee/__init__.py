@@ -6,9 +6,8 @@ entries
     JSON objects whose values are checked where they are read.
 pieces, layers
     Polygons of rooms and shades, once each, and the layers that they make.
-modifiers, modifier_materials, notes
-    Which modifier an object has, its material, and what that simplifies; `bsdf_xml`: BSDF files
-    that a model holds.
+modifiers, modifier_materials
+    Which modifier an object has, and its material; `bsdf_xml`: BSDF files that a model holds.
 """
 
 from drcmitsuba.model.honeybee.modifier_materials import bsdf_xml

@@ -11,7 +11,7 @@ from drcmitsuba.model.facets import are_parallelograms, facet_quads
 from drcmitsuba.model.honeybee.entries import Entry
 from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.pieces import Piece
-from drcmitsuba.model.model import Layer, LayerState, Role
+from drcmitsuba.model.model import Layer, LayerState, Role, role_of
 from drcmitsuba.model.polygon import SAME, area_vector, quads_of
 
 
@@ -51,7 +51,8 @@ def layers_of(pieces: Iterable[Piece], modifiers: Modifiers, scale: Scale) -> It
             for k, (each, made) in enumerate(zip(states, materials, strict=False))
         )
         places = tuple(piece.source.place for piece in alike)
-        yield Layer(name, material, role, quads, polygon, places, group, taken)
+        part: Role = "context" if role == "context" else role_of(*materials)
+        yield Layer(name, material, part, quads, polygon, places, group, taken)
 
 
 def _shades(pieces: list[Piece], k: int, modifiers: Modifiers, scale: Scale) -> Iterator[Layer]:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.case.materials import BsdfMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier, read_entry
-from drcmitsuba.model.honeybee.notes import Notes
+from drcmitsuba.model.materials import BsdfMaterial, Lambertian, SurfaceMaterial
+from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance_materials import Colour, Note
 from drcmitsuba.runtime.errors import InputError
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drcmitsuba.case.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier
 from drcmitsuba.model.honeybee.modifier_materials import material_of
-from drcmitsuba.model.honeybee.notes import Notes
+from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
+from drcmitsuba.model.notes import Notes
 
 GLASS = {"generic_exterior_window_vis_0.64": 0.64, "generic_interior_window_vis_0.88": 0.88}
 """Transmittance of the panes of Honeybee's default set at normal incidence [–]."""

@@ -32,6 +32,7 @@ class Piece:
     source: Entry
     modifier: str
     role: Role
+    """Context, or surface where it may be a pane, too."""
     rings: tuple[np.ndarray, ...]
     """Corners of the outline, then of each hole, shape (corner, 3) each."""
     group: str = ""
@@ -97,9 +98,7 @@ class Walk:
             family, kind = self._kind(pane, element, parent)
             own = pane.inner("properties", "radiance")
             name = self.modifiers.name(own, room_set, family, kind)
-            opaque = element == "Door" and not pane.flag("is_glass")
-            role: Role = "surface" if opaque else "pane"
-            yield self._with_states(pane, own, name, role)
+            yield self._with_states(pane, own, name, "surface")
         yield from self._shades(pane, room_set)
 
     def _kind(self, pane: Entry, element: str, parent: str) -> tuple[str, str]:

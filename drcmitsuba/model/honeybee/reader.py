@@ -10,9 +10,9 @@ import numpy as np
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier, read_entry
 from drcmitsuba.model.honeybee.layers import Scale, check_groups, layers_of, merged, mesh_layer
 from drcmitsuba.model.honeybee.modifiers import modifiers_of
-from drcmitsuba.model.honeybee.notes import Notes
 from drcmitsuba.model.honeybee.pieces import walk_of
 from drcmitsuba.model.model import Grid, Model, View
+from drcmitsuba.model.notes import Notes
 
 MAJOR = 1
 """Newest major version of the schema that is known."""
@@ -27,11 +27,11 @@ SHIFTS = ("shift", "lift", "fore_clip", "aft_clip")
 def read(file: Path, *, bsdf: Mapping[str, Path] | None = None) -> Model:
     """Read a Honeybee model.
 
-    Faces are surfaces with their apertures and doors cut out; apertures and glass doors are panes;
-    air boundaries and void modifiers are openings. A wall, pane or door between two rooms stands
-    twice in the file and once in the model: the one whose identifier comes first. Indoor shades
-    are surfaces, others context. Objects without a modifier take that of their room's modifier
-    set, then of the model's, then of Honeybee's default set.
+    Faces have their apertures and doors cut out. Faces, apertures, doors and indoor shades are
+    panes where their modifier lets light through; other shades are context. Air boundaries and
+    void modifiers are openings. A wall, pane or door between two rooms stands twice in the file
+    and once in the model: the one whose identifier comes first. Objects without a modifier take
+    that of their room's modifier set, then of the model's, then of Honeybee's default set.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from drcmitsuba.case.materials import GlazingMaterial, Lambertian
+from drcmitsuba.model.materials import GlazingMaterial, Lambertian
 from drcmitsuba.model.polygon import area_vector
 
 PANE = GlazingMaterial(type="glazing", transmittance=0.6)

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from drcmitsuba.case.materials import DiffuserMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.model import honeybee
 from drcmitsuba.model.honeybee.modifiers import DEFAULT_SET, GLASS, PLASTIC
+from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.model.model import View
 from drcmitsuba.model.polygon import area_vector
 from tests import SHARED
@@ -234,6 +234,20 @@ def test_states_of_a_group_give_materials_and_shades_in_turn(tmp_path):
     assert layer.states[1].material.transmittance < 0.1
     assert [len(state.shades) for state in layer.states] == [0, 1, 0]
     assert layer.states[1].shades[0].quads.shape == (1, 4, 3)
+
+
+def test_what_lets_light_through_is_a_pane_and_other_apertures_are_surfaces(tmp_path):
+    room = box.room()
+    glass = {"type": "Glass", "identifier": "g"} | {f"{c}_transmissivity": 0.5 for c in "rgb"}
+    room["faces"][1]["properties"]["radiance"]["modifier"] = "g"
+    room["faces"][1]["apertures"][0]["properties"]["radiance"]["modifier"] = "m"
+    radiance = {"modifiers": [glass, box.plastic("m", 0.5, 0.5, 0.5)]}
+    shade_of_glass = shade("s", 5, "g")
+    model = read(tmp_path, room, radiance=radiance, orphaned_shades=[shade_of_glass])
+    areas = box.area_of(model.layers)
+    assert areas["g", "pane"] == pytest.approx(10)
+    assert areas["m", "surface"] == pytest.approx(2)
+    assert areas["g", "context"] == pytest.approx(2)
 
 
 def test_polygons_without_area_are_left_out_with_a_note(tmp_path):

@@ -11,8 +11,8 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from drcmitsuba.case.materials import BsdfMaterial
 from drcmitsuba.model import honeybee
+from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime.errors import InputError
 from tests.unit.model import box_room as box
 

@@ -1,0 +1,71 @@
+"""Part of a mesh file: surfaces of one material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.model.materials import Reflectance
+from drcmitsuba.runtime.errors import InputError
+
+MOST_POLYGONS = 4_000_000
+"""Largest number of polygons, and of vertices, of a mesh file."""
+MOST_PARTS = 50_000
+"""Largest number of parts of different material, group and object."""
+LARGEST = 512 * 2**20
+"""Largest binary file that is read [B]."""
+MOST_CORNERS = 1000
+"""Largest number of corners of a polygon."""
+FARTHEST = 1e9
+"""Largest coordinate, in the units of the file."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Surfaces of one material, in the units and axes of the file."""
+
+    names: tuple[str, ...]
+    """Names of the material, then of the group or object that the surfaces are part of."""
+    quads: np.ndarray
+    """Parallelograms and triangles, shape (quad, 4, 3)."""
+    reflectance: Reflectance | None = None
+    """Diffuse reflectance that the file states; None where it states none [–]."""
+
+
+def check_count(file: Path, what: str, count: int) -> None:
+    """Raise InputError for more polygons or vertices than are read."""
+    if count > MOST_POLYGONS:
+        got = f"{count}" if count < 10**18 else "too many"
+        raise InputError(file, what, got, f"give a mesh of at most {MOST_POLYGONS}")
+
+
+def check_parts(file: Path, count: int) -> None:
+    """Raise InputError for a mesh in too many parts."""
+    if count > MOST_PARTS:
+        remedy = f"give at most {MOST_PARTS} groups and objects"
+        raise InputError(file, "parts", f"more than {MOST_PARTS}", remedy)
+
+
+def check_vertices(file: Path, vertices: np.ndarray) -> None:
+    """Raise InputError for coordinates that are no number or far away."""
+    if len(vertices) and not np.abs(vertices).max() <= FARTHEST:
+        remedy = f"give numbers of at most {FARTHEST:g}"
+        raise InputError(file, "vertices", "a coordinate that is no number, or far away", remedy)
+
+
+def check_index(file: Path, index: np.ndarray, vertices: int) -> None:
+    """Raise InputError for polygons with corners that are no vertices of the file."""
+    if index.size and (index.min() < 0 or index.max() >= vertices):
+        got = f"a corner that is none of the {vertices} vertices"
+        raise InputError(file, "faces", got, "export the mesh again")
+
+
+def beside(file: Path, name: str) -> Path | None:
+    """File of a name in the folder of another one; None for any place outside the folder."""
+    if not name or name in (".", "..") or any(c in name for c in "/\\:\0"):
+        return None
+    folder = file.resolve().parent
+    path = (folder / name).resolve()
+    return path if path.parent == folder else None

@@ -1,0 +1,63 @@
+"""STL files, binary or as text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.model.facets import facet_quads, join
+from drcmitsuba.model.mesh.part import LARGEST, Part, check_count, check_parts, check_vertices
+from drcmitsuba.model.mesh.text import numbers, statements, text_of
+from drcmitsuba.model.notes import Notes
+from drcmitsuba.model.source_file import read_bytes, size_of
+from drcmitsuba.runtime.errors import InputError
+
+FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+HEADER = 84
+"""Size of the header of a binary file [B]."""
+
+
+def read_stl(file: Path, notes: Notes) -> list[Part]:
+    """Parts of an STL file: its solids. Corners decide on fronts, normals are left out."""
+    size = size_of(file)
+    try:
+        with file.open("rb") as stream:
+            header = stream.read(HEADER)
+    except OSError as error:
+        raise InputError(file, "file", error.strerror or str(error), "check the path") from None
+    count = int.from_bytes(header[80:HEADER], "little")
+    if size == HEADER + count * FACET.itemsize:
+        check_count(file, "triangles", count)
+        facets = np.frombuffer(read_bytes(file, LARGEST), FACET, count, HEADER)
+        return [_part(file, "", facets["corners"].astype(float))]
+    if not header.lstrip().lower().startswith(b"solid"):
+        got = "neither text nor as many triangles as its header says"
+        raise InputError(file, "STL", got, "export the mesh again")
+    return _read_text(file)
+
+
+def _read_text(file: Path) -> list[Part]:
+    corners: dict[str, list[np.ndarray]] = {}
+    name, count = "", 0
+    for block in statements(file, "(?i:solid|vertex)"):
+        rows: list[list[bytes]] = []
+        for keyword, body in block:
+            if keyword.lower() == b"vertex":
+                rows.append(body.split())
+                continue
+            corners.setdefault(name, []).append(numbers(file, rows, 3, "vertex"))
+            name, rows = text_of(body), []
+            check_parts(file, len(corners))
+        corners.setdefault(name, []).append(numbers(file, rows, 3, "vertex"))
+        count += sum(keyword.lower() == b"vertex" for keyword, _ in block)
+        check_count(file, "triangles", count // 3)
+    solids = {name: np.concatenate(parts) for name, parts in corners.items()}
+    if any(len(each) % 3 for each in solids.values()):
+        raise InputError(file, "vertex", "a triangle without three", "export the mesh again")
+    return [_part(file, name, each.reshape(-1, 3, 3)) for name, each in solids.items() if len(each)]
+
+
+def _part(file: Path, name: str, corners: np.ndarray) -> Part:
+    check_vertices(file, corners)
+    return Part((name or file.stem,), join(facet_quads(corners)[0])[0])
