@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import mapbox_earcut
 import numpy as np
+import shapely
 
 FLAT = 1e-3
 """Largest distance of a corner from its polygon's plane, over the polygon's extent [–]."""
@@ -62,9 +63,12 @@ def quads_of(corners: np.ndarray, holes: Sequence[np.ndarray] = ()) -> np.ndarra
     if len(rings) == 1 and len(outer) == 4 and _is_parallelogram(outer, extent):
         return outer[None]
     u, v = _axes(normal)
-    flat = np.stack([(every - outer[0]) @ u, (every - outer[0]) @ v], axis=1)
+    flat = [np.stack([(ring - outer[0]) @ u, (ring - outer[0]) @ v], axis=1) for ring in rings]
+    loops = [loop for ring in rings for loop in _loops(ring)]
+    if len(loops) > len(rings):  # a seam leads to a hole and back
+        return _quads_of_seamed(loops, outer[0], u, v, extent)
     ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-    index = mapbox_earcut.triangulate_float64(flat, ends).reshape(-1, 3)
+    index = mapbox_earcut.triangulate_float64(np.concatenate(flat), ends).reshape(-1, 3)
     triangles = every[index]
     n = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) @ normal
     wanted = size - sum(float(np.linalg.norm(area_vector(hole))) for hole in rings[1:])
@@ -73,6 +77,51 @@ def quads_of(corners: np.ndarray, holes: Sequence[np.ndarray] = ()) -> np.ndarra
     triangles[n < 0] = triangles[n < 0][:, ::-1]
     triangles = triangles[np.abs(n) > SAME * extent**2]
     return triangles[:, [0, 1, 2, 2]]
+
+
+def _loops(ring: np.ndarray) -> list[np.ndarray]:
+    """Loops (corner, 3) of a ring that comes to the same corner twice; seams are left out."""
+    extent = float(np.ptp(ring, axis=0).max())
+    _, key = np.unique(np.round(ring / (1e-7 * extent)), axis=0, return_inverse=True)
+    path: list[int] = []
+    loops: list[np.ndarray] = []
+    position: dict[int, int] = {}  # of every corner in the path
+    for i, corner in enumerate(key.ravel().tolist()):
+        if corner in position:
+            start = position[corner]
+            loops.append(ring[path[start:]])
+            for other in path[start:]:
+                position.pop(int(key.flat[other]))
+            del path[start:]
+        position[corner] = len(path)
+        path.append(i)
+    return [loop for loop in [*loops, ring[path]] if len(loop) > 2]
+
+
+def _quads_of_seamed(
+    loops: Sequence[np.ndarray], corner: np.ndarray, u: np.ndarray, v: np.ndarray, extent: float
+) -> np.ndarray:
+    """Quads of what an odd number of loops surrounds, whichever way they turn, as Radiance does."""
+    shape = shapely.Polygon()
+    for loop in loops:
+        own = shapely.Polygon(np.stack([(loop - corner) @ u, (loop - corner) @ v], axis=1))
+        if not own.is_valid:
+            raise ValueError("its outline crosses itself, or a hole crosses it")
+        shape = shape.symmetric_difference(own)
+    quads = []
+    for part in getattr(shape, "geoms", [shape]):
+        if part.area < SAME * extent**2:
+            continue
+        rings = [
+            corner + c[:, :1] * u + c[:, 1:] * v
+            for c in (np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors))
+        ]
+        if not part.exterior.is_ccw:
+            rings[0] = rings[0][::-1]
+        quads.append(quads_of(rings[0], rings[1:]))
+    if not quads:
+        raise ValueError("no area")
+    return np.concatenate(quads)
 
 
 def _distinct(ring: np.ndarray) -> np.ndarray:

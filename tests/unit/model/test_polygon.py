@@ -8,6 +8,7 @@ from drcmitsuba.model.polygon import area_vector, quads_of
 SQUARE = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]], float)
 HOLE = np.array([[0.5, 0.5, 0], [1.5, 0.5, 0], [1.5, 1.5, 0], [0.5, 1.5, 0]])
 L_SHAPE = np.array([[0, 0, 0], [3, 0, 0], [3, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0]], float)
+SAME_WAY = np.concatenate([SQUARE, SQUARE[:1], HOLE, HOLE[:1]])
 SEAM = np.concatenate([SQUARE, SQUARE[:1], HOLE[[0, 3, 2, 1]], HOLE[:1]])
 
 
@@ -32,6 +33,7 @@ def vector(quads):
         (SQUARE, (HOLE,), 3, 8),
         (SQUARE, (HOLE[::-1],), 3, 8),
         (SEAM, (), 3, 8),
+        (SAME_WAY, (), 3, 8),  # by an odd number of crossings, as Radiance counts
     ],
 )
 def test_area_and_front_are_those_of_the_polygon(corners, holes, area, most):
