@@ -52,8 +52,8 @@ _NAMES = {
     "weather": "sky.weather",
 }
 _ROOMS = (
-    "annual", "bsdf", "case", "design", "goniophotometer", "metrics", "model", "plan", "report",
-    "runtime", "scene", "schema", "sky", "transport",
+    "annual", "bsdf", "case", "design", "export", "goniophotometer", "metrics", "model", "plan",
+    "report", "runtime", "scene", "schema", "sky", "transport",
 )  # fmt: skip
 
 registration.register_plugins()

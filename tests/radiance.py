@@ -24,20 +24,13 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade, Strip
-from drcmitsuba.model.materials import (
-    BsdfMaterial,
-    DielectricMaterial,
-    GlazingMaterial,
-    Lambertian,
-    MirrorMaterial,
-)
+from drcmitsuba.export.primitives import GLAZING, GLAZING_FILE, Twin, polygons, twin
+from drcmitsuba.export.sources import SKY, SUN_RADIANCE, sun_modifiers, sun_text
+from drcmitsuba.model.materials import BsdfMaterial, GlazingMaterial, Lambertian
 from drcmitsuba.scene.geometry import Surface
-from drcmitsuba.scene.materials import channel_of, lets_through
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.sky.weather import Site
-
-SKY = "void glow skyglow 0 0 4 1 1 1 0\nskyglow source sky 0 0 4 0 0 1 360\n"
-"""Ground and sky are one source; the direction says which of them is meant."""
 
 RECEIVERS = """#@rfluxmtx h=u u=Y
 void glow groundglow 0 0 4 1 1 1 0
@@ -176,17 +169,6 @@ def opened(case: Case) -> Case:
     return case.model_copy(update={"facade": facade, "shading": None})
 
 
-def film(name: str, material: BsdfMaterial) -> str:
-    """A pane with a measured BSDF; the front of its polygons is the room's side, as in the file.
-
-    `aBSDF` for a file with a straight-through peak, else `BSDF` without thickness.
-    """
-    up = "0 0 -1" if material.turn else "0 0 1"
-    if lets_through(material):
-        return f'void aBSDF {name} 5 "{material.file}" {up} . 0 0'
-    return f'void BSDF {name} 6 0 "{material.file}" {up} . 0 0'
-
-
 def reciprocal(case: Case, folder: Path, *, reflects: bool = True) -> Case:
     """The case with its film's file without Transmission Back, which then follows by reciprocity.
 
@@ -219,34 +201,10 @@ def with_glass(scene: Scene, transmissivity: float) -> Scene:
     return scene
 
 
-UNCOATED = 1.1e-3
-"""Roughness of `metal` from which on Radiance adds no Fresnel reflection of its own; 0.06°."""
-
-
-def mirror(name: str, material: MirrorMaterial) -> str:
-    """A mirror of the same reflectance at any incidence, on both sides.
-
-    `metal`, because the back of Radiance's `mirror` is black. Its roughness is Ward's α, which for
-    small ones is GGX's in width but not in shape.
-    """
-    if material.coating is not None or material.specular < 1:
-        raise TypeError(f"{material} has no Radiance twin here")
-    colour = 3 * f" {material.reflectance:.9g}"
-    return f"void metal {name} 0 0 5{colour} 1 {max(material.roughness, UNCOATED):.9g}"
-
-
-def dielectric(name: str, material: DielectricMaterial) -> str:
-    """A clear solid with smooth surfaces, whose normals point outward."""
-    if material.roughness > 0:
-        raise TypeError(f"{material} has no Radiance twin here")
-    colour = 3 * f" {np.exp(-material.absorption):.9g}"
-    return f"void dielectric {name} 0 0 5{colour} {material.ior:.9g} 0"
-
-
 def scene_text(
     surfaces: Sequence[Surface], transmissivity: float | None = None, *, black: bool = False
 ) -> str:
-    """Grey diffuse surfaces as `plastic` without gloss, clear panes as `glass` if it is given.
+    """Surfaces as `export` writes them; clear panes are `glass` if its transmissivity is given.
 
     The modifier of surface i is m{i}.
 
@@ -254,47 +212,20 @@ def scene_text(
     """
     lines = []
     for i, surface in enumerate(surfaces):
-        quads = surface.quads
-        if isinstance(surface.material, BsdfMaterial):
-            lines.append(film(f"m{i}", surface.material))
-            if surface.material.flip:
-                quads = quads[:, ::-1]
-        elif isinstance(surface.material, Lambertian):
-            r = 0.0 if black else channel_of(surface.material.reflectance, 0)
-            lines.append(f"void plastic m{i} 0 0 5 {r:.9g} {r:.9g} {r:.9g} 0 0")
-        elif isinstance(surface.material, GlazingMaterial) and transmissivity is not None:
-            lines.append(f"void glass m{i} 0 0 3" + 3 * f" {transmissivity:.9g}")
-        elif isinstance(surface.material, MirrorMaterial):
-            lines.append(mirror(f"m{i}", surface.material))
-        elif isinstance(surface.material, DielectricMaterial):
-            lines.append(dielectric(f"m{i}", surface.material))
-        else:
-            raise TypeError(f"{surface.name}: {surface.material} has no Radiance twin here")
-        lines += [polygon(f"m{i}", f"p{i}.{k}", quad) for k, quad in enumerate(quads)]
+        material, modifier = surface.material, f"m{i}"
+        file = material.file if isinstance(material, BsdfMaterial) else ""
+        if black and isinstance(material, Lambertian):
+            material = Lambertian(0.0)
+        made = twin(modifier, material, surface.quads, file)
+        if isinstance(material, GlazingMaterial) and transmissivity is not None:
+            made = Twin(f"void glass {modifier} 0 0 3" + 3 * f" {transmissivity:.9g}")
+        lines += [made.text, *polygons(modifier, material, surface.quads)]
     return "\n".join(lines) + "\n"
 
 
-def polygon(modifier: str, name: str, corners: np.ndarray) -> str:
-    """A polygon (corner, 3); the second of two equal corners is left out."""
-    kept = corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]
-    numbers = " ".join(f"{v:.9g}" for v in kept.ravel())
-    return f"{modifier} polygon {name} 0 0 {kept.size} {numbers}"
-
-
-SUN_RADIANCE = 1e6
-"""`rcontrib` drops what falls below 1e-6, which a sun of unit radiance seen by way of a dark floor
-does. It so loses a fifth of the interreflected light of a sun at 15°. Contributions (`-V+`) of a
-bright sun stay above that; coefficients (`-V-`) do not, however bright the sun is."""
-
-
-def sun_text(directions: np.ndarray, diameter: float) -> str:
-    """Suns of radiance SUN_RADIANCE, each with a modifier of its own."""
-    rgb = " ".join(3 * [f"{SUN_RADIANCE:g}"])
-    return "".join(
-        f"void light sun{i} 0 0 3 {rgb}\n"
-        f"sun{i} source s{i} 0 0 4 {x:.9g} {y:.9g} {z:.9g} {diameter:.9g}\n"
-        for i, (x, y, z) in enumerate(directions)
-    )
+def numbered(directions: np.ndarray, diameter: float) -> Suns:
+    """Suns sun0, sun1, … of a diameter [deg] in directions (sun, 3)."""
+    return Suns(tuple(f"sun{i}" for i in range(len(directions))), directions, diameter)
 
 
 @dataclass(frozen=True)
@@ -317,8 +248,15 @@ class Room:
 
     def _octree(self, name: str, sources: str) -> str:
         (self.folder / f"{name}.rad").write_text(self.text + sources)
+        (self.folder / GLAZING_FILE).write_text(GLAZING)
         (self.folder / f"{name}.oct").write_bytes(run(["oconv", f"{name}.rad"], self.folder))
         return f"{name}.oct"
+
+    def _suns_octree(self, directions: np.ndarray, diameter: float) -> str:
+        """Octree of the room with suns, whose modifiers `suns.txt` then lists."""
+        suns = numbered(directions, diameter)
+        (self.folder / "suns.txt").write_text("\n".join(sun_modifiers(suns)) + "\n")
+        return self._octree("suns", sun_text(suns))
 
     def _rays(self, repeats: int) -> bytes:
         rows = np.concatenate([self.points, self.normals], axis=1)
@@ -354,8 +292,7 @@ class Room:
         self, directions: np.ndarray, diameter: float, options: Sequence[str], repeats: int = 1
     ) -> np.ndarray:
         """Coefficients of suns by `rcontrib`, (repeat, sensor, sun)."""
-        octree = self._octree("suns", sun_text(directions, diameter))
-        (self.folder / "suns.txt").write_text("".join(f"sun{i}\n" for i in range(len(directions))))
+        octree = self._suns_octree(directions, diameter)
         command = ["rcontrib", "-h", "-faf", "-I+", "-V+", *options, "-M", "suns.txt", octree]
         return self._matrix(run(command, self.folder, self._rays(repeats)), repeats) / SUN_RADIANCE
 
@@ -366,7 +303,7 @@ class Room:
         command = ["rtrace", "-h", "-faf", "-I+", *options]
         parts = []
         for direction in directions:
-            octree = self._octree("sun", sun_text(direction[None], diameter))
+            octree = self._octree("sun", sun_text(numbered(direction[None], diameter)))
             output = run([*command, octree], self.folder, self._rays(repeats))
             parts.append(self._matrix(output, repeats))
         return np.concatenate(parts, axis=-1) / SUN_RADIANCE
@@ -377,7 +314,7 @@ class Room:
         """Radiance along the sensors' normals for suns of radiance 1, (sensor, sun)."""
         parts = []
         for direction in directions:
-            octree = self._octree("sun", sun_text(direction[None], diameter))
+            octree = self._octree("sun", sun_text(numbered(direction[None], diameter)))
             output = run(["rtrace", "-h", "-faf", *options, octree], self.folder, self._rays(1))
             parts.append(self._matrix(output, 1)[0])
         return np.concatenate(parts, axis=-1) / SUN_RADIANCE

@@ -19,7 +19,7 @@ are. What was found out about it (Radiance 6.0a, and read in its source):
 - `-ab -1` looks up at the sensor. With `-ab 1` interreflected light is gathered by `-ad` rays,
   whose ends look up photons instead, and only caustics are looked up at the sensor: less blur.
 - `-V+` and suns of SUN_RADIANCE as for shadow rays; a map keeps flux in the 8 bits of RGBE.
-- `metal` gets a Fresnel term of its own unless it is rough; see `radiance.mirror`.
+- `metal` gets a Fresnel term of its own unless it is rough; see `export.primitives`.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ from time import perf_counter
 
 import numpy as np
 
+from drcmitsuba.export.primitives import polygon
+from drcmitsuba.export.sources import SUN_RADIANCE
 from drcmitsuba.scene.geometry import Surface
 from tests import radiance
 
@@ -108,9 +110,7 @@ class PhotonRoom(radiance.Room):
         parts, taken, size = [], np.zeros(2), 0
         for first in range(0, len(directions), group):
             suns = directions[first : first + group]
-            octree = self._octree("suns", radiance.sun_text(suns, diameter))
-            names = "".join(f"sun{i}\n" for i in range(len(suns)))
-            (self.folder / "suns.txt").write_text(names)
+            octree = self._suns_octree(suns, diameter)
             ports = [word for port in self.ports for word in ("-apo", port)]
             start = perf_counter()
             radiance.run(
@@ -126,7 +126,7 @@ class PhotonRoom(radiance.Room):
             taken += half - start, perf_counter() - half
             size += (self.folder / "suns.cpm").stat().st_size
             parts.append(self._matrix(output, 1)[0])
-        return Estimate(np.concatenate(parts, axis=-1) / radiance.SUN_RADIANCE, *taken, size)
+        return Estimate(np.concatenate(parts, axis=-1) / SUN_RADIANCE, *taken, size)
 
     def repeated(
         self, directions: np.ndarray, diameter: float, repeats: int, **how: object
@@ -142,13 +142,13 @@ class PhotonRoom(radiance.Room):
 def receivers(quads: np.ndarray) -> str:
     """Invisible rectangles (quad, 4, 3) that keep what arrives at their fronts."""
     lines = ["void antimatter receiver 1 void 0 0"]
-    lines += [radiance.polygon("receiver", f"r{i}", quad) for i, quad in enumerate(quads)]
+    lines += [polygon("receiver", f"r{i}", quad) for i, quad in enumerate(quads)]
     return "\n".join(lines) + "\n"
 
 
 def open_port(name: str, quad: np.ndarray) -> str:
     """A port in a hole, facing inward."""
-    return f"void antimatter {name} 1 void 0 0\n{radiance.polygon(name, name + '_', quad)}\n"
+    return f"void antimatter {name} 1 void 0 0\n{polygon(name, name + '_', quad)}\n"
 
 
 def modifiers(surfaces: Sequence[Surface], names: Sequence[str]) -> tuple[str, ...]:

@@ -1,0 +1,165 @@
+"""Materials and surfaces as primitives of Radiance, each the nearest to the engine's own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    MirrorMaterial,
+    SurfaceMaterial,
+)
+from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.materials import channel_of, lets_through
+
+LONGEST = 40
+"""Largest number of characters of a name that are kept in an identifier."""
+GLAZING_FILE = "glazing.cal"
+GLAZING = """{
+Clear pane: arg(10) transmittance at normal incidence, arg(11) its exponent,
+arg(12) reflectance at normal incidence of the side that faces the room (Rdot > 0).
+}
+opposite = 1 - abs(Rdot);
+tau = arg(10) * (1 - opposite^arg(11));
+rho = if(arg(12), if(Rdot, arg(12) + (1 - arg(12)) * opposite^5, 0), 0);
+"""
+"""Function file of clear panes: the engine's own formulas of `GlazingMaterial`."""
+UNCOATED = 1.1e-3
+"""Roughness of `metal` from which on Radiance adds no Fresnel reflection of its own; 0.06°."""
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A material in Radiance."""
+
+    text: str
+    """Primitive on one line."""
+    difference: str = ""
+    """How it differs from the engine's material; "" where it is the same."""
+
+
+def identifier(name: str) -> str:
+    """Name in letters, digits, `_`, `.` and `-` alone: names come from strangers."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)[:LONGEST] or "unnamed"
+
+
+def _numbers(values: object) -> str:
+    return " ".join(f"{v:.9g}" for v in np.ravel(np.asarray(values, float)).tolist())
+
+
+def twin(
+    modifier: str, material: SurfaceMaterial, quads: np.ndarray, file: str | Path = ""
+) -> Twin:
+    """Make the primitive of a material.
+
+    Parameters
+    ----------
+    modifier : str
+        Name of the primitive, an `identifier`.
+    material : SurfaceMaterial
+    quads : np.ndarray, shape (quad, 4, 3)
+        Corners of its surface [m]; a measured pane's orientation follows from the first.
+    file : str or Path
+        BSDF file of a measured pane, as Radiance finds it.
+
+    Returns
+    -------
+    Twin
+    """
+    if isinstance(material, Lambertian):
+        rgb = _numbers([channel_of(material.reflectance, i) for i in range(3)])
+        return Twin(f"void plastic {modifier} 0 0 5 {rgb} 0 0")
+    if isinstance(material, GlazingMaterial):
+        shape = [material.transmittance, material.exponent, material.reflectance]
+        names = f"rho rho rho tau tau tau 0 0 0 {GLAZING_FILE}"
+        return Twin(f"void BRTDfunc {modifier} 10 {names} 0 12 {_numbers([0] * 9 + shape)}")
+    if isinstance(material, DiffuserMaterial):
+        return _diffuser(modifier, material)
+    if isinstance(material, BsdfMaterial):
+        return Twin(_film(modifier, material, quads, file))
+    if isinstance(material, MirrorMaterial):
+        return _mirror(modifier, material)
+    return _dielectric(modifier, material)
+
+
+def _diffuser(modifier: str, material: DiffuserMaterial) -> Twin:
+    """A diffusing pane as `trans`, which reflects on both sides."""
+    albedo = material.transmittance + material.reflectance
+    share = material.transmittance / albedo if albedo else 1.0
+    text = f"void trans {modifier} 0 0 7 {_numbers([albedo] * 3)} 0 0 {_numbers(share)} 0"
+    if material.reflectance:
+        return Twin(text, "a diffusing pane reflects to the outside, too")
+    return Twin(text)
+
+
+def _film(modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | Path) -> str:
+    """A pane with a measured BSDF; the front of its polygons is the room's side, as in the file.
+
+    `aBSDF` for a file with a straight-through peak, else `BSDF` without thickness. On a horizontal
+    pane the file's y axis points north.
+    """
+    is_flat = abs(normals(quads[:1])[0, 2]) > 1 - 1e-8
+    up = np.array([0, 1, 0] if is_flat else [0, 0, 1]) * (-1 if material.turn else 1)
+    if lets_through(material):
+        return f'void aBSDF {modifier} 5 "{file}" {_numbers(up)} . 0 0'
+    return f'void BSDF {modifier} 6 0 "{file}" {_numbers(up)} . 0 0'
+
+
+def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
+    """A mirror as `metal`, because the back of Radiance's `mirror` is black.
+
+    Its roughness is Ward's α, which for small ones is GGX's in width but not in shape.
+    """
+    reflectance, shine = material.reflectance, material.specular
+    difference = "a rough mirror's lobe has another shape" if material.roughness else ""
+    if material.coating is not None:
+        fresnel = ((material.coating - 1) / (material.coating + 1)) ** 2
+        coated = fresnel + (1 - fresnel) ** 2 * reflectance / (1 - fresnel * reflectance)
+        matt = (1 - shine) * reflectance
+        reflectance = shine * coated + matt
+        shine = shine * coated / reflectance if reflectance else 1.0
+        difference = "a coated mirror reflects at any incidence what it does at a normal one"
+    finish = _numbers([shine, max(material.roughness, UNCOATED)])
+    return Twin(f"void metal {modifier} 0 0 5 {_numbers([reflectance] * 3)} {finish}", difference)
+
+
+def _dielectric(modifier: str, material: DielectricMaterial) -> Twin:
+    """A clear solid whose normals point outward."""
+    colour = _numbers([np.exp(-material.absorption)] * 3)
+    text = f"void dielectric {modifier} 0 0 5 {colour} {_numbers(material.ior)} 0"
+    return Twin(text, "a rough solid is smooth" if material.roughness else "")
+
+
+def polygon(modifier: str, name: str, corners: np.ndarray) -> str:
+    """A polygon (corner, 3) [m]; the second of two equal corners is left out."""
+    return _polygons(modifier, [name], corners[None])[0]
+
+
+def polygons(modifier: str, material: SurfaceMaterial, quads: np.ndarray) -> list[str]:
+    """Polygons of a surface, quads (quad, 4, 3) [m]; reversed where a measured pane is flipped.
+
+    Quads of fewer than three distinct corners, which Radiance refuses, are left out.
+    """
+    if isinstance(material, BsdfMaterial) and material.flip:
+        quads = quads[:, ::-1]
+    return _polygons(modifier, [f"{modifier}.{k}" for k in range(len(quads))], quads)
+
+
+def _polygons(modifier: str, names: Sequence[str], corners: np.ndarray) -> list[str]:
+    kept = (corners != np.roll(corners, 1, axis=1)).any(axis=2)
+    lines = []
+    for name, points, keep in zip(names, corners, kept, strict=True):
+        numbers = points[keep].ravel().tolist()
+        if len(numbers) >= 9:
+            form = " ".join(["%.9g"] * len(numbers))
+            lines.append(f"{modifier} polygon {name} 0 0 {len(numbers)} {form % tuple(numbers)}")
+    return lines

@@ -1,0 +1,56 @@
+"""Surfaces of a case as the files of a scene: materials, polygons and the BSDF files they need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from drcmitsuba.export.primitives import identifier, polygons, twin
+from drcmitsuba.model.materials import BsdfMaterial, MirrorMaterial
+from drcmitsuba.scene.geometry import Surface
+
+FILMS = (
+    "Radiance looks up a BSDF with the viewer as incident and decides by itself whether light goes "
+    "straight through"
+)
+MIRRORS = "Radiance finds the sun by way of mirrors and prisms by chance alone; mkpmap finds it"
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """Scene without light sources."""
+
+    materials: str
+    polygons: str
+    films: dict[Path, str]
+    """BSDF files, with the name of each beside the scene."""
+    differences: tuple[str, ...]
+    """How Radiance's materials differ from the engine's."""
+
+
+def scene_files(surfaces: Sequence[Surface]) -> SceneFiles:
+    """Write surfaces as materials and polygons of Radiance.
+
+    The modifier of surface i is its name with `.i` behind it.
+    """
+    materials, shapes, differences = [], [], []
+    films: dict[Path, str] = {}
+    for i, surface in enumerate(surfaces):
+        material, modifier = surface.material, f"{identifier(surface.name)}.{i}"
+        file = ""
+        if isinstance(material, BsdfMaterial):
+            file = films.setdefault(material.file, f"film_{len(films) + 1}.xml")
+            differences.append(FILMS)
+        elif surface.component or isinstance(material, MirrorMaterial):
+            differences.append(MIRRORS)
+        made = twin(modifier, material, surface.quads, file)
+        differences.append(made.difference)
+        materials.append(made.text)
+        shapes += polygons(modifier, material, surface.quads)
+    remarks = tuple(d for d in dict.fromkeys(differences) if d)
+    return SceneFiles(_lines(materials), _lines(shapes), films, remarks)
+
+
+def _lines(lines: list[str]) -> str:
+    return "".join(f"{line}\n" for line in lines)
