@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import DATES, DIMS, LARGEST, LARGEST_OTHER, MOST, NUMBERS, TEXTS
+from drcmitsuba.sky.daylight import from_luminances
 
 HOLLOW = 1000
 """Largest ratio of an array's bytes in memory to the bytes of its file."""
@@ -137,3 +139,11 @@ def loaded(path: Path, data: xr.Dataset) -> xr.Dataset:
             if low < -most or high > most:
                 raise InputError(path, "results", f"{name} is beyond {most:g}", REMEDY)
     return data
+
+
+def coefficients_and_sky(c: Path, l: Path) -> tuple[Coefficients, xr.Dataset]:  # noqa: E741
+    """Read C of both states from `coefficients.zarr` and the sky of L from `sky.zarr`."""
+    C = open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
+    L = open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
+    L = loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
+    return Coefficients.of(loaded(c, C)), from_luminances(L)

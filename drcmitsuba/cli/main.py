@@ -16,6 +16,7 @@ from typer.core import TyperCommand
 from drcmitsuba.cli import (
     case,
     evaluate,
+    export,
     films,
     information,
     optimise,
@@ -40,8 +41,8 @@ app = typer.Typer(
 
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise, season.season,
-    steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot, films.bsdf,
-    films.goniophotometer, information.doctor,
+    steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot, export.export,
+    films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information.schema)
 

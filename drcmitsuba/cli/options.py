@@ -28,18 +28,29 @@ def named(text: str) -> Path:
     return Path(text)
 
 
-def _writable(folder: Path | None) -> Path | None:
+def _writable(param: typer.CallbackParam, folder: Path | None) -> Path | None:
     """Refuse a folder that cannot be written, before any work is done."""
     if folder is not None:
+        name = param.opts[0]
         there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
         if not there.is_dir():
-            raise InputError(folder, "-o", f"{there} is a file", "name a folder")
+            raise InputError(folder, name, f"{there} is a file", "name a folder")
         if there != folder and folder.suffix.lower() in FILES:
             got = f"the name of a {folder.suffix} file"
-            raise InputError(folder, "-o", got, "name a folder, in which the files get their names")
+            raise InputError(folder, name, got, "name a folder, in which the files get their names")
         if not os.access(there, os.W_OK | os.X_OK):
-            raise InputError(folder, "-o", f"{there} may not be written", "name another folder")
+            raise InputError(folder, name, f"{there} may not be written", "name another folder")
     return folder
+
+
+def _file(param: typer.CallbackParam, path: Path | None) -> Path | None:
+    """Refuse a file that cannot be written, before any work is done."""
+    if path is not None:
+        if path.is_dir():
+            raise InputError(path, param.opts[0], "it is a folder", "give the name of a file")
+        if not path.absolute().parent.is_dir():
+            raise InputError(path, param.opts[0], f"there is no folder {path.parent}", "make it")
+    return path
 
 
 def argument(metavar: str, text: str) -> ArgumentInfo:
@@ -56,6 +67,16 @@ def _output(metavar: str, text: str, is_folder: bool = False) -> OptionInfo:
     """Option -o; a folder is checked before any work is done."""
     check = _writable if is_folder else None
     return typer.Option("-o", "--output", metavar=metavar, parser=named, callback=check, help=text)
+
+
+def folder_option(name: str, text: str) -> OptionInfo:
+    """Option for a folder to write, which is checked before any work is done."""
+    return typer.Option(name, metavar="FOLDER", parser=named, callback=_writable, help=text)
+
+
+def file_option(name: str, text: str) -> OptionInfo:
+    """Option for a file to write, which is checked before any work is done."""
+    return typer.Option(name, metavar="FILE", parser=named, callback=_file, help=text)
 
 
 CaseName = Annotated[str, argument("CASE", "Case file (TOML), or a shipped case by name.")]

@@ -53,20 +53,13 @@ def illuminance(
 ) -> None:
     """Compute the illuminance E = C·L: illuminance.nc."""
     from drcmitsuba.annual import stored_arrays
-    from drcmitsuba.metrics.coefficients_by_state import Coefficients
     from drcmitsuba.metrics.illuminance import illuminance as accumulated
     from drcmitsuba.runtime import storage
-    from drcmitsuba.sky import daylight
 
-    C = stored_arrays.open_dataset(
-        c, "replicates", "straight", "straight_se", "state", "bin", *"xyz"
-    )
-    L = stored_arrays.open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     with stages() as stage, stage("accumulation"):
-        L = stored_arrays.loaded(l, L.isel(channel=0) if "channel" in L.dims else L)
-        states = Coefficients.of(stored_arrays.loaded(c, C))
-        E = accumulated(states, daylight.from_luminances(L))
-        E.attrs["step_hours"] = L.attrs.get("step_hours", 1.0)
+        states, light = stored_arrays.coefficients_and_sky(c, l)
+        E = accumulated(states, light)
+        E.attrs["step_hours"] = light.attrs.get("step_hours", 1.0)
         storage.save_netcdf(E, output / "illuminance.nc")
     print(f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors are in {output}")
 

@@ -57,6 +57,43 @@ def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
     return csr_matrix((values.astype(np.float32), (times[rows], bins)), shape)
 
 
+def source_luminances(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
+    """Luminances L (time, bin) [cd/m²] of the bins of C: sky, ground, and suns of the sun model."""
+    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    chosen = np.ones(len(patches), np.float32), (np.arange(len(patches)), patches)
+    at_bins = csr_matrix(chosen, (len(patches), coefficients.sizes["bin"]))
+    by_patch = csr_matrix(sky["sky"].values.astype(np.float32))
+    return by_patch @ at_bins + _suns(coefficients, sky)
+
+
+def factors(coefficients: xr.Dataset, sky: xr.Dataset) -> list[tuple[xr.DataArray, csr_matrix]]:
+    """Factors of E = Σ C·L, by which other programs multiply.
+
+    Parameters
+    ----------
+    coefficients, sky : xr.Dataset
+        As for `by_source`; the coefficients may have a dim `channel`.
+
+    Returns
+    -------
+    list of (xr.DataArray, csr_matrix)
+        Mean C (sensor, bin) [sr] and L (time, bin) [cd/m²]; a second pair for the straight light
+        of an adaptive sun, whose bins are the time stamps' own suns.
+    """
+    pairs = [(coefficients["replicates"].mean("replicate"), source_luminances(coefficients, sky))]
+    if "sun_straight" in coefficients:
+        own, shining = _own_suns(coefficients, sky)
+        pairs.append((own["straight"], _suns(own, shining)))
+    return pairs
+
+
+def _own_suns(coefficients: xr.Dataset, sky: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """Straight C of the time stamps' own suns, beside those of the mesh, and the sky with them."""
+    own = coefficients[["sun_straight", "sun_straight_se"]]
+    own = own.rename(sun="bin", sun_straight="straight", sun_straight_se="straight_se")
+    return own, sky.assign_attrs(sun_model="true_sun")
+
+
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
     """Refuse NaN: the shaded state has coefficients only for the hours in which it closes."""
     gaps = np.flatnonzero(np.isnan(values).any(axis=-1))
@@ -88,14 +125,11 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     xr.Dataset
         `direct_sun` and `direct_sun_se`, dims (time, sensor) [lx].
     """
-    names = ("straight", "straight_se")
-    if "sun_straight" in coefficients:  # the time stamps' own suns, beside those of the mesh
-        own = coefficients[["sun_straight", "sun_straight_se"]]
-        coefficients = own.rename(sun="bin", sun_straight=names[0], sun_straight_se=names[1])
-        sky = sky.assign_attrs(sun_model="true_sun")
+    if "sun_straight" in coefficients:
+        coefficients, sky = _own_suns(coefficients, sky)
     suns = _suns(coefficients, sky)
     out = {}
-    for name in names:
+    for name in ("straight", "straight_se"):
         values = suns @ coefficients[name].values.T
         _refuse_gaps(values, sky)
         out[name.replace("straight", "direct_sun")] = _array(sky, values)

@@ -61,8 +61,8 @@ have in each; 0 and None allow none."""
 
 KEPT = (
     "case", "has_shade", "shade_threshold", "shade_area", "sda_threshold", "sda_fraction",
-    "ase_threshold", "ase_hours", "latitude", "longitude", "timezone", "weather", "version",
-    "settings",
+    "ase_threshold", "ase_hours", "latitude", "longitude", "timezone", "sun_time", "weather",
+    "version", "settings",
 )  # fmt: skip
 """Attributes of C that E keeps."""
 

@@ -14,6 +14,8 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
+from drcmitsuba.runtime.errors import InputError
+
 SPARE = 1 << 20
 """Largest number of bytes of a NetCDF file beyond its arrays."""
 
@@ -92,5 +94,33 @@ def save_csv(table: pd.DataFrame, path: Path) -> None:
 
 def save_text(text: str, path: Path) -> None:
     """Write text; never leaves half a file at `path`."""
-    with _whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    save_lines([text], path)
+
+
+def save_lines(lines: Iterable[str], path: Path) -> None:
+    """Write lines of text one after another; never leaves half a file at `path`."""
+    with _whole(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+        file.writelines(lines)
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield a temporary folder whose files move to `path` where the block ends without an error.
+
+    Raises
+    ------
+    InputError
+        The folder holds files: those of two exports would mix.
+    """
+    folder = path.resolve()
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError(path, "folder", "it holds files already", "name a new folder")
+    made = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}")
+    made.mkdir(parents=True)
+    try:
+        yield made
+        folder.mkdir(exist_ok=True)  # it may be there, empty, and some shell's current folder
+        for file in sorted(made.iterdir()):
+            file.rename(folder / file.name)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
