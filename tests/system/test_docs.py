@@ -15,7 +15,7 @@ import pytest
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.toml import checked, tomllib
-from tests import ROOT
+from tests import ROOT, radiance
 from tests.hard.command_line import CommandLine
 from tests.unit.bsdf.test_bsdf_measured import measure, through
 from tests.unit.sky.test_weather import epw, wea
@@ -125,18 +125,24 @@ def command():
 
 
 @pytest.mark.parametrize("path", PAGES, ids=name_of)
-def test_blocks_run(path, folder, command):
+def test_blocks_run(path, folder, command, monkeypatch):
     commands = [block for block in blocks(path, "sh", "python") if runs(block)]
     if not commands:
         pytest.skip("no block to run")
     if "measured_00.txt" in path.read_text("utf-8"):
         measurements(folder)
+    for options in ("SKY_OPTIONS", "SUN_OPTIONS"):  # scripts of exported cases are quick, too
+        monkeypatch.setenv(options, "-ab 1 -ad 4")
     python = []
     for language, _, text in commands:
         if language == "python":
             python.append(text)
             continue
         for line in text.splitlines():
+            if line.startswith("sh "):
+                if radiance.home() is None:
+                    pytest.skip("pyradiance is not installed")
+                radiance.run(line.split("#")[0].split(), folder)
             if line.startswith("drcmitsuba ") and "CASE" not in line:
                 answer = command(*line.split("#")[0].split()[1:], folder=folder)
                 assert (answer.code, answer.fault) == (0, ""), f"{line}\n{answer}"
