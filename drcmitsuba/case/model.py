@@ -10,7 +10,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drcmitsuba.model.materials import Lambertian, Reflectance, SurfaceMaterial
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    Reflectance,
+    SurfaceMaterial,
+)
 from drcmitsuba.model.model import Layer, Model, joined
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Name, Table, choose, shortened
@@ -21,6 +28,9 @@ RADIANCE, HONEYBEE = (".rad", ".mat"), (".hbjson", ".json")
 MESHES = (".obj", ".ply", ".stl", ".gltf", ".glb")
 ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES)
 """Endings of the files that a model may consist of."""
+
+KNOWN = (Lambertian, GlazingMaterial, DiffuserMaterial, BsdfMaterial)
+"""Materials of a model whose light is counted; mirrors and solids deviate it before it is."""
 
 Patterns = Annotated[tuple[Name, ...], Field(max_length=1000)]
 
@@ -55,19 +65,21 @@ class ModelTable(Table):
         InputError
             A file is missing or unfit, of an unknown kind, or holds nothing of a given name.
         """
-        from drcmitsuba.model import honeybee, mesh, radiance  # when they are needed only
+        from drcmitsuba.model.honeybee import read as read_honeybee  # when they are needed only
+        from drcmitsuba.model.mesh import read as read_mesh
+        from drcmitsuba.model.radiance import read as read_radiance
 
         scale = None if self.unit is None else METRES[self.unit]
         own = {**materials, **{n: Lambertian(r) for n, r in self.reflectances.items()}}
         parts = []
         if scenes := [f for f in files if f.suffix.lower() in RADIANCE]:
-            parts.append(radiance.read(scenes, means=self.means).scaled(scale or 1.0))
+            parts.append(read_radiance(scenes, means=self.means).scaled(scale or 1.0))
         for file in files:
             ending = file.suffix.lower()
             if ending in HONEYBEE:
-                parts.append(honeybee.read(file))
+                parts.append(read_honeybee(file))
             elif ending in MESHES:
-                parts.append(mesh.read(file, unit=scale, materials=own))
+                parts.append(read_mesh(file, unit=scale, materials=own))
             elif ending not in RADIANCE:
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
@@ -89,6 +101,13 @@ class ModelTable(Table):
         if not kept:
             remedy = "give files with polygons or meshes"
             raise InputError(source, "model.files", "they hold no surface", remedy)
+        for layer in kept:
+            if not isinstance(layer.material, KNOWN):
+                got = f"{shortened(layer.name)} is a {layer.material.type}, {layer.place(0)}"
+                remedy = (
+                    "give its diffuse reflectance in [model.reflectances], or make it a component"
+                )
+                raise InputError(source, "model", got, remedy)
         north = model.north if self.north is None else self.north
         return replace(model, layers=tuple(kept), north=north)
 
