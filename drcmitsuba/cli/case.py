@@ -61,7 +61,7 @@ def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
         is_pane = role_of(surface.material) == "pane" and not surface.component
         kind = "context" if surface.name in context else "pane" if is_pane else "surface"
         drawn.append(Drawn(kind, surface.quads))
-        if is_pane:
+        if kind == "pane":
             name = _name(case, surface.name)
             size[name] = size.get(name, 0.0) + float(areas(surface.quads).sum())
     sides = used(case)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from drcmitsuba.model import glass
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Fraction, Table
 
@@ -36,7 +37,10 @@ def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0
 
 
 class GlazingMaterial(Table):
-    """Clear pane: transmittance τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], reflectance after Schlick."""
+    """Clear pane: transmittance τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ], reflectance after Schlick.
+
+    With a refractive index, both follow Fresnel's formulas for one pane, as Radiance's `glass`.
+    """
 
     type: Literal["glazing"]
     """Kind of the material."""
@@ -46,11 +50,46 @@ class GlazingMaterial(Table):
     """Exponent p [–]: a larger p keeps the transmittance near τ₀ up to larger incidences."""
     reflectance: Fraction = 0.0
     """Reflectance towards the room, at normal incidence [–]."""
+    ior: Annotated[float, Field(gt=1, le=4)] | None = None
+    """Refractive index of a single pane [–], which gives reflectance and exponent: leave them."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_index(cls, table: Any) -> Any:
+        """Give a pane with a refractive index its reflectance at normal incidence."""
+        if not isinstance(table, dict) or not isinstance(table.get("ior"), float | int):
+            return table
+        tau, ior = table.get("transmittance"), float(table["ior"])
+        if not isinstance(tau, float | int) or not 1 < ior <= 4 or not 0 <= tau <= 1:
+            return table
+        if tau > glass.most(ior) + 1e-9:
+            got = f"{tau:g}, and a clear pane of this index has {glass.most(ior):.3f}"
+            raise InputError("material", "transmittance", got, "lower it, or leave out ior")
+        t = glass.transmissivity(min(tau, glass.most(ior)), ior)
+        rho = float(glass.pane(np.array([t]), ior, np.ones(1))[1][0, 0])
+        for name, own in (("reflectance", rho), ("exponent", 4.5)):
+            if table.get(name, own) != own:
+                got = f"{table[name]} beside the refractive index, from which it follows"
+                raise InputError("material", name, got, "give one of them")
+        return {**table, "reflectance": rho}
 
     @model_validator(mode="after")
     def _energy(self) -> GlazingMaterial:
-        check_energy(self.transmittance, self.reflectance, self.exponent)
+        if self.ior is None:
+            check_energy(self.transmittance, self.reflectance, self.exponent)
         return self
+
+    def tables(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Transmittance and reflectance at `count` equal steps of cos θ from 0 to 1, by the index.
+
+        Returns
+        -------
+        transmittance, reflectance : np.ndarray, shape (count,)
+        """
+        assert self.ior is not None
+        t = glass.transmissivity(min(self.transmittance, glass.most(self.ior)), self.ior)
+        tau, rho = glass.pane(np.array([t]), self.ior, np.linspace(0, 1, count))
+        return tau[:, 0], rho[:, 0]
 
 
 class DiffuserMaterial(Table):

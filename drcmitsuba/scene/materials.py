@@ -7,6 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import mitsuba as mi
+import numpy as np
 from drcmitsuba_plugins import energy, peak
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 
@@ -23,6 +25,9 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
+
+STEPS = 1025
+"""Number of cosines at which panes with a refractive index are tabulated: exact to 1e-4."""
 
 
 @dataclass(frozen=True)
@@ -182,4 +187,8 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     }
     if isinstance(material, GlazingMaterial):
         pane |= {"type": "glazing", "exponent": material.exponent}
+        if material.ior is not None:
+            tables = (mi.TensorXf(t.astype(np.float32)) for t in material.tables(STEPS))
+            pane["transmittance"], pane["reflectance_front"] = tables
+            del pane["exponent"]
     return pane
