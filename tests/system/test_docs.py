@@ -1,7 +1,7 @@
 """README and docs: every block runs as it stands, and every link leads somewhere.
 
-The blocks of a page run in order in one folder. A `toml` block with a file name is written there;
-one without a name is a piece of a case: together with the page's case it has to be a valid one. To
+The blocks of a page run in order in one folder. A block with a file name is written there; a `toml`
+block without one is a piece of a case: together with the page's case it has to be a valid one. To
 save time, cases of the pages are evaluated for few hours at few points with few samples, searches
 are short, and one process runs the commands of all pages.
 """
@@ -58,7 +58,7 @@ def blocks(path, *languages):
 def named(file):
     """Text of the block that has a file name, the one of the tutorial first."""
     pages = sorted(PAGES, key=lambda path: path.name != "tutorial.md")
-    return next(text for page in pages for _, name, text in blocks(page, "toml") if name == file)
+    return next(t for page in pages for _, name, t in blocks(page, "toml", "text") if name == file)
 
 
 def quick(text):
@@ -81,7 +81,7 @@ def write(folder, name, text):
 @pytest.fixture
 def folder(tmp_path):
     """Folder with the files that the pages take for granted."""
-    for name in ("office.toml", "film_office.toml", "my_prism.toml"):
+    for name in ("office.toml", "film_office.toml", "my_prism.toml", "studio.toml", "studio.rad"):
         write(tmp_path, name, named(name))
     sun = '\n[sun]\nmodel = "adaptive"\nfinest = 4\ntolerance = 0.5\n'
     write(tmp_path, "adaptive.toml", named("office.toml") + sun)
