@@ -77,21 +77,46 @@ def polygon_quads(
     """
     if corners.shape[1] <= 4:
         return facet_quads(corners)
-    convex = _are_convex(corners)
-    second = np.arange(2, corners.shape[1])
-    fan = np.stack([0 * second, second - 1, second, second], axis=1)
-    quads = corners[:, fan]
-    parts = [quads[convex].reshape(-1, 4, 3)]
-    polygons = [np.repeat(np.flatnonzero(convex), len(fan))]
-    for k in np.flatnonzero(~convex):
+    quads, polygon, left = convex_quads(corners)
+    parts, polygons = [quads], [polygon]
+    for k in left.tolist():
         try:
             parts.append(quads_of(corners[k]))
         except ValueError as error:
-            raise refuse(int(k), str(error)) from None
+            raise refuse(k, str(error)) from None
         polygons.append(np.full(len(parts[-1]), k))
     polygon = np.concatenate(polygons)
     order = np.argsort(polygon, kind="stable")
     return np.concatenate(parts)[order], polygon[order]
+
+
+def convex_quads(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut those polygons of one number of corners that are planar and convex.
+
+    Parameters
+    ----------
+    corners : np.ndarray, shape (polygon, corner, 3)
+        Corners in turn, counter-clockwise from the front [m].
+
+    Returns
+    -------
+    quads : np.ndarray, shape (quad, 4, 3)
+        Parallelograms, and triangles that repeat their last corner [m].
+    polygon : np.ndarray of int, shape (quad,)
+        Polygon that each quad is part of.
+    left : np.ndarray of int
+        Polygons that are not convex, not planar, or without area.
+    """
+    n = corners.shape[1]
+    whole = have_area(corners) if n == 3 else np.zeros(len(corners), bool)
+    if n == 4:
+        whole = are_parallelograms(corners) & have_area(corners)
+    fan = ~whole & _are_convex(corners)
+    second = np.arange(2, n)
+    at = np.stack([0 * second, second - 1, second, second], axis=1)
+    quads = [corners[whole][:, [0, 1, 2, n - 1]], corners[fan][:, at].reshape(-1, 4, 3)]
+    polygon = [np.flatnonzero(whole), np.repeat(np.flatnonzero(fan), n - 2)]
+    return np.concatenate(quads), np.concatenate(polygon), np.flatnonzero(~whole & ~fan)
 
 
 def _are_convex(corners: np.ndarray) -> np.ndarray:

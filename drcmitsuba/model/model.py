@@ -143,3 +143,19 @@ def joined(models: Sequence[Model]) -> Model:
         next((m.north for m in models if m.north), 0.0),
         tuple(note for m in models for note in m.notes),
     )
+
+
+def in_first_state(model: Model) -> Model:
+    """Put every group into its first state, with a note on groups that have others."""
+    layers, groups = [], dict[str, int]()
+    for layer in model.layers:
+        layers.append(layer)
+        if layer.states:
+            layers += layer.states[0].shades
+            groups[layer.group] = max(groups.get(layer.group, 0), len(layer.states))
+    several = [f"{name} ({count})" for name, count in groups.items() if count > 1]
+    notes = model.notes
+    if several:
+        text = f"The first state is simulated of groups with several states: {', '.join(several)}."
+        notes = (*notes, text)
+    return replace(model, layers=tuple(layers), notes=notes)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drcmitsuba.model.facets import are_parallelograms, facet_quads
+from drcmitsuba.model.facets import convex_quads, facet_quads
 from drcmitsuba.model.honeybee.entries import Entry
 from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.pieces import Piece
@@ -64,17 +64,23 @@ def quads_of_pieces(
     pieces: list[Piece], modifiers: Modifiers, scale: Scale
 ) -> tuple[np.ndarray, np.ndarray]:
     """Quads of polygons [m], shape (quad, 4, 3), and the polygon that each is part of."""
-    plain = [k for k, p in enumerate(pieces) if len(p.rings) == 1 and len(p.rings[0]) == 4]
-    corners = np.array([pieces[k].rings[0] for k in plain]).reshape(-1, 4, 3)
-    whole = are_parallelograms(corners)
-    quads, index = facet_quads(corners[whole] * scale.metres)
-    polygons = [np.array(plain, int)[whole][index]]
-    parts = [quads]
-    done = set(np.array(plain, int)[whole].tolist())
+    simple: dict[int, list[int]] = {}
     for k, piece in enumerate(pieces):
-        if k not in done:
-            parts.append(_cut(piece, scale))
-            polygons.append(np.full(len(parts[-1]), k))
+        simple.setdefault(len(piece.rings[0]) if len(piece.rings) == 1 else 0, []).append(k)
+    others = simple.pop(0, [])
+    parts, polygons = [], []
+    for alike in simple.values():
+        corners = np.array([pieces[k].rings[0] for k in alike]) * scale.metres
+        if corners.shape[1] < 3:
+            others += alike
+            continue
+        quads, polygon, left = convex_quads(corners)
+        parts.append(quads)
+        polygons.append(np.array(alike)[polygon])
+        others += np.array(alike)[left].tolist()
+    for k in others:
+        parts.append(_cut(pieces[k], scale))
+        polygons.append(np.full(len(parts[-1]), k))
     polygon = np.concatenate(polygons)
     empty = np.setdiff1d(np.arange(len(pieces)), polygon)
     if len(empty):

@@ -18,8 +18,9 @@ from drcmitsuba.model.mesh.part import (
     LARGEST,
     Part,
     beside,
-    check_count,
     check_index,
+    check_polygons,
+    check_vertex_count,
     check_vertices,
 )
 from drcmitsuba.model.notes import Notes
@@ -110,7 +111,7 @@ class _Scene:
             for primitive in mesh["primitives"]:
                 corners = self._triangles(primitive)
                 count += len(corners)
-                check_count(self.file, "triangles", count)
+                check_polygons(self.file, count)
                 corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
                 if np.linalg.det(matrix[:3, :3]) < 0:
                     corners = corners[:, ::-1]
@@ -190,12 +191,11 @@ class _Scene:
             return np.empty((0, 3, 3))
         vertices = self._numbers(primitive["attributes"]["POSITION"], "VEC3").astype(float)
         self.vertices += len(vertices)
-        check_count(self.file, "vertices", self.vertices)
+        check_vertex_count(self.file, self.vertices)
         index = np.arange(len(vertices))
         if primitive.get("indices") is not None:
             index = self._numbers(primitive["indices"], "SCALAR")[:, 0].astype(np.int64)
         check_index(self.file, index, len(vertices))
-        check_count(self.file, "triangles", len(index) // 3)
         if mode == 4:
             return vertices[index[: len(index) // 3 * 3]].reshape(-1, 3, 3)
         second = np.arange(1, max(1, len(index) - 1))
@@ -215,7 +215,7 @@ class _Scene:
         size, count = SIZES[kind], of["count"]
         if not isinstance(count, int) or count < 0:
             raise _MalformedError(f"accessors[{accessor}]: count {count!r}")
-        check_count(self.file, f"accessors[{accessor}]", count // 3)
+        check_vertex_count(self.file, count)
         step = view.get("byteStride") or size * item.itemsize
         start, length = view.get("byteOffset", 0), view["byteLength"]
         offset = of.get("byteOffset", 0)

@@ -13,9 +13,10 @@ from drcmitsuba.model.mesh.part import (
     MOST_CORNERS,
     Part,
     beside,
-    check_count,
     check_index,
     check_parts,
+    check_polygons,
+    check_vertex_count,
     check_vertices,
 )
 from drcmitsuba.model.mesh.text import numbers, statements, text_of, whole_numbers
@@ -65,7 +66,7 @@ class _Mesh:
         if positions:
             self.vertices.append(numbers(self.file, positions, 3, "v"))
             self.count += len(positions)
-            check_count(self.file, "vertices", self.count)
+            check_vertex_count(self.file, self.count)
         if faces:
             self._add_faces(faces, np.array(at))
 
@@ -88,7 +89,7 @@ class _Mesh:
             index = np.where(index < 0, at[which, 1:] + index, index - 1)
             self.faces.setdefault(n, []).append((at[which, 0], index))
         total = sum(len(part) for faces in self.faces.values() for part, _ in faces)
-        check_count(self.file, "faces", total)
+        check_polygons(self.file, total)
 
 
 def read_obj(file: Path, notes: Notes) -> list[Part]:

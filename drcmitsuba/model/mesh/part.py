@@ -10,8 +10,10 @@ import numpy as np
 from drcmitsuba.model.materials import Reflectance
 from drcmitsuba.runtime.errors import InputError
 
-MOST_POLYGONS = 4_000_000
-"""Largest number of polygons, and of vertices, of a mesh file."""
+MOST_POLYGONS = 2_000_000
+"""Largest number of polygons of a mesh file."""
+MOST_VERTICES = 3 * MOST_POLYGONS
+"""Largest number of vertices of a mesh file."""
 MOST_PARTS = 50_000
 """Largest number of parts of different material, group and object."""
 LARGEST = 512 * 2**20
@@ -34,11 +36,18 @@ class Part:
     """Diffuse reflectance that the file states; None where it states none [–]."""
 
 
-def check_count(file: Path, what: str, count: int) -> None:
-    """Raise InputError for more polygons or vertices than are read."""
+def check_polygons(file: Path, count: int) -> None:
+    """Raise InputError for more polygons than are read."""
     if count > MOST_POLYGONS:
-        got = f"{count}" if count < 10**18 else "too many"
-        raise InputError(file, what, got, f"give a mesh of at most {MOST_POLYGONS}")
+        remedy = f"give a mesh of at most {MOST_POLYGONS} polygons"
+        raise InputError(file, "polygons", f"more than {MOST_POLYGONS}", remedy)
+
+
+def check_vertex_count(file: Path, count: int) -> None:
+    """Raise InputError for more vertices than are read."""
+    if count > MOST_VERTICES:
+        remedy = f"give a mesh of at most {MOST_VERTICES} vertices"
+        raise InputError(file, "vertices", f"more than {MOST_VERTICES}", remedy)
 
 
 def check_parts(file: Path, count: int) -> None:

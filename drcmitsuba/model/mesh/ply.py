@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO, Literal, TypeVar
 
 import numpy as np
 
@@ -13,8 +15,9 @@ from drcmitsuba.model.mesh.part import (
     LARGEST,
     MOST_CORNERS,
     Part,
-    check_count,
     check_index,
+    check_polygons,
+    check_vertex_count,
     check_vertices,
 )
 from drcmitsuba.model.mesh.text import line_of, numbers, text_of, whole_numbers
@@ -30,6 +33,9 @@ TYPES = {
 """Types of properties as those of NumPy."""
 CORNERS = ("vertex_indices", "vertex_index")
 """Names of the property that holds the corners of a face."""
+BLOCK = 2**16
+"""Number of lines that become numbers at once."""
+Item = TypeVar("Item")
 MOST_LINES = 100
 """Largest number of lines of a header."""
 
@@ -91,7 +97,9 @@ def _header(file: Path, stream: IO[bytes]) -> tuple[str, list[_Element]]:
             order = orders[words[1]]
         elif words[:1] == ["element"] and len(words) == 3 and words[2][:12].isdecimal():
             elements.append(_Element(words[1], int(words[2][:12])))
-            check_count(file, words[1], elements[-1].count)
+            check_vertex_count(file, elements[-1].count)
+            if words[1] == "face":
+                check_polygons(file, elements[-1].count)
         elif words[:1] == ["property"] and elements and len(words) == 3 and words[1] in TYPES:
             elements[-1].properties.append((words[-1], "", TYPES[words[1]]))
         elif words[:2] == ["property", "list"] and elements and len(words) == 5:
@@ -111,42 +119,56 @@ class _Text:
     def __init__(self, file: Path, stream: IO[bytes]) -> None:
         self.file, self.stream = file, stream
 
-    def _rows(self, element: _Element) -> list[list[bytes]]:
-        rows = []
+    def _rows(self, element: _Element) -> Iterator[list[bytes]]:
+        """Words of each line of an element."""
         for _ in range(element.count):
-            rows.append(line_of(self.file, self.stream).split())
-            if not rows[-1]:
+            row = line_of(self.file, self.stream).split()
+            if not row:
                 got = f"fewer than {element.count} lines"
                 raise InputError(self.file, element.name, got, "export the mesh again")
-        return rows
+            yield row
 
     def columns(self, element: _Element, names: list[str]) -> np.ndarray:
         """Columns of numbers, shape (element, column)."""
         at = _columns_of(self.file, element, names)
-        rows = self._rows(element)
-        try:
-            return numbers(self.file, [[row[k] for k in at] for row in rows], len(at), element.name)
-        except IndexError:
-            got = "a line that is too short"
-            raise InputError(self.file, element.name, got, "export the mesh again") from None
+        rows = ([row[k] for k in at if k < len(row)] for row in self._rows(element))
+        blocks = [
+            numbers(self.file, block, len(at), element.name) if at else np.empty((0, 0))
+            for block in _blocks(rows)
+        ]
+        return np.concatenate([np.empty((0, len(at))), *blocks])
 
     def lists(self, element: _Element) -> dict[int, np.ndarray]:
         """Corners of faces by their number, shape (face, corner) each."""
+        rings: dict[int, list[np.ndarray]] = {}
+        for block in _blocks(self._rings(element)):
+            alike: dict[int, list[list[bytes]]] = {}
+            for n, words in block:
+                alike.setdefault(n, []).append(words)
+            for n, rows in alike.items():
+                rings.setdefault(n, []).append(whole_numbers(self.file, rows, n, element.name))
+        return {n: np.concatenate(blocks) for n, blocks in rings.items()}
+
+    def _rings(self, element: _Element) -> Iterator[tuple[int, list[bytes]]]:
+        """Number of corners and corners of each face."""
         before = _before_corners(self.file, element)
-        rings: dict[int, list[list[bytes]]] = {}
-        rows = self._rows(element)
-        try:
-            for row in rows:
+        for row in self._rows(element):
+            try:
                 at = 0
                 for _, length, _ in before:
                     at += 1 + (int(row[at]) if length else 0)
                 n = int(row[at])
-                rings.setdefault(n, []).append(row[at + 1 : at + 1 + n])
-        except (IndexError, ValueError):
-            got = "a line that is no face"
-            raise InputError(self.file, element.name, got, "export the mesh again") from None
-        _check_corners(self.file, list(rings))
-        return {n: whole_numbers(self.file, alike, n, "face") for n, alike in rings.items()}
+            except (IndexError, ValueError):
+                got = "a line that is no face"
+                raise InputError(self.file, element.name, got, "export the mesh again") from None
+            _check_corners(self.file, [n])
+            yield n, row[at + 1 : at + 1 + n]
+
+
+def _blocks(items: Iterator[Item]) -> Iterator[list[Item]]:
+    """Lists of items that follow each other."""
+    while block := list(islice(items, BLOCK)):
+        yield block
 
 
 class _Binary:

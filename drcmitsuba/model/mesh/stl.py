@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drcmitsuba.model.facets import facet_quads, join
-from drcmitsuba.model.mesh.part import LARGEST, Part, check_count, check_parts, check_vertices
+from drcmitsuba.model.mesh.part import LARGEST, Part, check_parts, check_polygons, check_vertices
 from drcmitsuba.model.mesh.text import numbers, statements, text_of
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.source_file import read_bytes, size_of
@@ -28,7 +28,7 @@ def read_stl(file: Path, notes: Notes) -> list[Part]:
         raise InputError(file, "file", error.strerror or str(error), "check the path") from None
     count = int.from_bytes(header[80:HEADER], "little")
     if size == HEADER + count * FACET.itemsize:
-        check_count(file, "triangles", count)
+        check_polygons(file, count)
         facets = np.frombuffer(read_bytes(file, LARGEST), FACET, count, HEADER)
         return [_part(file, "", facets["corners"].astype(float))]
     if not header.lstrip().lower().startswith(b"solid"):
@@ -46,16 +46,24 @@ def _read_text(file: Path) -> list[Part]:
             if keyword.lower() == b"vertex":
                 rows.append(body.split())
                 continue
-            corners.setdefault(name, []).append(numbers(file, rows, 3, "vertex"))
+            _add(file, corners, name, rows)
             name, rows = text_of(body), []
-            check_parts(file, len(corners))
-        corners.setdefault(name, []).append(numbers(file, rows, 3, "vertex"))
+        _add(file, corners, name, rows)
         count += sum(keyword.lower() == b"vertex" for keyword, _ in block)
-        check_count(file, "triangles", count // 3)
+        check_polygons(file, count // 3)
     solids = {name: np.concatenate(parts) for name, parts in corners.items()}
     if any(len(each) % 3 for each in solids.values()):
         raise InputError(file, "vertex", "a triangle without three", "export the mesh again")
-    return [_part(file, name, each.reshape(-1, 3, 3)) for name, each in solids.items() if len(each)]
+    return [_part(file, name, each.reshape(-1, 3, 3)) for name, each in solids.items()]
+
+
+def _add(
+    file: Path, corners: dict[str, list[np.ndarray]], name: str, rows: list[list[bytes]]
+) -> None:
+    """Add the corners of a solid in one block of the file, where it has any."""
+    if rows:
+        corners.setdefault(name, []).append(numbers(file, rows, 3, "vertex"))
+        check_parts(file, len(corners))
 
 
 def _part(file: Path, name: str, corners: np.ndarray) -> Part:

@@ -26,6 +26,7 @@ FACES = {
 }
 """Type and corners of each face, counter-clockwise from outside."""
 WINDOW = np.array([[1.0, 0, 1], [3, 0, 1], [3, 0, 2], [1, 0, 2]])
+L_SHAPE = np.array([[0, 0, 1], [3, 0, 1], [3, 1, 1], [1, 1, 1], [1, 2, 1], [0, 2, 1]], float)
 OUTDOORS = {"type": "Outdoors"}
 
 

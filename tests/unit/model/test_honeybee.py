@@ -250,6 +250,22 @@ def test_what_lets_light_through_is_a_pane_and_other_apertures_are_surfaces(tmp_
     assert areas["g", "context"] == pytest.approx(2)
 
 
+def test_shades_of_any_outline_keep_their_area_and_front(tmp_path):
+    outlines = [
+        box.L_SHAPE,
+        box.L_SHAPE[:3],
+        box.L_SHAPE[[0, 1, 2, 5]],
+        box.L_SHAPE[[0, 1, 2, 4, 5]],
+    ]
+    shades = [shade(f"s{k}", 1) for k in range(len(outlines))]
+    for each, outline in zip(shades, outlines, strict=True):
+        each["geometry"] = box.geometry(outline)
+    (layer,) = read(tmp_path, orphaned_shades=shades).layers
+    for k, outline in enumerate(outlines):
+        vector = sum(area_vector(quad) for quad in layer.quads[layer.polygon == k])
+        assert vector == pytest.approx(area_vector(outline))
+
+
 def test_polygons_without_area_are_left_out_with_a_note(tmp_path):
     line = shade("line", 5)
     line["geometry"] = box.geometry([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
