@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drcmitsuba.model.glass import transmissivity
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
@@ -78,6 +79,10 @@ def twin(
     if isinstance(material, Lambertian):
         rgb = _numbers([channel_of(material.reflectance, i) for i in range(3)])
         return Twin(f"void plastic {modifier} 0 0 5 {rgb} 0 0")
+    if isinstance(material, GlazingMaterial) and material.ior is not None:
+        t = transmissivity(material.transmittance, material.ior)
+        text = f"void glass {modifier} 0 0 4 {_numbers([t] * 3)} {_numbers(material.ior)}"
+        return Twin(text, "glass mirrors to the outside, too")
     if isinstance(material, GlazingMaterial):
         shape = [material.transmittance, material.exponent, material.reflectance]
         names = f"rho rho rho tau tau tau 0 0 0 {GLAZING_FILE}"

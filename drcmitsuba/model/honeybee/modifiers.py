@@ -9,7 +9,7 @@ from pathlib import Path
 from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier
 from drcmitsuba.model.honeybee.modifier_materials import material_of
-from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
+from drcmitsuba.model.materials import GlazingMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.model.notes import Notes
 
 GLASS = {"generic_exterior_window_vis_0.64": 0.64, "generic_interior_window_vis_0.88": 0.88}
@@ -104,9 +104,8 @@ class Modifiers:
             if name in self.known:
                 self.materials[name] = material_of(self.known[name], self.bsdf, self.notes)
             elif name in GLASS:
-                pane = radiance_materials.transmissivity(GLASS[name])
-                self.materials[name] = radiance_materials.glass(
-                    (pane, pane, pane), radiance_materials.INDEX, self.notes.add
+                self.materials[name] = GlazingMaterial(
+                    type="glazing", transmittance=GLASS[name], ior=radiance_materials.INDEX
                 )
             elif name in PLASTIC:
                 self.materials[name] = Lambertian(PLASTIC[name])

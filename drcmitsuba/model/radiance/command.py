@@ -34,8 +34,7 @@ def pipeline(command: Command) -> list[list[str]]:
             remedy = "write words, quotes and pipes: no shell reads them"
             raise command.place.error("command", f"{sign!r} in {text!r}", remedy)
         else:
-            stages[-1].append(_QUOTED.sub(lambda m: next(g for g in m.groups("") if g), word)
-                              if any(c in word for c in "\"'\\") else word)  # fmt: skip
+            stages[-1].append(_QUOTED.sub(lambda quoted: "".join(quoted.groups("")), word))
         at = token.end()
     for i, words in enumerate(stages):
         name = words[0] if words else ""

@@ -33,6 +33,8 @@ _ORIENTED = ("BSDF", "aBSDF", "dielectric", "interface")
 """Kinds that a transform changes, as far as they are understood."""
 DEEPEST = 64
 """Largest number of modifiers in a chain."""
+MOST = 200_000
+"""Largest number of definitions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,32 +112,38 @@ class Definitions:
         Raises
         ------
         InputError
-            A modifier that it names is not known, or the chain of modifiers is too long.
+            A modifier that it names is not known, the chain of modifiers is too long, or there are
+            too many.
         """
-        number = len(self.order)
-        if primitive.kind == "alias":
-            original = self.of(primitive.strings[0], primitive)
-            if original is None:
-                raise primitive.error("an alias of void", "name a material or a pattern")
-            modifier = original.modifier
-            if primitive.modifier != "inherit":
-                modifier = self.of(primitive.modifier, primitive)
-            definition = replace(
-                original, name=primitive.name, modifier=modifier, number=number, depth=0
-            )
-        else:
-            named = tuple(
-                self.of(name, primitive)
-                for name in primitive.strings[: _NAMED.get(primitive.kind, 0)]
-            )
-            modifier = self.of(primitive.modifier, primitive)
-            definition = Definition(primitive.name, primitive, modifier, named, number, 0, folders)
-        others = [other.depth for other in (definition.modifier, *definition.named) if other]
-        depth = 1 + max(others, default=0)
-        if depth > DEEPEST:
-            raise primitive.error(f"a chain of {depth} modifiers", f"chain at most {DEEPEST}")
-        self.latest[primitive.name] = replace(definition, depth=depth)
+        if len(self.order) == MOST:
+            raise primitive.error(f"more than {MOST} modifiers", "define each only once")
+        made = (
+            self._alias(primitive) if primitive.kind == "alias" else self._new(primitive, folders)
+        )
+        if made.depth > DEEPEST:
+            raise primitive.error(f"a chain of {made.depth} modifiers", f"chain at most {DEEPEST}")
+        self.latest[primitive.name] = made
         self.order.append(primitive.name)
+
+    def _new(self, primitive: Primitive, folders: tuple[Path, ...]) -> Definition:
+        names = primitive.strings[: _NAMED.get(primitive.kind, 0)]
+        named = tuple(self.of(name, primitive) for name in names)
+        modifier = self.of(primitive.modifier, primitive)
+        depth = 1 + max((other.depth for other in (modifier, *named) if other), default=0)
+        number = len(self.order)
+        return Definition(primitive.name, primitive, modifier, named, number, depth, folders)
+
+    def _alias(self, primitive: Primitive) -> Definition:
+        """Copy of another definition, with the alias's own modifier unless that is "inherit"."""
+        original = self.of(primitive.strings[0], primitive)
+        if original is None:
+            raise primitive.error("an alias of void", "name a material or a pattern")
+        modifier = original.modifier
+        if primitive.modifier != "inherit":
+            modifier = self.of(primitive.modifier, primitive)
+        depth = max(original.depth, 1 + (modifier.depth if modifier else 0))
+        number = len(self.order)
+        return replace(original, name=primitive.name, modifier=modifier, number=number, depth=depth)
 
     def move(self, moves: Moves, since: int) -> None:
         """Move all that was defined since a position, as the last copy of its file leaves it."""

@@ -1,7 +1,7 @@
 """Radiance's `BSDF` and `aBSDF`: panes with a measured BSDF, and how they are mounted.
 
-Of a pane whose front faces the room, `up` is the direction of the file's y axis, projected on the
-pane. The engine takes the world's z axis for it, and the y axis on a horizontal pane.
+Their front faces the room, and `up`, projected on the pane, is the direction of the file's y axis.
+The engine takes the world's z axis for it, and the y axis on a horizontal pane.
 """
 
 from __future__ import annotations

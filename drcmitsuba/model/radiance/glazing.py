@@ -1,9 +1,7 @@
-"""Panes of Radiance's `glass` and of its `BRTDfunc` for glazings, as `GlazingMaterial`.
+"""Panes of Radiance's `BRTDfunc`, as glazing tools write it, as `GlazingMaterial`.
 
-Radiance's pane has, for each polarisation, with r Fresnel's reflectance of a face and d the light
-left after one pass, d = t^(1/cos θ'), the transmittance τ = (1 − r)² d / (1 − r² d²) and the
-reflectance ρ = r (1 + (1 − 2r) d²) / (1 − r² d²). The engine's pane has Schlick's reflectance and
-τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ]. τ₀ and ρ₀ are taken at normal incidence; p is fitted.
+The engine's pane has Schlick's reflectance and τ(θ) = τ₀ [1 − (1 − cos θ)ᵖ]. τ₀ and ρ₀ are taken at
+normal incidence; p is fitted.
 """
 
 from __future__ import annotations
@@ -14,11 +12,9 @@ import numpy as np
 
 from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.model.radiance import expression
-from drcmitsuba.model.radiance.colour import luminance
 from drcmitsuba.model.radiance.text import Primitive
+from drcmitsuba.model.radiance_materials import luminance
 
-INDEX = 1.52
-"""Refractive index of `glass` that states none."""
 INCIDENCE = np.radians(np.arange(90.0))
 """Incidences of the fit [rad]."""
 _EXPONENTS = np.geomspace(0.2, 100, 2001)
@@ -36,46 +32,6 @@ FUNCTION_FILES = {
     "rclr=fr(0.076);tclr=ft(0.883);cr(f,t,b)=f+t*t*b;",
 }
 """Definitions of the function files that glazing tools name: single panes, double panes."""
-
-
-def transmissivity(transmittance: float) -> float:
-    """Transmissivity [–] of glass of index 1.52 from its transmittance at normal incidence [–].
-
-    It is the share of light left after one pass, t_n = (√(0.8402528435 + 0.0072522239 T_n²) −
-    0.9166530661) / (0.0036261119 T_n), the formula of Radiance's reference manual.
-    """
-    root = np.sqrt(0.8402528435 + 0.0072522239 * transmittance**2)
-    return float((root - 0.9166530661) / 0.0036261119 / transmittance)
-
-
-def pane(
-    transmissivity: np.ndarray, index: float, incidence: np.ndarray = INCIDENCE
-) -> tuple[np.ndarray, np.ndarray]:
-    """Transmittance and reflectance of Radiance's `glass`, mean of both polarisations.
-
-    Parameters
-    ----------
-    transmissivity : np.ndarray, shape (channel,)
-        Share of light left after one pass at normal incidence [–].
-    index : float
-        Refractive index [–].
-    incidence : np.ndarray, shape (angle,)
-        Incidence, below π/2 [rad].
-
-    Returns
-    -------
-    transmittance, reflectance : np.ndarray, shape (angle, channel)
-    """
-    c = np.cos(incidence)[:, None]
-    inside = np.sqrt(1 - (1 - c**2) / index**2)
-    d = np.asarray(transmissivity, float) ** (1 / inside)
-    faces = (
-        ((c - index * inside) / (c + index * inside)) ** 2,
-        ((inside - index * c) / (inside + index * c)) ** 2,
-    )
-    through = [(1 - r) ** 2 * d / (1 - (r * d) ** 2) for r in faces]
-    back = [r * (1 + (1 - 2 * r) * d**2) / (1 - (r * d) ** 2) for r in faces]
-    return (through[0] + through[1]) / 2, (back[0] + back[1]) / 2
 
 
 def fitted(transmittance: np.ndarray, reflectance: float) -> tuple[GlazingMaterial, float]:
@@ -114,15 +70,6 @@ def fitted(transmittance: np.ndarray, reflectance: float) -> tuple[GlazingMateri
         reflectance=reflectance,
     )
     return material, float(np.abs(difference[best]).max())
-
-
-def glass(transmissivity: np.ndarray, index: float) -> tuple[GlazingMaterial, float]:
-    """Pane of the engine for Radiance's `glass`, and how far its transmittance is off [–].
-
-    `transmissivity` has three channels, of which the luminance is taken.
-    """
-    tau, rho = pane(transmissivity, index)
-    return fitted(luminance(tau), float(luminance(rho[0])))
 
 
 def from_functions(primitive: Primitive) -> tuple[GlazingMaterial, float]:

@@ -7,26 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.materials import (
     DielectricMaterial,
-    DiffuserMaterial,
     Lambertian,
-    MirrorMaterial,
     SurfaceMaterial,
 )
+from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance import glazing, patterns
-from drcmitsuba.model.radiance.colour import is_grey, luminance, reflectance
 from drcmitsuba.model.radiance.definitions import MATERIALS, MIXTURES, Definition
 from drcmitsuba.model.radiance.films import Mounted, film
-from drcmitsuba.model.radiance.notes import Notes
 from drcmitsuba.model.radiance.text import Primitive
+from drcmitsuba.model.radiance_materials import SMALL, Colour, plastic
 
-SMALL = 0.05
-"""Largest share of mirrored light that counts as diffuse [–]."""
-HIGHLIGHTS = (
-    f"Mirrored light counts as diffuse where it is at most {100 * SMALL:.0f} % of the light"
-)
-GREYED = "Mirrors, panes and solids are grey: these have the luminance of their colour"
 BLACK = "Daylight is the only light: lamps are black"
 INVISIBLE = "Surfaces without a material are left out"
 ISOTROPIC = "Brushed surfaces have the geometric mean of their two roughnesses"
@@ -71,11 +64,15 @@ class Finish:
         """First three arguments under the patterns."""
         return self.share(numbers[:3] * self.factor, "a colour of")
 
-    def grey(self, channels: np.ndarray) -> float:
-        """Luminance, with a note where that drops a colour."""
-        if not is_grey(channels):
-            self.notes.add(GREYED, self.definition.name)
-        return float(luminance(channels)) if not is_grey(channels) else float(channels[1])
+    def note(self, sentence: str) -> None:
+        """Note what is simplified of the material."""
+        self.notes.add(sentence, self.definition.name)
+
+
+def as_colour(channels: np.ndarray) -> Colour:
+    """Red, green and blue as numbers."""
+    red, green, blue = channels.tolist()
+    return red, green, blue
 
 
 def _opaque(finish: Finish) -> SurfaceMaterial:
@@ -84,21 +81,13 @@ def _opaque(finish: Finish) -> SurfaceMaterial:
     numbers = finish.numbers(6 if brushed else 5, strings=4 if brushed else 0)
     colour = finish.colour(numbers)
     (s,) = finish.share(numbers[3:4], "a specular part of")
-    mirrored = colour * s if finish.primitive.kind.startswith("metal") else np.full(3, s)
-    total = colour * (1 - s) + mirrored
+    make = radiance_materials.metal if finish.primitive.kind[:5] == "metal" else plastic
     if s <= SMALL:
-        if s > 0:
-            finish.notes.add(HIGHLIGHTS, finish.definition.name)
-        return Lambertian(reflectance(total))
+        return make(as_colour(colour), s, 0.0, finish.note)
     rough = finish.share(np.minimum(numbers[4:], 1), "a roughness of")
     if brushed:
-        finish.notes.add(ISOTROPIC, finish.definition.name)
-    rho = finish.grey(total)
-    specular = float(luminance(mirrored)) / rho if rho > 0 else 1.0
-    roughness = float(np.prod(rough) ** (1 / len(rough)))
-    return MirrorMaterial(
-        type="mirror", reflectance=rho, roughness=roughness, specular=min(specular, 1.0)
-    )
+        finish.note(ISOTROPIC)
+    return make(as_colour(colour), s, float(np.prod(rough) ** (1 / len(rough))), finish.note)
 
 
 def _trans(finish: Finish) -> SurfaceMaterial:
@@ -110,34 +99,24 @@ def _trans(finish: Finish) -> SurfaceMaterial:
     numbers = finish.numbers(8 if brushed else 7, strings=4 if brushed else 0)
     colour = finish.colour(numbers)
     s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of")
-    through, back = colour * (1 - s) * t, colour * (1 - s) * (1 - t) + s
-    straight = float(luminance(through)) * t_s
-    if straight > SMALL or s > SMALL:
-        got = f"{100 * straight:.1f} % transmitted and {100 * s:.1f} % reflected without scattering"
+    try:
+        return radiance_materials.trans(as_colour(colour), float(s), t, t_s, finish.note)
+    except ValueError as error:
         remedy = f"keep each below {100 * SMALL:.0f} %, or give the pane as glass or BSDF"
-        raise finish.primitive.error(got, remedy)
-    if straight > 0 or s > 0:
-        finish.notes.add(HIGHLIGHTS, finish.definition.name)
-    return DiffuserMaterial(
-        type="diffuser", transmittance=finish.grey(through), reflectance=finish.grey(back)
-    )
+        raise finish.primitive.error(str(error), remedy) from None
 
 
 def _pane(finish: Finish) -> SurfaceMaterial:
     """`glass`, and `BRTDfunc` as glazing tools write it."""
     if finish.primitive.kind == "glass":
         numbers = finish.numbers(3, 4)
-        index = float(numbers[3]) if len(numbers) == 4 else glazing.INDEX
+        index = float(numbers[3]) if len(numbers) == 4 else radiance_materials.INDEX
         if not 1 < index <= 4:
             raise finish.primitive.error(f"a refractive index of {index:g}", "give 1 to 4")
-        colour = finish.colour(numbers)
-        finish.grey(colour)
-        material, deviation = glazing.glass(colour, index)
-    else:
-        material, deviation = glazing.from_functions(finish.primitive)
+        return radiance_materials.glass(as_colour(finish.colour(numbers)), index, finish.note)
+    material, deviation = glazing.from_functions(finish.primitive)
     # Rounded up to a whole hundredth, so that panes share a sentence.
-    finish.notes.add(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others",
-                     finish.definition.name)  # fmt: skip
+    finish.note(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others")
     return material
 
 
@@ -151,9 +130,9 @@ def _solid(finish: Finish) -> SurfaceMaterial:
     else:
         numbers = finish.numbers(5)
         if numbers[4] != 0:
-            finish.notes.add(DISPERSION, finish.definition.name)
+            finish.note(DISPERSION)
     left = finish.share(numbers[:3], "a transmission of") ** (1 / finish.definition.moves.scale[0])
-    rest = finish.grey(left)
+    rest = radiance_materials.grey(left, finish.note)
     if not 1 < numbers[3] <= 4 or not rest > 0 or -np.log(rest) > 1e4:
         got = f"index {numbers[3]:g} and a transmission of {rest:g} per metre"
         raise finish.primitive.error(got, "give an index of 1 to 4 and a transmission above 0")
@@ -169,13 +148,13 @@ def _mirror(finish: Finish) -> SurfaceMaterial:
         if finish.definition.named[0] is None:
             got = "void as its alternate material, so it is seen by the sun only"
             raise finish.primitive.error(got, "take out the mirror or what it hides")
-        finish.notes.add(REPLACED, finish.definition.name)
-    finish.notes.add(BOTH_SIDES, finish.definition.name)
-    return MirrorMaterial(type="mirror", reflectance=finish.grey(colour))
+        finish.note(REPLACED)
+    finish.note(BOTH_SIDES)
+    return radiance_materials.mirror(as_colour(colour), finish.note)
 
 
 def _lamp(finish: Finish) -> SurfaceMaterial:
-    finish.notes.add(BLACK, finish.definition.name)
+    finish.note(BLACK)
     return Lambertian(0.0)
 
 

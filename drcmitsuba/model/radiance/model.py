@@ -7,12 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.model.materials import SurfaceMaterial
-from drcmitsuba.model.model import Layer, Model, role_of
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    SurfaceMaterial,
+)
+from drcmitsuba.model.model import Layer, Model
+from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance.definitions import Definition, Definitions
 from drcmitsuba.model.radiance.films import Mounted, upside_down
 from drcmitsuba.model.radiance.materials import material_of
-from drcmitsuba.model.radiance.notes import Notes
 from drcmitsuba.model.radiance.reading import Budget, Context, read_file
 from drcmitsuba.model.radiance.surfaces import Patch, Surfaces, joined
 
@@ -59,7 +64,7 @@ def read(files: Sequence[Path], *, means: bool = False) -> Model:
             Layer(
                 name=name if names[name] == 1 else f"{name} ({names[name]})",
                 material=material,
-                role=role_of(material),
+                role="pane" if _lets_light_through(material) else "surface",
                 quads=whole.quads,
                 polygon=whole.polygon,
                 places=whole.places,
@@ -89,3 +94,7 @@ def _selected(patch: Patch, which: np.ndarray) -> Patch:
     """Some quads of a patch, with the places of their polygons."""
     used, index = np.unique(patch.polygon[which], return_inverse=True)
     return Patch(patch.quads[which], index, tuple(patch.places[i] for i in used))
+
+
+def _lets_light_through(material: SurfaceMaterial) -> bool:
+    return isinstance(material, GlazingMaterial | DiffuserMaterial | BsdfMaterial)

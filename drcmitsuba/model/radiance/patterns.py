@@ -6,9 +6,9 @@ from pathlib import PurePath
 
 import numpy as np
 
+from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.definitions import MIXTURES, PATTERNS, TEXTURES, Definition
-from drcmitsuba.model.radiance.notes import Notes
 from drcmitsuba.model.radiance.text import Primitive
 
 SMOOTHING = ("rev.cal", "surf.cal", "tmesh.cal")

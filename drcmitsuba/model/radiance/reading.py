@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from drcmitsuba.model.notes import Notes
+from drcmitsuba.model.radiance import bodies
 from drcmitsuba.model.radiance import command as commands
 from drcmitsuba.model.radiance.definitions import MODIFIERS, SURFACES, Definitions
 from drcmitsuba.model.radiance.generators import GENERATORS
-from drcmitsuba.model.radiance.notes import Notes
+from drcmitsuba.model.radiance.patterns import SMOOTHED
 from drcmitsuba.model.radiance.polygons import LARGEST
 from drcmitsuba.model.radiance.surfaces import Surfaces
 from drcmitsuba.model.radiance.text import (
@@ -22,24 +24,25 @@ from drcmitsuba.model.radiance.text import (
     sought,
     statements,
 )
-from drcmitsuba.model.radiance.xform import transform
+from drcmitsuba.model.radiance.xform import reversed_front, transform
 
 MOST_BYTES = 1 << 27
 """Largest size of all files together, each as often as it is read [byte]."""
 MOST_FILES = 20_000
 """Largest number of files that are read, each as often as it is."""
-MOST_QUADS = 2_000_000
-"""Largest number of quads of a model."""
+MOST_QUADS = 1_000_000
+"""Largest number of triangles and facets of a model, and of their copies."""
 MOST_COPIES = 2_000_000
 """Largest number of copies of all arrays together."""
 DEEPEST = 16
 """Largest number of files, each called by the one before."""
+FACETS = f"Curved bodies are facets, {bodies.AROUND} around, and up to 0.4 % smaller in area"
 NO_SOURCES = "Suns, skies and grounds of the source files are left out: the weather file gives them"
 
 
 @dataclass
 class Budget:
-    """What a reading may still take."""
+    """Bytes, files, surfaces and copies that a reading may still take."""
 
     bytes: int = MOST_BYTES
     files: int = MOST_FILES
@@ -129,6 +132,8 @@ def add(primitive: Primitive, context: Context) -> None:
     elif primitive.kind in SURFACES:
         name = primitive.modifier if context.override is None else context.override
         definition = context.definitions.of(name, primitive)
+        if primitive.kind != "polygon":
+            context.notes.add(FACETS)
         count = context.surfaces.add(primitive, definition)
         context.budget.spend_quads(count, primitive.place)
     else:
@@ -153,6 +158,8 @@ def _run(command: Command, context: Context) -> None:
 
 def _generator(name: str, words: Sequence[str], place: Place) -> Stage:
     def stage(context: Context) -> None:
+        if name in ("gensurf", "genrev") and "-s" in words[7 if name == "gensurf" else 5 :]:
+            context.notes.add(SMOOTHED)
         for primitive in GENERATORS[name](words, place):
             add(primitive, context)
 
@@ -194,14 +201,15 @@ def _with_argument_files(
         got = f"-f {name}, " + ("no such file" if path is None else f"{depth} files deep")
         raise place.error("xform", got, "give a file of arguments")
     text = read_bytes(path, context.budget.bytes)
+    context.budget.bytes -= len(text)
     lines: list[list[str]] = []
     for number, line in enumerate(text.decode("utf-8", "replace").splitlines(), 1):
-        context.budget.bytes -= len(line) + len(words)
         inner = Command("xform " + line.strip().removeprefix("!").removeprefix("xform"), place)
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        if context.budget.bytes < 0 or len(lines) > MOST_FILES:
-            raise Place(path, number).error("xform", "too many lines", "give fewer")
+        context.budget.files -= 1
+        if context.budget.files < 0:
+            raise Place(path, number).error("xform", "too many lines of arguments", "give fewer")
         given = commands.pipeline(inner._replace(place=Place(path, number)))[0][1:]
         whole = [*words[:at], *given, *words[at + 2 :]]
         lines += _with_argument_files(whole, context, place, depth + 1)
@@ -240,7 +248,9 @@ def _transformed(
     context.budget.spend_quads(more * sum(len(p.quads) for p in patches.values()), place)
     if any(not _in_bounds(moves.matrix, patch.quads) for patch in patches.values()):
         raise place.error("xform", "coordinates that are not finite or too large", "move less")
-    context.surfaces.add_copies(patches, moves, since, inverted=inverted)
+    if inverted:
+        patches = {d: p._replace(quads=reversed_front(p.quads)) for d, p in patches.items()}
+    context.surfaces.add_copies(patches, moves, since, place)
     context.definitions.move(moves.one(-1), since)
 
 

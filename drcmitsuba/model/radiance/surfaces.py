@@ -5,14 +5,18 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from drcmitsuba.model.radiance import bodies, polygons
 from drcmitsuba.model.radiance.definitions import SURFACES, Definition, Moved
-from drcmitsuba.model.radiance.text import Primitive
+from drcmitsuba.model.radiance.text import Place, Primitive
 from drcmitsuba.model.radiance.xform import Moves, reversed_front
+
+MOST_MOVED = 10_000
+"""Largest number of copies of a definition that moves with them."""
 
 
 class Patch(NamedTuple):
@@ -47,7 +51,13 @@ class _Polygons:
 
     corners: array = field(default_factory=lambda: array("d"))
     counts: array = field(default_factory=lambda: array("q"))
-    primitives: list[Primitive] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    lines: array = field(default_factory=lambda: array("q"))
+    files: list[Path] = field(default_factory=list)
+
+    def place(self, index: int) -> Place:
+        """Line on which a polygon stands."""
+        return Place(self.files[index], self.lines[index])
 
 
 class Surfaces:
@@ -58,7 +68,7 @@ class Surfaces:
         self._patches: dict[Definition | None, list[Patch]] = {}
 
     def add(self, primitive: Primitive, definition: Definition | None) -> int:
-        """Take in a surface, and return the smallest number of quads that it becomes.
+        """Take in a surface, and return the number of triangles or facets that it becomes.
 
         Raises
         ------
@@ -74,9 +84,10 @@ class Surfaces:
             waiting = self._polygons.setdefault(definition, _Polygons())
             waiting.corners.extend(numbers)
             waiting.counts.append(len(numbers) // 3)
-            # Without its numbers: they are in the array.
-            waiting.primitives.append(primitive._replace(numbers=[]))
-            return 1
+            waiting.names.append(primitive.name)
+            waiting.lines.append(primitive.place.line)
+            waiting.files.append(primitive.place.file)
+            return len(numbers) // 3 - 2
         if len(numbers) != wanted:
             raise primitive.error(f"{len(numbers)} numbers", f"give {wanted}")
         quads = facets(primitive)
@@ -95,26 +106,31 @@ class Surfaces:
         for definition, waiting in self._polygons.items():
 
             def refuse(index: int, got: str, waiting: _Polygons = waiting) -> Exception:
-                return waiting.primitives[index].error(got, "correct or remove it")
+                field = f"polygon {waiting.names[index]!r}"
+                return waiting.place(index).error(field, got, "correct or remove it")
 
             corners = np.frombuffer(waiting.corners).reshape(-1, 3)
             quads, index = polygons.cut(corners, np.array(waiting.counts), refuse)
-            places = tuple(p.place.of(p.name) for p in waiting.primitives)
+            places = tuple(waiting.place(i).of(name) for i, name in enumerate(waiting.names))
             self._patches.setdefault(definition, []).append(Patch(quads, index, places))
         self._polygons = {}
         self._patches = {key: [joined(patches)] for key, patches in self._patches.items()}
         return {key: patches[0] for key, patches in self._patches.items()}
 
     def add_copies(
-        self, patches: dict[Definition | None, Patch], moves: Moves, since: int, *, inverted: bool
+        self, patches: dict[Definition | None, Patch], moves: Moves, since: int, place: Place
     ) -> None:
-        """Take in copies of patches; definitions since a position move with them."""
+        """Take in copies of patches; definitions since a position move with them.
+
+        More than 10,000 copies of a film or a solid that is defined among them raise InputError.
+        """
         for definition, patch in patches.items():
-            if inverted:
-                patch = patch._replace(quads=reversed_front(patch.quads))
             if definition is None or definition.moved(moves.one(0), since, {}) is definition:
                 self._patches.setdefault(definition, []).append(patch.copied(moves))
                 continue
+            if len(moves) > MOST_MOVED:
+                got = f"{len(moves)} copies of {definition.name!r}, which moves with each"
+                raise place.error("xform", got, "define it outside the array")
             for copy in range(len(moves)):
                 one = moves.one(copy)
                 done: Moved = {}

@@ -6,10 +6,10 @@ import time
 import numpy as np
 import pytest
 
+from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.model.radiance import bodies, read
 from drcmitsuba.model.radiance.definitions import Definitions
-from drcmitsuba.model.radiance.notes import Notes
 from drcmitsuba.model.radiance.reading import Budget, Context, read_file
 from drcmitsuba.model.radiance.surfaces import Surfaces
 from drcmitsuba.runtime.errors import InputError
@@ -183,6 +183,7 @@ BAD = {
     "path of a program": ("!/bin/genbox m b 1 1 1\n", "'/bin/genbox' in"),
     "pipe to another": ("!genbox m b 1 1 1 | tee x\n", "'tee' in"),
     "empty pipe": ("!genbox m b 1 1 1 |\n", "'' in"),
+    "an empty word": ("!xform ''\n", "no file ''"),
     "no command": ("!\n", "'' in ''"),
     "no file": ("!xform -t 1 0 0\n", "xform: no file"),
     "no cat": ("!cat\n", "cat: no file"),
@@ -194,7 +195,7 @@ BAD = {
     "few numbers": ("!genbox m b 1 1 1 | xform -t 1 0\n", "-t 1 0"),
     "endless array": ("!genbox m b 1 1 1 | xform -a 1000000000 -t 1 0 0\n", "-a 1000000000"),
     "nested arrays": ("!genbox m b 1 1 1 | xform -a 99999 -a 99999 -t 1 0 0\n", "copies"),
-    "many quads": ("!genbox m b 1 1 1 | xform -a 999 -a 999 -t 1 0 0\n", "2000000 surfaces"),
+    "many quads": ("!genbox m b 1 1 1 | xform -a 999 -a 999 -t 1 0 0\n", "1000000 surfaces"),
     "far away": ("!genbox m b 1 1 1 | xform -s 1e9 -i 9 -s 1e9\n", "not finite"),
     "argument file": ("!xform -f gone -t 1 0 0 x.rad\n", "-f gone, no such file"),
     "box": ("!genbox m b 1 1\n", "4 words behind genbox"),
@@ -226,6 +227,32 @@ def test_bad_input_is_one_line_that_names_file_line_and_remedy(case, tmp_path):
     assert complaint in message
     assert "x.rad: line " in message
     assert "\n" not in message
+
+
+def test_files_are_looked_for_beside_their_callers_and_in_the_present_folder(tmp_path, monkeypatch):
+    for folder in ("scene/parts", "here"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "scene" / "room.rad").write_text(M + "!xform parts/wall.rad\n")
+    (tmp_path / "scene" / "parts" / "wall.rad").write_text("!xform beside.rad\n!cat away.rad\n")
+    (tmp_path / "scene" / "beside.rad").write_text(TRIANGLE)
+    with pytest.raises(InputError, match=r"wall\.rad: line 2: file: no file 'away\.rad'"):
+        read([tmp_path / "scene" / "room.rad"])
+    (tmp_path / "here" / "away.rad").write_text(TRIANGLE)
+    monkeypatch.chdir(tmp_path / "here")
+    (layer,) = read([tmp_path / "scene" / "room.rad"]).layers
+    assert layer.places == ("beside.rad, line 1: t", "away.rad, line 1: t")
+
+
+def test_curved_and_smoothed_surfaces_leave_a_note(tmp_path):
+    text = (
+        "!genrev m r t 1 2 -s\n!gensurf m s s t 0 1 1 -s\n"
+        "m texfunc Phong 4 rev_dx rev_dy rev_dz rev.cal 0 4 0 0 0 1\n"
+    )
+    (tmp_path / "x.rad").write_text(M + text + TRIANGLE.replace("m", "Phong", 1))
+    assert read([tmp_path / "x.rad"]).notes == (
+        "Facets are flat where textures round them.",
+        "Curved bodies are facets, 48 around, and up to 0.4 % smaller in area.",
+    )
 
 
 def test_a_circle_of_files_is_named(tmp_path):
