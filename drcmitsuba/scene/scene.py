@@ -20,7 +20,7 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import bsdf, film, lets_through
 from drcmitsuba.scene.meshes import quad_mesh
-from drcmitsuba.scene.surfaces import Enclosure, State, geometry_of
+from drcmitsuba.scene.surfaces import Enclosure, State, bounds_of_rooms, geometry_of
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Scene:
     """Corners of all surfaces [m], shape (corner, 3)."""
     enclosure: Enclosure | None = None
     """The room, where there is one."""
+    near: np.ndarray | None = None
+    """Bounds of the rooms of a model [m], shape (2, 3): cells grow beyond them."""
     parts: tuple[Part, ...] = ()
     """All surfaces, by BSDF."""
     ports: tuple[Port, ...] = ()
@@ -144,7 +146,8 @@ def load(
         A component, a film or a piece of furniture is unfit.
     """
     surfaces, enclosure, ports = geometry_of(case, state, effects)
-    return replace(build(surfaces, channel, enclosure, ports), effects=effects)
+    built = build(surfaces, channel, enclosure, ports)
+    return replace(built, effects=effects, near=bounds_of_rooms(case))
 
 
 def is_coloured(case: Case) -> bool:

@@ -132,6 +132,15 @@ def model_surfaces(case: Case, state: State, effects: EnabledEffects) -> list[Su
     return made
 
 
+def bounds_of_rooms(case: Case) -> np.ndarray | None:
+    """Bounds of a model without its context, relative to the origin, world frame [m], (2, 3)."""
+    rooms = [x.quads.reshape(-1, 3) for x in case.building.layers if x.role != "context"]
+    if not rooms:
+        return None
+    corners = (np.concatenate(rooms) - origin(case)) @ rotation(case).T
+    return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+
 def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> Enclosure | None:
     """Enclosure with the rectangles around the panes that let straight light in.
 
@@ -143,8 +152,9 @@ def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> En
     layers, panes, turn = case.building.layers, panes_of_model(case.building), rotation(case)
     clear = [_is_opening(case, layers[i].name, state, effects) for i in panes.layer]
     lit = panes.outside & np.array(clear, bool)
-    rooms = [q for layer, q in zip(layers, panes.quads, strict=True) if layer.role != "context"]
-    size = np.ptp(np.concatenate([q.reshape(-1, 3) for q in rooms]), axis=0)
+    bounds = bounds_of_rooms(case)
+    assert bounds is not None
+    size = bounds[1] - bounds[0]
     openings = (panes.frame[lit] - origin(case)) @ turn.T
     narrowest = float(panes.width[lit].min(initial=np.inf))
     return Enclosure(size, turn, openings, narrowest, spares=False, is_box=False)

@@ -19,6 +19,8 @@ from drcmitsuba.scene.scene import Scene
 
 MAX_KEYS = 1 << 26
 """Largest number of possible cells, which take 0.6 GiB."""
+GROWTH = 8.0
+"""Distance beyond the near bounds, in cubes, at which cubes are twice as large."""
 _UNKNOWN = 0xFFFFFFFF
 # Multiplication by an odd number permutes the 32-bit integers.
 _SCRAMBLE = 0x9E3779B1
@@ -34,6 +36,8 @@ class Grid:
     """Cubes along x, y, z."""
     size: float
     """Edge of a cube [m]."""
+    near: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    """Bounds beyond which cubes grow with the distance [m]; None where none do."""
 
     @classmethod
     def of(cls, scene: Scene, size: float) -> Grid:
@@ -44,17 +48,39 @@ class Grid:
         InputError
             The scene is so large that the cells would not fit in memory.
         """
+        if scene.near is not None:
+            return cls._around(scene, size)
         # The grid starts at the room's corner, the origin: objects outside move no cell.
         low = scene.low
         if scene.enclosure is not None:
             low = size * np.floor(low / size + 1e-6)
         # Surfaces must not lie on borders of cubes, where rounding decides.
         low = low - 0.37 * size
-        count = np.ceil((scene.high - low) / size + 0.01).astype(int) + 1
+        return cls._checked(scene, low, scene.high - low, size)
+
+    @classmethod
+    def _around(cls, scene: Scene, size: float) -> Grid:
+        """Grid over a model: cubes of terrain and towers are as large as an eighth of their way."""
+        assert scene.near is not None
+        inner, outer = (scene.near + [[-0.37 * size], [0.37 * size]]).tolist()
+        x, y, z = (float(v) for v in inner)
+        grid = cls((x, y, z), (1, 1, 1), size, (tuple(inner), tuple(outer)))
+        ends = (scene.low - 0.37 * size, scene.high)
+        steps = (grid._steps(mi.Point3f(*map(float, end))) for end in ends)
+        low, high = (np.array([float(v[0]) for v in at]) for at in steps)
+        start = np.floor(low)
+        count = cls._checked(scene, start * size, (high - start) * size, size).count
+        x, y, z = (float(v) for v in start)
+        return replace(grid, low=(x, y, z), count=count)
+
+    @classmethod
+    def _checked(cls, scene: Scene, low: np.ndarray, extent: np.ndarray, size: float) -> Grid:
+        """Grid of cubes from a corner, over an extent [m]; refuses too many."""
+        count = np.ceil(extent / size + 0.01).astype(int) + 1
         if 6 * int(np.prod(count.astype(float))) > MAX_KEYS:
-            extent = " × ".join(f"{v:.4g}" for v in scene.high - scene.low)
+            whole = " × ".join(f"{v:.4g}" for v in scene.high - scene.low)
             raise InputError(
-                "case", "accuracy.cell_size", f"{size:g} m in a scene of {extent} m",
+                "case", "accuracy.cell_size", f"{size:g} m in a scene of {whole} m",
                 "take larger cells or a smaller scene",
             )  # fmt: skip
         x, y, z = (float(v) for v in low)
@@ -66,7 +92,10 @@ class Grid:
 
     def key(self, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
         """Key of the cell at points `p` with facing normals `n`."""
-        q = dr.floor((p - mi.Point3f(*self.low)) * (1 / self.size))
+        if self.near is None:
+            q = dr.floor((p - mi.Point3f(*self.low)) * (1 / self.size))
+        else:
+            q = dr.floor(self._steps(p) - mi.Point3f(*self.low))
         nx, ny, nz = self.count
         i = mi.UInt32(dr.clip(q.x, 0, nx - 1))
         j = mi.UInt32(dr.clip(q.y, 0, ny - 1))
@@ -76,6 +105,18 @@ class Grid:
         along = dr.select(axis == 0, n.x, dr.select(axis == 1, n.y, n.z))
         facing = 2 * axis + dr.select(along > 0, mi.UInt32(1), 0)
         return ((k * ny + j) * nx + i) * 6 + facing
+
+    def _steps(self, p: mi.Point3f) -> mi.Point3f:
+        """Coordinates in cubes from the near bounds' corner; the steps grow beyond the bounds."""
+        assert self.near is not None
+        low, high = (mi.Point3f(*corner) for corner in self.near)
+        scale = 1 / (GROWTH * self.size)
+
+        def beyond(distance: mi.Point3f) -> mi.Point3f:
+            return GROWTH * dr.log(1 + dr.maximum(distance, 0) * scale)
+
+        inside = (dr.clip(p, low, high) - low) * (1 / self.size)
+        return inside + beyond(p - high) - beyond(low - p)
 
 
 @dataclass(frozen=True)

@@ -51,8 +51,8 @@ class CellAreas:
         Points inside closed bodies do not count: a ray along the normal meets a back.
         """
         area = dr.zeros(mi.Float64, len(grid))
-        triangles = _triangles([p.quads for p in scene.parts if is_diffuse(p.material)])
-        if len(triangles):
+        every = _triangles([p.quads for p in scene.parts if is_diffuse(p.material)])
+        for triangles in _near_and_far(scene, every):
             whole = float(_sizes(triangles).sum())
             count = min(MOST_POINTS, int(np.ceil(whole / grid.size**2 * POINTS)))
             p, n = _spread(triangles, count, seed)
@@ -92,6 +92,15 @@ def _triangles(quads: list[np.ndarray]) -> np.ndarray:
     q = np.concatenate([np.zeros((0, 4, 3)), *quads])
     triangles = q[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
     return triangles[_sizes(triangles) > 0]
+
+
+def _near_and_far(scene: Scene, triangles: np.ndarray) -> list[np.ndarray]:
+    """Triangles of the rooms of a model, and those that reach beyond; terrain may be vast."""
+    if scene.near is None:
+        return [triangles] if len(triangles) else []
+    low, high = scene.near + [[-1e-3], [1e-3]]
+    near = ((triangles >= low) & (triangles <= high)).all(axis=(1, 2))
+    return [part for part in (triangles[near], triangles[~near]) if len(part)]
 
 
 def _sizes(triangles: np.ndarray) -> np.ndarray:
