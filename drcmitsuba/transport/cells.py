@@ -62,7 +62,9 @@ class Grid:
     def _around(cls, scene: Scene, size: float) -> Grid:
         """Grid over a model: cubes of terrain and towers are as large as an eighth of their way."""
         assert scene.near is not None
-        inner, outer = (scene.near + [[-0.37 * size], [0.37 * size]]).tolist()
+        # As for a box: the model's corner, the origin, decides where cubes begin.
+        inner = (size * np.floor(scene.near[0] / size + 1e-6) - 0.37 * size).tolist()
+        outer = (scene.near[1] + 0.37 * size).tolist()
         x, y, z = (float(v) for v in inner)
         grid = cls((x, y, z), (1, 1, 1), size, (tuple(inner), tuple(outer)))
         ends = (scene.low - 0.37 * size, scene.high)

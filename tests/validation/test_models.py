@@ -4,16 +4,22 @@ Windows lie in several planes, one triangular, one with four slopes; the glass m
 of glass divides the room. Suns are 20° wide, so that plain path tracing finds them in the glass.
 """
 
+import json
+
 import mitsuba as mi
 import numpy as np
 import pytest
 
+from drcmitsuba.annual.simulation import transport
+from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.shipped import shipped_folder
+from drcmitsuba.export.radiance import save_radiance
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import coefficients
 from tests.model_rooms import case_of, l_room, layer, prism
@@ -97,3 +103,77 @@ def test_sloped_and_triangular_panes_that_scatter(pane, same, plain_coefficients
     # Light from film to film is followed by photons; diffusing panes exchange light among them.
     is_film = isinstance(pane, BsdfMaterial)
     agree(attic(pane), same, plain_coefficients, pane_to_pane=is_film, within=0.025)
+
+
+BOXES = {
+    "room": {"size": [4.0, 5.0, 3.0], "floor": 0.3, "walls": 0.6},
+    "facade": {
+        "south": {
+            "segments": 2, "frame": 0.1,
+            "strips": [
+                {"bottom": 0.8, "top": 1.8, "material": "glass"},
+                {"bottom": 1.8, "top": 2.6, "material": "opal"},
+            ],
+        }
+    },
+    "materials": {
+        "glass": {"type": "glazing", "transmittance": 0.65, "exponent": 4.0, "reflectance": 0.12},
+        "opal": {"type": "diffuser", "transmittance": 0.4, "reflectance": 0.2},
+    },
+    "furniture": [
+        {"name": "desk", "corner": [1, 2, 0.7], "size": [1.6, 0.8, 0.04], "reflectance": 0.4},
+        {"name": "tower", "corner": [-5, -9, 0], "size": [9, 3, 7], "reflectance": 0.5},
+    ],
+    "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 4], "spacing": 1.0},
+    "accuracy": {
+        "replicates": 16, "paths": 512, "cell_sky_rays": 128, "sensor_sky_rays": 4096,
+        "sensor_sun_samples": 16,
+    },
+}  # fmt: skip
+
+
+def as_radiance(case, folder):
+    """Files of the case as `export --radiance` writes them."""
+    save_radiance(case, folder / "exported", "open")
+    return {"files": [f"exported/{name}.rad" for name in ("materials", "scene")]}, {}
+
+
+def as_obj(case, folder):
+    """One OBJ file in centimetres, whose materials the case names."""
+    surfaces, lines, count = surfaces_of(case), [], 0
+    for surface in surfaces:
+        lines.append(f"usemtl {surface.name.replace(' ', '_')}")
+        for quad in surface.quads:
+            lines += ["v " + " ".join(f"{100 * x:.9g}" for x in corner) for corner in quad]
+            lines.append("f " + " ".join(str(count + i) for i in (1, 2, 3, 4)))
+            count += 4
+    (folder / "room.obj").write_text("\n".join(lines) + "\n")
+    names = {s.name.replace(" ", "_"): s.material for s in surfaces}
+    matt = {n: m.reflectance for n, m in names.items() if isinstance(m, Lambertian)}
+    others = {n: m.model_dump() for n, m in names.items() if not isinstance(m, Lambertian)}
+    table = {"files": ["room.obj"], "unit": "cm", "reflectances": matt}
+    return table, {"materials": others}
+
+
+def inline(value):
+    """Write a value as TOML in one line."""
+    if isinstance(value, dict):
+        pairs = (f"{json.dumps(k)} = {inline(v)}" for k, v in value.items() if v is not None)
+        return f"{{{', '.join(pairs)}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(inline, value))}]"
+    return json.dumps(value)
+
+
+@pytest.mark.parametrize("write", [as_radiance, as_obj])
+def test_a_room_of_boxes_and_its_export_are_one(write, same, tmp_path):
+    case = Case.model_validate(BOXES)
+    table, more = write(case, tmp_path)
+    tables = {k: BOXES[k] for k in ("sensors", "accuracy")} | {"model": table} | more
+    text = "\n".join(f"{name} = {inline(table)}" for name, table in tables.items())
+    (tmp_path / "case.toml").write_text(text)
+    again = load_case(tmp_path / "case.toml")
+    suns = Suns(("sun_0", "sun_1", "sun_2"), SUNS, DIAMETER)
+    here, there = (transport(c, "open", suns, 50.0)["replicates"].values for c in (case, again))
+    same(here[..., :146].mean(axis=1), other=there[..., :146].mean(axis=1), within=0.005)
+    same(here[..., 146:].mean(axis=1), other=there[..., 146:].mean(axis=1), within=0.04)

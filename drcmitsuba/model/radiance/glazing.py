@@ -17,6 +17,8 @@ from drcmitsuba.model.radiance_materials import luminance
 
 INCIDENCE = np.radians(np.arange(90.0))
 """Incidences of the fit [rad]."""
+OWN = ("rho", "rho", "rho", "tau", "tau", "tau", "0", "0", "0", "glazing.cal")
+"""Strings of panes by the engine's own formula."""
 _EXPONENTS = np.geomspace(0.2, 100, 2001)
 
 _FRESNEL = "fresne=exp(-5.85*abs(Rdot))-exp(-5.85);"
@@ -88,6 +90,16 @@ def from_functions(primitive: Primitive) -> tuple[GlazingMaterial, float]:
         got = f"{len(strings)} strings and {len(numbers)} numbers"
         raise primitive.error(got, "give at least 10 strings and 9 numbers")
     file = PurePath(strings[9]).name or "."
+    if (*strings[:9], file) == OWN and len(numbers) == 12:  # as `export` writes the engine's panes
+        tau, exponent, rho = numbers[9:]
+        try:
+            pane = GlazingMaterial(
+                type="glazing", transmittance=tau, exponent=exponent, reflectance=rho
+            )
+        except ValueError:
+            got = f"transmittance, exponent and reflectance {tau:g} {exponent:g} {rho:g}"
+            raise primitive.error(got, "keep to what a pane can have") from None
+        return pane, 0.0
     if file not in FUNCTION_FILES:
         raise primitive.error(f"the function file {strings[9]!r}", remedy)
     if any(numbers[:9]) or any(text != "0" for text in strings[6:9]):

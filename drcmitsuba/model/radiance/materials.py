@@ -116,7 +116,8 @@ def _pane(finish: Finish) -> SurfaceMaterial:
         return radiance_materials.glass(as_colour(finish.colour(numbers)), index, finish.note)
     material, deviation = glazing.from_functions(finish.primitive)
     # Rounded up to a whole hundredth, so that panes share a sentence.
-    finish.note(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others")
+    if deviation:
+        finish.note(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others")
     return material
 
 
