@@ -82,7 +82,7 @@ SKY_OPTIONS = "-ab 20 -lr -20 -lw 1e-5 -ad 512"
 SUN_OPTIONS = "-ab 20 -lr -20 -lw 1e-5 -ad 64 -dt 0 -dc 1 -dj 1"
 
 
-def simulated(folder: Path) -> None:
+def simulated(folder: Path, sky_options: str = SKY_OPTIONS) -> None:
     """Run the script with every sensor repeated, in an empty environment but for paths."""
     root = radiance.home()
     assert root is not None
@@ -90,7 +90,7 @@ def simulated(folder: Path) -> None:
     sensors.write_text(REPEATS * sensors.read_text())
     environment = {
         "PATH": os.pathsep.join([str(root / "bin"), os.environ["PATH"]]),
-        "RAYPATH": str(root / "lib"), "SKY_OPTIONS": SKY_OPTIONS, "SUN_OPTIONS": SUN_OPTIONS,
+        "RAYPATH": str(root / "lib"), "SKY_OPTIONS": sky_options, "SUN_OPTIONS": SUN_OPTIONS,
     }  # fmt: skip
     command = ["sh", str(folder / "simulate.sh")]
     done = subprocess.run(command, cwd="/", env=environment, capture_output=True, timeout=600)

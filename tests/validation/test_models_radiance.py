@@ -61,7 +61,7 @@ def agree(case: Case, files, folder, same, *, within):
     text = "".join(f"!xform {move} {file.name}\n" for file in files[1:])
     (exported / "scene.rad").write_text(text)
     shutil.copy(files[0], exported / "materials.rad")
-    simulated(exported)
+    simulated(exported, "-ab 20 -lr -20 -lw 1e-5 -ad 1024")
     light = daylight(case)
     C = simulation.transport(case, "open", light.suns, light.sky.attrs["latitude"])
     mine = C["replicates"].values
