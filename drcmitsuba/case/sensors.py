@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Length, Name, Point, Table
@@ -64,4 +64,18 @@ class PointSensors(Table):
         return self
 
 
-AnySensors = Sensors | FloorSensors | PointSensors
+def _kind(table: Any) -> str:
+    """Kind of a table of sensors, by its keys or its class."""
+    if isinstance(table, FloorSensors) or (isinstance(table, dict) and "floors" in table):
+        return "floors"
+    listed = isinstance(table, dict) and ("points" in table or "grids" in table)
+    return "points" if isinstance(table, PointSensors) or listed else "box"
+
+
+AnySensors = Annotated[
+    Annotated[Sensors, Tag("box")]
+    | Annotated[FloorSensors, Tag("floors")]
+    | Annotated[PointSensors, Tag("points")],
+    Discriminator(_kind),
+]
+"""Sensors of a case: a rectangular grid, grids above floors, or points."""

@@ -22,14 +22,16 @@ def schema() -> None:
 
 
 def doctor() -> None:
-    """Report the backend, LLVM, GPU and versions, and whether the program can run here."""
-    from drcmitsuba.runtime import backend
+    """Report backend, LLVM, GPU and versions, and whether and how fast the program runs here."""
+    from drcmitsuba.runtime import backend, machine_speed
 
     table = Table(show_header=False)
     for name, value in backend.report().items():
         table.add_row(name, value)
     show(table)
     print(f"ready: {backend.select()}")
+    here = machine_speed.speed()
+    print(f"speed: {here.rays:.1f} × rays, {here.host:.1f} × Python of {machine_speed.MACHINE}")
 
 
 def new(

@@ -6,6 +6,8 @@ toml
     Reading and checking of the tables of a file.
 backend
     The compiler backend: LLVM on the processor, CUDA on a GPU.
+machine_speed
+    Speed of this machine relative to the one on which costs were measured.
 progress
     Progress of long work.
 flat_arrays

@@ -86,7 +86,7 @@ def evaluate_some(command, folder, tally, holds, examples):
 
 
 def test_a_case_has_a_result_or_is_refused_in_one_line(command, folder, tally, holds):
-    evaluate_some(command, folder, tally, holds, 8)
+    evaluate_some(command, folder, tally, holds, 4)
 
 
 @pytest.mark.slow

@@ -324,6 +324,7 @@ def test_light_that_passes_one_way_only(mode, tmp_path, holds):
     holds("weight of what leaves", weight[0].numpy().max(), 0)
 
 
+@pytest.mark.slow
 def test_a_room_asks_only_for_what_enters(tmp_path, same, plain_coefficients, holds):
     """C does not change with what the file says of light that leaves, nor does a path tracer's."""
     lit = {"size": [4.0, 5.0, 3.0]}

@@ -386,6 +386,7 @@ def test_the_doctor_reports_and_says_ready(run):
     assert "LLVM" in out
     assert "mitsuba" in out
     assert "ready: " in out
+    assert "× rays" in out.splitlines()[-1]
 
 
 @pytest.mark.parametrize("verb", sorted(c.name for c in main.app.registered_commands))

@@ -73,13 +73,11 @@ def test_results_want_the_name_of_a_folder(refused, case, tmp_path, monkeypatch,
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("room.rad", "a Radiance scene; give a case (TOML), which `drcmitsuba new` writes"),
-        ("room.hbjson", "a Honeybee model; give a case (TOML)"),
-        ("room.obj", "a mesh; give a case (TOML)"),
+        ("room.oct", "a compiled Radiance scene; give a case (TOML), which `drcmitsuba new`"),
         ("town.epw", "a weather file; give a case (TOML)"),
     ],
 )
-def test_a_model_of_another_program_is_named(refused, tmp_path, name, line):
+def test_a_file_of_another_program_is_named(refused, tmp_path, name, line):
     (tmp_path / name).write_text("void plastic grey 0 0 5 .5 .5 .5 0 0\n")
     assert refused("evaluate", tmp_path / name).startswith(f"{tmp_path / name}: case file: {line}")
 

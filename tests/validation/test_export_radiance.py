@@ -98,7 +98,12 @@ def simulated(folder: Path, sky_options: str = SKY_OPTIONS) -> None:
 
 
 @pytest.mark.parametrize(
-    ("material", "state"), [("open", "open"), ("glass", "open"), ("glass", "shaded")]
+    ("material", "state"),
+    [
+        pytest.param("open", "open", marks=pytest.mark.slow),
+        ("glass", "open"),
+        pytest.param("glass", "shaded", marks=pytest.mark.slow),
+    ],
 )
 def test_the_script_agrees(material: str, state: State, same, tmp_path):
     backend.select()
@@ -162,8 +167,8 @@ def test_a_clear_pane_transmits_and_mirrors_by_its_formula(tmp_path):
 def test_a_film_is_mounted_as_ours(flip, turn, tmp_path):
     """Single rays against the file's cells, which mounting turns about the pane's axes."""
     case = radiance.reciprocal(load_case("classroom/reference/o2"), tmp_path)
-    found = next(m for m in case.materials.values() if isinstance(m, BsdfMaterial))
-    film = found.model_copy(update={"flip": flip, "turn": turn, "straight_through": "off"})
+    pane = next(m for m in case.materials.values() if isinstance(m, BsdfMaterial))
+    film = pane.model_copy(update={"flip": flip, "turn": turn, "straight_through": "off"})
     sun = np.array([0.3, -0.7, 0.65])
     sun /= np.linalg.norm(sun)
     suns = radiance.numbered(sun[None], 0.1)

@@ -165,7 +165,7 @@ def inline(value):
     return json.dumps(value)
 
 
-@pytest.mark.parametrize("write", [as_radiance, as_obj])
+@pytest.mark.parametrize("write", [as_radiance, pytest.param(as_obj, marks=pytest.mark.slow)])
 def test_a_room_of_boxes_and_its_export_are_one(write, same, tmp_path):
     case = Case.model_validate(BOXES)
     table, more = write(case, tmp_path)

@@ -6,14 +6,11 @@ work
     Amounts of work by effect and unit.
 cost
     Seconds of a unit of work, and the forecast.
-machine
-    Speed of this machine.
 size
     Bytes on disk and in memory.
 """
 
 from drcmitsuba.plan.forecast.cost import Forecast, forecast
-from drcmitsuba.plan.forecast.machine import REFERENCE, Speed, speed
 from drcmitsuba.plan.forecast.work import Work, work
 
-__all__ = ["REFERENCE", "Forecast", "Speed", "Work", "forecast", "speed", "work"]
+__all__ = ["Forecast", "Work", "forecast", "work"]

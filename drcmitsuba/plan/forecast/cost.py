@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from drcmitsuba.plan import Plan
-from drcmitsuba.plan.forecast import machine, size
-from drcmitsuba.plan.forecast.machine import Speed
+from drcmitsuba.plan.forecast import size
 from drcmitsuba.plan.forecast.work import work
+from drcmitsuba.runtime import machine_speed
+from drcmitsuba.runtime.machine_speed import Speed
 from drcmitsuba.runtime.ray_counter import KINDS
 
 REST = "rest"
@@ -105,7 +106,7 @@ def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
     compiled and cached, as they are after the first evaluation of a kind. It leaves out the samples
     that adaptive sampling adds toward a target; `time_limit` bounds these.
     """
-    here = machine.speed() if on is None else on
+    here = machine_speed.speed() if on is None else on
     counted = work(plan)
     files = size.disk(counted)
     counted.add([(REST, "byte", sum(files.values()) - files.get("pictures", 0))])

@@ -15,9 +15,10 @@ from drcmitsuba.annual.simulation import coefficients
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.plan import plan
-from drcmitsuba.plan.forecast import REFERENCE, Speed, forecast, speed, work
+from drcmitsuba.plan.forecast import forecast, work
 from drcmitsuba.plan.forecast.cost import KERNELS
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.machine_speed import REFERENCE, Speed, speed
 from drcmitsuba.runtime.ray_counter import KINDS
 from drcmitsuba.sky.daylight import daylight
 from tests import ROOT
@@ -118,7 +119,9 @@ def test_rays_are_those_that_are_traced(kind):
             assert abs(np.log(expected[name] / rays[name])) < np.log(1 + allowed), name
 
 
-@pytest.mark.parametrize("name", ["classroom/existing", "prism/as_bsdf"])
+@pytest.mark.parametrize(
+    "name", ["classroom/existing", pytest.param("prism/as_bsdf", marks=pytest.mark.slow)]
+)
 def test_a_pilot_of_a_shipped_case_is_small_and_gives_its_rays_within_a_factor_of_2(name):
     case = load_case(name)
     case_plan = plan(case, daylight(case))

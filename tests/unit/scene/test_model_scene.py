@@ -43,19 +43,19 @@ def box_room(*more, window=SOUTH, **tables):
 
 @pytest.mark.parametrize("window", [SOUTH, SOUTH[::-1]])
 def test_fronts_of_glass_turn_to_the_room_whichever_way_they_were_drawn(window):
-    found = panes_of_model(box_room(window=window).building)
-    np.testing.assert_allclose(found.front, [[0, 1, 0]], atol=1e-9)
-    assert found.outside.tolist() == [True]
-    assert found.width == pytest.approx([1.0])
-    assert area_vector(found.frame[0]) == pytest.approx([0, 2, 0])
+    windows = panes_of_model(box_room(window=window).building)
+    np.testing.assert_allclose(windows.front, [[0, 1, 0]], atol=1e-9)
+    assert windows.outside.tolist() == [True]
+    assert windows.width == pytest.approx([1.0])
+    assert area_vector(windows.frame[0]) == pytest.approx([0, 2, 0])
 
 
 def test_panes_of_a_room_of_any_shape():
     case = l_room()
-    found = panes_of_model(case.building)
-    assert found.outside.tolist() == [True] * 6 + [False]
+    windows = panes_of_model(case.building)
+    assert windows.outside.tolist() == [True] * 6 + [False]
     slope = np.hypot(0.8, 0.75)
-    assert found.front[2] == pytest.approx([0, 0.8 / slope, -0.75 / slope])
+    assert windows.front[2] == pytest.approx([0, 0.8 / slope, -0.75 / slope])
     sides = panes.used(case)["glass"]
     assert sides == ("south", "east", "north", "west", "between rooms")
 

@@ -90,6 +90,7 @@ def sources(scene, directions, diameter):
     return mi.load_dict({"type": "scene", **world, "sky": {"type": "tregenza_sky"}}, optimize=False)
 
 
+@pytest.mark.slow
 def test_glass_film_and_mirror_duct_are_counted_once(same, plain_coefficients):
     case = Case.model_validate(ROOM)
     duct, ports = mirror_duct()

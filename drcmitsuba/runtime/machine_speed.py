@@ -13,7 +13,8 @@ import numpy as np
 RAYS, NUMBERS, TIMES = 1 << 19, 1 << 17, 9
 """Number of rays, of numbers that a loop in Python adds, and of repetitions of both."""
 RAYS_PER_SECOND, NUMBERS_PER_SECOND = 24e6, 13e6
-"""Closest hits in a box, and numbers added, on the reference: 2 cores AMD EPYC, LLVM 19."""
+"""Closest hits in a box, and numbers added, on the reference machine."""
+MACHINE = "2 cores of an AMD EPYC with LLVM 19"
 
 
 @dataclass(frozen=True)
