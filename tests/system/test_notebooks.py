@@ -64,7 +64,13 @@ def executed(tmp_path, monkeypatch):
     return executed
 
 
-@notebooks
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=pytest.mark.slow if path.stem[:2] == "05" else (), id=path.stem)
+        for path in NOTEBOOKS
+    ],
+)
 def test_notebook_runs(path, executed):
     notebook = executed(path)
     outputs = [output for cell in code(notebook) for output in cell.outputs]

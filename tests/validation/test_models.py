@@ -61,6 +61,7 @@ def agree(case, same, plain_coefficients, *, pane_to_pane, within):
         same(mine[..., bins].sum(axis=2), other=theirs[..., bins].sum(axis=2), within=within)
 
 
+@pytest.mark.slow
 def test_a_room_with_windows_of_any_shape_in_any_plane(same, plain_coefficients):
     agree(l_room(accuracy=ACCURACY), same, plain_coefficients, pane_to_pane=True, within=0.03)
 
