@@ -94,12 +94,22 @@ def panes_of_model(model: Model) -> ModelPanes:
     )
 
 
+@lru_cache(maxsize=1)
+def all_surfaces(model: Model, variant: str) -> tuple[mi.Scene, np.ndarray, float]:
+    """Scene of all surfaces of a model, its lowest corner (3,), and its extent [m].
+
+    The scene is relative to that corner: coordinates near 0 keep their digits. It is built once
+    for a variant of Mitsuba.
+    """
+    every = np.concatenate([layer.quads for layer in model.layers])
+    low, high = every.min(axis=(0, 1)), every.max(axis=(0, 1))
+    scene = mi.load_dict({"type": "scene", "all": quad_mesh("all", every - low)}, optimize=False)
+    return scene, low, float((high - low).max())
+
+
 def _escaping(model: Model, members: list[tuple[int, int, np.ndarray]]) -> np.ndarray:
     """Share of rays that leave the model from both sides of panes, shape (polygon, side)."""
-    every = np.concatenate([layer.quads for layer in model.layers])
-    low = every.reshape(-1, 3).min(axis=0)  # coordinates near 0 keep their digits
-    extent = float(np.ptp(every.reshape(-1, 3), axis=0).max())
-    scene = mi.load_dict({"type": "scene", "all": quad_mesh("all", every - low)}, optimize=False)
+    scene, low, extent = all_surfaces(model, mi.variant())
     rng, points, fronts = np.random.default_rng(1), [], []
     for i, _, mine in members:
         quads = model.layers[i].quads[mine] - low

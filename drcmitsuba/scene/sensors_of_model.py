@@ -18,7 +18,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.geometry import areas, is_triangle, normals, origin
-from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.panes_of_model import all_surfaces
 
 LEVEL = 1e-3
 """Largest deviation of a floor's normal from the vertical [–]."""
@@ -147,9 +147,7 @@ def on_a_surface(case: Case, points: np.ndarray) -> np.ndarray:
 
 def _near(case: Case, points: np.ndarray, directions: np.ndarray, distance: float) -> np.ndarray:
     """Whether points (sensor, 3) meet a surface within a distance [m] in any of some directions."""
-    start = origin(case)
-    quads = np.concatenate([layer.quads for layer in case.building.layers]) - start
-    scene = mi.load_dict({"type": "scene", "all": quad_mesh("all", quads)}, optimize=False)
+    scene, start, _ = all_surfaces(case.building, mi.variant())
     lane = dr.arange(mi.UInt32, len(points) * len(directions))
     p = dr.gather(mi.Point3f, flat(points - start), lane // len(directions))
     d = dr.gather(mi.Vector3f, flat(directions), lane % len(directions))

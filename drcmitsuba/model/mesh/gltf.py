@@ -37,7 +37,7 @@ KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_punctual", "KHR_mesh_quan
 
 
 class _MalformedError(Exception):
-    """What is wrong with a file."""
+    """A fault of a file, in words."""
 
 
 def read_gltf(file: Path, notes: Notes) -> list[Part]:
