@@ -7,8 +7,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drcmitsuba.case.sensors import AnySensors, FloorSensors, PointSensors
 from drcmitsuba.model.materials import (
     BsdfMaterial,
@@ -16,7 +14,7 @@ from drcmitsuba.model.materials import (
     Lambertian,
     SurfaceMaterial,
 )
-from drcmitsuba.model.model import Layer, Model
+from drcmitsuba.model.model import Model, areas
 from drcmitsuba.runtime.errors import InputError
 
 
@@ -60,13 +58,6 @@ def words(material: SurfaceMaterial) -> str:
     return f"{material.type}, {', '.join(parts)}"
 
 
-def area(layer: Layer) -> float:
-    """Area of a layer [m²]."""
-    q = layer.quads
-    n = np.cross(q[:, 2] - q[:, 0], q[:, 3] - q[:, 1])
-    return float(np.linalg.norm(n, axis=1).sum() / 2)
-
-
 def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) -> str:
     """Text of a case file in a folder for a model's file, with its materials as comments."""
     relative = os.path.relpath(file.absolute(), folder.absolute())
@@ -105,7 +96,7 @@ def listing(model: Model) -> list[str]:
     """One line for every layer of a model: name, role, area [m²], material, group."""
     width = max(len(layer.name) for layer in model.layers)
     return [
-        f"{layer.name:{min(width, 40)}}  {layer.role:8} {area(layer):9.2f} m²  "
+        f"{layer.name:{min(width, 40)}}  {layer.role:8} {areas(layer.quads).sum():9.2f} m²  "
         f"{words(layer.material)}{f'  group {layer.group}' if layer.group else ''}"
         for layer in model.layers
     ]

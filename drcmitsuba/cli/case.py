@@ -47,10 +47,9 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
 
 def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
     """Surfaces of a case by kind, and a line for each material of its panes."""
-    from drcmitsuba.model.model import role_of
+    from drcmitsuba.model.model import areas, role_of
     from drcmitsuba.plan.panes import used
     from drcmitsuba.report.scene_view import Drawn
-    from drcmitsuba.scene.geometry import areas
     from drcmitsuba.scene.sun_visibility import outside
     from drcmitsuba.scene.surfaces import surfaces_of
 

@@ -25,6 +25,12 @@ def role_of(*materials: SurfaceMaterial | None) -> Role:
     return "pane" if any(isinstance(material, panes) for material in materials) else "surface"
 
 
+def areas(quads: np.ndarray) -> np.ndarray:
+    """Areas (quad,) [m²] of parallelograms and triangles (quad, 4, 3)."""
+    n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    return np.asarray(np.linalg.norm(n, axis=1) / 2)
+
+
 @dataclass(frozen=True, eq=False)
 class LayerState:
     """State that a layer takes together with the other layers of its group."""

@@ -99,12 +99,6 @@ def is_triangle(quads: np.ndarray) -> np.ndarray:
     return np.asarray((quads[:, 2] == quads[:, 3]).all(axis=1))
 
 
-def areas(quads: np.ndarray) -> np.ndarray:
-    """Areas (quad,) [m²] of parallelograms and triangles (quad, 4, 3)."""
-    n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    return np.asarray(np.linalg.norm(n, axis=1) / 2)
-
-
 def points_on(quads: np.ndarray, uv: np.ndarray) -> np.ndarray:
     """Points (quad, 3) on parallelograms and triangles at uniform numbers (quad, 2)."""
     fold = is_triangle(quads) & (uv.sum(axis=1) > 1)

@@ -14,10 +14,10 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.model.materials import BsdfMaterial
-from drcmitsuba.model.model import Model
+from drcmitsuba.model.model import Model, areas
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.scene.geometry import areas, normals, points_on, reversed_quads
+from drcmitsuba.scene.geometry import normals, points_on, reversed_quads
 from drcmitsuba.scene.meshes import quad_mesh
 
 RAYS = 256

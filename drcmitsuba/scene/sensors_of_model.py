@@ -13,11 +13,11 @@ import shapely
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import MOST_SENSORS, FloorSensors, PointSensors
-from drcmitsuba.model.model import Model
+from drcmitsuba.model.model import Model, areas
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.toml import choose, shortened
-from drcmitsuba.scene.geometry import areas, is_triangle, normals, origin
+from drcmitsuba.scene.geometry import is_triangle, normals, origin
 from drcmitsuba.scene.panes_of_model import all_surfaces
 
 LEVEL = 1e-3

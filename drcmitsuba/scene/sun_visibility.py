@@ -14,10 +14,10 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.furniture import Furniture
+from drcmitsuba.model.model import areas
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.components.placement import panes_of
 from drcmitsuba.scene.geometry import (
-    areas,
     box,
     boxes,
     faces_of,
