@@ -27,6 +27,7 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "direct": ("sr", "coefficient of light that met no diffuse surface"),
     "interreflected": ("sr", "coefficient of light that met a diffuse surface"),
     "sun_straight": ("sr", "coefficient of each time stamp's own sun, straight"),
+    "pane_group": ("", "group of panes through which straight light comes; -1 for none"),
     "mesh_error": ("sr", "standard error of interpolation between the suns of the mesh"),
     "replicates": ("sr", "direct + interreflected of each independent replicate"),
     "total": ("lx", "illuminance, shade applied"),
@@ -34,12 +35,14 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "sky_open": ("lx", "illuminance by sky and ground, shade open"),
     "sun_open": ("lx", "illuminance by the sun, all bounces, shade open"),
     "direct_sun": ("lx", "illuminance by sun that comes straight, shade open"),
+    "sun_group": ("", "group of panes through which the direct sun comes; -1 for none"),
     "x": ("m", "position of the sensor, to the east in the room's frame"),
     "y": ("m", "position of the sensor, to the north in the room's frame"),
     "z": ("m", "position of the sensor, upwards in the room's frame"),
     "time": ("", "start of the interval, local standard time"),
     "clock": ("", "start of the interval, clock time with daylight saving"),
-    "shade_closed": ("", "whether the shade is closed"),
+    "shade_closed": ("", "whether the shade is closed, of any group of panes"),
+    "facade_state": ("", "state of every group of panes"),
 }
 """Unit and long name of the variables; `…_se` is the standard error of each."""
 
@@ -48,6 +51,7 @@ DIMS: dict[str, tuple[str, ...]] = {
     "replicates": ("state", "replicate", "sensor", "bin"),
     **{n + s: _OF_C for n in ("straight", "direct", "interreflected") for s in ("", "_se")},
     **dict.fromkeys(("sun_straight", "sun_straight_se"), ("state", "sensor", "sun")),
+    "pane_group": ("state", "sensor", "bin"),
     "mesh_error": ("state", "sensor"),
     **dict.fromkeys("xyz", ("sensor",)),
     **{name: (name,) for name in ("state", "bin", "time")},
@@ -56,6 +60,7 @@ DIMS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("blend_bin", "blend_weight"), ("time", "blend")),
     **dict.fromkeys(("sun_bin", "clock"), ("time",)),
     **{n + s: _OF_E for n in ("total", "direct_sun") for s in ("", "_se")},
+    "sun_group": _OF_E,
 }
 """Dims of the arrays on disk; `channel` comes first where there is one."""
 

@@ -21,11 +21,11 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, may_close
+from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, possible_states
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
-from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.transport.sun_interpolation import mesh_of
 
@@ -72,13 +72,13 @@ class _Sampling:
     def coefficients(self) -> Coefficients:
         """Coefficients of all rounds so far."""
         states = {state: samples.coefficients for state, samples in self.states.items()}
-        return Coefficients(**states).assign_attrs(**self.first.attrs)
+        return Coefficients(states.pop(OPEN), states).assign_attrs(**self.first.attrs)
 
     def transport(
         self, state: State, labels: Iterable[str], run: Run, **options: Any
     ) -> xr.Dataset:
         """Simulate some suns in a state, on the mesh of the first round."""
-        mesh = mesh_of(self.states.get(state, self.states["open"]).coefficients)
+        mesh = mesh_of(self.states.get(state, self.states[OPEN]).coefficients)
         return simulation.transport(
             self.case, state, self.daylight.suns.only(labels), self.daylight.sky.attrs["latitude"],
             run=run, mesh=mesh, **options,
@@ -91,30 +91,33 @@ class _Sampling:
         seed = launch_seed(self.case.accuracy.seed, Stream.ROUNDS, number)
         run = replace(self.run, seed=seed >> 2)  # below a case's limit
         for state, samples in self.states.items():
-            at = hours if state == "open" else hours[evaluated.draws.may_close[hours]]
+            possible = evaluated.draws.possible.get(state)
+            at = hours if possible is None or state == OPEN else hours[possible[hours]]
             labels = sources(self.daylight.sky.isel(time=at))
             more = self.transport(state, labels, run, sensors=sensors)
             samples.add(more, sensors)
 
     def evaluate(self) -> EvaluatedMetrics:
-        """Evaluate the metrics; first simulate the shaded state of hours that may newly close."""
+        """Evaluate the metrics; first simulate the states of hours that may newly take them."""
+        attributes, step_hours = self.first.attrs, self.daylight.step_hours
         direct = illuminance.direct_sun(self.coefficients, self.daylight.sky)
-        if self.case.shading is not None:
-            self._extend_shaded(may_close(self.case, self.daylight.step_hours, direct))
+        if attributes["has_shade"]:
+            taken = possible_states(self.case, step_hours, direct, attributes)
+            for state, hours in taken.items():
+                self._extend(state, hours)
         return evaluate_metrics(self.case, self.daylight, self.coefficients, direct)
 
-    def _extend_shaded(self, closing: np.ndarray) -> None:
-        """Simulate the suns of closing hours that the shaded state lacks."""
-        labels = self.daylight.suns.only(sources(self.daylight.sky.isel(time=closing))).labels
-        shaded = self.states.get("shaded")
-        if shaded is None:
-            if closing.any():
-                more = self.transport("shaded", labels, self.run)
-                self.states["shaded"] = SampleAccumulator(more)
+    def _extend(self, state: State, hours: np.ndarray) -> None:
+        """Simulate the suns of some hours that a state lacks."""
+        labels = self.daylight.suns.only(sources(self.daylight.sky.isel(time=hours))).labels
+        samples = self.states.get(state)
+        if samples is None:
+            if hours.any():
+                self.states[state] = SampleAccumulator(self.transport(state, labels, self.run))
             return
-        missing = shaded.missing(labels, "sun" if "sun" in shaded.coefficients.dims else "bin")
+        missing = samples.missing(labels, "sun" if "sun" in samples.coefficients.dims else "bin")
         if missing:
-            shaded.extend(self.transport("shaded", missing, self.run))
+            samples.extend(self.transport(state, missing, self.run))
 
 
 def toward_target(

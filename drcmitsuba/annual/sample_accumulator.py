@@ -57,7 +57,7 @@ class SampleAccumulator:
             where = np.ix_(sensors, bins)
             share = 1 / (rounds[where] + 1)
             for name, values in more.items():
-                if dim not in values.dims:
+                if dim not in values.dims or name == "pane_group":
                     continue
                 outer = [d for d in ("replicate", "channel") if d in values.dims]
                 order = [*map(str, outer), "sensor", dim]

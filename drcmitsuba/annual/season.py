@@ -99,6 +99,7 @@ def season(case: Case, stage: Stage = silent) -> Season:
         The materials have no glazing, or `evaluate_variants` refuses the case.
     """
     case.refuse_components("a comparison of façades")
+    case.refuse_groups("a comparison of façades")
     glass = [name for name, m in case.materials.items() if isinstance(m, GlazingMaterial)]
     if not glass:
         remedy = "add the clear glazing to compare with to [materials]"

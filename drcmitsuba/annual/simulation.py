@@ -1,4 +1,4 @@
-"""Coefficients C of both states of a case, from its scene and its suns."""
+"""Coefficients C of all states of a case, from its scene and its suns."""
 
 from __future__ import annotations
 
@@ -17,25 +17,32 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
+from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, State
+from drcmitsuba.case.schedule import Schedule, read_schedule
 from drcmitsuba.case.sensors import PointSensors
+from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import may_close
+from drcmitsuba.metrics.evaluate_metrics import possible_states
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
-from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.launch_size import SENSORS
+from drcmitsuba.transport.shadow_rays import RIM, sun_deposit
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
 
 BRIGHTEST = 1.3e5
@@ -71,12 +78,13 @@ def transport(
     mesh: tuple[str, ...] = (), sensors: np.ndarray | None = None,
     progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
-    """Coefficients C of a case in one state of its shade.
+    """Coefficients C of a case in one state of its façade.
 
     Parameters
     ----------
     case : Case
-    state : {"open", "shaded"}
+    state : str
+        State of the façade, see `case.groups`.
     suns : Suns
         Suns of the time stamps, or suns that stand for them.
     latitude : float
@@ -123,13 +131,55 @@ def transport(
                 world, points, normals, suns, accuracy, subdivision=subdivision, progress=done
             )
         channels.append(C.assign_coords(at))
-    return _joined(channels)
+    C = _joined(channels)
+    groups = PaneGroups.of(case)
+    if state != OPEN or len(groups) < 2:
+        return C
+    suns = suns.where(run.enabled_effects.enabled_suns(suns))
+    return C.assign(pane_group=_pane_group(case, C, groups, suns, run, points, normals))
+
+
+def _pane_group(
+    case: Case, C: xr.Dataset, groups: PaneGroups, suns: Suns, run: Run, points: np.ndarray,
+    normals: np.ndarray,
+) -> xr.DataArray:  # fmt: skip
+    """Group of panes through which each sun comes straight: without it, the most is lost.
+
+    The rays are the same in all scenes, of which each has one group of panes blocked.
+    """
+    dim, channel = "sun" if "sun_straight" in C else "bin", _count(case, run.enabled_effects) - 1
+    channel = 1 if channel else -1  # green stands for all colours
+    kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter, "samples": RIM}
+    seed = launch_seed(run.seed, Stream.PANE_GROUPS)
+
+    def straight(blocked: int | None) -> np.ndarray:
+        """D of the suns (sensor, sun) [sr] with a group of panes blocked."""
+        indices = [BLOCKED if g == blocked else 0 for g in range(len(groups))]
+        world = scene.load(case, groups.states.label(indices), channel, run.enabled_effects)
+        D = [
+            sun_deposit(world, flat(points[i : i + SENSORS]), flat(normals[i : i + SENSORS]),
+                        seed=seed, numbers=None, **kind).numpy()
+            for i in range(0, len(points), SENSORS)
+        ]  # fmt: skip
+        run.ray_counter.update(world.ray_counter.counted())
+        return np.concatenate(D)
+
+    out = np.full((len(points), len(suns.labels)), -1, np.float32)
+    if suns.labels:
+        whole = straight(None)
+        most = 1e-3 * whole  # rounding loses nothing
+        for g in range(len(groups)):
+            lost = whole - straight(g)
+            out[lost > most] = g
+            most = np.maximum(most, lost)
+    values = xr.DataArray(out, dims=("sensor", dim), coords={dim: np.array(suns.labels, object)})
+    return values.reindex({dim: C[dim]}, fill_value=np.float32(-1)).drop_vars(dim)
 
 
 def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     """Digest of everything that determines C, the contents of files included."""
     names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
-    names |= set() if case.model is None else {"model"}
+    names |= {name for name in ("model", "groups") if getattr(case, name)}
     settings = case.model_dump(mode="json", include=names | {"accuracy"})
     for name in ("target", "time_limit"):
         del settings["accuracy"][name]
@@ -144,6 +194,9 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
         settings["model"]["files"] = [_digest(file) for file in case.model.files]
     if isinstance(case.sensors, PointSensors) and case.sensors.points is not None:
         settings["sensors"]["points"] = _digest(case.sensors.points)
+    for name, group in case.groups.items():
+        if group.schedule is not None:
+            settings["groups"][name]["schedule"] = _digest(group.schedule)
     for name, material in case.materials.items():
         if isinstance(material, BsdfMaterial):
             settings["materials"][name]["file"] = _digest(material.file)
@@ -173,12 +226,9 @@ def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
 
 def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:
     """Attributes of C: rule of the shade, place of the suns, thresholds, and the whole case."""
-    shade = case.shading if enabled_effects.shade else None
-    rule = {} if shade is None else {"shade_threshold": shade.threshold, "shade_area": shade.area}
     return {
         "case": case.name,
-        "has_shade": int(shade is not None),
-        **rule,
+        **_of_shade(case, enabled_effects),
         **{name: daylight.sky.attrs[name] for name in illuminance.SUN_OF},
         **case.metrics.model_dump(),
         "weather": daylight.source,
@@ -188,11 +238,31 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
     }
 
 
+def _of_shade(case: Case, enabled_effects: EnabledEffects) -> dict[str, Any]:
+    """Groups of panes with their rule and schedules."""
+    groups = PaneGroups.of(case).states
+    if not enabled_effects.shade or len(groups) == 0:
+        return {"has_shade": 0}
+    shading = case.shading
+    of_group = {
+        groups.names.index(name): read_schedule(group.schedule, name, groups.states[i])
+        for i, (name, group) in enumerate(case.groups.items())
+        if group.schedule is not None
+    }
+    return {
+        "has_shade": 1,
+        "shade_threshold": THRESHOLD if shading is None else shading.threshold,
+        "shade_area": AREA if shading is None else shading.area,
+        **groups.attributes(),
+        **Schedule(of_group, len(groups)).attributes(),
+    }
+
+
 def simulate(
     case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None,
     needed: Callable[[xr.Dataset], np.ndarray] | None = None,
 ) -> tuple[Coefficients, xr.Dataset]:  # fmt: skip
-    """Simulate C of both states, shaded only for the suns of hours in which the shade may close.
+    """Simulate C of all states, each but the open one for the suns of hours that may take it.
 
     Parameters
     ----------
@@ -202,8 +272,8 @@ def simulate(
     known : Coefficients, optional
         C of this case for another weather [sr]; its bins are not computed again.
     needed : callable, optional
-        Turns direct sun into a mask (time,) of the hours whose suns the shaded state needs, where
-        these are not the hours in which the shade may close.
+        Turns direct sun into a mask (time,) of the hours whose suns the state `shaded` needs, where
+        these are not the hours in which the one shade may close.
 
     Returns
     -------
@@ -216,18 +286,18 @@ def simulate(
         The known coefficients belong to another case.
     """
     effects = run.enabled_effects
-    simulated = case if effects.shade else case.with_tables(shading=None)
+    simulated = case if effects.shade else case.with_tables(shading=None, groups={})
     if known is not None:
         _refuse_others(known, case, daylight, effects)
     states = {} if known is None else known.states
     suns, latitude = daylight.suns, daylight.sky.attrs["latitude"]
     with run.timed("open façade") as done:
-        C = _state(simulated, "open", suns, latitude, states.get("open"), (), run, done)
+        C = _state(simulated, OPEN, suns, latitude, states.get(OPEN), (), run, done)
     marked = attributes(case, daylight, effects)
-    coefficients = Coefficients(C.assign_attrs(marked), states.get("shaded"))
+    coefficients = Coefficients(C.assign_attrs(marked))
     direct = illuminance.direct_sun(coefficients, daylight.sky)
-    if simulated.shading is None:
-        return Coefficients(coefficients.open), direct
+    if not marked["has_shade"]:
+        return coefficients, direct
     possible = direct
     if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
         radius = math.radians(case.outside.sun_diameter / 2)
@@ -235,19 +305,25 @@ def simulate(
         sky = daylight.sky.assign(sun=xr.full_like(daylight.sky["sun"], brightest))
         possible = illuminance.direct_sun(coefficients, sky)
     if needed is not None:
-        closing = needed(direct)
+        taken = {SHADED: needed(direct)}
     else:
-        closing = may_close(simulated, daylight.step_hours, possible) | effects.every_shade
-    if not closing.any():
-        return coefficients, direct
-    suns, mesh = suns.only(sources(daylight.sky.isel(time=closing))), mesh_of(C)
-    with run.timed("shaded façade") as done:
-        C = _state(simulated, "shaded", suns, latitude, states.get("shaded"), mesh, run, done)
-    return Coefficients(coefficients.open, C), direct
+        taken = possible_states(simulated, daylight.step_hours, possible, marked)
+    if effects.every_shade:
+        taken[SHADED] = np.ones(direct.sizes["time"], bool)
+    taken = {state: hours for state, hours in taken.items() if hours.any()}
+    mesh, others = mesh_of(C), {}
+    if taken:
+        with run.timed("shaded façade") as done:
+            for i, (state, hours) in enumerate(taken.items()):
+                some = suns.only(sources(daylight.sky.isel(time=hours)))
+                share = part(done, i / len(taken), (i + 1) / len(taken))
+                known_C = states.get(state)
+                others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
+    return Coefficients(coefficients.open, others), direct
 
 
 def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coefficients:
-    """Simulate C of both states [sr], by default with the effects of the case's plan."""
+    """Simulate C of all states [sr], by default with the effects of the case's plan."""
     if run is None:
         run = Run.of(case, plan(case, daylight).scope)
     return simulate(case, daylight, run)[0]

@@ -14,6 +14,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.groups import SHADED
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -78,6 +79,7 @@ def evaluate_variants(
     first = cases[0]
     for case in cases:
         case.refuse_components("a comparison of façades")
+        case.refuse_groups("a comparison of façades")
     if first.accuracy.target is not None:
         got = "a target for several façades at once"
         raise InputError(first.source, "accuracy.target", got, "leave it out, or evaluate each")
@@ -115,4 +117,4 @@ def _coefficients(
     if planned.simulated.shading is None or not may_close(case, light.step_hours, direct).any():
         return coefficients, direct
     shaded = basis.coefficients(share @ basis.palette.closing)
-    return Coefficients(coefficients.open, shaded), direct
+    return Coefficients(coefficients.open, {SHADED: shaded}), direct

@@ -24,6 +24,7 @@ from drcmitsuba.case.design import Design
 from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.facade import Facade, check_names
 from drcmitsuba.case.furniture import Furniture, check_furniture
+from drcmitsuba.case.groups import Group
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.model import ENDINGS, ModelTable
 from drcmitsuba.case.model_case import tables_of, usual_sensors
@@ -50,6 +51,7 @@ from drcmitsuba.runtime.toml import (
     Side,
     Table,
     checked,
+    choose,
     is_file,
     named_of_kind,
     read_toml,
@@ -95,6 +97,8 @@ class Case(Table):
     """Points at which the illuminance is computed."""
     shading: Shading | None = None
     """Sun shade of the clear panes; without it, there is none."""
+    groups: Annotated[dict[Name, Group], Field(max_length=100)] = Field(default_factory=dict)
+    """Panes that change their state together, by name."""
     metrics: Metrics = Metrics()
     """Thresholds of the metrics."""
     accuracy: Accuracy = Accuracy()
@@ -150,6 +154,17 @@ class Case(Table):
             got = f"{task} counts no light by way of {shortened(self.standing[0])}"
             raise InputError(self.source, "components", got, "leave them out, or use evaluate")
 
+    def refuse_groups(self, task: str) -> None:
+        """Raise InputError where groups of panes close one by one: the task closes all together."""
+        got = f"{task} knows one shade for all panes"
+        if self.groups:
+            raise InputError(self.source, "groups", got, "leave them out, or use evaluate")
+        facades = self.facade.values()
+        clear = sum(any(self.is_clear(s.material) for s in f.strips) for f in facades)
+        if self.shading is not None and self.shading.groups == "facing" and clear > 1:
+            remedy = 'give groups = "together" in [shading], or use evaluate'
+            raise InputError(self.source, "shading.groups", f"{got}, not façade by façade", remedy)
+
     def is_clear(self, name: str) -> bool:
         """Whether a strip's material is a hole or clear glass; the shade covers these only."""
         return name == "open" or isinstance(self.materials.get(name), GlazingMaterial)
@@ -177,6 +192,8 @@ class Case(Table):
             self._check_facade(side, facade)
         if self.shading is not None:
             self.shading.check(self.materials)
+        for name, group in self.groups.items():
+            self._check_group(name, group)
         if self.design is not None:
             self._check_design(self.design)
         if self.room is not None and self.model is not None:
@@ -188,6 +205,14 @@ class Case(Table):
             if self.sensors.grids:
                 raise InputError("case", "sensors.grids", "there is no [model]", "add one")
         return self
+
+    def _check_group(self, name: str, group: Group) -> None:
+        """Refuse states that are no material of a pane."""
+        for state in group.states:
+            if state not in self.panes:
+                got = f"{shortened(state)} is no material of a pane in [materials]"
+                remedy = choose(state, list(self.panes))
+                raise InputError("case", f"groups.{name}.states", got, remedy)
 
     def _needed_room(self, table: str) -> Room:
         """Room of the case; refuses a table that needs a room where there is none."""
@@ -286,6 +311,10 @@ def _with_files(case: Case) -> Case:
             key = "recipe" if isinstance(component, StructureComponent) else "file"
             path = resolved(getattr(component, key), f"components.{name}.{key}")
             case.components[name] = component.model_copy(update={key: path})
+    for name, group in case.groups.items():
+        if group.schedule is not None:
+            path = resolved(group.schedule, f"groups.{name}.schedule")
+            case.groups[name] = group.model_copy(update={"schedule": path})
     sensors, table = case.sensors, case.model
     if isinstance(sensors, PointSensors) and sensors.points is not None:
         points = resolved(sensors.points, "sensors.points")
@@ -297,4 +326,7 @@ def _with_files(case: Case) -> Case:
         for layer in case.building.layers:  # strips and panes name their materials alike
             if layer.role == "pane" and not isinstance(layer.material, Lambertian):
                 case.materials.setdefault(layer.name, layer.material)
+            for state in layer.states[1:] if layer.group in case.groups else ():
+                if state.material is not None and not isinstance(state.material, Lambertian):
+                    case.materials.setdefault(state.name, state.material)
     return case

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Material
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Fraction, Illuminance, Table, choose, named_of_kind, shortened
+
+THRESHOLD = 1000.0
+"""Direct sun from which on a point needs the shade, by LM-83 [lx]."""
+AREA = 0.02
+"""Fraction of the points from which on the shade closes, by LM-83 [–]."""
 
 
 class Shading(Table):
@@ -14,10 +20,13 @@ class Shading(Table):
 
     material: str
     """Material of the closed shade: a diffuser or a bsdf of [materials]."""
-    threshold: Illuminance = 1000.0
+    threshold: Illuminance = THRESHOLD
     """Direct sun from which on a point needs the shade [lx]."""
-    area: Fraction = 0.02
+    area: Fraction = AREA
     """Fraction of points [–]; the shade closes where at least this fraction needs it."""
+    groups: Literal["facing", "together"] = "facing"
+    """Panes that close together, where there is no [groups]: those that face the same direction,
+    or all of them."""
 
     def check(self, materials: Mapping[str, Material]) -> None:
         """Raise InputError for a material that is unknown, or neither a diffuser nor a bsdf."""

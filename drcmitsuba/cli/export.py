@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 from drcmitsuba.cli.options import Weather, argument, file_option, folder_option, load, option
 from drcmitsuba.cli.terminal import show_notes, stages
@@ -23,7 +23,10 @@ def export(
     ill: Annotated[Path | None, file_option("--ill", ILL)] = None,
     csv: Annotated[Path | None, file_option("--csv", "RESULTS: E as CSV.")] = None,
     weather: Weather = None,
-    state: Annotated[str, option("NAME", "Shade in Radiance: open or shaded.")] = "open",
+    state: Annotated[
+        str,
+        option("NAME", "State in Radiance: open, shaded, or of each group."),
+    ] = "open",
 ) -> None:
     """Write a case, or the results of an evaluation, for other programs."""
     tables = {"--matrices": matrices, "--ill": ill, "--csv": csv}
@@ -47,15 +50,11 @@ def export(
 def _export_case(source: str, folder: Path, weather: Path | None, state: str) -> None:
     from drcmitsuba.export.radiance import save_radiance
     from drcmitsuba.runtime import backend
-    from drcmitsuba.scene.surfaces import State
 
-    known = get_args(State)
-    if state not in known:
-        raise InputError("command line", "--state", repr(state), f"choose {' or '.join(known)}")
     case = load(source, weather)
     backend.select()
     with stages() as stage, stage("writing"):
-        simulation = save_radiance(case, folder, known[known.index(state)])
+        simulation = save_radiance(case, folder, state)
     show_notes(simulation.remarks)
     print(f"{folder / 'simulate.sh'} simulates the case by Radiance")
 

@@ -10,11 +10,12 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.scene.surfaces import State, surfaces_of
+from drcmitsuba.scene.surfaces import surfaces_of
 
 WALLS = tuple(f"wall {side}" for side in ("south", "east", "north", "west"))
 FRAMES = tuple(name.replace("wall", "frame") for name in WALLS)

@@ -25,6 +25,7 @@ from drcmitsuba_plugins.lobes import square_code
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.design.film import Film
 from drcmitsuba.design.film_bins import Bins
@@ -34,7 +35,6 @@ from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Draw, Key
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.daylight import Daylight, luminances
 from drcmitsuba.sky.daylight import daylight as daylight_of
@@ -179,6 +179,7 @@ class FilmYear:
             or the adaptive sun model.
         """
         case.refuse_components("the year of a film")
+        case.refuse_groups("the year of a film")
         if isinstance(case.sun, Adaptive):
             raise InputError(case.source, "sun.model", "adaptive", 'take "true_sun"')
         if scene.is_coloured(case):

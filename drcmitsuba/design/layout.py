@@ -71,6 +71,7 @@ class Layout:
             remedy = 'add [design] with film = "…", a material of [materials]'
             raise InputError(case.source, "design", "no such table", remedy)
         case.refuse_components("the search for a façade")
+        case.refuse_groups("the search for a façade")
         assert case.room is not None
         assert design.film is not None  # with a component in its place, one stands
         side: Side = design.side or case.glazed[0]

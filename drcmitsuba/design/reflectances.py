@@ -21,6 +21,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
 from drcmitsuba.design.bounce_counts import FRAMES, WALLS
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.traced_room import TracedRoom
@@ -29,7 +30,6 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.materials import channel_of
-from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.transport.facade_basis.year import Illuminances
 
@@ -145,6 +145,7 @@ class Interior:
             two reflectances.
         """
         case.refuse_components("the search for reflectances")
+        case.refuse_groups("the search for reflectances")
         start = reflectances(case)
         if not start:
             raise InputError(case.source, "room", "there is no surface", "add a [room]")

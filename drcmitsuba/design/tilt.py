@@ -35,6 +35,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import StructureComponent
+from drcmitsuba.case.groups import SHADED
 from drcmitsuba.design.measure import (
     ASE_TOLERANCE,
     Aim,
@@ -114,6 +115,7 @@ class TiltProblem(RatedProblem):
             got, remedy = "no component is named", 'add component = "…", lamellae of [components]'
             raise InputError(case.source, "design", got, remedy)
         case.refuse_overruled("the search for a tilt")
+        case.refuse_groups("the search for a tilt")
         component = case.components[design.component]
         assert isinstance(component, StructureComponent)
         structure = load_recipe(component.recipe).structure
@@ -233,10 +235,10 @@ class TiltProblem(RatedProblem):
         year = judged.illuminance.map(luminance)
         is_open, direct_sun = year["total_open"].values, year["direct_sun"].values
         shaded = is_open.copy()
-        if coefficients.shaded is not None:
+        if SHADED in coefficients.others:
             sunny = self._has_sun(case, direct)
-            behind = coefficients.shaded, self.daylight.sky.isel(time=sunny)
-            by_source = illuminance.by_channel(accumulate.by_source, *behind).map(luminance)
+            behind, sky = coefficients.others[SHADED], self.daylight.sky.isel(time=sunny)
+            by_source = illuminance.by_channel(accumulate.by_source, behind, sky).map(luminance)
             shaded[sunny] = by_source["total"].values
         E = (np.ascontiguousarray(a, np.float32) for a in (is_open, shaded, direct_sun))
         return SimulatedTilt(Illuminances(*map(mi.TensorXf, E)), self._interval(judged.metrics))

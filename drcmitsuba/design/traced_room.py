@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
 from drcmitsuba.design.bounce_counts import Sums, marked, numbered, powers
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
@@ -18,7 +19,6 @@ from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.surfaces import State
 from drcmitsuba.schema import positions
 from drcmitsuba.sky import daylight as lights
 from drcmitsuba.sky.daylight import Daylight

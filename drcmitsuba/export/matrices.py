@@ -1,7 +1,7 @@
 """C and L of a result as two matrices whose product is E, the shade applied.
 
-A shade that closes has bins of its own: the state of every bin stands in `bins.txt`, and L of a
-time stamp is 0 in the bins of the other state. One product so gives E = C·L as it is in
+Every state of the façade has bins of its own: the state of a bin stands in `bins.txt`, and L of a
+time stamp is 0 in the bins of the other states. One product so gives E = C·L as it is in
 `illuminance.nc`.
 """
 
@@ -17,7 +17,8 @@ from scipy.sparse import csr_matrix, diags, hstack
 from drcmitsuba.export.mtx import write_mtx
 from drcmitsuba.metrics.accumulate import factors
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.illuminance import check_suns, direct_sun, is_closed
+from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.illuminance import check_suns, direct_sun
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
@@ -31,11 +32,11 @@ class Matrices:
     L: csr_matrix
     """Luminances [cd/m²], shape (bin, time)."""
     bins: tuple[str, ...]
-    """State of the shade and label of every bin."""
+    """State of the façade and label of every bin."""
 
 
 def matrices(coefficients: Coefficients, sky: xr.Dataset) -> Matrices:
-    """Coefficients and luminances of both states of the shade, side by side.
+    """Coefficients and luminances of all states of the façade, side by side.
 
     Parameters
     ----------
@@ -53,22 +54,23 @@ def matrices(coefficients: Coefficients, sky: xr.Dataset) -> Matrices:
         A bin has no coefficients, or the suns of C stand elsewhere than those of the sky.
     """
     check_suns(coefficients.attrs, sky)
-    closed = is_closed(coefficients.attrs, direct_sun(coefficients, sky)).values
+    taken = FacadeStates.of(coefficients.attrs, direct_sun(coefficients, sky))
     C, L, bins = [], [], []
-    for state, data in coefficients.states.items():
-        here = closed if state == "shaded" else ~closed
+    for i, state in enumerate(taken.states):
+        here = taken.index == i
         if not here.any():
             continue
+        if state not in coefficients.states:
+            got = f"no state {state}; {int(here.sum())} time stamps take it"
+            remedy = "compute the coefficients of the shaded state"
+            raise InputError("coefficients", "state", got, remedy)
+        data = coefficients.states[state]
         at = np.flatnonzero(here)
         select = diags(here.astype(np.float32)).tocsr()[:, at]  # (time, time of this state)
         for values, light in factors(data, sky.isel(time=at)):
             C.append(_finite(values).transpose("sensor", "bin", ...).values)
             L.append(select @ light)
             bins += [f"{state} {label}" for label in values["bin"].values]
-    if closed.any() and coefficients.shaded is None:
-        got = f"no shaded state; {int(closed.sum())} time stamps close"
-        remedy = "compute the coefficients of the shaded state"
-        raise InputError("coefficients", "state", got, remedy)
     return Matrices(np.concatenate(C, axis=1), hstack(L).T.tocsr(), tuple(bins))
 
 

@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.sparse import csr_matrix
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, SHADED, State
 from drcmitsuba.case.sun import Adaptive, TrueSun
 from drcmitsuba.export.mtx import write_mtx
 from drcmitsuba.export.primitives import GLAZING, GLAZING_FILE, identifier
@@ -20,13 +21,14 @@ from drcmitsuba.metrics.accumulate import source_luminances
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.surfaces import State, surfaces_of
+from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.daylight import Daylight, daylight
 
 
-def save_radiance(case: Case, folder: Path, state: State = "open") -> Simulation:
-    """Write a case in one state of its shade to a new folder, for Radiance to simulate.
+def save_radiance(case: Case, folder: Path, state: State = OPEN) -> Simulation:
+    """Write a case in one state of its façade to a new folder, for Radiance to simulate.
 
     Parameters
     ----------
@@ -34,7 +36,8 @@ def save_radiance(case: Case, folder: Path, state: State = "open") -> Simulation
         An adaptive sun becomes the true one: Radiance traces every sun.
     folder : Path
         New or empty folder.
-    state : {"open", "shaded"}
+    state : str
+        State of the façade, see `case.groups`.
 
     Returns
     -------
@@ -46,7 +49,7 @@ def save_radiance(case: Case, folder: Path, state: State = "open") -> Simulation
     InputError
         The case is unfit, there is no shade to close, or the folder holds files.
     """
-    if state == "shaded" and case.shading is None:
+    if state == SHADED and not len(PaneGroups.of(case)):
         got = "shaded, but the case has no shade"
         raise InputError(case.source, "shading", got, "add a table [shading], or leave it open")
     if isinstance(case.sun, Adaptive):

@@ -136,6 +136,36 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     return describe(xr.Dataset(out))
 
 
+def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
+    """Group of panes through which the direct sun comes, (time, sensor); −1 in hours without it.
+
+    A sensor without direct sun takes the group through which most sensors get it: a part of the sun
+    that no ray has found comes through it, too.
+
+    Parameters
+    ----------
+    coefficients, sky : xr.Dataset
+        As for `direct_sun`; C holds `pane_group`.
+    """
+    if "sun_straight" in coefficients:
+        groups = coefficients["pane_group"].rename(sun="bin")
+        coefficients, sky = _own_suns(coefficients, sky)
+        coefficients = coefficients.assign(pane_group=groups)
+    suns, straight = _suns(coefficients, sky), coefficients["straight"].values
+    group = coefficients["pane_group"].values
+    shape = (sky.sizes["time"], straight.shape[0])
+    most, nearest = np.zeros(shape, np.float32), np.full(shape, -1, np.int16)
+    of_hour, best = np.full(shape[0], -1, np.int16), np.zeros(shape[0])
+    for g in np.unique(group[group >= 0]):
+        E = suns @ np.where(group == g, straight, 0).T
+        larger = most < E
+        most[larger], nearest[larger] = E[larger], g
+        whole = E.sum(axis=1)
+        of_hour[whole > best] = g
+        best = np.maximum(best, whole)
+    return _array(sky, np.where(nearest < 0, of_hour[:, None], nearest).astype(np.float32))
+
+
 def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard error of arrays in few passes; differences from the first keep digits."""
     n, first = len(replicates), replicates[0]
@@ -232,19 +262,21 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
 
 
 def illuminance(
-    is_open: xr.Dataset, shaded: xr.Dataset | None, sky: xr.Dataset, closed: xr.DataArray,
+    is_open: xr.Dataset, others: Sequence[xr.Dataset | None], sky: xr.Dataset, state: np.ndarray,
     direct: xr.Dataset | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """Illuminance E of the period, each time stamp with its state of the shade.
+    """Illuminance E of the period, each time stamp with its state of the façade.
 
     Parameters
     ----------
-    is_open, shaded : xr.Dataset
-        C of the two states [sr]; `shaded` may be None where the shade never closes.
+    is_open : xr.Dataset
+        C of the open state [sr].
+    others : sequence of xr.Dataset
+        C of the other states [sr]; None for one without coefficients.
     sky, direct : xr.Dataset
         As for `by_source` of the open state.
-    closed : xr.DataArray of bool, dim time
-        Whether the shade is closed.
+    state : np.ndarray of int, shape (time,)
+        State of every time stamp: 0 for the open one, then those of `others`.
 
     Returns
     -------
@@ -255,7 +287,7 @@ def illuminance(
     Raises
     ------
     InputError
-        Coefficients are missing for a bin, or for the shaded state of an hour that closes.
+        Coefficients are missing for a bin, or for the state of a time stamp.
     """
     direct = direct_sun(is_open, sky) if direct is None else direct
     parts, out = by_source(is_open, sky, direct), direct.copy()
@@ -263,16 +295,18 @@ def illuminance(
         for suffix in ("", "_se"):
             out[f"{name}_open{suffix}"] = parts[name + suffix]
     out["total"], out["total_se"] = parts["total"].copy(), parts["total_se"].copy()
-    shut = np.flatnonzero(closed.values)
-    if len(shut):
-        if shaded is None:
+    for i, other in enumerate(others, 1):
+        here = np.flatnonzero(state == i)
+        if not len(here):
+            continue
+        if other is None:
             raise InputError(
-                "coefficients", "state", f"no shaded state; {len(shut)} time stamps close",
+                "coefficients", "state", f"a state is missing; {len(here)} time stamps take it",
                 "compute the coefficients of the shaded state",
             )  # fmt: skip
-        behind = by_source(shaded, sky.isel(time=shut))
+        behind = by_source(other, sky.isel(time=here))
         for suffix in ("", "_se"):
-            out["total" + suffix].values[shut] = behind["total" + suffix].values
+            out["total" + suffix].values[here] = behind["total" + suffix].values
     out = out.assign_coords({axis: ("sensor", is_open[axis].values) for axis in "xyz"})
-    out = out.assign_coords(shade_closed=("time", closed.values))
+    out = out.assign_coords(shade_closed=("time", state > 0))
     return describe(out)

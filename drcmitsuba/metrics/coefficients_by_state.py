@@ -1,28 +1,28 @@
-"""Coefficients C of both states of the shade, each with the suns that it was simulated for.
+"""Coefficients C of the states of a façade, each with the suns that it was simulated for.
 
 In memory every state is a dataset of its own. On disk the states lie along one dimension `state`: a
-sun that was simulated for the open state only is NaN in the shaded state, and reading the file
-drops its label there.
+sun that was simulated for some states only is NaN in the others, and reading the file drops its
+label there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from drcmitsuba import schema
+from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.surfaces import State
 
 SAMPLED = {"bin": "replicates", "sun": "sun_straight"}
 """Sampled dimensions, each with a variable that is NaN for a label that was not simulated."""
 NOT_SIMULATED = {
-    "not_simulated": "a sun is NaN in state shaded where the shade stays open whenever it shines; "
-    'shaded_state = "all" in [effects] simulates all suns'
+    "not_simulated": "a sun is NaN in a state that the façade does not take when it shines; "
+    'shaded_state = "all" in [effects] simulates all suns in the state shaded'
 }
 """Attribute of the file that explains its NaN."""
 
@@ -32,10 +32,10 @@ class Coefficients:
     """Coefficients C of a case, ∂E/∂L [sr]."""
 
     open: xr.Dataset
-    """C from `transport.coefficients.compute` for all suns. Its attributes hold for both states:
-    the rule of the shade, the place of the suns, the origin of C."""
-    shaded: xr.Dataset | None = None
-    """C for the suns of all hours in which the shade may close; None where it never closes."""
+    """C from `transport.coefficients.compute` for all suns. Its attributes hold for all states: the
+    groups of panes and their rule, the place of the suns, the origin of C."""
+    others: Mapping[State, xr.Dataset] = field(default_factory=dict)
+    """C of every other state for the suns of all hours in which the façade may take it."""
 
     @classmethod
     def of(cls, joined: xr.Dataset) -> Coefficients:
@@ -44,40 +44,41 @@ class Coefficients:
         Without a state `open`, or with a single replicate, it raises InputError.
         """
         states = [str(state) for state in joined["state"].values]
-        if "open" not in states or joined.sizes["replicate"] < 2:
+        if OPEN not in states or joined.sizes["replicate"] < 2:
             got = "no state open, or a single replicate"
             raise InputError("coefficients", "state, replicate", got, "compute them anew")
-        shaded = _simulated(joined, "shaded") if "shaded" in states else None
-        return cls(_simulated(joined, "open"), shaded)
+        others = {state: _simulated(joined, state) for state in states if state != OPEN}
+        return cls(_simulated(joined, OPEN), others)
 
     @property
     def attrs(self) -> dict[str, Any]:
-        """Attributes of both states."""
+        """Attributes of all states."""
         return self.open.attrs
 
     @property
     def states(self) -> dict[State, xr.Dataset]:
         """Coefficients by state, the open one first."""
-        if self.shaded is None:
-            return {"open": self.open}
-        return {"open": self.open, "shaded": self.shaded}
+        return {OPEN: self.open, **self.others}
 
     def assign_attrs(self, **attributes: Any) -> Coefficients:
         """Coefficients with further attributes."""
-        return replace(self, open=self.open.assign_attrs(attributes))
+        return Coefficients(self.open.assign_attrs(attributes), self.others)
 
     def map(self, function: Callable[[xr.DataArray], xr.DataArray]) -> Coefficients:
-        """Apply a function to all variables of both states."""
-        return Coefficients(*(data.map(function) for data in self.states.values()))
+        """Apply a function to all variables of all states."""
+        others = {state: data.map(function) for state, data in self.others.items()}
+        return Coefficients(self.open.map(function, keep_attrs=True), others)
 
     def joined(self) -> xr.Dataset:
-        """Both states as on disk, dims (state, replicate, sensor, bin)."""
+        """All states as on disk, dims (state, replicate, sensor, bin)."""
         return xr.concat(self.parts(), "state", coords="minimal", compat="override", join="exact")
 
     def parts(self) -> Iterator[xr.Dataset]:
-        """Yield the parts of `joined`, one state each: writing them needs no copy of both."""
+        """Yield the parts of `joined`, one state each: writing them needs no copy of all."""
         labels = {name: self.open[name] for name in SAMPLED if name in self.open.coords}
         for state, data in self.states.items():
+            if "pane_group" in self.open and "pane_group" not in data:
+                data = data.assign(pane_group=xr.full_like(self.open["pane_group"], np.nan))
             part = data.reindex(labels).expand_dims(state=np.array([state], dtype=object))
             yield schema.describe(part.assign_attrs(self.attrs | NOT_SIMULATED))
 
@@ -89,4 +90,4 @@ def _simulated(joined: xr.Dataset, state: str) -> xr.Dataset:
         if dim in data.dims:
             others = [d for d in data[name].dims if d != dim]
             data = data.isel({dim: np.flatnonzero(data[name].notnull().any(others))})
-    return data
+    return data.drop_vars("pane_group", errors="ignore") if state != OPEN else data

@@ -12,7 +12,10 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import SHADED, GroupStates, State
 from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.case.schedule import Schedule
+from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import intervals
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -40,14 +43,22 @@ class EvaluatedMetrics:
         return self.draws.half_width(self.metrics, unit)
 
 
-def rules(case: Case, step_hours: float) -> intervals.Rules:
-    """Rules of the metrics of a case; those of the shade have no effect where there is none."""
+def rules(
+    case: Case, step_hours: float, attributes: Mapping[str, Any] | None = None
+) -> intervals.Rules:
+    """Rules of the metrics of a case; those of the shade have no effect where there is none.
+
+    `attributes` are those of C, which hold the groups of panes; by default there is one shade.
+    """
     shading = case.shading
+    groups = GroupStates.of_attributes(attributes or {})
     return intervals.Rules(
         metrics=case.metrics,
-        shade_threshold=shading.threshold if shading else 1000.0,
-        shade_area=shading.area if shading else 1.0,
+        shade_threshold=shading.threshold if shading else THRESHOLD,
+        shade_area=shading.area if shading else AREA if case.groups else 1.0,
         step_hours=step_hours,
+        groups=groups,
+        schedule=Schedule.of_attributes(attributes or {}, groups),
     )
 
 
@@ -62,11 +73,14 @@ def rules_of(
     chosen = {name: value for name, value in thresholds.items() if value is not None}
     checked(Metrics, chosen, "command line")
     known = {name: attributes[name] for name in Metrics.model_fields if name in attributes}
+    groups = GroupStates.of_attributes(attributes)
     return intervals.Rules(
         metrics=checked(Metrics, known | chosen, source),
-        shade_threshold=attributes.get("shade_threshold", 1000.0),
-        shade_area=attributes.get("shade_area", 0.02),
+        shade_threshold=attributes.get("shade_threshold", THRESHOLD),
+        shade_area=attributes.get("shade_area", AREA),
         step_hours=float(attributes.get("step_hours", 1.0)),
+        groups=groups,
+        schedule=Schedule.of_attributes(attributes, groups),
     )
 
 
@@ -106,13 +120,24 @@ def drawing(case: Case) -> dict[str, Any]:
     return {"rays": rays, "seed": a.seed}
 
 
-def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:
-    """Time stamps at which the shade may close, bool (time,), within the errors of the direct sun.
+def possible_states(
+    case: Case, step_hours: float, direct: xr.Dataset, attributes: Mapping[str, Any] | None = None
+) -> dict[State, np.ndarray]:
+    """Time stamps at which the façade may take each state, bool (time,), the open one left out.
 
-    `direct` is from `illuminance.direct_sun` [lx]; `step_hours` is the length of an interval [h].
+    They hold within the errors of the direct sun. `direct` is from `illuminance.direct_sun` [lx];
+    `step_hours` is the length of an interval [h]; `attributes` are those of C.
     """
     by_luminance = direct.map(luminance)
-    return intervals.closures(by_luminance, rules(case, step_hours), **drawing(case)).possible
+    asked = rules(case, step_hours, attributes)
+    closures = intervals.closures(by_luminance, asked, **drawing(case))
+    return dict(zip(closures.states[1:], closures.possible[1:], strict=True))
+
+
+def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:
+    """Time stamps at which the one shade may close, bool (time,), as `possible_states`."""
+    possible = possible_states(case, step_hours, direct)
+    return possible.get(SHADED, np.zeros(direct.sizes["time"], bool))
 
 
 def evaluate_metrics(
@@ -125,7 +150,7 @@ def evaluate_metrics(
     """
     E = illuminance(coefficients, daylight.sky, direct)
     E.attrs["step_hours"] = daylight.step_hours
-    asked = rules(case, daylight.step_hours)
+    asked = rules(case, daylight.step_hours, coefficients.attrs)
     draws = intervals.draw(coefficients, daylight.sky, E, asked, **drawing(case))
     return EvaluatedMetrics(E, draws, summarise(E, asked, draws))
 

@@ -5,49 +5,46 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from drcmitsuba import schema
+from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.intervals import t_factor
-from drcmitsuba.metrics.shade import shade_closed
 from drcmitsuba.runtime.errors import InputError
 
 
-def is_closed(attributes: Mapping[str, Any], direct: xr.Dataset) -> xr.DataArray:
-    """Time stamps at which the shade is closed, bool (time,), by the rule in the attributes of C.
-
-    `direct` is from `direct_sun`, shade open [lx]. A shade without a rule raises InputError.
-    """
-    mean = schema.luminance(direct["direct_sun"])
-    if not attributes.get("has_shade", 0):
-        return xr.zeros_like(mean.isel(sensor=0, drop=True), dtype=bool)
-    if not {"shade_threshold", "shade_area"} <= attributes.keys():
-        got = "the coefficients do not say when the shade closes"
-        raise InputError("coefficients", "shade_threshold, shade_area", got, "compute them anew")
-    return shade_closed(mean, attributes["shade_threshold"], attributes["shade_area"])
-
-
 def direct_sun(coefficients: Coefficients, sky: xr.Dataset) -> xr.Dataset:
-    """`direct_sun` and `direct_sun_se` (time, sensor) [lx], shade open; channel where C has it."""
-    return by_channel(accumulate.direct_sun, coefficients.open, sky)
+    """`direct_sun` and `direct_sun_se` (time, sensor) [lx], shade open; channel where C has it.
+
+    With several groups of panes `sun_group` says through which the sun comes.
+    """
+    is_open = coefficients.open
+    direct = by_channel(accumulate.direct_sun, is_open, sky)
+    if "pane_group" in is_open:
+        one = is_open.isel(channel=1) if "channel" in is_open.dims else is_open
+        direct = schema.describe(direct.assign(sun_group=accumulate.sun_group(one, sky)))
+    return direct
 
 
-Array = xr.Dataset | xr.DataArray | None
+def by_channel(function: Callable[..., xr.Dataset], first: xr.Dataset, *arrays: Any) -> xr.Dataset:
+    """Apply an accumulation to each colour channel of the first array, or once to a grey one.
 
-
-def by_channel(function: Callable[..., xr.Dataset], *arrays: Array) -> xr.Dataset:
-    """Apply an accumulation to each colour channel of the first array, or once to a grey one."""
-    first = arrays[0]
-    assert first is not None
+    Of the other arrays, and of lists of arrays, those with a channel are taken apart as well.
+    """
+    arrays = (first, *arrays)
     if "channel" not in first.dims:
         return function(*arrays)
 
-    def at(array: Array, channel: int) -> Array:
-        if array is None or "channel" not in array.dims:
-            return array
-        return array.isel(channel=channel, drop=True)
+    def at(array: Any, channel: int) -> Any:
+        if isinstance(array, list):
+            return [at(each, channel) for each in array]
+        if isinstance(array, xr.Dataset | xr.DataArray) and "channel" in array.dims:
+            return array.isel(channel=channel, drop=True)
+        return array
 
     channels = [
         function(*(at(array, i) for array in arrays)) for i in range(first.sizes["channel"])
@@ -60,9 +57,9 @@ SUN_OF = {"latitude": 0.5, "longitude": 0.5, "timezone": 0, "sun_diameter": 0, "
 have in each; 0 and None allow none."""
 
 KEPT = (
-    "case", "has_shade", "shade_threshold", "shade_area", "sda_threshold", "sda_fraction",
-    "ase_threshold", "ase_hours", "latitude", "longitude", "timezone", "sun_time", "weather",
-    "version", "settings",
+    "case", "has_shade", "shade_threshold", "shade_area", "groups", "schedule", "sda_threshold",
+    "sda_fraction", "ase_threshold", "ase_hours", "latitude", "longitude", "timezone", "sun_time",
+    "weather", "version", "settings",
 )  # fmt: skip
 """Attributes of C that E keeps."""
 
@@ -112,9 +109,17 @@ def illuminance(
     """
     check_suns(coefficients.attrs, sky)
     direct = direct_sun(coefficients, sky) if direct is None else direct
-    closed = is_closed(coefficients.attrs, direct)
-    states = coefficients.open, coefficients.shaded
-    out = by_channel(accumulate.illuminance, *states, sky, closed, direct)
+    taken = FacadeStates.of(coefficients.attrs, direct)
+    others = [coefficients.others.get(state) for state in taken.states[1:]]
+    parts = direct.drop_vars("sun_group", errors="ignore")
+    out = by_channel(accumulate.illuminance, coefficients.open, others, sky, taken.index, parts)
+    if "sun_group" in direct:
+        out["sun_group"] = direct["sun_group"]
+        groups = GroupStates.of_attributes(coefficients.attrs)
+        indices = np.array([groups.indices(state) for state in taken.states], np.int16)
+        names = np.array(groups.names, dtype=object)
+        out = out.assign_coords(group=names, facade_state=(("time", "group"), indices[taken.index]))
+        out = schema.describe(out)
     out.attrs = {k: v for k, v in coefficients.attrs.items() if k in KEPT}
     out.attrs["interval_factor"] = t_factor(coefficients.open.sizes["replicate"])
     return out

@@ -64,6 +64,8 @@ class Layer:
     states: tuple[LayerState, ...] = ()
     """States of the group, as this layer takes them: state k of a group is the k-th of each of its
     layers. Material and surfaces of the first state are `material` and `states[0].shades`."""
+    stands_in: str = ""
+    """Group in whose first state alone the surfaces stand; "" where they always stand."""
 
     def place(self, quad: int) -> str:
         """Where a quad stands in the source."""
@@ -157,7 +159,7 @@ def in_first_state(model: Model) -> Model:
     for layer in model.layers:
         layers.append(layer)
         if layer.states:
-            layers += layer.states[0].shades
+            layers += [replace(s, stands_in=layer.group) for s in layer.states[0].shades]
             groups[layer.group] = max(groups.get(layer.group, 0), len(layer.states))
     several = [f"{name} ({count})" for name, count in groups.items() if count > 1]
     notes = model.notes

@@ -9,12 +9,14 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import PointSensors, Sensors
+from drcmitsuba.case.shading import THRESHOLD
 from drcmitsuba.case.sun import Adaptive, ThreePhase, TrueSun
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, film, lets_through
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import is_coloured
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns, outside
 from drcmitsuba.sky.daylight import Daylight
@@ -53,6 +55,11 @@ class Facts:
     def shut(self) -> bool:
         """Whether the room has no opening at all."""
         return self.reach is not None and len(self.reach.openings) == 0
+
+    @property
+    def shadeless(self) -> bool:
+        """Whether there is no clear pane, which a shade could cover."""
+        return not any(self.case.is_clear(name) for name in panes.used(self.case))
 
     @property
     def surrounded(self) -> bool:
@@ -246,11 +253,15 @@ def obstructions(facts: Facts) -> Effect:
 def shaded_state(facts: Facts) -> Effect:
     """Whether the shade may close, by an upper bound of the direct sun on the sensors."""
     case = facts.case
-    if case.shading is None:
-        return Effect(False, "no [shading] in the case")
-    if not any(case.is_clear(name) for name in panes.used(case)):
+    groups = PaneGroups.of(case).states
+    if not len(groups):
+        return Effect(False, "no [shading] and no [groups] in the case")
+    if case.shading is not None and not case.groups and facts.shadeless:
         return Effect(False, "there is no clear pane that it could cover")
-    threshold = case.shading.threshold
+    scheduled = [name for name, group in case.groups.items() if group.schedule is not None]
+    if scheduled:
+        return Effect(True, f"{', '.join(scheduled)} follow a schedule")
+    threshold = THRESHOLD if case.shading is None else case.shading.threshold
     if not isinstance(case.sun, TrueSun | Adaptive):
         hours = int((facts.light.sky["sun"].values > 0).sum())
         reason = (
@@ -282,8 +293,8 @@ def most_direct(facts: Facts) -> tuple[float, int]:
     if facts.reach is not None:
         directions = facts.light.sun["direction"].values
         bound = bound * facts.reach.visible(directions, case.outside.sun_diameter).mask
-    assert case.shading is not None
-    closes = bound > 0 if bends else bound >= case.shading.threshold
+    threshold = THRESHOLD if case.shading is None else case.shading.threshold
+    closes = bound > 0 if bends else bound >= threshold
     return float(bound.max(initial=0)), int(closes.sum())
 
 

@@ -10,6 +10,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.scene.materials import film
+from drcmitsuba.scene.pane_groups import PaneGroups
 
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
@@ -41,14 +42,16 @@ def photon_notes(coefficients: Mapping[str, Any]) -> list[str]:
 
 
 def shade_notes(case: Case) -> list[str]:
-    """Note that all clear panes share one state of the shade, where they lie in several planes."""
-    if case.shading is None:
+    """Note which panes close together, where they lie in several planes."""
+    if case.shading is None or case.groups:
         return []
-    clear = (where for name, where in panes.used(case).items() if case.is_clear(name))
-    sides = list(dict.fromkeys(side for where in clear for side in where))
+    groups = PaneGroups.of(case)
+    sides = list(dict.fromkeys(side for facings in groups.facings for side in facings))
     if len(sides) < 2:
         return []
     facades = f"{', '.join(sides[:-1])} and {sides[-1]}"
+    if len(groups) > 1:
+        return [f"shading: {facades} close and open each on its own, as in LM-83"]
     return [f"shading: one shade for all clear panes; {facades} close and open together"]
 
 

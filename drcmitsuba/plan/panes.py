@@ -10,6 +10,7 @@ from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMa
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.geometry import rotation
 from drcmitsuba.scene.materials import albedo, max_reflectance
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model, side_name
 from drcmitsuba.scene.sun_visibility import outside
 
@@ -17,7 +18,7 @@ M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
 
 
 def used(case: Case) -> dict[str, tuple[str, ...]]:
-    """Sides that have each material: panes, the hole "open" and the shade, by name.
+    """Sides that have each material: panes, the hole "open" and states of groups, by name.
 
     The side of a model's pane is the direction that it faces, such as "south".
     """
@@ -31,10 +32,17 @@ def used(case: Case) -> dict[str, tuple[str, ...]]:
         name, side = case.building.layers[i].name, side_name(front @ rotation(case).T, is_outside)
         if side not in sides_of.get(name, ()):
             sides_of[name] = (*sides_of.get(name, ()), side)
-    if case.shading is not None and any(case.is_clear(name) for name in sides_of):
-        sides = [s for n, where in sides_of.items() if case.is_clear(n) for s in where]
-        before = sides_of.get(case.shading.material, ())
-        sides_of[case.shading.material] = tuple(dict.fromkeys((*before, *sides)))
+    groups = PaneGroups.of(case)
+    names = {id(material): name for name, material in case.materials.items()}
+    for group, sides, materials in zip(
+        groups.states.names, groups.facings, groups.materials, strict=True
+    ):
+        taken = [names[id(material)] for material in materials]
+        if not materials:  # the states of the model's own group
+            states = (s for x in case.building.layers if x.group == group for s in x.states[1:])
+            taken = [state.name for state in states if state.material is not None]
+        for name in taken:
+            sides_of[name] = tuple(dict.fromkeys((*sides_of.get(name, ()), *sides)))
     return sides_of
 
 

@@ -41,7 +41,7 @@ class Plan:
     def simulated(self) -> Case:
         """The case as it is simulated: without a shade that never closes."""
         case = self.facts.case
-        return case if self.scope.shade else case.with_tables(shading=None)
+        return case if self.scope.shade else case.with_tables(shading=None, groups={})
 
     def notes(self) -> list[str]:
         """Reasons of the effects that are left out though the scene calls for them."""

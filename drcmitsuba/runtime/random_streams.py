@@ -30,6 +30,8 @@ class Stream(Enum):
     """Paths that measure the mean number of vertices."""
     FRESH_SEED = (9,)
     """Seed of a second evaluation of the design that a search with the first seed has chosen."""
+    PANE_GROUPS = (11,)
+    """Directions on suns that tell through which panes they are seen."""
     SUN_RIMS = (0, 2)
     """Directions around the rim of each sun."""
     PATHS = (0, 4)

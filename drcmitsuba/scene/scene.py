@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DiffuserMaterial,
@@ -20,7 +21,7 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import bsdf, film, lets_through
 from drcmitsuba.scene.meshes import quad_mesh
-from drcmitsuba.scene.surfaces import Enclosure, State, bounds_of_rooms, geometry_of
+from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
 
 
 @dataclass(frozen=True)
@@ -123,14 +124,14 @@ def build(
 
 
 def load(
-    case: Case, state: State = "open", channel: int = 0, effects: EnabledEffects = ALL_EFFECTS
+    case: Case, state: State = OPEN, channel: int = 0, effects: EnabledEffects = ALL_EFFECTS
 ) -> Scene:
     """Build the scene of a case.
 
     Parameters
     ----------
-    state : {'open', 'shaded'}
-        State of the shade; a closed one replaces clear panes and open holes.
+    state : str
+        State of the façade, see `case.groups`; a closed shade replaces clear panes and holes.
     channel : int
         Colour channel, 0 to 2; −1 for luminance.
     effects : EnabledEffects

@@ -6,14 +6,21 @@ Panes face the room: their normals point inward.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian, SurfaceMaterial
+from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    SurfaceMaterial,
+)
+from drcmitsuba.model.model import Layer
 from drcmitsuba.scene.components import PlacedComponent, place
 from drcmitsuba.scene.coplanar import settled
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
@@ -31,10 +38,9 @@ from drcmitsuba.scene.geometry import (
     wall,
 )
 from drcmitsuba.scene.materials import lets_through
+from drcmitsuba.scene.pane_groups import NO_GROUP, PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import reaches_in
-
-State = Literal["open", "shaded"]
 
 
 @dataclass(frozen=True)
@@ -62,11 +68,11 @@ class Enclosure:
 
 
 def surfaces_of(
-    case: Case, state: State = "open", effects: EnabledEffects = ALL_EFFECTS
+    case: Case, state: State = OPEN, effects: EnabledEffects = ALL_EFFECTS
 ) -> list[Surface]:
     """List the surfaces of a case in the world frame [m], relative to its `geometry.origin`.
 
-    In the state "shaded" the shade's material stands in place of every clear pane and open hole, so
+    In a state of its group the state's material stands in place of a pane or an open hole, so
     its transmittance has to be that of glass and shade together. Components stay uncovered. Panes
     of a disabled kind become black sheets; disabled obstructions are left out.
     """
@@ -91,7 +97,7 @@ def _surfaces(
 ) -> list[Surface]:
     """Surfaces of a case and of its placed components, in the world frame."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
-    turn, room = rotation(case), case.room
+    turn, room, front = rotation(case), case.room, _Front.of(case, state, effects)
     if room is not None:
         x, y, _ = np.diag(room.size)
         parts.append(("floor", Lambertian(room.floor), [quad(np.zeros(3), x, y)]))
@@ -103,11 +109,11 @@ def _surfaces(
             parts.append((f"wall {side}", Lambertian(room.walls), opaque))
             parts.append((f"frame {side}", Lambertian(facade.frame_reflectance), frame))
             for name, quads in panes.items():
-                material = _pane_material(case, name, state, effects)
+                material = front.strip(name, side)
                 if material is not None:
                     parts.append((f"{name} {side}", material, quads))
     made = [Surface(name, m, np.array(quads)) for name, m, quads in parts if quads]
-    made += model_surfaces(case, state, effects)
+    made += _model_surfaces(case, front)
     for piece, all_faces in settled(case):
         faces = all_faces if effects.obstructions else all_faces[reaches_in(case, all_faces)]
         if len(faces) == 0:
@@ -118,17 +124,27 @@ def _surfaces(
     return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
 
 
-def model_surfaces(case: Case, state: State, effects: EnabledEffects) -> list[Surface]:
+def _model_surfaces(case: Case, front: _Front) -> list[Surface]:
     """Surfaces of a case's model, relative to the case's `geometry.origin`, before rotation."""
-    made, start = [], origin(case)
-    for layer, quads in zip(case.building.layers, panes_of_model(case.building).quads, strict=True):
-        material: SurfaceMaterial | None = layer.material
-        if layer.role == "pane":
-            material = _pane_material(case, layer.name, state, effects)
-        elif layer.role == "context" and not effects.obstructions:
+    made, start, layers = [], origin(case), case.building.layers
+    for i, quads in enumerate(panes_of_model(case.building).quads):
+        layer = layers[i]
+        if layer.role == "context" and not front.effects.obstructions:
             continue
-        if material is not None:
-            made.append(Surface(layer.name, material, quads - start))
+        if front.index_of(layer.stands_in) != 0:
+            continue
+        groups = front.groups.of_quads[i]
+        for group in np.unique(groups):
+            material: SurfaceMaterial | None = layer.material
+            if layer.role == "pane":
+                material = front.layer(layer, group)
+            if material is not None:
+                made.append(Surface(layer.name, material, quads[groups == group] - start))
+    for layer in layers:
+        index = front.index_of(layer.group)
+        if index > 0 and not front.groups.materials[front.groups.states.names.index(layer.group)]:
+            shades = layer.states[min(index, len(layer.states) - 1)].shades
+            made += [Surface(s.name, s.material, s.quads - start) for s in shades]
     return made
 
 
@@ -150,7 +166,13 @@ def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> En
     if case.model.leaks == "allow":
         return None
     layers, panes, turn = case.building.layers, panes_of_model(case.building), rotation(case)
-    clear = [_is_opening(case, layers[i].name, state, effects) for i in panes.layer]
+    front = _Front.of(case, state, effects)
+    first = [int(np.argmax(layers[i].polygon == p)) for i, p in zip(panes.layer, panes.polygon,
+             strict=True)]  # fmt: skip
+    clear = [
+        _is_opening(front.layer(layers[i], front.groups.of_quads[i][q]))
+        for i, q in zip(panes.layer, first, strict=True)
+    ]
     lit = panes.outside & np.array(clear, bool)
     bounds = bounds_of_rooms(case)
     assert bounds is not None
@@ -160,23 +182,53 @@ def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> En
     return Enclosure(size, turn, openings, narrowest, spares=False, is_box=False)
 
 
-def _pane_material(
-    case: Case, name: str, state: State, effects: EnabledEffects
-) -> SurfaceMaterial | None:
-    """Material of a façade strip in a state; None where the strip is open or holds a component."""
-    material = case.materials.get(name)
-    clear = case.is_clear(name)
-    if state == "shaded" and case.shading is not None and clear:
-        clear, material = False, case.materials[case.shading.material]
-    if isinstance(material, BsdfMaterial) and effects.straight_through is not None:
-        mode = "on" if effects.straight_through else "off"
-        material = material.model_copy(update={"straight_through": mode})
-    out = (
-        (clear and not effects.clear_panes)
-        or (isinstance(material, DiffuserMaterial) and not effects.scattering_panes)
-        or (isinstance(material, BsdfMaterial) and not effects.films)
-    )
-    return Lambertian(0.0) if out else material
+@dataclass(frozen=True)
+class _Front:
+    """Panes of a case in one state of its façade."""
+
+    case: Case
+    effects: EnabledEffects
+    groups: PaneGroups
+    indices: tuple[int, ...]
+    """Index of the state of every group."""
+
+    @classmethod
+    def of(cls, case: Case, state: State, effects: EnabledEffects) -> _Front:
+        groups = PaneGroups.of(case)
+        return cls(case, effects, groups, groups.states.indices(state))
+
+    def index_of(self, name: str) -> int:
+        """Index of the state of a group; 0 for what is no group."""
+        names = self.groups.states.names
+        return self.indices[names.index(name)] if name in names else 0
+
+    def strip(self, name: str, side: str) -> SurfaceMaterial | None:
+        """Material of a façade strip; None where it is open or holds a component."""
+        group = self.groups.strip(name, side)
+        index = 0 if group == NO_GROUP else self.indices[group]
+        own = self.case.materials.get(name)
+        material = self.groups.material(own, group, index)
+        return self._enabled(material, material is None and name == OPEN)
+
+    def layer(self, layer: Layer, group: int) -> SurfaceMaterial | None:
+        """Material of panes of a model's layer."""
+        index = 0 if group == NO_GROUP else self.indices[group]
+        own = self.case.materials.get(layer.name, layer.material)
+        material = self.groups.material(own, group, index, layer)
+        return self._enabled(material, material is None)
+
+    def _enabled(self, material: SurfaceMaterial | None, hole: bool) -> SurfaceMaterial | None:
+        """Material of a pane; black where light by way of its kind is left out."""
+        effects = self.effects
+        if isinstance(material, BsdfMaterial) and effects.straight_through is not None:
+            mode = "on" if effects.straight_through else "off"
+            material = material.model_copy(update={"straight_through": mode})
+        out = (
+            ((hole or isinstance(material, GlazingMaterial)) and not effects.clear_panes)
+            or (isinstance(material, DiffuserMaterial) and not effects.scattering_panes)
+            or (isinstance(material, BsdfMaterial) and not effects.films)
+        )
+        return Lambertian(0.0) if out else material
 
 
 def _enclosure(
@@ -187,9 +239,13 @@ def _enclosure(
         return _enclosure_of_model(case, state, effects)
     if case.room is None:
         return None
-    openings, narrowest = [], np.inf
+    openings, narrowest, front = [], np.inf, _Front.of(case, state, effects)
     for side, facade in case.facade.items():
-        clear = [s for s in facade.strips if _is_opening(case, s.material, state, effects)]
+        clear = [
+            s
+            for s in facade.strips
+            if s.material != "wall" and _is_opening(front.strip(s.material, side))
+        ]
         if clear:
             foot, along = side_of(case.room, side)
             inside = [i for i in range(facade.segments) if any(s.covers(i) for s in clear)]
@@ -208,9 +264,6 @@ def _enclosure(
     return Enclosure(np.array(case.room.size), turn, quads, narrowest, effects.enclosed)
 
 
-def _is_opening(case: Case, name: str, state: State, effects: EnabledEffects) -> bool:
-    """Whether straight light may enter by a strip of a façade; a structure's gaps let it in."""
-    if name == "wall":
-        return False
-    material = _pane_material(case, name, state, effects)
+def _is_opening(material: SurfaceMaterial | None) -> bool:
+    """Whether straight light may enter by a pane; a hole and a structure's gaps let it in."""
     return material is None or lets_through(material)

@@ -151,7 +151,7 @@ class Truth:
         # Both with as many replicates: those of the open state are repeated.
         again = np.arange(CHUNKS["shaded"]) % CHUNKS["open"]
         by_state["open"] = by_state["open"].isel(replicate=again)
-        return cls(Coefficients(**by_state))
+        return cls(Coefficients(by_state.pop("open"), by_state))
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def study():
         accuracy = ROOM.accuracy.model_copy(update={"seed": seed})
         case = ROOM.model_copy(update={"accuracy": accuracy})
         parts = {s: simulation.transport(case, s, suns, 0.0) for s in ("open", "shaded")}
-        C = Coefficients(**parts)
+        C = Coefficients(parts.pop("open"), parts)
         rows = []
         for i, asked in enumerate(SETS):
             with_rules = with_thresholds(C, asked)

@@ -19,13 +19,13 @@ import xarray as xr
 
 from drcmitsuba import metrics, schema
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
 from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.case.sun import TrueSun
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.launch_size import PATHS
 from drcmitsuba.transport.shadow_rays import sun_deposit

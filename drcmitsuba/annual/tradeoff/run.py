@@ -116,6 +116,7 @@ def tradeoff(
     if not 0 < minutes < 1e6:
         raise InputError("tradeoff", "minutes", f"{minutes:g}", "give minutes above 0")
     case.refuse_components("the reference of tradeoff")
+    case.refuse_groups("the reference of tradeoff")
     start = time.monotonic()
     until, deadline = (start + 60 * minutes * share for share in (SHARE_OF_REFERENCE, 1))
     backend.select()

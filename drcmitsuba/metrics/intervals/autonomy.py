@@ -13,6 +13,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -54,7 +55,7 @@ def multipliers(replicates: int, seed: int) -> Multipliers:
 
 @dataclass(frozen=True)
 class State:
-    """Illuminance of one state of the shade at the hours that need it."""
+    """Illuminance of one state of the façade at the hours that need it."""
 
     coefficients: xr.Dataset
     sky: xr.Dataset
@@ -117,40 +118,33 @@ class State:
 
 
 def draw_autonomy(
-    is_open: State, shaded: State | None, closures: Closures, threshold: float, needed: Needed,
+    states: Sequence[State], closures: Closures, threshold: float, needed: Needed,
     drawn: Multipliers,
 ) -> BootstrapCounts:  # fmt: skip
-    """Draw sDA and msDA; an hour takes the state that its closure was drawn to."""
+    """Draw sDA and msDA; an hour takes the state of the façade that was drawn for it."""
     beyond = t_factor(len(drawn.replicates), 1 - 2 * BEYOND)
-    sure, may = is_open.classes(threshold, beyond)
-    if shaded is not None:
-        sure_shaded, may_shaded = shaded.classes(threshold, beyond)
-        shut, varies = closures.closed[:, None], np.zeros((len(sure), 1), bool)
-        varies[closures.hours] = True
-        sure = np.where(varies, sure & sure_shaded, np.where(shut, sure_shaded, sure))
-        may = np.where(varies, may | may_shaded, np.where(shut, may_shaded, may))
+    sure = np.ones((len(closures.state), states[0].mean.shape[1]), bool)
+    may = ~sure
+    for state, here in zip(states, closures.possible, strict=True):
+        of_state = state.classes(threshold, beyond)
+        sure &= of_state[0] | ~here[:, None]
+        may |= of_state[1] & here[:, None]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
-    hour = np.full(len(sure), -1)  # the last row of `closes`, which no time stamp uses
+    hour = np.full(len(sure), -1)  # the last row of `taken`, which no time stamp uses
     hour[closures.hours] = np.arange(len(closures.hours))
-    closes = np.concatenate([closures.drawn, np.zeros((1, DRAWS), bool)])
+    taken = np.concatenate([closures.drawn, np.zeros((1, DRAWS), closures.drawn.dtype)])
     for start in range(0, len(tally.sensors), BLOCK):
         block = tally.sensors[start : start + BLOCK]
-        E_open = is_open.replicates(block)
-        E_shaded = None if shaded is None else shaded.replicates(block)
+        E = [state.replicates(block) for state in states]
         for i, sensor in enumerate(block):
             time = tally.wanted(sensor, np.flatnonzero(doubtful[:, sensor]))
-            at, shut = hour[time], closures.closed[time]
-            passed = np.empty((len(time), DRAWS), bool)
-            one = (at >= 0) | ~shut
-            passed[one] = is_open.passes(E_open[:, :, i], sensor, time[one], drawn, threshold)
-            if shaded is not None and E_shaded is not None:
-                other = (at >= 0) | shut
-                behind = np.empty_like(passed)
-                behind[other] = shaded.passes(
-                    E_shaded[:, :, i], sensor, time[other], drawn, threshold
-                )
-                closed = np.where((at >= 0)[:, None], closes[at], shut[:, None])
-                passed = np.where(closed, behind, passed)
+            at = hour[time][:, None]
+            in_draw = np.where(at >= 0, taken[at[:, 0]], closures.state[time][:, None])
+            passed = np.zeros((len(time), DRAWS), bool)
+            for k, state in enumerate(states):
+                one = closures.possible[k, time]
+                by_state = state.passes(E[k][:, :, i], sensor, time[one], drawn, threshold)
+                passed[one] = np.where(in_draw[one] == k, by_state, passed[one])
             tally.add(sensor, time, passed)
     return tally

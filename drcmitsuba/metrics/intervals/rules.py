@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from scipy.special import stdtrit
 
+from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.case.schedule import Schedule
+from drcmitsuba.metrics.facade_states import ShadeRule
 
 DRAWS = 600
 """Draws of every metric."""
@@ -35,3 +38,12 @@ class Rules:
     `shade_threshold` of direct sun [lx]."""
     step_hours: float
     """Length of the interval that a time stamp stands for [h]."""
+    groups: GroupStates = field(default_factory=GroupStates.of_shade)
+    """Groups of panes that close one by one."""
+    schedule: Schedule = field(default_factory=Schedule)
+    """States of the groups that follow a schedule."""
+
+    @property
+    def shade(self) -> ShadeRule:
+        """Rule of the shade."""
+        return ShadeRule(self.groups, self.shade_threshold, self.shade_area, self.schedule)

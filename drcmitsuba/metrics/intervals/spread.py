@@ -10,7 +10,9 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
+from drcmitsuba.case.groups import State
 from drcmitsuba.metrics import Interval
+from drcmitsuba.metrics.facade_states import sunlit
 from drcmitsuba.metrics.intervals.rules import TAIL, Rules
 from drcmitsuba.schema import luminance
 
@@ -30,8 +32,8 @@ class Draws:
     """`sDA`, `ASE`, shape (time,): at how many of the undecided sensors an hour is in doubt."""
     mean_illuminance: Interval
     """Mean over all hours and sensors, shade applied [lx]."""
-    may_close: np.ndarray
-    """Time stamps at which the shade closes in some draw, shape (time,)."""
+    possible: Mapping[State, np.ndarray]
+    """Time stamps at which the façade takes each state in some draw, shape (time,)."""
 
     def interval(self, name: str, value: float, month: int | None = None) -> Interval:
         """95 % interval of a metric, which always holds its value.
@@ -113,11 +115,13 @@ def values(
     t = rules.metrics
     autonomy = (t.sda_threshold, t.sda_fraction)
     exposure = (t.ase_threshold, t.ase_hours, rules.step_hours)
-    closed = metrics.shade_closed(direct, rules.shade_threshold, rules.shade_area)
-    closed &= bool(illuminance.attrs.get("has_shade", 1))
+    rule = rules.shade
+    counts = sunlit(illuminance.assign(direct_sun=direct), rule)
+    indices = rule.indices(rule.closed(counts, direct.sizes["sensor"]), direct["time"])
+    closed = (indices > 0).mean(axis=1) * bool(illuminance.attrs.get("has_shade", 1))
     month = metrics.months(total)
     stamps = np.bincount(month, minlength=13)[1:]
-    shut = np.bincount(month, closed.values, minlength=13)[1:]
+    shut = np.bincount(month, closed, minlength=13)[1:]
     return (
         {
             "sDA": metrics.sda(total, *autonomy),

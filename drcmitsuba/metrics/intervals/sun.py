@@ -12,12 +12,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import xarray as xr
 from scipy.special import gammaincc
 
-from drcmitsuba import metrics
-from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, Rules
+from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.metrics.facade_states import ShadeRule, numbered
+from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS
 
 EDGE = 2 / 3
 """Parameter of the prior B(2/3, 2/3): part of the sun that is seen on the edge of a shadow."""
@@ -121,60 +124,90 @@ def _hidden(
 
 @dataclass(frozen=True)
 class Closures:
-    """When the shade closes."""
+    """State of the façade at every time stamp, and in every draw."""
 
-    closed: np.ndarray
-    """Time stamps that close by the mean of the direct sun, shape (time,)."""
+    states: tuple[State, ...]
+    """States that occur in some draw, the open one first."""
+    closed_share: np.ndarray
+    """Share of the groups that are closed in each state, shape (state,)."""
+    state: np.ndarray
+    """State of every time stamp by the mean of the direct sun, an index, shape (time,)."""
     hours: np.ndarray
-    """Time stamps that close in some draws only, shape (hour,)."""
+    """Time stamps whose state differs between draws, shape (hour,)."""
     drawn: np.ndarray
-    """Whether they close in each draw, shape (hour, draw)."""
+    """Their state in each draw, an index, shape (hour, draw)."""
 
     @classmethod
     def never(cls, stamps: int) -> Closures:
         """No shade, or one that stays open."""
         none = np.zeros(0, np.int64)
-        return cls(np.zeros(stamps, bool), none, np.zeros((0, DRAWS), bool))
+        return cls(
+            (OPEN,), np.zeros(1), np.zeros(stamps, int), none, np.zeros((0, DRAWS), np.int64)
+        )
 
     def shares(self, month: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Shares of the hours with the shade closed [%]: (draw,) and (month, draw).
+        """Shares of the hours with the shade closed [%], mean of all groups.
+
+        Shapes (draw,) and (month, draw).
 
         `month` (time,) counts from 0.
         """
-        sure = self.closed.copy()
-        sure[self.hours] = False
+        sure = self.closed_share[self.state]
+        sure[self.hours] = 0
         stamps = np.bincount(month, minlength=12)[:, None]
-        counts = np.repeat(np.bincount(month[sure], minlength=12)[:, None], DRAWS, axis=1)
-        np.add.at(counts, month[self.hours], self.drawn)
+        counts = np.repeat(np.bincount(month, sure, minlength=12)[:, None], DRAWS, axis=1)
+        np.add.at(counts, month[self.hours], self.closed_share[self.drawn])
         with np.errstate(invalid="ignore"):
             monthly = 100.0 * counts / stamps
         return 100.0 * counts.sum(axis=0) / len(month), monthly
 
-    @property
+    @cached_property
     def possible(self) -> np.ndarray:
-        """Time stamps that close in some draw, shape (time,)."""
-        out = self.closed.copy()
-        out[self.hours] = True
+        """Whether each state occurs at a time stamp in some draw, shape (state, time)."""
+        out = np.arange(len(self.states))[:, None] == self.state
+        for state in range(len(self.states)):
+            out[state, self.hours] |= (self.drawn == state).any(axis=1)
         return out
 
 
-def draw_closures(mean: np.ndarray, sun: SunDraws, rules: Rules) -> Closures:
-    """Draw when the shade closes: where ≥ area of the sensors reach its threshold.
+def draw_closures(
+    mean: np.ndarray, group: np.ndarray | None, time: xr.DataArray, sun: SunDraws, rule: ShadeRule
+) -> Closures:
+    """Draw which groups of panes close: where ≥ area of the sensors reach the threshold.
 
-    `mean` is the direct sun (time, sensor) [lx], `sun` its draws.
+    `mean` is the direct sun (time, sensor) [lx], `group` the group through which it comes, None for
+    a single one, `time` the time stamps, `sun` the draws of the direct sun.
     """
-    least = metrics.closing_sensors(rules.shade_area, mean.shape[1])
-    passes = mean >= rules.shade_threshold
-    count = np.count_nonzero(passes, axis=1)
-    sure = count - np.bincount(sun.time, passes[sun.time, sun.sensor], len(mean)).astype(int)
-    doubtful = np.bincount(sun.time, minlength=len(mean))
-    hours = np.flatnonzero((sure < least) & (sure + doubtful >= least))
-    drawn = np.empty((len(hours), DRAWS), bool)
+    stamps, sensors = mean.shape
+    count_of = len(rule.groups)
+    group = np.zeros((1, 1), np.int16) if group is None else group
+    group = np.broadcast_to(group, mean.shape)
+    passes = mean >= rule.threshold
+    of_entry = group[sun.time, sun.sensor]
+    count, sure, doubtful = (np.zeros((stamps, count_of), int) for _ in range(3))
+    for g in range(count_of):
+        count[:, g] = np.count_nonzero(passes & (group == g), axis=1)
+        mine = of_entry == g
+        at = sun.time[mine]
+        sure[:, g] = count[:, g] - np.bincount(at, passes[at, sun.sensor[mine]], stamps).astype(int)
+        doubtful[:, g] = np.bincount(at, minlength=stamps)
+    least = rule.required(sensors)
+    enough = (sure + doubtful).sum(axis=1) >= least
+    certain = (sure.sum(axis=1) >= least) & (((sure + doubtful) > 0).sum(axis=1) < 2)
+    hours = np.flatnonzero(enough & ~certain & (doubtful.sum(axis=1) > 0))
+    drawn = np.empty((len(hours), DRAWS, count_of), bool)
     order = np.argsort(sun.time, kind="stable")
     first, end = (np.searchsorted(sun.time[order], hours, side) for side in ("left", "right"))
     for i, hour in enumerate(hours):
         entries = order[first[i] : end[i]]
-        drawn[i] = sure[hour] + sun.closing[entries].sum(axis=0) >= least
-    varies = drawn.any(axis=1) != drawn.all(axis=1)
-    varies |= drawn[:, 0] != (count[hours] >= least)
-    return Closures(count >= least, hours[varies], drawn[varies])
+        of = np.arange(count_of)[:, None] == of_entry[entries]
+        sunlit = sure[hour] + (of.astype(np.int64) @ sun.closing[entries]).T
+        drawn[i] = rule.closed(sunlit, sensors)
+    closed = rule.closed(count, sensors)
+    varies = (drawn != closed[hours][:, None]).any(axis=(1, 2))
+    hours, drawn = hours[varies], drawn[varies]
+    by_mean = rule.indices(closed, time)
+    by_draw = rule.indices(drawn, time[hours])
+    states, number = numbered(rule.groups, np.concatenate([by_mean, by_draw.reshape(-1, count_of)]))
+    share = np.array([np.mean(np.array(rule.groups.indices(s)) > 0) for s in states])
+    return Closures(states, share, number[:stamps], hours, number[stamps:].reshape(-1, DRAWS))

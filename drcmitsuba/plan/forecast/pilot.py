@@ -18,13 +18,13 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.groups import State
 from drcmitsuba.plan.planning import Plan
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.runtime.ray_counter import Purpose
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.surfaces import State
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import launch_size
 from drcmitsuba.transport.cells import Grid

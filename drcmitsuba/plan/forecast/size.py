@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from drcmitsuba.case.groups import OPEN
 from drcmitsuba.plan.forecast.pilot import Pilot
 from drcmitsuba.plan.forecast.work import Work
 
@@ -67,7 +68,7 @@ def memory(counted: Work) -> int:
         for one, patches, suns in films
     ]
     whole = len(counted.plan.facts.light.suns.labels) + counted.sky_bins
-    sensors = len(counted.pilots["open"].points)
+    sensors = len(counted.pilots[OPEN].points)
     numbers = len(pilots) * counted.channels * sensors * whole
     held = {
         "vertices": VERTEX * max(vertices, default=0),

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.case.groups import OPEN, SHADED, State
+from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Amount, Pilot, spread
-from drcmitsuba.scene.surfaces import State
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import sources
 from drcmitsuba.sky.sun_models import Suns, mesh
@@ -53,7 +55,7 @@ class Work:
     @property
     def entries(self) -> int:
         """Number of illuminances."""
-        return self.plan.facts.hours * len(self.pilots["open"].points) * self.channels
+        return self.plan.facts.hours * len(self.pilots[OPEN].points) * self.channels
 
     @property
     def sky_bins(self) -> int:
@@ -68,16 +70,19 @@ def work(plan: Plan) -> Work:
     """
     counted = Work(plan)
     suns: Suns | None = plan.facts.light.suns
-    for state in ("open", "shaded"):
-        if state == "shaded":
-            suns = _suns_behind_shade(plan, counted.pilots["open"])
+    for state in (OPEN, SHADED):
+        if state == SHADED:
+            suns = _suns_behind_shade(plan, counted.pilots[OPEN])
         if suns is None:
             continue
         pilot = counted.pilots[state] = Pilot.of(plan, state, _followed(plan, suns))
         amounts = [*_transport(pilot)]
         if isinstance(plan.facts.case.sun, Adaptive):
             amounts += _adaptive(plan, pilot, state, suns.where(plan.scope.enabled_suns(suns)))
-        behind = "shaded_state" if state == "shaded" else None
+        if state == SHADED and (more := _more_states(plan)):
+            of_sky = Pilot.of(plan, state, suns.only(()))
+            amounts += [(name, unit, more * amount) for name, unit, amount in _transport(of_sky)]
+        behind = "shaded_state" if state == SHADED else None
         counted.add(amounts, 1, behind)
         counted.add(amounts, counted.channels - 1, behind or "colour")
     entries = counted.entries * plan.facts.case.accuracy.replicates
@@ -86,16 +91,30 @@ def work(plan: Plan) -> Work:
     return counted
 
 
+def _more_states(plan: Plan) -> int:
+    """Number of states beside `open` and `shaded` that groups of panes take, roughly.
+
+    The sun shines on one façade or on two: n groups that close by its rule take 2 n states.
+    """
+    groups = len(PaneGroups.of(plan.simulated))
+    return max(0, min(2**groups - 1, 2 * groups) - 1)
+
+
 def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
     """Suns of the time stamps at which the pilot's sensors close the shade; None without any."""
-    sky, shading = plan.facts.light.sky, plan.simulated.shading
-    if shading is None:
+    sky, case = plan.facts.light.sky, plan.simulated
+    if not plan.scope.shade or not len(PaneGroups.of(case)):
         return None
+    if any(group.schedule is not None for group in case.groups.values()):
+        return plan.facts.light.suns
+    shading = case.shading
+    threshold = THRESHOLD if shading is None else shading.threshold
+    area = AREA if shading is None else shading.area
     normal = sky["direct_normal_illuminance"].values
     closes = (normal > 0) | plan.scope.every_shade
     if not plan.scope.every_shade:
         E = normal[closes] * pilot.sunlit(plan.facts.light.sun["direction"].values[closes])
-        closes[closes] = (shading.threshold <= E).mean(axis=0) >= shading.area
+        closes[closes] = (threshold <= E).mean(axis=0) >= area
     return plan.facts.light.suns.only(sources(sky.isel(time=closes))) if closes.any() else None
 
 
@@ -111,7 +130,7 @@ def _followed(plan: Plan, suns: Suns) -> Suns:
 
 def _adaptive(plan: Plan, pilot: Pilot, state: State, suns: Suns) -> Iterator[Amount]:
     """Work of an adaptive sun: paths for each level of the mesh; straight light of all suns."""
-    levels = plan.simulated.sun.finest - mesh.COARSEST if state == "open" else 0  # type: ignore[union-attr]
+    levels = plan.simulated.sun.finest - mesh.COARSEST if state == OPEN else 0  # type: ignore[union-attr]
     yield "suns", "path", levels * pilot.count * pilot.paths.rays
     yield "suns", "shadow", RIM * len(pilot.points) * len(suns.labels)
     yield "suns", "entry", len(pilot.points) * len(suns.labels)

@@ -25,7 +25,7 @@ def with_shade(factor=0.1):
     """Open façade, and one that lets a share of the light in; the shade closes at 11 h."""
     straight = np.array([[0.0, 0.0, 1e-5, 1e-5]], np.float32)
     made = coefficients(straight=straight).assign_attrs(SHADE)
-    return Coefficients(made, made.map(lambda v: v * factor))
+    return Coefficients(made, {"shaded": made.map(lambda v: v * factor)})
 
 
 @pytest.mark.parametrize("block", [1, 3, 1 << 22])
@@ -95,8 +95,8 @@ def test_missing_numbers_and_states_are_refused(tmp_path):
     states = with_shade()
     broken = states.open["replicates"].where(states.open["bin"] != "ground")
     with pytest.raises(InputError, match="some numbers are missing"):
-        matrices(Coefficients(states.open.assign(replicates=broken), states.shaded), sky())
-    with pytest.raises(InputError, match="no shaded state; 1 time stamps close"):
+        matrices(Coefficients(states.open.assign(replicates=broken), states.others), sky())
+    with pytest.raises(InputError, match="no state shaded; 1 time stamps take it"):
         save_matrices(Coefficients(states.open), sky(), tmp_path / "m")
     assert list(tmp_path.iterdir()) == []
 

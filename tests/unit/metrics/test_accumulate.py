@@ -45,7 +45,8 @@ def sky():
 
 
 def closed(*hours):
-    return xr.DataArray(np.array(hours), {"time": TIMES}, dims="time")
+    """State of every hour: 0 open, 1 closed."""
+    return np.array(hours, int)
 
 
 def test_two_patches_and_two_suns_by_hand():
@@ -123,7 +124,7 @@ def test_a_sun_that_does_not_shine_needs_no_coefficients():
 
 def test_hours_that_close_take_the_shaded_state():
     shaded = coefficients(OPEN / 10)
-    E = accumulate.illuminance(coefficients(), shaded, sky(), closed(False, True, False))
+    E = accumulate.illuminance(coefficients(), [shaded], sky(), closed(False, True, False))
     np.testing.assert_allclose(E["total_open"], [[3020], [6040], [0]], rtol=1e-6)
     np.testing.assert_allclose(E["total"], [[3020], [604], [0]], rtol=1e-6)
     np.testing.assert_allclose(E["total_se"].values[:, 0], [1010, 2, 0], rtol=1e-5)
@@ -137,13 +138,13 @@ def test_hours_that_close_take_the_shaded_state():
 
 
 def test_without_a_closed_hour_the_shaded_state_is_not_needed():
-    E = accumulate.illuminance(coefficients(), None, sky(), closed(False, False, False))
+    E = accumulate.illuminance(coefficients(), [None], sky(), closed(False, False, False))
     xr.testing.assert_equal(E["total"], E["total_open"].rename("total"))
 
 
 def test_a_closed_hour_without_shaded_state_is_refused():
-    with pytest.raises(InputError, match="state: no shaded state; 2 time stamps close; compute"):
-        accumulate.illuminance(coefficients(), None, sky(), closed(True, True, False))
+    with pytest.raises(InputError, match="state: a state is missing; 2 time stamps take it; compute"):
+        accumulate.illuminance(coefficients(), [None], sky(), closed(True, True, False))
 
 
 @pytest.mark.parametrize("bin", [0, 1, 3])
@@ -151,15 +152,15 @@ def test_nan_in_the_shaded_state_is_never_used_in_silence(bin):
     gap = OPEN / 10
     gap[:, :, bin] = np.nan
     with pytest.raises(InputError, match="bin: no numbers for 1 time stamps, 2015-03-21T11:00"):
-        accumulate.illuminance(coefficients(), coefficients(gap), sky(), closed(False, True, False))
+        accumulate.illuminance(coefficients(), [coefficients(gap)], sky(), closed(False, True, False))
 
 
 def test_nan_for_a_sun_of_an_open_hour_does_not_matter():
     gap = OPEN / 10
     gap[:, :, 2] = np.nan  # the sun of 10 h, when the shade is open
     args = sky(), closed(False, True, False)
-    E = accumulate.illuminance(coefficients(), coefficients(gap), *args)
-    expected = accumulate.illuminance(coefficients(), coefficients(OPEN / 10), *args)
+    E = accumulate.illuminance(coefficients(), [coefficients(gap)], *args)
+    expected = accumulate.illuminance(coefficients(), [coefficients(OPEN / 10)], *args)
     xr.testing.assert_equal(E, expected)
 
 

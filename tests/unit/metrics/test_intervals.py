@@ -68,7 +68,7 @@ def illuminance(C, rules=RULES):
         direct = accumulate.direct_sun(is_open, SKY)["direct_sun"]
         closed = metrics.shade_closed(direct, rules.shade_threshold, rules.shade_area)
         shaded = C.sel(state="shaded", drop=True)
-    E = accumulate.illuminance(is_open, shaded, SKY, closed)
+    E = accumulate.illuminance(is_open, [shaded], SKY, closed.values.astype(int))
     return E.assign_attrs(has_shade=C.attrs["has_shade"])
 
 
@@ -181,7 +181,7 @@ def test_months_and_year_count_the_same_draws():
     C = coefficients(E, sun=sun, sun_se=0.3 * sun).sel(bin=["ground", *SKY["sun_bin"].values[:30]])
     march = SKY.isel(time=slice(0, 30))
     is_open = C.sel(state="open", drop=True)
-    lux = accumulate.illuminance(is_open, None, march, xr.zeros_like(march["sun"], dtype=bool))
+    lux = accumulate.illuminance(is_open, [], march, np.zeros(march.sizes["time"], int))
     draws = intervals.draw(
         Coefficients.of(C), march, lux.assign_attrs(has_shade=0),
         Rules(Metrics(sda_threshold=500, ase_hours=15), 1000, 0.25, 1.0), rays=RAYS, seed=0,
@@ -306,13 +306,15 @@ def test_hours_close_by_the_share_of_their_sensors():
     sun[30:40, 1] = 1000
     error = np.where(sun == 1000, 300.0, 0)
     half = Rules(Metrics(), 1000, 0.5, 1.0)
-    closures = draw_closures(sun, draw_sun(sun, error, (1000, 1000), RAYS, 0), half)
-    assert closures.closed[:20].all()
-    assert not closures.closed[20:30].any()
-    assert closures.closed[30:40].all()  # a tie passes
+    draws = draw_sun(sun, error, (1000, 1000), RAYS, 0)
+    closures = draw_closures(sun, None, SKY["time"], draws, half.shade)
+    assert closures.states == ("open", "shaded")
+    assert closures.state[:20].all()
+    assert not closures.state[20:30].any()
+    assert closures.state[30:40].all()  # a tie passes
     np.testing.assert_array_equal(closures.hours[-10:], np.arange(30, 40))
     assert 0.3 < closures.drawn[-10:].mean() < 0.9
-    assert not closures.possible[40:].any()
+    assert not closures.possible[1, 40:].any()
 
 
 def test_an_hour_takes_the_state_that_it_is_drawn_to():

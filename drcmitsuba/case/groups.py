@@ -1,0 +1,115 @@
+"""The table `[groups]` of a case: panes that change their state together, and their states.
+
+A *state of the façade* is written with the state of every group, in the order of the groups:
+"open/blind". "open" alone stands for every group open, "shaded" for every group in its last state.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import Name, Table, choose, shortened
+
+Direction = Literal[
+    "north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west",
+    "above", "below",
+]  # fmt: skip
+State = str
+"""State of the façade."""
+OPEN: State = "open"
+SHADED: State = "shaded"
+BLOCKED = -1
+"""Index of a state that every group has beside its own, "(blocked)": its panes are black sheets."""
+_BLOCKED = "(blocked)"
+
+
+class Group(Table):
+    """Panes that change their state together: one blind, or one switchable glazing."""
+
+    panes: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
+    """Names of the panes' materials; `*` stands for any text. By default the panes of the model's
+    own group of this name, with the states that the model gives them."""
+    facing: Direction | None = None
+    """Direction that the outer sides of the panes face; by default any."""
+    states: Annotated[tuple[Name, ...], Field(max_length=100)] = ()
+    """Materials that the panes take, one for each further state; in the first state, `open`, they
+    have their own. By default the material of [shading]."""
+    schedule: Path | None = None
+    """CSV with a name of a state for every hour of the year, in the column of the group's name; by
+    default the panes take their last state by the rule of [shading]."""
+
+
+@dataclass(frozen=True)
+class GroupStates:
+    """Names of the groups of a façade, and of the states that each may take."""
+
+    names: tuple[str, ...]
+    states: tuple[tuple[str, ...], ...]
+    """States of every group, "open" first."""
+
+    @classmethod
+    def of_shade(cls) -> GroupStates:
+        """One group, the panes that the shade covers."""
+        return cls(("shade",), ((OPEN, SHADED),))
+
+    @classmethod
+    def of_attributes(cls, attributes: Mapping[str, Any]) -> GroupStates:
+        """Read the groups from the attribute `groups` of C or E; one shade without it."""
+        if "groups" not in attributes:
+            return cls.of_shade()
+        try:
+            table = json.loads(attributes["groups"])
+            return cls(tuple(table["names"]), tuple(map(tuple, table["states"])))
+        except (ValueError, TypeError, KeyError):
+            got = shortened(str(attributes["groups"]))
+            raise InputError("coefficients", "groups", got, "compute them anew") from None
+
+    def attributes(self) -> dict[str, str]:
+        """Attribute `groups`; none for one shade."""
+        return {} if self == self.of_shade() else {"groups": json.dumps(asdict(self))}
+
+    def __len__(self) -> int:
+        """Count the groups."""
+        return len(self.names)
+
+    @property
+    def last(self) -> tuple[int, ...]:
+        """Index of the last state of every group."""
+        return tuple(len(states) - 1 for states in self.states)
+
+    def label(self, indices: Sequence[int]) -> State:
+        """State of the façade with these states of its groups."""
+        if not any(indices):
+            return OPEN
+        chosen = zip(self.states, indices, strict=True)
+        return "/".join(_BLOCKED if i == BLOCKED else states[i] for states, i in chosen)
+
+    def indices(self, state: State) -> tuple[int, ...]:
+        """Index of the state of every group in a state of the façade.
+
+        Raises
+        ------
+        InputError
+            A group has no such state.
+        """
+        if state == OPEN:
+            return (0,) * len(self)
+        if state == SHADED:
+            return self.last
+        parts = state.split("/")
+        if len(parts) != len(self):
+            got = f"{shortened(state)} for {len(self)} groups ({', '.join(self.names)})"
+            raise InputError("groups", "state", got, 'name the state of each: "open/closed"')
+        for name, part, known in zip(self.names, parts, self.states, strict=True):
+            if part not in (*known, _BLOCKED):
+                got = f"no state {shortened(part)}"
+                raise InputError("groups", name, got, choose(part, known))
+        chosen = zip(parts, self.states, strict=True)
+        return tuple(BLOCKED if p == _BLOCKED else known.index(p) for p, known in chosen)

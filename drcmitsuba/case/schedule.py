@@ -1,0 +1,125 @@
+"""Schedules of groups of panes: a state for every hour of the year, from CSV."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose, shortened
+
+HOURS = 8760
+MAX_BYTES = 8 << 20
+"""Largest size of a schedule [bytes]."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """States of scheduled groups in the hours of a year of 365 days, in local standard time."""
+
+    of_group: Mapping[int, np.ndarray] = field(default_factory=dict)
+    """Index of the state in every hour, int, shape (8760,), by the index of the group."""
+    groups: int = 1
+
+    @classmethod
+    def of_attributes(cls, attributes: Mapping[str, Any], groups: GroupStates) -> Schedule:
+        """Read the attribute `schedule` of C or E; an empty schedule without it."""
+        try:
+            table = json.loads(attributes.get("schedule", "{}"))
+            of_group = {int(k): np.array(v, np.int16) for k, v in table.items()}
+            fits = all(
+                k < len(groups)
+                and v.shape == (HOURS,)
+                and 0 <= v.min() <= v.max() <= groups.last[k]
+                for k, v in of_group.items()
+            )
+        except (ValueError, TypeError, AttributeError, OverflowError, IndexError):
+            fits = False
+        if not fits:
+            got = "no state for every hour of the year"
+            raise InputError("coefficients", "schedule", got, "compute them anew")
+        return cls(of_group, len(groups))
+
+    def attributes(self) -> dict[str, str]:
+        """Attribute `schedule`; none without scheduled groups."""
+        table = {str(k): v.tolist() for k, v in self.of_group.items()}
+        return {"schedule": json.dumps(table, separators=(",", ":"))} if table else {}
+
+    @property
+    def given(self) -> np.ndarray:
+        """Whether each group follows a schedule, bool, shape (group,)."""
+        return np.isin(np.arange(self.groups), list(self.of_group))
+
+    def indices(self, time: xr.DataArray) -> np.ndarray:
+        """Index of the state of every group at time stamps, int, (time, group); 0 without one.
+
+        29 February takes the states of 28 February.
+        """
+        months, days = time.dt.month.values, time.dt.day.values
+        hour = _FIRST_DAY[months - 1] + np.where((months == 2) & (days == 29), 28, days) - 1
+        hour = 24 * hour + time.dt.hour.values
+        out = np.zeros((len(hour), self.groups), np.int16)
+        for group, states in self.of_group.items():
+            out[:, group] = states[hour]
+        return out
+
+
+_FIRST_DAY = np.cumsum([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30])
+
+
+def read_schedule(file: Path, group: str, states: tuple[str, ...]) -> np.ndarray:
+    """Read the states of a group from CSV.
+
+    Parameters
+    ----------
+    file : Path
+        A head with names of groups, then a line for each hour of the year, the first from 0:00 to
+        1:00 on 1 January.
+    group : str
+        Name of the column.
+    states : tuple of str
+        Names of the states; their numbers, from 0, may stand in the file, too.
+
+    Returns
+    -------
+    np.ndarray of int, shape (8760,)
+
+    Raises
+    ------
+    InputError
+        The file has no such column, another number of lines, or an unknown state.
+    """
+    if file.stat().st_size > MAX_BYTES:
+        got = f"{file.stat().st_size >> 20} MiB"
+        raise InputError(file, "size", got, "give one line for every hour of the year")
+    text = file.read_text(encoding="utf-8-sig", errors="replace")
+    try:
+        rows = [row for row in csv.reader(text.splitlines()) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise InputError(file, "line", str(error), "write plain CSV") from None
+    head = [cell.strip() for cell in rows[0]] if rows else []
+    if group not in head:
+        got = f"no column {shortened(group)}"
+        raise InputError(file, "head", got, choose(group, head, "name the group in the first line"))
+    if len(rows) - 1 != HOURS:
+        remedy = f"give {HOURS}, one for every hour of the year"
+        raise InputError(file, "lines", f"{len(rows) - 1} below the head", remedy)
+    column = head.index(group)
+    number = {name: i for i, name in enumerate(states)}
+    number |= {str(i): i for i in range(len(states)) if str(i) not in number}
+    out = np.empty(HOURS, np.int16)
+    for hour, row in enumerate(rows[1:]):
+        name = row[column].strip() if column < len(row) else ""
+        if name not in number:
+            place = f"line {hour + 2}, {group}"
+            raise InputError(file, place, shortened(name), choose(name, states))
+        out[hour] = number[name]
+    return out

@@ -1,0 +1,137 @@
+"""State of the façade at every time stamp: by the rule of the shade, group by group, or a schedule.
+
+LM-83 closes groups of panes until less than a fraction of the sensors lies in the sun: those groups
+first through which most sensors are in the sun.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.groups import OPEN, GroupStates, State
+from drcmitsuba.case.schedule import Schedule
+from drcmitsuba.metrics.shade import closing_sensors
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import luminance
+
+
+@dataclass(frozen=True)
+class ShadeRule:
+    """Rule by which groups of panes take their last state, and the schedules of the others."""
+
+    groups: GroupStates
+    threshold: float = 1000.0
+    """Direct sun from which on a sensor counts [lx]."""
+    area: float = 0.02
+    """Fraction of the sensors in the sun from which on groups close [–]."""
+    schedule: Schedule = field(default_factory=Schedule)
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any]) -> ShadeRule | None:
+        """Read the rule from the attributes of C or E; None where nothing ever closes.
+
+        Raises
+        ------
+        InputError
+            There is a shade, but no rule.
+        """
+        if not attributes.get("has_shade", 0):
+            return None
+        if not {"shade_threshold", "shade_area"} <= attributes.keys():
+            got = "the coefficients do not say when the shade closes"
+            remedy = "compute them anew"
+            raise InputError("coefficients", "shade_threshold, shade_area", got, remedy)
+        threshold, area = attributes["shade_threshold"], attributes["shade_area"]
+        groups = GroupStates.of_attributes(attributes)
+        return cls(groups, threshold, area, Schedule.of_attributes(attributes, groups))
+
+    def required(self, sensors: int) -> int:
+        """Number of sensors in the sun that closes a group."""
+        return closing_sensors(self.area, sensors)
+
+    def closed(self, sunlit: np.ndarray, sensors: int) -> np.ndarray:
+        """Whether groups close.
+
+        Parameters
+        ----------
+        sunlit : np.ndarray of int, shape (…, group)
+            Number of sensors in the sun by way of each group.
+        sensors : int
+            Number of all sensors.
+
+        Returns
+        -------
+        np.ndarray of bool, shape (…, group)
+        """
+        sunlit = np.where(self.schedule.given, 0, sunlit)
+        order = np.argsort(-sunlit, axis=-1, kind="stable")
+        falling = np.take_along_axis(sunlit, order, axis=-1)
+        # The sensors that are left in the sun when all groups before in the order are closed.
+        left = falling[..., ::-1].cumsum(axis=-1)[..., ::-1]
+        closed = np.empty(sunlit.shape, bool)
+        np.put_along_axis(closed, order, left >= self.required(sensors), axis=-1)
+        return closed & ~self.schedule.given
+
+    def indices(self, closed: np.ndarray, time: xr.DataArray) -> np.ndarray:
+        """Index of the state of every group, int, (time, …, group), from `closed` of this shape."""
+        scheduled = self.schedule.indices(time)
+        middle = (1,) * (closed.ndim - 2)
+        by_rule = closed * np.array(self.groups.last)
+        scheduled = scheduled.reshape(len(scheduled), *middle, scheduled.shape[-1])
+        return np.where(self.schedule.given, scheduled, by_rule)
+
+
+def sunlit(direct: xr.Dataset, rule: ShadeRule) -> np.ndarray:
+    """Number of sensors in the sun by way of every group, int, shape (time, group).
+
+    `direct` is from `illuminance.direct_sun` [lx].
+    """
+    E = luminance(direct["direct_sun"]).transpose("time", "sensor").values
+    reached = rule.threshold <= E
+    if len(rule.groups) == 1:
+        return np.count_nonzero(reached, axis=1)[:, None]
+    group = sun_group(direct)
+    each = [np.count_nonzero(reached & (group == g), axis=1) for g in range(len(rule.groups))]
+    return np.stack(each, axis=1)
+
+
+def sun_group(direct: xr.Dataset) -> np.ndarray:
+    """Group through which the direct sun comes, int, shape (time, sensor), −1 for none."""
+    if "sun_group" not in direct:
+        got = "the direct sun does not say through which group of panes it comes"
+        raise InputError("coefficients", "pane_group", got, "compute them anew")
+    return np.asarray(direct["sun_group"].transpose("time", "sensor").values).astype(np.int16)
+
+
+@dataclass(frozen=True)
+class FacadeStates:
+    """State of the façade at every time stamp."""
+
+    states: tuple[State, ...]
+    """States that occur; the open one comes first, whether it occurs or not."""
+    index: np.ndarray
+    """Index of the state of every time stamp, int, shape (time,)."""
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any], direct: xr.Dataset) -> FacadeStates:
+        """States by the rule in the attributes of C and the direct sun, all groups open [lx]."""
+        rule = ShadeRule.of(attributes)
+        if rule is None:
+            return cls((OPEN,), np.zeros(direct.sizes["time"], int))
+        closed = rule.closed(sunlit(direct, rule), direct.sizes["sensor"])
+        states, index = numbered(rule.groups, rule.indices(closed, direct["time"]))
+        return cls(states, index)
+
+
+def numbered(groups: GroupStates, indices: np.ndarray) -> tuple[tuple[State, ...], np.ndarray]:
+    """States that occur among indices (…, group), the open one first; the state of each (…)."""
+    rows, inverse = np.unique(indices.reshape(-1, len(groups)), axis=0, return_inverse=True)
+    states = [groups.label(row) for row in rows]
+    if OPEN not in states:
+        return (OPEN, *states), inverse.reshape(indices.shape[:-1]) + 1
+    return tuple(states), inverse.reshape(indices.shape[:-1])  # (0, …, 0) is the least row
