@@ -25,9 +25,11 @@ State = str
 """State of the façade."""
 OPEN: State = "open"
 SHADED: State = "shaded"
-BLOCKED = -1
-"""Index of a state that every group has beside its own, "(blocked)": its panes are black sheets."""
-_BLOCKED = "(blocked)"
+BLOCKED, HIDDEN = -1, -2
+"""Indices of states that every group has beside its own: black sheets, or holes, for panes."""
+_SPECIAL = {BLOCKED: "(blocked)", HIDDEN: "(hidden)"}
+OTHERS = "(others)"
+"""Group of the panes that belong to no group, which has one state only."""
 
 
 class Group(Table):
@@ -80,6 +82,11 @@ class GroupStates:
         return len(self.names)
 
     @property
+    def closable(self) -> tuple[bool, ...]:
+        """Whether each group has more than one state."""
+        return tuple(len(states) > 1 for states in self.states)
+
+    @property
     def last(self) -> tuple[int, ...]:
         """Index of the last state of every group."""
         return tuple(len(states) - 1 for states in self.states)
@@ -89,7 +96,7 @@ class GroupStates:
         if not any(indices):
             return OPEN
         chosen = zip(self.states, indices, strict=True)
-        return "/".join(_BLOCKED if i == BLOCKED else states[i] for states, i in chosen)
+        return "/".join(_SPECIAL[i] if i < 0 else states[i] for states, i in chosen)
 
     def indices(self, state: State) -> tuple[int, ...]:
         """Index of the state of every group in a state of the façade.
@@ -107,9 +114,10 @@ class GroupStates:
         if len(parts) != len(self):
             got = f"{shortened(state)} for {len(self)} groups ({', '.join(self.names)})"
             raise InputError("groups", "state", got, 'name the state of each: "open/closed"')
+        special, indices = {name: i for i, name in _SPECIAL.items()}, []
         for name, part, known in zip(self.names, parts, self.states, strict=True):
-            if part not in (*known, _BLOCKED):
+            if part not in (*known, *special):
                 got = f"no state {shortened(part)}"
                 raise InputError("groups", name, got, choose(part, known))
-        chosen = zip(parts, self.states, strict=True)
-        return tuple(BLOCKED if p == _BLOCKED else known.index(p) for p, known in chosen)
+            indices.append(special[part] if part in special else known.index(part))
+        return tuple(indices)

@@ -40,7 +40,7 @@ class Hits:
 
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
-    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool]:
+    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
         """Count a hit on the surface; see `gather.Marks.meet`."""
         most = (1 << self.bits) - 1
         counted = mi.UInt32(mark)
@@ -50,7 +50,7 @@ class Hits:
             shift = k * self.bits
             more = (si.shape == shape) & (((mark >> shift) & most) < most)
             counted = dr.select(more, mark + (1 << shift), counted)
-        return si.bsdf(), counted, mi.Float(1), mi.Bool(True)
+        return si.bsdf(), counted, mi.Float(1), mi.Bool(True), mi.Bool(False)
 
     def digits(self, marks: mi.UInt32) -> list[list[mi.Bool]]:
         """Binary digits of every kind's count in `marks`, the lowest digit first."""

@@ -68,14 +68,20 @@ class ShadeRule:
         -------
         np.ndarray of bool, shape (…, group)
         """
-        sunlit = np.where(self.schedule.given, 0, sunlit)
+        by_rule = self.by_rule
+        sunlit = np.where(by_rule, sunlit, 0)
         order = np.argsort(-sunlit, axis=-1, kind="stable")
         falling = np.take_along_axis(sunlit, order, axis=-1)
         # The sensors that are left in the sun when all groups before in the order are closed.
         left = falling[..., ::-1].cumsum(axis=-1)[..., ::-1]
         closed = np.empty(sunlit.shape, bool)
         np.put_along_axis(closed, order, left >= self.required(sensors), axis=-1)
-        return closed & ~self.schedule.given
+        return closed & by_rule
+
+    @property
+    def by_rule(self) -> np.ndarray:
+        """Whether each group closes by this rule, bool, shape (group,)."""
+        return np.array(self.groups.closable) & ~self.schedule.given
 
     def indices(self, closed: np.ndarray, time: xr.DataArray) -> np.ndarray:
         """Index of the state of every group, int, (time, …, group), from `closed` of this shape."""

@@ -13,7 +13,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, Group, GroupStates
+from drcmitsuba.case.groups import BLOCKED, HIDDEN, OPEN, OTHERS, SHADED, Group, GroupStates
 from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
@@ -73,6 +73,8 @@ class PaneGroups:
         """
         if group == NO_GROUP or index == 0:
             return own
+        if index == HIDDEN:
+            return None
         if index == BLOCKED:
             return Lambertian(0.0)
         if self.materials[group]:
@@ -132,7 +134,8 @@ def _assigned(
 def _by_facing(case: Case) -> PaneGroups:
     """Groups of the clear panes by direction; one group of all where they close together."""
     assert case.shading is not None
-    clear = [pane for pane in _panes(case) if pane.clear]
+    every = list(_panes(case))
+    clear = [pane for pane in every if pane.clear]
     facings = list(dict.fromkeys(pane.facing for pane in clear))
     shade = (case.materials[case.shading.material],)
     if len(facings) < 2 or case.shading.groups == "together":
@@ -140,9 +143,11 @@ def _by_facing(case: Case) -> PaneGroups:
     else:
         states = GroupStates(tuple(facings), ((OPEN, SHADED),) * len(facings))
         numbers = [facings.index(pane.facing) for pane in clear]
-    by = _assigned(case, list(zip(clear, numbers, strict=True)))
-    each = (tuple(facings),) if len(states) == 1 else tuple((f,) for f in facings)
-    return PaneGroups(states, *by, each, (shade,) * len(states))
+    assigned = list(zip(clear, numbers, strict=True))
+    if len(states) == 1:
+        return PaneGroups(states, *_assigned(case, assigned), (tuple(facings),), (shade,))
+    each = tuple((facing,) for facing in facings)
+    return _with_others(case, every, assigned, states, each, (shade,) * len(states))
 
 
 def _by_table(case: Case) -> PaneGroups:
@@ -186,7 +191,22 @@ def _by_table(case: Case) -> PaneGroups:
         states.append((OPEN, *_told_apart(following)))
         materials.append(() if of_model else tuple(case.materials[m] for m in used))
     names = GroupStates(tuple(case.groups), tuple(states))
-    return PaneGroups(names, *_assigned(case, assigned), tuple(facings), tuple(materials))
+    return _with_others(case, every, assigned, names, tuple(facings), tuple(materials))
+
+
+def _with_others(
+    case: Case, every: list[_Pane], assigned: list[tuple[_Pane, int]], states: GroupStates,
+    facings: tuple[tuple[str, ...], ...], materials: tuple[tuple[SurfaceMaterial | None, ...], ...],
+) -> PaneGroups:  # fmt: skip
+    """Groups with those panes in a group of their own that belong to none."""
+    taken = {pane for pane, _ in assigned}
+    rest = [pane for pane in every if pane not in taken]
+    if rest:
+        assigned = [*assigned, *((pane, len(states)) for pane in rest)]
+        states = GroupStates((*states.names, OTHERS), (*states.states, (OPEN,)))
+        facings = (*facings, tuple(dict.fromkeys(pane.facing for pane in rest)))
+        materials = (*materials, ())
+    return PaneGroups(states, *_assigned(case, assigned), facings, materials)
 
 
 def _of_shading(case: Case, group: Group) -> tuple[str, ...]:

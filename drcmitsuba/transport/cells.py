@@ -15,6 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.scene import Scene
 
 MAX_KEYS = 1 << 26
@@ -186,6 +187,20 @@ class Cells:
         dr.scatter(index, self.count + dr.arange(mi.UInt32, dr.width(new)), new)
         dr.eval(index)
         return replace(self, index=index, count=self.count + dr.width(new))
+
+    def blocks(self, edge: int) -> tuple[mi.UInt32, int]:
+        """Block of every cell, `edge` cells along each edge, and the number of blocks."""
+        key = dr.compress(self.index != _UNKNOWN)
+        nx, ny, _ = self.grid.count
+        facing, cube = key % 6, key // 6
+        i, j, k = (x // edge for x in (cube % nx, cube // nx % ny, cube // (nx * ny)))
+        coarse = (((k * ny) + j) * nx + i) * 6 + facing
+        kinds, number = np.unique(coarse.numpy(), return_inverse=True)
+        block = dr.zeros(mi.UInt32, self.count)
+        at = dr.gather(mi.UInt32, self.index, key)
+        dr.scatter(block, flat_indices(number), at)
+        dr.eval(block)
+        return block, len(kinds)
 
 
 class Drawn(NamedTuple):

@@ -46,7 +46,7 @@ _PARTS = ("straight", "direct", "interreflected")
 
 
 @dataclass
-class _Replicate:
+class Replicate:
     """One independent estimate: its deposit, and D of the cells."""
 
     number: int
@@ -252,7 +252,7 @@ def estimate(
         As from `compute`.
     """
     scene, accuracy = base.scene, base.accuracy
-    replicates = [_Replicate(r, base.lit(r)) for r in range(accuracy.replicates)]
+    replicates = [Replicate(r, base.lit(r)) for r in range(accuracy.replicates)]
     if photons is not None:
         progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
         for replicate in replicates:
@@ -282,7 +282,7 @@ def estimate(
     return whole if photons is None else whole.assign_attrs(_photon_attributes(replicates))
 
 
-def _photon_attributes(replicates: list[_Replicate]) -> dict[str, Any]:
+def _photon_attributes(replicates: list[Replicate]) -> dict[str, Any]:
     """Attributes of C: `photons`, the ledgers as JSON, and `photons_smear`, relative to C."""
     landed = [r.landed for r in replicates if r.landed is not None]
     ledgers = {

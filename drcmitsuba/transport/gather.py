@@ -57,7 +57,7 @@ class Marks(Protocol):
 
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
-    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool]:
+    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
         """Scatter at a surface.
 
         Parameters
@@ -75,8 +75,11 @@ class Marks(Protocol):
             Mark with this surface.
         weight : mi.Float
             Factor of the path's throughput; 0 ends the path.
-        is_cell : mi.Bool
-            Whether light may be deposited on the surface.
+        may_be_cell : mi.Bool
+            Whether light is deposited on the surface where it reflects diffusely.
+        scatters : mi.Bool
+            Whether light is deposited on the surface wherever it reflects: light counts as if it
+            came from all directions alike.
         """
 
 
@@ -217,9 +220,11 @@ def _trace(
         si.wi = si.to_local(-ray.d)
         if dr.hint(solids is not None, mode="scalar"):
             beta *= share_left(inside, si.p - before)
-        bsdf, may_be_cell = si.bsdf(), mi.Bool(True)
+        bsdf, may_be_cell, scatters = si.bsdf(), mi.Bool(True), mi.Bool(False)
         if dr.hint(marks is not None, mode="scalar"):
-            bsdf, mark, factor, may_be_cell = marks.meet(si, mark, random.next_float32())  # type: ignore[union-attr]
+            bsdf, mark, factor, may_be_cell, scatters = marks.meet(  # type: ignore[union-attr]
+                si, mark, random.next_float32()
+            )
             beta *= factor
             active &= beta > 0
         later = mi.Point2f(random.next_float32(), random.next_float32())
@@ -229,11 +234,11 @@ def _trace(
         active &= beta > 0
         # A surface that mirrors in part is a cell only where its diffuse part was drawn.
         is_cell = (
-            active
-            & may_be_cell
+            may_be_cell
             & mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
             & ~mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
         )
+        is_cell = active & (is_cell | (scatters & (bs.wo.z * si.wi.z > 0)))
         if dr.hint(not scene.effects.beyond, mode="scalar"):
             # Nothing stands beyond the panes: transmitted rays would meet nothing.
             active &= bs.wo.z * si.wi.z > 0

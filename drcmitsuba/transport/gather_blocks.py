@@ -19,7 +19,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_points
-from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
+from drcmitsuba.transport.gather import USUAL, Marks, expected_bounces, gather
 
 KEPT = 1 << 24
 """Largest number of vertices that are stored, 200 MB."""
@@ -28,11 +28,15 @@ SUMMED = 1 << 9
 
 
 class Met(NamedTuple):
-    """Diffuse vertices: the row (replicate · sensors + sensor) of each, its cell and its weight."""
+    """Diffuse vertices: the row (replicate · sensors + sensor) of each, its cell and its weight.
+
+    `mark` is the mark of its path, where paths have marks.
+    """
 
     row: mi.UInt32
     cell: mi.UInt32
     weight: mi.Float
+    mark: mi.UInt32 = None
 
     def __len__(self) -> int:
         """Count the vertices."""
@@ -57,7 +61,7 @@ class Gathered:
     @classmethod
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, *,
-        block: int, lanes: int,
+        block: int, lanes: int, marks: Marks | None = None,
     ) -> Gathered:  # fmt: skip
         """Trace all paths, at most `block` sensors and about `lanes` paths in one launch."""
         grid = Grid.of(scene, accuracy.cell_size)
@@ -68,7 +72,7 @@ class Gathered:
             return gather(
                 scene, points[here], normals[here], replicates=accuracy.replicates,
                 paths=accuracy.paths, grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS),
-                bounces=bounces, first=here.start, among=len(points),
+                bounces=bounces, first=here.start, among=len(points), marks=marks,
             )  # fmt: skip
 
         paths = accuracy.replicates * accuracy.paths
@@ -90,7 +94,7 @@ class Gathered:
             ]
             if len(vertices) <= room:
                 dr.eval(cell)
-                kept[here.start] = Met(vertices.row, cell, vertices.weight)
+                kept[here.start] = Met(vertices.row, cell, vertices.weight, vertices.mark)
                 room -= len(vertices)
         return cls(trace, blocks, cells, tuple(one for one in drawn if one is not None), kept)
 
@@ -99,7 +103,7 @@ class Gathered:
         if here.start in self.kept:
             return self.kept[here.start]
         vertices = self.trace(here)
-        return Met(vertices.row, self.cells.of(vertices), vertices.weight)
+        return Met(vertices.row, self.cells.of(vertices), vertices.weight, vertices.mark)
 
 
 def product(

@@ -118,7 +118,8 @@ def values(
     rule = rules.shade
     counts = sunlit(illuminance.assign(direct_sun=direct), rule)
     indices = rule.indices(rule.closed(counts, direct.sizes["sensor"]), direct["time"])
-    closed = (indices > 0).mean(axis=1) * bool(illuminance.attrs.get("has_shade", 1))
+    closed = (indices > 0)[:, np.array(rule.groups.closable)].mean(axis=1)
+    closed *= bool(illuminance.attrs.get("has_shade", 1))
     month = metrics.months(total)
     stamps = np.bincount(month, minlength=13)[1:]
     shut = np.bincount(month, closed, minlength=13)[1:]

@@ -209,5 +209,6 @@ def draw_closures(
     by_mean = rule.indices(closed, time)
     by_draw = rule.indices(drawn, time[hours])
     states, number = numbered(rule.groups, np.concatenate([by_mean, by_draw.reshape(-1, count_of)]))
-    share = np.array([np.mean(np.array(rule.groups.indices(s)) > 0) for s in states])
+    closable = np.array(rule.groups.closable)
+    share = np.array([np.mean(np.array(rule.groups.indices(s))[closable] > 0) for s in states])
     return Closures(states, share, number[:stamps], hours, number[stamps:].reshape(-1, DRAWS))

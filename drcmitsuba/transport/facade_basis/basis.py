@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -12,19 +11,11 @@ from scipy.sparse import csr_matrix
 from drcmitsuba.schema import mean_and_error, positions
 from drcmitsuba.transport.coefficients import as_dataset
 from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
+from drcmitsuba.transport.marked_paths import MarkedVertices
 
 
-class Returned(NamedTuple):
-    """Vertices of paths that met the façade from inside, one entry each."""
-
-    row: np.ndarray
-    """Sensor and group of the path, int: group · sensors + sensor."""
-    block: np.ndarray
-    """Block of cells that the vertex lies in, int."""
-    mark: np.ndarray
-    """Elements that the path met, see `facade.Meetings`, int."""
-    weight: np.ndarray
-    """Throughput, to be multiplied by the shares of those elements, float."""
+class Returned(MarkedVertices):
+    """Vertices of paths that met the façade from inside, see `facade.Meetings` for their marks."""
 
     def weighed(self, share: np.ndarray) -> np.ndarray:
         """Weights times the shares of the elements that the paths met, shape (vertex,)."""

@@ -207,7 +207,7 @@ class Meetings:
 
     def meet(
         self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
-    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool]:
+    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
         """Draw the material of a tile; see `gather.Marks.meet`."""
         mine = si.shape == self._facade
         tile = dr.gather(mi.UInt32, self._tile, si.prim_index // 2, mine)
@@ -220,7 +220,8 @@ class Meetings:
             chosen = dr.select(mine & (material == i), mi.BSDFPtr(each), chosen)
         once_more = mark < (1 << BITS * (HITS - 1))
         factor = dr.select(mine, dr.select(once_more, mi.Float(count), 0), 1)
-        return chosen, dr.select(mine, (mark << BITS) | element, mark), factor, ~mine
+        mark = dr.select(mine, (mark << BITS) | element, mark)
+        return chosen, mark, factor, ~mine, mi.Bool(False)
 
 
 def elements(mark: mi.UInt32) -> list[mi.UInt32]:

@@ -6,7 +6,7 @@ with a the composition (the share of its tile that every element e, one tile fil
 material, fills), S and D the deposit on sensors and cells that came in by the element, and G₀ the
 paths that never met the façade from inside. Paths G_r that did meet it store which elements they
 met; their weight is a product of shares (`facade.Meetings`). They carry some per cent of the light
-and take D as the mean over blocks of cells, `BLOCK` cells along each edge.
+and take D as the mean over blocks of cells, `marked_paths.BLOCK` cells along each edge.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -23,25 +22,23 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Surface, rotation
 from drcmitsuba.scene.geometry import normals as unit_normals
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import Enclosure, surfaces_of
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells import Cells, Grid, draw_points
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.facade_basis.basis import Basis, Returned
 from drcmitsuba.transport.facade_basis.facade import Meetings, Palette, Tiles
 from drcmitsuba.transport.facade_basis.tiling import Wall, wall_around
 from drcmitsuba.transport.facade_basis.views import Receivers, TiledRoom, scattered, straight
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather_blocks import Gathered
+from drcmitsuba.transport.launch_size import PATHS
+from drcmitsuba.transport.marked_paths import MarkedPaths
 
-BLOCK = 3
-"""Cells along an edge of the blocks that give D to light sent back by the façade."""
 MOST_BYTES = 8 << 30
 """Largest memory of a basis [bytes]."""
 
@@ -91,7 +88,7 @@ def compute(
     labels = (*Patches(subdivision).labels, *before.labels)
     elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
     _check_size(wall.case, accuracy, groups, len(points), len(elements) * len(labels))
-    paths = _Paths(room, walls, points, normals, accuracy, groups)
+    paths = _paths(room, walls, points, normals, accuracy, groups)
     base = Deposit(walls, before.directions, suns.diameter, subdivision, accuracy, None)
     straight_elements = elements[palette.straight[elements % len(palette.names)]]
     shape = (len(elements), groups, len(labels), len(points))
@@ -107,7 +104,7 @@ def compute(
         direct=np.empty(shape, np.float32) if groups > 1 else None,
         straight=np.empty((len(straight_elements), *shape[1:]), np.float32),
         grouped=np.empty((*shape[:3], paths.blocks), np.float32),
-        returned=paths.returned(),
+        returned=Returned(*paths.marked()),
     )
     for group in range(groups):
         matrix = paths.matrix(group)
@@ -181,86 +178,27 @@ def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[TiledRoom, scene.
     return TiledRoom(tuple(walls.full.shapes()), corners, enclosure, tiles, palette), walls
 
 
-class _Paths:
-    """Gather paths of all groups, split by whether they met the façade from inside."""
-
-    def __init__(
-        self, room: TiledRoom, walls: scene.Scene, points: np.ndarray, normals: np.ndarray,
-        accuracy: Accuracy, groups: int,
-    ) -> None:  # fmt: skip
-        """Trace the paths of all sensors."""
-        meetings = Meetings(room.tiles, room.palette)
-        world = replace(walls, full=room.scene(meetings.mesh))
-        grid = Grid.of(world, accuracy.cell_size)
-        vertices = gather(
-            world, points, normals, replicates=accuracy.replicates, paths=accuracy.paths,
-            grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS), marks=meetings,
-        )  # fmt: skip
-        assert vertices.mark is not None
-        self.vertices, self.mark = vertices, vertices.mark
-        self.cells = Cells.none(grid).extended(vertices)
-        self.cell = self.cells.of(vertices)
-        self.sensors, self.draws = len(points), accuracy.replicates // groups
-        self.block, self.blocks = _blocks(self.cells)
-        # A cell's share of its block: its share of the visits by paths that met the façade.
-        visits = dr.zeros(mi.Float64, self.cells.count)
-        dr.scatter_add(visits, mi.Float64(vertices.weight), self.cell, self.mark > 0)
-        of_block = dr.zeros(mi.Float64, self.blocks)
-        dr.scatter_add(of_block, visits, self.block)
-        whole = dr.gather(mi.Float64, of_block, self.block)
-        self.share = mi.Float(dr.select(whole > 0, visits / whole, 0))
-
-    def matrix(self, group: int) -> mi.TensorXf:
-        """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
-        v, count = self.vertices, dr.opaque(mi.UInt32, self.cells.count)
-        out = dr.zeros(mi.Float64, (self.sensors + self.blocks) * self.cells.count)
-        sensors = dr.opaque(mi.UInt32, self.sensors)
-        replicate, sensor = v.row // sensors, v.row % sensors
-        mine = (replicate // self.draws == dr.opaque(mi.UInt32, group)) & (self.mark == 0)
-        weight = mi.Float64(v.weight / self.draws)
-        dr.scatter_add(out, weight, sensor * count + self.cell, mine)
-        cell = dr.arange(mi.UInt32, self.cells.count)
-        dr.scatter(out, mi.Float64(self.share), (sensors + self.block) * count + cell)
-        dr.eval(out)
-        return mi.TensorXf(mi.Float(out), (self.sensors + self.blocks, self.cells.count))
-
-    def returned(self) -> Returned:
-        """Vertices of paths that met the façade."""
-        v = self.vertices
-        at = dr.compress(self.mark > 0)
-        row = dr.gather(mi.UInt32, v.row, at).numpy()
-        return Returned(
-            row // (self.draws * self.sensors) * self.sensors + row % self.sensors,
-            dr.gather(mi.UInt32, self.block, dr.gather(mi.UInt32, self.cell, at)).numpy(),
-            dr.gather(mi.UInt32, self.mark, at).numpy(),
-            dr.gather(mi.Float, v.weight, at).numpy() / self.draws,
-        )
-
-
-def _blocks(cells: Cells) -> tuple[mi.UInt32, int]:
-    """Block of every cell, and the number of blocks."""
-    grid = cells.grid
-    key = dr.compress(cells.index < cells.count)
-    nx, ny, _ = grid.count
-    facing, cube = key % 6, key // 6
-    i, j, k = (x // BLOCK for x in (cube % nx, cube // nx % ny, cube // (nx * ny)))
-    coarse = (((k * ny) + j) * nx + i) * 6 + facing
-    kinds, number = np.unique(coarse.numpy(), return_inverse=True)
-    block = dr.zeros(mi.UInt32, cells.count)
-    at = dr.gather(mi.UInt32, cells.index, key)
-    dr.scatter(block, flat_indices(number), at)
-    dr.eval(block)
-    return block, len(kinds)
+def _paths(
+    room: TiledRoom, walls: scene.Scene, points: np.ndarray, normals: np.ndarray,
+    accuracy: Accuracy, groups: int,
+) -> MarkedPaths:  # fmt: skip
+    """Trace the paths of all sensors."""
+    meetings = Meetings(room.tiles, room.palette)
+    world = replace(walls, full=room.scene(meetings.mesh))
+    gathered = Gathered.of(
+        world, points, normals, accuracy, block=len(points), lanes=PATHS, marks=meetings
+    )
+    return MarkedPaths(gathered, len(points), accuracy.replicates // groups)
 
 
 def _elements(
-    room: TiledRoom, base: Deposit, paths: _Paths, group: int, points: np.ndarray,
+    room: TiledRoom, base: Deposit, paths: MarkedPaths, group: int, points: np.ndarray,
     normals: np.ndarray,
 ) -> Iterator[tuple[int, list[Irradiance], Irradiance]]:  # fmt: skip
     """Element, its deposit in one group on sensors (straight part first), and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
     palette, a, p, n = room.palette, base.accuracy, flat(points), flat(normals)
-    drawn = [draw_points(paths.vertices, paths.cell, paths.cells.count, d) for d in draws]
+    drawn = [paths.gathered.drawn[d] for d in draws]
     on_cells = [(one.p, one.n) for one in drawn]
     both = (
         Receivers(1, [(p, n)] * len(draws), a.sensor_sky_rays, a.sensor_sun_samples),

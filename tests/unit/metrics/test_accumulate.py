@@ -143,7 +143,9 @@ def test_without_a_closed_hour_the_shaded_state_is_not_needed():
 
 
 def test_a_closed_hour_without_shaded_state_is_refused():
-    with pytest.raises(InputError, match="state: a state is missing; 2 time stamps take it; compute"):
+    with pytest.raises(
+        InputError, match="state: a state is missing; 2 time stamps take it; compute"
+    ):
         accumulate.illuminance(coefficients(), [None], sky(), closed(True, True, False))
 
 
@@ -152,7 +154,9 @@ def test_nan_in_the_shaded_state_is_never_used_in_silence(bin):
     gap = OPEN / 10
     gap[:, :, bin] = np.nan
     with pytest.raises(InputError, match="bin: no numbers for 1 time stamps, 2015-03-21T11:00"):
-        accumulate.illuminance(coefficients(), [coefficients(gap)], sky(), closed(False, True, False))
+        accumulate.illuminance(
+            coefficients(), [coefficients(gap)], sky(), closed(False, True, False)
+        )
 
 
 def test_nan_for_a_sun_of_an_open_hour_does_not_matter():

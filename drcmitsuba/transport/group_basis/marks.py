@@ -1,0 +1,94 @@
+"""Marks of gather paths that meet panes whose state is left open: a `gather.Marks`.
+
+An *element* is a group of panes in one of its states. At a pane one of the states of its group is
+drawn, and the element is stored in the path's mark. The throughput, which includes the inverse of
+the draw's probability, holds for every state of the façade that has all elements of the mark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, SurfaceMaterial
+from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.scene.materials import bsdf
+from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.surfaces import GroupedPanes
+
+MEETINGS = 3
+"""Times that a path may meet grouped panes; light that meets them oftener, some 10⁻⁵ of E, is
+lost."""
+BITS = 10
+"""Bits of a mark for each meeting."""
+MOST_ELEMENTS = (1 << BITS) - 1
+
+
+class GroupMarks:
+    """Marks of paths at grouped panes.
+
+    Parameters
+    ----------
+    panes : sequence of GroupedPanes
+    first : np.ndarray of int, shape (group + 1,)
+        First element of every group, counted from 0, and their number.
+    channel : int
+        Colour channel, −1 for luminance.
+    beyond : bool
+        Whether light may leave by a pane and come back.
+    """
+
+    def __init__(
+        self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, beyond: bool
+    ) -> None:
+        quads = np.concatenate([each.quads for each in panes])
+        self.mesh = quad_mesh("panes", quads)
+        self.context = mi.BSDFContext()
+        self._panes = mi.ShapePtr(self.mesh)
+        piece = np.repeat(np.arange(len(panes)), [len(each.quads) for each in panes])
+        group = np.array([each.group for each in panes])
+        self._first = flat_indices(first[group][piece])
+        self._count = flat_indices(np.diff(first)[group][piece])
+        # One BSDF for each material; a hole lets everything pass.
+        kinds: dict[SurfaceMaterial | None, int] = {}
+        states = int(np.diff(first).max())
+        table = np.zeros((len(panes), states), int)
+        for i, each in enumerate(panes):
+            for k, material in enumerate(each.materials):
+                table[i, k] = kinds.setdefault(material, len(kinds))
+        self._table, self._states = flat_indices(table.ravel()), states
+        self._piece = flat_indices(piece)
+        hole = {"type": "null"}
+        self._bsdfs = [mi.load_dict(hole if m is None else bsdf(m, channel)) for m in kinds]
+        scatters = [isinstance(m, DiffuserMaterial | BsdfMaterial) for m in kinds]
+        self._scatters = mi.Bool(scatters)
+        self._beyond = beyond
+
+    def meet(
+        self, si: mi.SurfaceInteraction3f, mark: mi.UInt32, number: mi.Float
+    ) -> tuple[mi.BSDFPtr, mi.UInt32, mi.Float, mi.Bool, mi.Bool]:
+        """Draw the state of a pane; see `gather.Marks.meet`."""
+        mine = si.shape == self._panes
+        quad = si.prim_index // 2
+        count = dr.gather(mi.UInt32, self._count, quad, mine)
+        state = dr.minimum(mi.UInt32(number * mi.Float(count)), dr.maximum(count, 1) - 1)
+        piece = dr.gather(mi.UInt32, self._piece, quad, mine)
+        kind = dr.gather(mi.UInt32, self._table, piece * self._states + state, mine)
+        element = dr.gather(mi.UInt32, self._first, quad, mine) + state + 1
+        chosen = si.bsdf()
+        for i, each in enumerate(self._bsdfs):
+            chosen = dr.select(mine & (kind == i), mi.BSDFPtr(each), chosen)
+        once_more = mark < (1 << BITS * (MEETINGS - 1))
+        factor = dr.select(mine, dr.select(once_more, mi.Float(count), 0), 1)
+        scatters = mine & dr.gather(mi.Bool, self._scatters, kind, mine)
+        mark = dr.select(mine, (mark << BITS) | element, mark)
+        return chosen, mark, factor, mi.Bool(True), scatters
+
+
+def elements_of(mark: np.ndarray) -> np.ndarray:
+    """Elements that paths met, the last first, counted from 0; −1 for none; (vertex, meeting)."""
+    shifts = BITS * np.arange(MEETINGS)
+    return ((mark[:, None] >> shifts) & MOST_ELEMENTS).astype(np.int64) - 1

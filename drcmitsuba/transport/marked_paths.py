@@ -1,0 +1,112 @@
+"""Gather paths of which some met panes whose state or material is left open.
+
+Paths without a mark give a matrix G₀ of cells. Those with a mark are kept one by one: the light on
+blocks of cells is enough for them, since they carry some per cent of the light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.transport.cells import Cells
+from drcmitsuba.transport.gather_blocks import Gathered
+
+BLOCK = 3
+"""Cells along an edge of the blocks that give D to marked paths."""
+
+
+class MarkedVertices(NamedTuple):
+    """Vertices of paths that met marked panes, one entry each."""
+
+    row: np.ndarray
+    """Result and sensor of the path, int: result · sensors + sensor."""
+    block: np.ndarray
+    """Block of cells that the vertex lies in, int."""
+    mark: np.ndarray
+    """Mark of the path, int."""
+    weight: np.ndarray
+    """Throughput, float."""
+
+
+@dataclass(frozen=True)
+class MarkedPaths:
+    """Gather paths of all sensors, split by whether they have a mark.
+
+    Parameters
+    ----------
+    gathered : Gathered
+        Paths with marks.
+    sensors : int
+        Number of sensors.
+    draws : int
+        Number of replicates that are averaged into one result.
+    """
+
+    gathered: Gathered
+    sensors: int
+    draws: int = 1
+
+    @property
+    def cells(self) -> Cells:
+        """Cells that the paths meet."""
+        return self.gathered.cells
+
+    @cached_property
+    def _blocks(self) -> tuple[mi.UInt32, int]:
+        return self.cells.blocks(BLOCK)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return self._blocks[1]
+
+    @cached_property
+    def share(self) -> mi.Float:
+        """Share of a cell in its block: in the visits of its block by marked paths."""
+        block, blocks = self._blocks
+        visits = dr.zeros(mi.Float64, self.cells.count)
+        for here in self.gathered.blocks:
+            met = self.gathered.met(here)
+            dr.scatter_add(visits, mi.Float64(met.weight), met.cell, met.mark > 0)
+            dr.eval(visits)
+        of_block = dr.zeros(mi.Float64, blocks)
+        dr.scatter_add(of_block, visits, block)
+        whole = dr.gather(mi.Float64, of_block, block)
+        return mi.Float(dr.select(whole > 0, visits / whole, 0))
+
+    def matrix(self, result: int) -> mi.TensorXf:
+        """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
+        count, (block, blocks) = dr.opaque(mi.UInt32, self.cells.count), self._blocks
+        out = dr.zeros(mi.Float64, (self.sensors + blocks) * self.cells.count)
+        for here in self.gathered.blocks:
+            met, few = self.gathered.met(here), dr.opaque(mi.UInt32, here.stop - here.start)
+            replicate, sensor = met.row // few, met.row % few + dr.opaque(mi.UInt32, here.start)
+            mine = (replicate // self.draws == dr.opaque(mi.UInt32, result)) & (met.mark == 0)
+            weight = mi.Float64(met.weight / self.draws)
+            dr.scatter_add(out, weight, sensor * count + met.cell, mine)
+            dr.eval(out)
+        cell = dr.arange(mi.UInt32, self.cells.count)
+        sensors = dr.opaque(mi.UInt32, self.sensors)
+        dr.scatter(out, mi.Float64(self.share), (sensors + block) * count + cell)
+        dr.eval(out)
+        return mi.TensorXf(mi.Float(out), (self.sensors + blocks, self.cells.count))
+
+    def marked(self) -> MarkedVertices:
+        """Vertices of the paths with marks."""
+        parts = []
+        for here in self.gathered.blocks:
+            met, few = self.gathered.met(here), here.stop - here.start
+            at = dr.compress(met.mark > 0)
+            row = dr.gather(mi.UInt32, met.row, at).numpy()
+            result, sensor = row // few // self.draws, row % few + here.start
+            block = dr.gather(mi.UInt32, self._blocks[0], dr.gather(mi.UInt32, met.cell, at))
+            mark, weight = (dr.gather(type(x), x, at).numpy() for x in (met.mark, met.weight))
+            row = result * self.sensors + sensor
+            parts.append(MarkedVertices(row, block.numpy(), mark, weight / self.draws))
+        return MarkedVertices(*(np.concatenate(column) for column in zip(*parts, strict=True)))
