@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.annual.group_coefficients import GroupCoefficients
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
-from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, State
+from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, VARYING, State
 from drcmitsuba.case.schedule import Schedule, read_schedule
 from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.case.shading import AREA, THRESHOLD
@@ -25,6 +26,7 @@ from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import possible_states
+from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
@@ -311,8 +313,11 @@ def simulate(
     if effects.every_shade:
         taken[SHADED] = np.ones(direct.sizes["time"], bool)
     taken = {state: hours for state, hours in taken.items() if hours.any()}
-    mesh, others = mesh_of(C), {}
-    if taken:
+    mesh, others = mesh_of(C), dict[State, xr.Dataset]()
+    if VARYING in taken:
+        indices = FacadeStates.of(marked, direct).of_group
+        others[VARYING] = _varying(simulated, daylight, indices, run)
+    elif taken:
         with run.timed("shaded façade") as done:
             for i, (state, hours) in enumerate(taken.items()):
                 some = suns.only(sources(daylight.sky.isel(time=hours)))
@@ -320,6 +325,14 @@ def simulate(
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
     return Coefficients(coefficients.open, others), direct
+
+
+def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:
+    """`illuminance` (replicate, time, sensor) [lx] of a year in which the façade's state varies."""
+    with run.timed("groups of panes") as done:
+        basis = GroupCoefficients.of(case, daylight, run, done)
+    with run.timed("illuminance by group"):
+        return xr.Dataset({"illuminance": basis.replicates(indices)})
 
 
 def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coefficients:

@@ -25,6 +25,8 @@ State = str
 """State of the façade."""
 OPEN: State = "open"
 SHADED: State = "shaded"
+VARYING: State = "varying"
+"""In place of the states of a year that takes more of them than are simulated one by one."""
 BLOCKED, HIDDEN = -1, -2
 """Indices of states that every group has beside its own: black sheets, or holes, for panes."""
 _SPECIAL = {BLOCKED: "(blocked)", HIDDEN: "(hidden)"}

@@ -187,7 +187,8 @@ def by_source(
     Parameters
     ----------
     coefficients : xr.Dataset
-        C of one state: `replicates` (replicate, sensor, bin) [sr].
+        C of one state: `replicates` (replicate, sensor, bin) [sr]; or known `illuminance`
+        (replicate, time, sensor) [lx], of which the result has the total only.
     sky : xr.Dataset
         `Daylight.sky`: `sky` (time, bin) [cd/m²], `sun` (time) [cd/m²], `sun_bin` (time).
     direct : xr.Dataset, optional
@@ -203,6 +204,9 @@ def by_source(
     InputError
         A bin of the sky has no coefficients, or they are NaN.
     """
+    if "illuminance" in coefficients:
+        mean, error = _mean_and_error(list(_known(coefficients, sky)))
+        return xr.Dataset({"total": _array(sky, mean), "total_se": _array(sky, error)})
     patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = _suns(coefficients, sky)
     by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
@@ -226,6 +230,17 @@ def by_source(
         straight = direct_sun(coefficients, sky) if direct is None else direct
         _add_straight(out, coefficients, sky, straight)
     return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
+
+
+def _known(coefficients: xr.Dataset, sky: xr.Dataset) -> np.ndarray:
+    """Known illuminance of the sky's time stamps, (replicate, time, sensor) [lx]."""
+    E = coefficients["illuminance"].transpose("replicate", "time", "sensor")
+    at = np.searchsorted(E["time"].values, sky["time"].values)
+    at = np.minimum(at, E.sizes["time"] - 1)
+    if (E["time"].values[at] != sky["time"].values).any():
+        got = "no illuminance for some time stamps of the sky"
+        raise InputError("coefficients", "time", got, "evaluate the case with this sky")
+    return np.asarray(E.values[:, at])
 
 
 def _add_straight(
@@ -252,6 +267,8 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
     np.ndarray, shape (replicate, time, sensor)
         E [lx].
     """
+    if "illuminance" in coefficients:
+        return _known(coefficients, sky)[:, :, sensors]
     patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns, L = _suns(coefficients, sky), sky["sky"].values.astype(np.float32)
     by_bin = [c[sensors].T for c in coefficients["replicates"].values]

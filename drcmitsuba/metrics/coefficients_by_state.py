@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import schema
-from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.runtime.errors import InputError
 
 SAMPLED = {"bin": "replicates", "sun": "sun_straight"}
@@ -35,7 +35,8 @@ class Coefficients:
     """C from `transport.coefficients.compute` for all suns. Its attributes hold for all states: the
     groups of panes and their rule, the place of the suns, the origin of C."""
     others: Mapping[State, xr.Dataset] = field(default_factory=dict)
-    """C of every other state for the suns of all hours in which the façade may take it."""
+    """C of every other state for the suns of all hours in which the façade may take it; of the
+    state `VARYING`, which is not on disk, `illuminance` (replicate, time, sensor) [lx]."""
 
     @classmethod
     def of(cls, joined: xr.Dataset) -> Coefficients:
@@ -77,6 +78,8 @@ class Coefficients:
         """Yield the parts of `joined`, one state each: writing them needs no copy of all."""
         labels = {name: self.open[name] for name in SAMPLED if name in self.open.coords}
         for state, data in self.states.items():
+            if state == VARYING:
+                continue
             if "pane_group" in self.open and "pane_group" not in data:
                 data = data.assign(pane_group=xr.full_like(self.open["pane_group"], np.nan))
             part = data.reindex(labels).expand_dims(state=np.array([state], dtype=object))

@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.case.groups import OPEN, GroupStates, State
+from drcmitsuba.case.groups import OPEN, VARYING, GroupStates, State
 from drcmitsuba.case.schedule import Schedule
 from drcmitsuba.metrics.shade import closing_sensors
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import luminance
+
+FEW = 12
+"""Number of states of the façade that are simulated one by one whatever groups there are; more of
+them than elements, a group in one state each, are recombined from these."""
 
 
 @dataclass(frozen=True)
@@ -122,22 +126,31 @@ class FacadeStates:
     """States that occur; the open one comes first, whether it occurs or not."""
     index: np.ndarray
     """Index of the state of every time stamp, int, shape (time,)."""
+    of_group: np.ndarray
+    """Index of the state of every group at every time stamp, int, shape (time, group)."""
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any], direct: xr.Dataset) -> FacadeStates:
         """States by the rule in the attributes of C and the direct sun, all groups open [lx]."""
         rule = ShadeRule.of(attributes)
         if rule is None:
-            return cls((OPEN,), np.zeros(direct.sizes["time"], int))
+            stamps = direct.sizes["time"]
+            return cls((OPEN,), np.zeros(stamps, int), np.zeros((stamps, 0), int))
         closed = rule.closed(sunlit(direct, rule), direct.sizes["sensor"])
-        states, index = numbered(rule.groups, rule.indices(closed, direct["time"]))
-        return cls(states, index)
+        indices = rule.indices(closed, direct["time"])
+        return cls(*numbered(rule.groups, indices), indices)
 
 
 def numbered(groups: GroupStates, indices: np.ndarray) -> tuple[tuple[State, ...], np.ndarray]:
-    """States that occur among indices (…, group), the open one first; the state of each (…)."""
+    """States that occur among indices (…, group), the open one first; the state of each (…).
+
+    Where they are too many, all but the open one are `VARYING`.
+    """
     rows, inverse = np.unique(indices.reshape(-1, len(groups)), axis=0, return_inverse=True)
+    number = inverse.reshape(indices.shape[:-1])
+    if len(rows) > max(FEW, sum(map(len, groups.states))):
+        return (OPEN, VARYING), indices.any(axis=-1).astype(int)
     states = [groups.label(row) for row in rows]
     if OPEN not in states:
-        return (OPEN, *states), inverse.reshape(indices.shape[:-1]) + 1
-    return tuple(states), inverse.reshape(indices.shape[:-1])  # (0, …, 0) is the least row
+        return (OPEN, *states), number + 1
+    return tuple(states), number  # (0, …, 0) is the least row

@@ -116,9 +116,9 @@ def illuminance(
     if "sun_group" in direct:
         out["sun_group"] = direct["sun_group"]
         groups = GroupStates.of_attributes(coefficients.attrs)
-        indices = np.array([groups.indices(state) for state in taken.states], np.int16)
         names = np.array(groups.names, dtype=object)
-        out = out.assign_coords(group=names, facade_state=(("time", "group"), indices[taken.index]))
+        of_group = (("time", "group"), taken.of_group.astype(np.int16))
+        out = out.assign_coords(group=names, facade_state=of_group)
         out = schema.describe(out)
     out.attrs = {k: v for k, v in coefficients.attrs.items() if k in KEPT}
     out.attrs["interval_factor"] = t_factor(coefficients.open.sizes["replicate"])

@@ -96,7 +96,7 @@ def _mean_illuminance(coefficients: Coefficients, sky: xr.Dataset, shut: Closure
         hours = shut.state == k
         if hours.any():
             C = coefficients.states[state]
-            names = ("replicates", "sun_straight", "sun_straight_se")
+            names = ("replicates", "sun_straight", "sun_straight_se", "illuminance")
             C = C[[name for name in names if name in C]]
             C = C.mean("sensor", keepdims=True, skipna=False, dtype=float)
             at = sky.isel(time=np.flatnonzero(hours))

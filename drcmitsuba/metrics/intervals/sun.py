@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from scipy.special import gammaincc
 
-from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics.facade_states import ShadeRule, numbered
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS
 
@@ -128,22 +128,22 @@ class Closures:
 
     states: tuple[State, ...]
     """States that occur in some draw, the open one first."""
-    closed_share: np.ndarray
-    """Share of the groups that are closed in each state, shape (state,)."""
     state: np.ndarray
     """State of every time stamp by the mean of the direct sun, an index, shape (time,)."""
+    closed: np.ndarray
+    """Share of the groups that are closed then, shape (time,)."""
     hours: np.ndarray
-    """Time stamps whose state differs between draws, shape (hour,)."""
+    """Time stamps whose state differs between draws, shape (hour,); none where states vary."""
     drawn: np.ndarray
     """Their state in each draw, an index, shape (hour, draw)."""
+    closed_drawn: np.ndarray
+    """Share of the groups that are closed then, shape (hour, draw)."""
 
     @classmethod
     def never(cls, stamps: int) -> Closures:
         """No shade, or one that stays open."""
-        none = np.zeros(0, np.int64)
-        return cls(
-            (OPEN,), np.zeros(1), np.zeros(stamps, int), none, np.zeros((0, DRAWS), np.int64)
-        )
+        none, drawn = np.zeros(0, np.int64), np.zeros((0, DRAWS))
+        return cls((OPEN,), np.zeros(stamps, int), np.zeros(stamps), none, drawn.astype(int), drawn)
 
     def shares(self, month: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the hours with the shade closed [%], mean of all groups.
@@ -152,11 +152,11 @@ class Closures:
 
         `month` (time,) counts from 0.
         """
-        sure = self.closed_share[self.state]
+        sure = self.closed.copy()
         sure[self.hours] = 0
         stamps = np.bincount(month, minlength=12)[:, None]
         counts = np.repeat(np.bincount(month, sure, minlength=12)[:, None], DRAWS, axis=1)
-        np.add.at(counts, month[self.hours], self.closed_share[self.drawn])
+        np.add.at(counts, month[self.hours], self.closed_drawn)
         with np.errstate(invalid="ignore"):
             monthly = 100.0 * counts / stamps
         return 100.0 * counts.sum(axis=0) / len(month), monthly
@@ -206,9 +206,11 @@ def draw_closures(
     closed = rule.closed(count, sensors)
     varies = (drawn != closed[hours][:, None]).any(axis=(1, 2))
     hours, drawn = hours[varies], drawn[varies]
-    by_mean = rule.indices(closed, time)
-    by_draw = rule.indices(drawn, time[hours])
+    by_mean, by_draw = rule.indices(closed, time), rule.indices(drawn, time[hours])
     states, number = numbered(rule.groups, np.concatenate([by_mean, by_draw.reshape(-1, count_of)]))
+    if VARYING in states:  # a time stamp of which has one state only
+        hours, by_draw = hours[:0], by_draw[:0]
+    of_draw = number[stamps:][: by_draw.shape[0] * DRAWS].reshape(-1, DRAWS)
     closable = np.array(rule.groups.closable)
-    share = np.array([np.mean(np.array(rule.groups.indices(s))[closable] > 0) for s in states])
-    return Closures(states, share, number[:stamps], hours, number[stamps:].reshape(-1, DRAWS))
+    share, share_drawn = ((x[..., closable] > 0).mean(axis=-1) for x in (by_mean, by_draw))
+    return Closures(states, number[:stamps], share, hours, of_draw, share_drawn)

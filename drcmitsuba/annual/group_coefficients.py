@@ -1,0 +1,173 @@
+"""Coefficients by group of panes and state, from which E of any states, hour by hour, is a sum."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual.run import Run
+from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.metrics.accumulate import source_luminances
+from drcmitsuba.plan import plan
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.scene import scene
+from drcmitsuba.schema import LUMINANCE_WEIGHTS, describe, mean_and_error
+from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.transport import group_basis
+
+
+@dataclass(frozen=True)
+class GroupCoefficients:
+    """Coefficients by group and state of a case in its daylight.
+
+    Parameters
+    ----------
+    daylight : Daylight
+    channels : tuple of GroupBasis
+        Basis of every colour channel; one of a grey case.
+    """
+
+    daylight: Daylight
+    channels: tuple[group_basis.GroupBasis, ...]
+
+    @classmethod
+    def of(
+        cls, case: Case, daylight: Daylight, run: Run, progress: Progress = lambda share: None
+    ) -> GroupCoefficients:
+        """Simulate every group in every state, for all suns.
+
+        Raises
+        ------
+        InputError
+            The case has no groups, an adaptive sun or a target, or is too large.
+        """
+        if isinstance(case.sun, Adaptive):
+            got = "adaptive, with more states than are simulated one by one"
+            raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
+        if case.accuracy.target is not None:
+            got = "a target, with more states than are simulated one by one"
+            raise InputError(case.source, "accuracy.target", got, "leave it out")
+        accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+        effects = run.enabled_effects
+        coloured = scene.is_coloured(case) if effects.channels is None else effects.channels
+        channels = list(range(len(LUMINANCE_WEIGHTS))) if coloured else [-1]
+        made = [
+            group_basis.compute(
+                case, daylight.suns, accuracy, effects, channel=channel,
+                progress=part(progress, i / len(channels), (i + 1) / len(channels)),
+            )
+            for i, channel in enumerate(channels)
+        ]  # fmt: skip
+        return cls(daylight, tuple(made))
+
+    @property
+    def groups(self) -> GroupStates:
+        """Names of the groups and of their states."""
+        return self.channels[0].groups
+
+    def replicates(self, indices: np.ndarray) -> xr.DataArray:
+        """Illuminance by each replicate.
+
+        Parameters
+        ----------
+        indices : np.ndarray of int, shape (time, group)
+            State of every group at every time stamp, an index.
+
+        Returns
+        -------
+        xr.DataArray, dims (replicate, time, sensor), `channel` first where the case is coloured
+            E [lx].
+        """
+        values = np.stack([np.stack(list(self._years(basis, indices))) for basis in self.channels])
+        dims = ("channel", "replicate", "time", "sensor")
+        out = xr.DataArray(values, dims=dims, coords={"time": self.daylight.sky["time"]})
+        if len(self.channels) == 1:
+            return out.isel(channel=0)
+        return out.assign_coords(channel=np.array(list(LUMINANCE_WEIGHTS), dtype=object))
+
+    def _years(self, basis: group_basis.GroupBasis, indices: np.ndarray) -> Iterator[np.ndarray]:
+        known = xr.Dataset(coords={"bin": np.array(basis.labels, dtype=object)})
+        return basis.illuminance(source_luminances(known, self.daylight.sky), indices)
+
+    def illuminance(self, states: np.ndarray | xr.DataArray) -> xr.Dataset:
+        """Illuminance with the groups in given states.
+
+        Parameters
+        ----------
+        states : np.ndarray or DataArray, shape (time, group)
+            Name or index of the state of every group at every time stamp.
+
+        Returns
+        -------
+        xr.Dataset
+            `total`, `total_se` (time, sensor) [lx].
+
+        Raises
+        ------
+        InputError
+            Another shape, or an unknown state.
+        """
+        given = np.asarray(states)
+        shape = (self.daylight.sky.sizes["time"], len(self.groups))
+        if given.shape != shape:
+            got = f"the shape {given.shape}"
+            raise InputError("states", "shape", got, f"give {shape}: time stamps and groups")
+        indices = given if given.dtype.kind in "iu" else self._named(given)
+        if (indices < 0).any() or (indices > np.array(self.groups.last)).any():
+            got = "an index out of range"
+            raise InputError("states", "index", got, f"at most {self.groups.last}")
+        E = self.replicates(indices)
+        mean, error = mean_and_error(E.transpose("replicate", ...).values)
+        dims = [dim for dim in E.dims if dim != "replicate"]
+        out = {"total": (dims, mean), "total_se": (dims, error)}
+        points = self.channels[0].positions
+        at = {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
+        return describe(xr.Dataset(out, {**E.coords, **at}))
+
+    def _named(self, names: np.ndarray) -> np.ndarray:
+        """Indices of states by name, (time, group)."""
+        out = np.zeros(names.shape, int)
+        for g, known in enumerate(self.groups.states):
+            for name in np.unique(names[:, g]):
+                if str(name) not in known:
+                    got = f"no state {str(name)!r}"
+                    remedy = f"choose one of {', '.join(known)}"
+                    raise InputError("states", self.groups.names[g], got, remedy)
+                out[names[:, g] == name, g] = known.index(str(name))
+        return out
+
+
+def group_coefficients(case: Case | str, stage: Stage = silent) -> GroupCoefficients:
+    """Simulate every group of panes of a case in every state.
+
+    Parameters
+    ----------
+    case : Case, str or Path
+        Case with `[groups]`, or with a shade and windows on several sides.
+    stage : callable, optional
+        Function that shows the stages of the work.
+
+    Returns
+    -------
+    GroupCoefficients
+
+    Raises
+    ------
+    InputError
+        The case has no groups, an adaptive sun or a target, or is too large.
+    """
+    case = case if isinstance(case, Case) else load_case(case)
+    backend.select()
+    run = replace(Run.of(case), stage=stage)
+    with run.timed("sky"):
+        light = daylight(case)
+        run = replace(run, enabled_effects=plan(case, light).scope)
+    with run.timed("groups of panes") as done:
+        return GroupCoefficients.of(case, light, run, done)
