@@ -250,7 +250,7 @@ def illuminance(
     -------
     xr.Dataset
         `total`, `total_open`, `sky_open`, `sun_open`, `direct_sun` and `…_se`, dims (time, sensor)
-        [lx]; coordinates `x`, `y`, `z`, `shade_closed`.
+        [lx]; the sensors' coordinates of C and `shade_closed`.
 
     Raises
     ------
@@ -273,6 +273,7 @@ def illuminance(
         behind = by_source(shaded, sky.isel(time=shut))
         for suffix in ("", "_se"):
             out["total" + suffix].values[shut] = behind["total" + suffix].values
-    out = out.assign_coords({axis: ("sensor", is_open[axis].values) for axis in "xyz"})
+    at = {name: c for name, c in is_open.coords.items() if c.dims == ("sensor",)}
+    out = out.assign_coords(at)
     out = out.assign_coords(shade_closed=("time", closed.values))
     return describe(out)
