@@ -39,6 +39,10 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "x": ("m", "position of the sensor, to the east in the room's frame"),
     "y": ("m", "position of the sensor, to the north in the room's frame"),
     "z": ("m", "position of the sensor, upwards in the room's frame"),
+    "nx": ("1", "normal of the sensor, to the east"),
+    "ny": ("1", "normal of the sensor, to the north"),
+    "nz": ("1", "normal of the sensor, upwards"),
+    "grid": ("", "name of the sensor's grid"),
     "time": ("", "start of the interval, local standard time"),
     "clock": ("", "start of the interval, clock time with daylight saving"),
     "shade_closed": ("", "whether the shade is closed, of any group of panes"),
@@ -53,7 +57,7 @@ DIMS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("sun_straight", "sun_straight_se"), ("state", "sensor", "sun")),
     "pane_group": ("state", "sensor", "bin"),
     "mesh_error": ("state", "sensor"),
-    **dict.fromkeys("xyz", ("sensor",)),
+    **dict.fromkeys(("x", "y", "z", "nx", "ny", "nz", "grid"), ("sensor",)),
     **{name: (name,) for name in ("state", "bin", "time")},
     "L": ("time", "bin"),
     "sun_direction": ("time", "axis"),
@@ -64,7 +68,7 @@ DIMS: dict[str, tuple[str, ...]] = {
 }
 """Dims of the arrays on disk; `channel` comes first where there is one."""
 
-TEXTS, DATES = ("state", "bin", "sun_bin", "blend_bin"), ("time", "clock")
+TEXTS, DATES = ("state", "bin", "sun_bin", "blend_bin", "grid"), ("time", "clock")
 LARGEST = {"L": 1e13, "sun": 1e13, "total": 1e17, "direct_sun": 1e17}
 """Larger values mark damage: no sun (of 0.01°) is as bright [cd/m²] or gives as much E [lx]."""
 LARGEST_OTHER = 1e6

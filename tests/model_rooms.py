@@ -65,3 +65,34 @@ def l_room(**tables):
         layer("glass", GLASS, south, east[::-1], *slopes, partition),
         **{"sensors": {"floors": ["floor"], "spacing": 1.5}, **tables},
     )
+
+
+def house(*more, **tables):
+    """Two rooms with southern windows below one with a sloped roof light over its northern half.
+
+    The rooms are 4 m by 5 m each, the storeys 3 m high; one floor lies above the other.
+    """
+    outer = [(0, 0), (8, 0), (8, 5), (0, 5)]
+    low, _, walls = prism(outer, 3.0)
+    between = [[x, y, 3.0] for x, y in outer]
+    wall = [[4, 0, 0], [4, 5, 0], [4, 5, 3], [4, 0, 3]]
+    windows = [
+        np.array([[x + 1, 0, 1], [x + 3, 0, 1], [x + 3, 0, 2.4], [x + 1, 0, 2.4]], float)
+        for x in (0, 4)
+    ]
+    upper = [
+        [[0, 0, 3], [0, 0, 5], [8, 0, 5], [8, 0, 3]],
+        [[8, 0, 3], [8, 0, 5], [8, 5, 7], [8, 5, 3]],
+        [[8, 5, 3], [8, 5, 7], [0, 5, 7], [0, 5, 3]],
+        [[0, 5, 3], [0, 5, 7], [0, 0, 5], [0, 0, 3]],
+    ]
+    roof = [[0, 0, 5], [8, 0, 5], [8, 5, 7], [0, 5, 7]]
+    light = np.array([[3, 2.5, 6], [5, 2.5, 6], [5, 4, 6.6], [3, 4, 6.6]], float)
+    return case_of(
+        layer("floor", Lambertian(0.3), low, between),
+        layer("walls", Lambertian(0.6), walls[0], *walls[1:], wall, *upper, holes=windows),
+        layer("roof", Lambertian(0.7), roof, holes=[light]),
+        layer("glass", GLASS, *windows, light),
+        *more,
+        **{"sensors": {"floors": ["floor"], "spacing": 0.5}, **tables},
+    )

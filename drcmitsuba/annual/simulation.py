@@ -35,9 +35,8 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, sources
@@ -110,13 +109,11 @@ def transport(
         A sensor, a material or a component is unfit.
     """
     run = Run.of(case) if run is None else run
-    points, normals = sensor_points(case)
+    (points, normals), at = sensor_points(case), sensor_coordinates(case)
     if sensors is not None:
-        points, normals = points[sensors], normals[sensors]
+        points, normals, at = points[sensors], normals[sensors], at.isel(sensor=sensors)
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     subdivision = case.sky.subdivision
-    positions = points + origin(case)
-    at = {axis: ("sensor", positions[:, i]) for i, axis in enumerate("xyz")}
     count = _count(case, run.enabled_effects)
     channels: list[xr.Dataset] = []
     for i, world in enumerate(_scenes(case, state, run)):
@@ -132,7 +129,7 @@ def transport(
             C = compute(
                 world, points, normals, suns, accuracy, subdivision=subdivision, progress=done
             )
-        channels.append(C.assign_coords(at))
+        channels.append(C.assign_coords(at.coords))
     C = _joined(channels)
     groups = PaneGroups.of(case)
     if state != OPEN or len(groups) < 2:

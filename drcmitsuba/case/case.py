@@ -286,14 +286,17 @@ def load_case(path: str | Path) -> Case:
     data = tables_of(file) if is_model else read_toml(file, MAX_BYTES)
     case = checked(Case, data, file)
     case._source, case._folder = str(file), file.parent
-    case = _with_files(case)
+    case = with_files(case)
     if is_model:
         case = case.with_tables(sensors=usual_sensors(case.source, case.building))
     return case
 
 
-def _with_files(case: Case) -> Case:
-    """Make the paths of materials and components absolute, and refuse a missing file."""
+def with_files(case: Case) -> Case:
+    """Make the paths of materials and components absolute, and read the model.
+
+    A missing file, or an unfit one of the model, raises InputError.
+    """
 
     def resolved(file: Path, field: str) -> Path:
         path = case.path(file)

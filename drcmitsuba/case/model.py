@@ -26,7 +26,8 @@ METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.02
 """Metres per unit."""
 RADIANCE, HONEYBEE = (".rad", ".mat"), (".hbjson", ".json")
 MESHES = (".obj", ".ply", ".stl", ".gltf", ".glb")
-ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES)
+VIEWS = (".vf",)
+ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES, *VIEWS)
 """Endings of the files that a model may consist of."""
 
 KNOWN = (Lambertian, GlazingMaterial, DiffuserMaterial, BsdfMaterial)
@@ -39,7 +40,8 @@ class ModelTable(Table):
     """Files of a model. A material of `[materials]` replaces that of the same name in the files."""
 
     files: Annotated[tuple[Path, ...], Field(min_length=1, max_length=1000)]
-    """Radiance scenes in the order of `oconv`, a Honeybee model, or meshes, beside the case."""
+    """Radiance scenes in the order of `oconv`, a Honeybee model, or meshes, beside the case; views
+    of Radiance (`.vf`)."""
     unit: Literal["m", "dm", "cm", "mm", "ft", "in"] | None = None
     """Unit of the lengths of meshes that state none; Radiance scenes are in metres by default."""
     north: Annotated[float, Field(ge=-360, le=360)] | None = None
@@ -68,6 +70,7 @@ class ModelTable(Table):
         from drcmitsuba.model.honeybee import read as read_honeybee  # when they are needed only
         from drcmitsuba.model.mesh import read as read_mesh
         from drcmitsuba.model.radiance import read as read_radiance
+        from drcmitsuba.model.radiance import read_views
 
         scale = None if self.unit is None else METRES[self.unit]
         own = {**materials, **{n: Lambertian(r) for n, r in self.reflectances.items()}}
@@ -80,6 +83,8 @@ class ModelTable(Table):
                 parts.append(read_honeybee(file))
             elif ending in MESHES:
                 parts.append(read_mesh(file, unit=scale, materials=own))
+            elif ending in VIEWS:
+                parts.append(Model(views=read_views(file)).scaled(scale or 1.0))
             elif ending not in RADIANCE:
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)

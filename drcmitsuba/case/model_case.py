@@ -15,7 +15,7 @@ from drcmitsuba.model.materials import (
     SurfaceMaterial,
 )
 from drcmitsuba.model.model import Model, areas
-from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.errors import InputError, on_a_line
 
 
 def tables_of(file: Path) -> dict[str, Any]:
@@ -102,14 +102,36 @@ def listing(model: Model) -> list[str]:
     ]
 
 
+KINDS = {
+    "v": "perspective", "l": "parallel", "h": "hemispherical", "a": "angular",
+    "s": "planispherical", "c": "cylindrical",
+}  # fmt: skip
+"""Words for the projections of views, by their letter in Radiance's `-vt`."""
+
+
+def views_listing(model: Model) -> list[str]:
+    """One line for every view of a model: name, projection, position [m], direction, angles."""
+    lines = []
+    for view in model.views:
+        unit = " m" if view.kind == "l" else "°"
+        wide, high = view.angles
+        at, along = (", ".join(f"{v:.4g}" for v in x) for x in (view.position, view.direction))
+        lines.append(
+            f"view {on_a_line(view.name)}: {KINDS[view.kind]}, {wide:g}{unit} × {high:g}{unit}, "
+            f"from ({at}) along ({along})"
+        )
+    return lines
+
+
 def _sensors(sensors: AnySensors) -> list[str]:
     if not isinstance(sensors, FloorSensors):
         return ['grids = ["*"]                        # the grids of the model']
+    margin = json.dumps(sensors.margin)
     return [
         f"floors = [{', '.join(map(_text, sensors.floors))}]",
         f"height = {sensors.height:g}                         # above the floor",
         f"spacing = {sensors.spacing:g}",
-        f"margin = {sensors.margin:g}                         # without points, along the walls",
+        f"margin = {margin}                         # without points, along the walls",
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -12,6 +12,11 @@ from drcmitsuba.runtime.toml import Length, Name, Point, Table
 
 MOST_SENSORS = 250_000
 """Largest number of points in a case."""
+
+MOST_GRIDS = 2000
+"""Largest number of grids in a case."""
+MARGINS = {"EN 17037": 0.5}
+"""Width [m] of the margin of a standard, by its name."""
 
 PerAxis = Annotated[int, Field(ge=1, le=2000)]
 
@@ -35,7 +40,7 @@ class Sensors(Table):
 
 
 class FloorSensors(Table):
-    """Grids above the floors of a model, of points that face up; x fastest, floor by floor."""
+    """Grids of points that face up above a model's floors, one in each room; x fastest."""
 
     floors: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1000)]
     """Names of the floors' materials in the model's files; `*` stands for any text."""
@@ -43,9 +48,14 @@ class FloorSensors(Table):
     """Height above the floor [m]."""
     spacing: Length = 0.3
     """Largest distance between neighbouring points [m]; LM-83 allows 0.61 m."""
-    margin: Annotated[float, Field(ge=0, le=10)] = 0.3
-    """Width of the strip along the floor's edge that has no points [m]: 0.3 by LM-83, 0.5 by
-    EN 17037."""
+    margin: Annotated[float, Field(ge=0, le=10, strict=True)] | Literal["EN 17037"] = 0.3
+    """Width of the strip along walls and the floor's edge that has no points [m]; "EN 17037" stands
+    for its 0.5 m."""
+
+    @property
+    def edge(self) -> float:
+        """Width of the margin [m]."""
+        return MARGINS[self.margin] if isinstance(self.margin, str) else self.margin
 
 
 class PointSensors(Table):
@@ -65,17 +75,17 @@ class PointSensors(Table):
 
 
 def _kind(table: Any) -> str:
-    """Kind of a table of sensors, by its keys or its class."""
+    """Kind of a table of sensors, by its keys or its class, in words that are no keys."""
     if isinstance(table, FloorSensors) or (isinstance(table, dict) and "floors" in table):
-        return "floors"
+        return "grids above floors"
     listed = isinstance(table, dict) and ("points" in table or "grids" in table)
-    return "points" if isinstance(table, PointSensors) or listed else "box"
+    return "single points" if isinstance(table, PointSensors) or listed else "box"
 
 
 AnySensors = Annotated[
     Annotated[Sensors, Tag("box")]
-    | Annotated[FloorSensors, Tag("floors")]
-    | Annotated[PointSensors, Tag("points")],
+    | Annotated[FloorSensors, Tag("grids above floors")]
+    | Annotated[PointSensors, Tag("single points")],
     Discriminator(_kind),
 ]
 """Sensors of a case: a rectangular grid, grids above floors, or points."""

@@ -10,6 +10,8 @@ from drcmitsuba.cli.terminal import show_notes
 from drcmitsuba.runtime.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from drcmitsuba.case.case import Case
     from drcmitsuba.report.scene_view import Drawn
 
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> None:
     """Draw a scene before it is simulated; of a model alone, write the case file to edit."""
     from drcmitsuba.case.model import ENDINGS
-    from drcmitsuba.case.model_case import case_text, listing
+    from drcmitsuba.case.model_case import case_text, listing, views_listing
     from drcmitsuba.report import style
     from drcmitsuba.report.scene_view import scene_view
     from drcmitsuba.runtime import backend, storage
@@ -28,7 +30,9 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     backend.select()
     points, _ = sensor_points(loaded)
     drawn, panes = _drawn(loaded)
-    figure = scene_view(drawn, points, title=loaded.name, names=panes)
+    remarks = (*loaded.building.notes, *_place_notes(loaded))
+    views = _views(loaded)
+    figure = scene_view(drawn, points, title=loaded.name, names=panes, views=views)
     target = output / f"{Path(case).stem}.toml"
     is_model = Path(case).suffix.lower() in ENDINGS
     if is_model and target.exists():
@@ -37,12 +41,48 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     output.mkdir(parents=True, exist_ok=True)
     print(f"the scene is drawn in {style.save(figure, output / 'scene.png')}")
     if loaded.building.layers:
-        print("\n".join(listing(loaded.building)))
+        grids = _grids_listing(loaded)
+        print("\n".join([*listing(loaded.building), *grids, *views_listing(loaded.building)]))
+        print(f"north: {loaded.building.north:g}°, clockwise from the model's y axis")
     if is_model:
         storage.save_text(case_text(Path(case), output, loaded.building, loaded.sensors), target)
         print(f"{target}: a case to change; next: drcmitsuba evaluate {target}")
-    show_notes(loaded.building.notes)
+    show_notes(remarks)
     refuse_leaks(loaded)
+
+
+def _place_notes(case: Case) -> tuple[str, ...]:
+    """Remarks on the place, where the case names a weather file and another place."""
+    from drcmitsuba.sky.daylight import place_notes, weather_of
+
+    if case.weather.file is None or (case.site is None and case.building.location is None):
+        return ()
+    return place_notes(case, weather_of(case).site)
+
+
+def _grids_listing(case: Case) -> list[str]:
+    """One line for each of the first grids of the sensors, where there are several."""
+    from drcmitsuba.cli.evaluate import MOST_ROWS
+    from drcmitsuba.metrics.grids import sensors_by_grid
+    from drcmitsuba.runtime.errors import on_a_line
+    from drcmitsuba.scene.sensors import sensor_coordinates
+
+    grids = sensors_by_grid(sensor_coordinates(case))
+    lines = [f"grid {on_a_line(name)}: {len(sensors)} points" for name, sensors in grids.items()]
+    return lines[:MOST_ROWS] + [f"{len(lines)} grids in all"] * (len(lines) > MOST_ROWS)
+
+
+def _views(case: Case) -> dict[str, np.ndarray]:
+    """Position [m] and direction (2, 3) of the model's views as surfaces are drawn, by name."""
+    import numpy as np
+
+    from drcmitsuba.scene.geometry import origin, rotation
+
+    turn, start = rotation(case).T, origin(case)
+    return {
+        view.name: np.stack([(np.array(view.position) - start) @ turn, view.direction @ turn])
+        for view in case.building.views
+    }
 
 
 def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:

@@ -11,14 +11,18 @@ from rich.table import Table
 
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
-from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
     from drcmitsuba.annual.result import Result
 
 
+MOST_ROWS = 40
+"""Largest number of grids in the table."""
+
+
 def metrics_tables(numbers: dict, title: str) -> list[Table]:
-    """Tables of the metrics of the period and of its months.
+    """Tables of the metrics of the period, of its months, and of the grids where there are several.
 
     The rows of the shade are left out where the settings have none.
     """
@@ -39,7 +43,23 @@ def metrics_tables(numbers: dict, title: str) -> list[Table]:
     rows = zip(*(numbers[name] for name in monthly), strict=True)
     for month, row in enumerate(rows, start=1):
         months.add_row(str(month), *(percent(value) for value in row))
-    return [whole, months]
+    return [whole, months, *_grids_table(numbers)]
+
+
+def _grids_table(numbers: dict) -> list[Table]:
+    """Table with a row for each grid; none where there are no grids."""
+    grids = numbers.get("grids", {})
+    if not grids:
+        return []
+    table = Table("grid")
+    for column in ("points", "sDA % (95 %)", "ASE % (95 %)"):
+        table.add_column(column, justify="right")
+    for name, grid in list(grids.items())[:MOST_ROWS]:
+        shares = (percent(grid[metric]) for metric in ("sDA", "ASE"))
+        table.add_row(escape(on_a_line(name)), str(grid["sensors"]), *shares)
+    if len(grids) > MOST_ROWS:
+        table.caption = f"{len(grids) - MOST_ROWS} more grids: metrics.json, grids"
+    return [table]
 
 
 def evaluate(

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from drcmitsuba.cli.evaluate import metrics_tables
 from drcmitsuba.cli.options import CaseName, OptionalOutput, Output, Weather, argument, load, option
-from drcmitsuba.cli.terminal import show, stages
+from drcmitsuba.cli.terminal import show, show_notes, stages
 
 
 def sky(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
@@ -109,8 +109,10 @@ def plot(
 ) -> None:
     """Draw the plots of an evaluation again."""
     from drcmitsuba.annual import stored_arrays
-    from drcmitsuba.case.case import Case
+    from drcmitsuba.case.case import Case, with_files
     from drcmitsuba.report import figures, plots
+    from drcmitsuba.runtime import backend
+    from drcmitsuba.runtime.errors import InputError
     from drcmitsuba.runtime.toml import checked
 
     path, file = folder / "illuminance.nc", folder / "metrics.json"
@@ -118,6 +120,12 @@ def plot(
     numbers = figures.read_numbers(file, E.sizes["sensor"])
     known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
     case = checked(Case, known, file)
+    if case.model is not None:
+        try:
+            case = with_files(case)
+            backend.select()
+        except InputError as error:
+            show_notes([f"the plans have no rooms, since the model cannot be read: {error}"])
     drawn = figures.pictures(case, E, numbers)
     saved = [plots.save(figure, folder / name) for name, figure in drawn.items()]
     for picture in saved:

@@ -299,7 +299,7 @@ def illuminance(
     -------
     xr.Dataset
         `total`, `total_open`, `sky_open`, `sun_open`, `direct_sun` and `…_se`, dims (time, sensor)
-        [lx]; coordinates `x`, `y`, `z`, `shade_closed`.
+        [lx]; the sensors' coordinates of C and `shade_closed`.
 
     Raises
     ------
@@ -324,6 +324,7 @@ def illuminance(
         behind = by_source(other, sky.isel(time=here))
         for suffix in ("", "_se"):
             out["total" + suffix].values[here] = behind["total" + suffix].values
-    out = out.assign_coords({axis: ("sensor", is_open[axis].values) for axis in "xyz"})
+    at = {name: c for name, c in is_open.coords.items() if c.dims == ("sensor",)}
+    out = out.assign_coords(at)
     out = out.assign_coords(shade_closed=("time", state > 0))
     return describe(out)

@@ -19,8 +19,9 @@ from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import intervals
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.illuminance import illuminance
-from drcmitsuba.metrics.intervals import Bounds, Draws, Rules, values
+from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, values
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import luminance
@@ -156,7 +157,7 @@ def evaluate_metrics(
 
 
 def _monthly(
-    name: str, values: np.ndarray, spread: Draws | Bounds
+    name: str, values: np.ndarray, spread: DrawnShares | Bounds
 ) -> list[dict[str, float] | None]:
     """Twelve intervals, January first; None for a month without hours."""
     return [
@@ -168,9 +169,11 @@ def _monthly(
 def _undecided(illuminance: xr.Dataset, draws: Draws) -> list[dict[str, Any]]:
     """Sensors that neither pass nor fail clearly, with their probability of passing."""
     x, y, z = (illuminance[axis].values for axis in "xyz")
+    grid = illuminance["grid"].values if "grid" in illuminance.coords else None
     return [
         {
             "sensor": int(i), "x": float(x[i]), "y": float(y[i]), "z": float(z[i]),
+            **({} if grid is None else {"grid": str(grid[i])}),
             "metric": metric, "probability": round(float(p[i]), 4),
         }
         for metric, p in draws.passing.items()
@@ -196,7 +199,9 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     dict
         `sDA`, `ASE`, `shade_closed`: {"value", "low", "high"} [%]; `msDA`, `MSE`,
         `shade_closed_monthly`: 12 of these or None; with draws `undecided`: the sensors that pass
-        in more than 2.5 and less than 97.5 % of them.
+        in more than 2.5 and less than 97.5 % of them; `grids`, where E has a coordinate `grid`:
+        `sDA`, `ASE`, `msDA`, `MSE` and the number of `sensors` of each grid, by its name. The shade
+        closes by the sensors of all grids together.
     """
     spread = Bounds.of(illuminance, rules) if draws is None else draws
     annual, monthly = values(illuminance, rules)
@@ -206,4 +211,24 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     }
     if draws is not None:
         numbers["undecided"] = _undecided(illuminance, draws)
+    if grids := sensors_by_grid(illuminance):
+        numbers["grids"] = {
+            name: _of_grid(
+                illuminance.isel(sensor=sensors),
+                rules,
+                None if draws is None else draws.grids[name],
+            )
+            for name, sensors in grids.items()
+        }
     return numbers
+
+
+def _of_grid(illuminance: xr.Dataset, rules: Rules, drawn: DrawnShares | None) -> dict[str, Any]:
+    """Metrics of the sensors of one grid, whose E has the shade applied, with their intervals."""
+    spread = Bounds.of(illuminance, rules) if drawn is None else drawn
+    annual, monthly = values(illuminance, rules)
+    return {
+        "sensors": illuminance.sizes["sensor"],
+        **{name: spread.interval(name, annual[name]).to_dict() for name in ("sDA", "ASE")},
+        **{name: _monthly(name, monthly[name], spread) for name in ("msDA", "MSE")},
+    }

@@ -6,16 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drcmitsuba.model.polygon import FLAT, SAME, quads_of
-
-PARALLEL = 1e-6
-"""Largest gap between a corner and the one that closes a parallelogram, over the extent [–]."""
-
-
-def are_parallelograms(corners: np.ndarray) -> np.ndarray:
-    """Whether polygons (polygon, 4, 3) are parallelograms, bool (polygon,)."""
-    gap = np.abs(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]).max(axis=1)
-    return np.asarray(gap <= PARALLEL * np.ptp(corners, axis=1).max(axis=1))
+from drcmitsuba.model.polygon import FLAT, SAME, are_parallelograms, quads_of
 
 
 def have_area(corners: np.ndarray) -> np.ndarray:

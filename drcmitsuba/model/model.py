@@ -102,6 +102,13 @@ class View:
     angles: tuple[float, float]
     """`-vh` and `-vv` [deg]; sizes [m] of a parallel view."""
 
+    def scaled(self, factor: float) -> View:
+        """Multiply all lengths."""
+        x, y, z = self.position
+        wide, high = self.angles
+        angles = (wide * factor, high * factor) if self.kind == "l" else self.angles
+        return replace(self, position=(x * factor, y * factor, z * factor), angles=angles)
+
 
 @dataclass(frozen=True)
 class Location:
@@ -133,7 +140,8 @@ class Model:
             return self
         layers = (replace(layer, quads=layer.quads * factor) for layer in self.layers)
         grids = (replace(grid, points=grid.points * factor) for grid in self.grids)
-        return replace(self, layers=tuple(layers), grids=tuple(grids))
+        views = tuple(view.scaled(factor) for view in self.views)
+        return replace(self, layers=tuple(layers), grids=tuple(grids), views=views)
 
 
 EMPTY = Model()

@@ -12,6 +12,14 @@ FLAT = 1e-3
 """Largest distance of a corner from its polygon's plane, over the polygon's extent [–]."""
 SAME = 1e-9
 """Corners nearer to each other than this, over the polygon's extent, are one corner [–]."""
+PARALLEL = 1e-6
+"""Largest gap between a corner and the one that closes a parallelogram, over the extent [–]."""
+
+
+def are_parallelograms(corners: np.ndarray) -> np.ndarray:
+    """Whether polygons (polygon, 4, 3) are parallelograms, bool (polygon,)."""
+    gap = np.abs(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]).max(axis=1)
+    return np.asarray(gap <= PARALLEL * np.ptp(corners, axis=1).max(axis=1))
 
 
 def area_vector(corners: np.ndarray) -> np.ndarray:
@@ -60,7 +68,7 @@ def quads_of(corners: np.ndarray, holes: Sequence[np.ndarray] = ()) -> np.ndarra
         raise ValueError(f"not planar: a corner lies {off:.3g} m off its plane")
     if len(rings) == 1 and len(outer) == 3:
         return outer[[0, 1, 2, 2]][None]
-    if len(rings) == 1 and len(outer) == 4 and _is_parallelogram(outer, extent):
+    if len(rings) == 1 and len(outer) == 4 and are_parallelograms(outer[None])[0]:
         return outer[None]
     u, v = _axes(normal)
     flat = [np.stack([(ring - outer[0]) @ u, (ring - outer[0]) @ v], axis=1) for ring in rings]
@@ -131,12 +139,6 @@ def _distinct(ring: np.ndarray) -> np.ndarray:
     extent = float(np.ptp(ring, axis=0).max())
     far = np.abs(ring - np.roll(ring, 1, axis=0)).max(axis=1) > SAME * extent
     return ring[far]
-
-
-def _is_parallelogram(corners: np.ndarray, extent: float) -> bool:
-    """Whether four corners span a parallelogram."""
-    gap = corners[0] - corners[1] + corners[2] - corners[3]
-    return bool(np.abs(gap).max() <= 1e-6 * extent)
 
 
 def _axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

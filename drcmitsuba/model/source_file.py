@@ -16,7 +16,8 @@ def size_of(file: Path, largest: int = LARGEST) -> int:
     try:
         state = file.stat()
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        missing = isinstance(error, FileNotFoundError)
+        reason = "no such file" if missing else getattr(error, "strerror", None) or str(error)
         raise InputError(file, "file", reason, "check the path") from None
     if not stat.S_ISREG(state.st_mode):
         raise InputError(file, "file", "not a file", "give the path of a file")

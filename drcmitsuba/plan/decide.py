@@ -326,7 +326,7 @@ def colour(facts: Facts) -> Effect:
 
 def pictures(facts: Facts) -> Effect:
     """Pictures of the results."""
-    return Effect(True, "plans and monthly plots; a case has no views for HDR pictures")
+    return Effect(True, "plans and monthly plots; views are not rendered")
 
 
 def gradients(facts: Facts) -> Effect:

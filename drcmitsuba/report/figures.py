@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import shapely
 import xarray as xr
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -16,16 +15,18 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationError
 from drcmitsuba import metrics
 from drcmitsuba.case.case import Case
 from drcmitsuba.metrics import Interval
+from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report import plots
 from drcmitsuba.report.captions import caption, is_rated, period_name
+from drcmitsuba.report.outlines import outlines_in_plan
+from drcmitsuba.report.plan_view import scale
+from drcmitsuba.report.sheets import Sheet, sheets
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.scene.geometry import boxes, origin, rotation
-from drcmitsuba.scene.panes_of_model import panes_of_model
-from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.sensors_of_model import floor_below
 from drcmitsuba.schema import luminance
 
 MAX_BYTES = 1 << 26
+MOST_SHEETS = 20
+"""Largest number of sheets that are drawn, from the lowest storey."""
 
 
 def _of_shares(interval: Interval) -> Interval:
@@ -48,6 +49,13 @@ class Undecided(BaseModel):
 Months = Annotated[list[Share | None], Field(min_length=12, max_length=12)]
 
 
+class GridNumbers(BaseModel):
+    """Numbers of a grid that the pictures need."""
+
+    sDA: Share  # noqa: N815
+    ASE: Share
+
+
 class Numbers(BaseModel):
     """Numbers of `metrics.json` that the pictures need; the file holds more."""
 
@@ -58,6 +66,7 @@ class Numbers(BaseModel):
     MSE: Months
     shade_closed_monthly: Months
     undecided: list[Undecided] = []
+    grids: dict[str, GridNumbers] = {}
     settings: dict[str, Any]
 
 
@@ -89,105 +98,112 @@ def read_numbers(file: Path, sensors: int) -> dict[str, Any]:
     return {**numbers, **read.model_dump()}
 
 
-def _outlines_of_model(case: Case) -> dict[str, Any]:
-    """Level surfaces below the sensors, outer panes and context in plan, world frame [m]."""
-    turn, start = rotation(case)[:2, :2].T, origin(case)[:2]
-    height = float((sensor_points(case)[0][:, 2] + origin(case)[2]).min())
-
-    def rings(shape: Any) -> list[np.ndarray]:
-        shapes = [s for s in getattr(shape, "geoms", [shape]) if s.geom_type == "Polygon"]
-        every = (ring for s in shapes for ring in (s.exterior, *s.interiors))
-        return [(np.array(ring.coords)[:, :2] - start) @ turn + start for ring in every]
-
-    layers, panes = case.building.layers, panes_of_model(case.building)
-    edges = panes.frame[panes.outside][:, :2, :2]
-    context = [q[:, :2] for layer in layers if layer.role == "context" for q in layer.quads]
-    hulls = shapely.union_all([shapely.MultiPoint(c).convex_hull for c in context])
-    return {
-        "room": rings(floor_below(case.building, height)),
-        "glazing": [(edge - start) @ turn + start for edge in edges],
-        "surroundings": rings(hulls) if context else [],
-    }
-
-
-def _outlines(case: Case) -> dict[str, Any]:
-    """Room, glazing, furniture and surroundings in plan, in the world's frame [m].
-
-    A piece entirely outside the room's walls belongs to the surroundings. A case without a room or
-    a model has no outlines.
-    """
-    if case.building.layers:
-        return _outlines_of_model(case)
-    if case.room is None:
-        return {}
-    width, depth, _ = case.room.size
-    corners = np.array([[0, 0], [width, 0], [width, depth], [0, depth]], float)
-    turn = rotation(case)[:2, :2].T
-    at = [("south", "east", "north", "west").index(side) for side in case.glazed]
-    glazed = [corners[[i, (i + 1) % 4]] @ turn for i in at]
-    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    pieces: dict[bool, list[np.ndarray]] = {True: [], False: []}
-    for corner, size in (box for piece in case.furniture for box in boxes(piece)):
-        low, high = corner[:2], corner[:2] + size[:2]
-        is_inside = bool(((low < corners[2]) & (high > 0)).all())
-        pieces[is_inside].append((low + unit * size[:2]) @ turn)
-    return {
-        "room": [corners @ turn], "glazing": glazed,
-        "furniture": pieces[True], "surroundings": pieces[False],
-    }  # fmt: skip
-
-
-def _too_close(
-    case: Case, passing: dict[str, xr.DataArray], numbers: dict[str, Any], drawn: dict[str, Any]
-) -> dict[str, Figure]:
-    """Plans of the probability to pass, for metrics with sensors too close to a limit."""
-    figures = {}
-    for metric, passes in passing.items():
-        undecided = [u for u in numbers.get("undecided", []) if u["metric"] == metric]
-        if undecided:
-            share = passes * 100.0
-            share[[u["sensor"] for u in undecided]] = [100 * u["probability"] for u in undecided]
-            figures[f"undecided_{metric.lower()}_plan.png"] = plots.plan(
-                share, title=f"{case.name}: probability that a point counts for {metric}",
-                label="probability [%]", norm=Normalize(0, 100), **drawn,
-            )  # fmt: skip
-    return figures
-
-
 def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> dict[str, Figure]:
     """Draw all pictures of an evaluation, by file name.
 
     E is as on disk, `total` and `direct_sun` (time, sensor) [lx]; numbers as in `metrics.json`.
+    There is a plan for each of the `sheets`; several have a number in their names.
     """
-    drawn: dict[str, Any] = {**_outlines(case), "caption": caption(case, illuminance, numbers)}
+    t = case.metrics
+    stamps, step_hours = illuminance.sizes["time"], float(illuminance.attrs.get("step_hours", 1.0))
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
     mean = total.mean("time", dtype=float).assign_attrs(units="lx", long_name="mean illuminance")
-    t, stamps = case.metrics, total.sizes["time"]
-    step_hours = float(illuminance.attrs.get("step_hours", 1.0))
     enough = (total >= t.sda_threshold).sum("time")
     in_sun = (direct >= t.ase_threshold).sum("time")
     autonomy_stamps = metrics.autonomy_stamps(t.sda_fraction, stamps)
     exposure_stamps = metrics.exposure_stamps(t.ase_hours, step_hours)
     passing = {"sDA": enough >= autonomy_stamps, "ASE": in_sun >= exposure_stamps}
     shade = ", shade applied" if has_shade(case, illuminance) else ""
-    return {
-        "illuminance_plan.png": plots.plan(
-            mean, title=f"{case.name}: mean illuminance{shade}", **drawn
+    shares = {name: _written(numbers, name) for name in passing}
+    averages = {
+        name: f"{name}\n{float(mean[sensors].mean()):.0f} lx"
+        for name, sensors in sensors_by_grid(mean).items()
+    }
+    plans: dict[str, tuple[xr.DataArray, dict[str, Any]]] = {
+        "illuminance": (mean, {"title": f"mean illuminance{shade}", "texts": averages}),
+        "autonomy": (
+            100 * enough / stamps,
+            {
+                "title": f"hours with {t.sda_threshold:g} lx{shade}", "texts": shares["sDA"],
+                "label": "share of hours [%]", "norm": Normalize(0, 100),
+                "limit": 100 * autonomy_stamps / stamps,
+                "limit_label": f"{100 * t.sda_fraction:g} % (sDA)",
+            },
         ),
-        "autonomy_plan.png": plots.plan(
-            100 * enough / stamps, title=f"{case.name}: hours with {t.sda_threshold:g} lx{shade}",
-            label="share of hours [%]", norm=Normalize(0, 100),
-            limit=100 * autonomy_stamps / stamps,
-            limit_label=f"{100 * t.sda_fraction:g} % (sDA)", **drawn,
+        "sun": (
+            in_sun * step_hours,
+            {
+                "title": f"hours with {t.ase_threshold:g} lx of direct sun", "texts": shares["ASE"],
+                "label": "hours [h]", "limit": exposure_stamps * step_hours,
+                "limit_label": f"{t.ase_hours:g} h (ASE)",
+            },
         ),
-        "sun_plan.png": plots.plan(
-            in_sun * step_hours, label="hours [h]",
-            title=f"{case.name}: hours with {t.ase_threshold:g} lx of direct sun", **drawn,
-            limit=exposure_stamps * step_hours, limit_label=f"{t.ase_hours:g} h (ASE)",
-        ),
-        "monthly.png": monthly(case, illuminance, numbers),
-        **_too_close(case, passing, numbers, drawn),
+        **_too_close(passing, numbers),
     }  # fmt: skip
+    return {
+        **_plans(case, illuminance, numbers, plans),
+        "monthly.png": monthly(case, illuminance, numbers),
+    }
+
+
+def _written(numbers: dict[str, Any], metric: str) -> dict[str, str]:
+    """Text that a plan writes on each grid: its name and its share [%] by a metric."""
+    return {
+        name: f"{name}\n{metric} {grid[metric]['value']:.0f} %"
+        for name, grid in numbers.get("grids", {}).items()
+    }
+
+
+def _too_close(
+    passing: dict[str, xr.DataArray], numbers: dict[str, Any]
+) -> dict[str, tuple[xr.DataArray, dict[str, Any]]]:
+    """Plans of the probability to pass, for metrics with sensors too close to a limit."""
+    plans = {}
+    for metric, passes in passing.items():
+        undecided = [u for u in numbers.get("undecided", []) if u["metric"] == metric]
+        if undecided:
+            share = passes * 100.0
+            share[[u["sensor"] for u in undecided]] = [100 * u["probability"] for u in undecided]
+            title = f"probability that a point counts for {metric}"
+            settings = {"title": title, "label": "probability [%]", "norm": Normalize(0, 100)}
+            plans[f"undecided_{metric.lower()}"] = share, settings
+    return plans
+
+
+def _plans(
+    case: Case, illuminance: xr.Dataset, numbers: dict[str, Any],
+    plans: dict[str, tuple[xr.DataArray, dict[str, Any]]],
+) -> dict[str, Figure]:  # fmt: skip
+    """Draw plans, values (sensor,) and settings of each by its name, on every sheet."""
+    every, drawn = sheets(illuminance), {}
+    at = np.column_stack([illuminance[axis].values for axis in "xy"])
+    words = caption(case, illuminance, numbers)
+    for values, settings in plans.values():  # all sheets have the same colours
+        known = np.ma.masked_invalid(values.values.astype(float))
+        settings["norm"] = scale(known, settings.get("norm"), settings.get("limit"))
+    for k, sheet in enumerate(every[:MOST_SHEETS], start=1):
+        number = f"_{k}" if len(every) > 1 else ""
+        lines = outlines_in_plan(case, at[sheet.sensors], sheet)
+        for name, (values, settings) in plans.items():
+            here = values[sheet.sensors]
+            if name.startswith("undecided") and not ((here > 0) & (here < 100)).any():
+                continue
+            title = f"{case.name}: {settings['title']}{_where(sheet, k, len(every))}"
+            drawn[f"{name}{number}_plan.png"] = plots.plan(
+                here, **{**settings, **lines, "title": title, "caption": words}
+            )
+    return drawn
+
+
+def _where(sheet: Sheet, number: int, count: int) -> str:
+    """Words for a sheet of several, and for sensors that do not face up."""
+    heights = f"{sheet.low:.2f} m"
+    if sheet.high > sheet.low + 0.005:
+        heights = f"{sheet.low:.2f} to {sheet.high:.2f} m"
+    parts = [] if sheet.faces_up else ["on planes across the arrows"]
+    if count > 1:
+        parts.append(f"plan {number} of {count}, points at {heights}")
+    return "".join(f"; {part}" for part in parts)
 
 
 def monthly(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> Figure:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import textwrap
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
+from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report import tiles
-from drcmitsuba.report.style import GREY, INK, LINES, NAME
-from drcmitsuba.report.tiles import SensorTiles
+from drcmitsuba.report.sensor_marks import SensorMarks
+from drcmitsuba.report.style import GREY, INK, LINES, NAME, halo
 from drcmitsuba.runtime.errors import InputError
 
 LEGIBLE = 0.5
 """Least distance of sensors on paper [inch] at which their values are written."""
 COLUMNS = 3
 """Number of entries in a row of the legend."""
+LETTER = 0.62
+"""Width of a bold letter over its size [–]."""
+SMALLEST = 4.5
+"""Size of the smallest letters that are written on a grid [pt]."""
 
 
 def plan(
@@ -39,6 +45,7 @@ def plan(
     norm: Normalize | None = None,
     limit: float | None = None,
     limit_label: str = "limit",
+    texts: Mapping[str, str] = MappingProxyType({}),
 ) -> Figure:
     """Plan of the room with one value for each sensor in false colours, north up.
 
@@ -46,7 +53,8 @@ def plan(
     ----------
     values : DataArray (sensor,)
         Illuminance [lx], or another quantity such as a share of hours [%], with the coordinates
-        `x` and `y` [m]. NaN is left blank.
+        `x` and `y` [m]; `grid`, where there are several; `nx`, `ny`, `nz`, where not all sensors
+        face up. NaN is left blank.
     title : str
         Quantity shown, above the plan.
     caption : str
@@ -54,7 +62,7 @@ def plan(
     label : str, optional
         Text at the colour bar; the long name and units of `values` by default.
     room, furniture, surroundings : sequence of arrays (n, 2)
-        Outlines x, y [m], closed or not. Room and sensors set the picture's extent; surroundings
+        Outlines x, y [m], closed or not. Rooms and sensors set the picture's extent; surroundings
         are drawn within it.
     glazing : sequence of arrays (n, 2)
         Lines x, y [m] along the glazing.
@@ -66,6 +74,8 @@ def plan(
         sensors that count from the others, another line marks the limit on the colour bar.
     limit_label : str
         Name of the limit's line in the legend.
+    texts : mapping of str to str
+        Lines of text to write on grids, by the grid's name.
 
     Returns
     -------
@@ -78,38 +88,46 @@ def plan(
 
     Notes
     -----
-    Sensors on a rectangular grid, turned or with gaps, become tiles that end half way to the next
-    sensor; all other sensors become discs.
+    Sensors of a grid that is rectangular, turned or with gaps, become tiles that end half way to
+    the next sensor; all others become discs, and arrows along their normals where these do not
+    face up.
     """
     x, y = _positions(values)
     numbers = np.ma.masked_invalid(np.asarray(values.values, dtype=float))
-    norm = _scale(numbers, norm, limit)
-    grid = SensorTiles.of(x, y)
-    extent = tiles.around(x, y) if grid is None else grid.corners.reshape(-1, 2)
+    norm = scale(numbers, norm, limit)
+    marks = [
+        SensorMarks.of(name, sensors, values.isel(sensor=sensors))
+        for name, sensors in (sensors_by_grid(values) or {"": np.arange(len(x))}).items()
+    ]
+    extent = np.concatenate([mark.extent for mark in marks])
     lines = {
         "furniture": [_closed(outline) for outline in furniture],
         "surroundings": [_closed(outline) for outline in surroundings],
         "room": [_closed(outline) for outline in room],
         "glazing": [np.asarray(line, dtype=float) for line in glazing],
     }
-    view = _view(np.concatenate([extent, *lines["room"], *lines["glazing"]]))
+    view = _view(np.concatenate([extent, *(lines["room"] or lines["glazing"])]))
     low, high = view
     for name, kind in lines.items():
         lines[name] = [
             line for line in kind if (line.min(0) < high).all() and (line.max(0) > low).all()
         ]
     if limit is not None:
-        lines["limit"] = [] if grid is None else list(grid.boundary(numbers >= limit))
+        lines["limit"] = [edge for mark in marks for edge in mark.boundary(numbers >= limit)]
     keys = {name: LINES[name] for name, kind in lines.items() if kind}
     if limit is not None:  # the colour bar marks it, too
         keys["limit"] = LINES["limit"]
 
     figure, ax, bar = _sheet(view, title, caption, rows=-(-len(keys) // COLUMNS))
     inch = ax.get_position().width * figure.get_figwidth() / np.ptp(ax.get_xlim())
-    picture = _draw_values(ax, x, y, np.ma.clip(numbers, norm.vmin, norm.vmax), norm, grid, inch)
+    shown = np.ma.clip(numbers, norm.vmin, norm.vmax)
+    for mark in marks:
+        picture = mark.draw(ax, shown, norm, inch)
     _draw_lines(ax, lines)
     _add_legend(figure, ax, keys, limit_label)
-    if tiles.closest(x, y) * inch >= LEGIBLE:
+    if texts:
+        _write_texts(ax, marks, texts, inch)
+    elif tiles.closest(x, y) * inch >= LEGIBLE:
         _write_numbers(ax, x, y, numbers, norm)
     _add_colour_bar(figure, bar, picture, numbers, norm)
     if limit is not None:
@@ -129,7 +147,9 @@ def _positions(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
     return values["x"].values.astype(float), values["y"].values.astype(float)
 
 
-def _scale(numbers: np.ma.MaskedArray, norm: Normalize | None, limit: float | None) -> Normalize:
+def scale(
+    numbers: np.ma.MaskedArray, norm: Normalize | None = None, limit: float | None = None
+) -> Normalize:
     """Scale of the colours; default: 0 to the largest value, or to a little above a limit."""
     if norm is None:
         highest = numbers.max() if limit is None else max(float(numbers.max()), 1.1 * limit)
@@ -190,18 +210,6 @@ def _sheet(
     return figure, ax, bar
 
 
-def _draw_values(
-    ax: Axes, x: np.ndarray, y: np.ndarray, shown: np.ma.MaskedArray, norm: Normalize,
-    grid: SensorTiles | None, inch: float,
-) -> Any:  # fmt: skip
-    """Draw tiles of a grid, or discs; `inch` is the length of a metre on paper [inch]."""
-    colours: dict[str, Any] = {"cmap": "viridis", "norm": norm}
-    if grid is not None:
-        return ax.pcolormesh(*grid.corners.T, grid.grid(shown).T, **colours, rasterized=True)
-    points = 0.6 * tiles.spacing(x, y) * inch * 72
-    return ax.scatter(x, y, points**2, shown, edgecolor="white", linewidth=0.5, **colours)
-
-
 def _draw_lines(ax: Axes, lines: Mapping[str, Sequence[np.ndarray]]) -> None:
     """Draw each kind as one line with gaps: a hundred thousand desks would take minutes."""
     gap = np.full((1, 2), np.nan)
@@ -236,6 +244,27 @@ def _write_numbers(
         colour = INK if norm(numbers[i]) > 0.6 else "white"
         text = f"{numbers[i]:.{digits}f}"
         ax.text(x[i], y[i], text, color=colour, ha="center", va="center", fontsize=8)
+
+
+def _write_texts(
+    ax: Axes, marks: Sequence[SensorMarks], texts: Mapping[str, str], inch: float
+) -> None:
+    """Write a text on each grid in letters that fit into it, its last line alone in a small one.
+
+    `inch` is the length of a metre on paper [inch].
+    """
+    for mark in marks:
+        low, high = mark.extent.min(axis=0), mark.extent.max(axis=0)
+        lines = texts.get(mark.name, "").split("\n")
+        for written in (lines, lines[-1:]):
+            wide = LETTER * max(map(len, written))
+            size = 72 * inch * min((high - low)[0] / max(wide, 1), (high - low)[1] / 3)
+            if size >= SMALLEST:
+                ax.text(
+                    *mark.middle, "\n".join(written), ha="center", va="center", color=INK,
+                    fontsize=min(size, 10), weight="bold", path_effects=halo(2.4, "white"), **NAME,
+                )  # fmt: skip
+                break
 
 
 def _add_colour_bar(

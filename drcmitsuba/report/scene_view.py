@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE
+from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE, halo
 
 KINDS = {
     "surface": {"color": INK, "linewidth": 0.8},
@@ -23,6 +24,8 @@ LABELS = {"surface": "surfaces", "context": "context", "pane": "panes"}
 MOST_EDGES = 40_000
 """Largest number of edges of a kind that are drawn, the longest first."""
 SENSOR = {"marker": "o", "color": ORANGE, "linestyle": ""}
+VIEW: dict[str, Any] = {"marker": "o", "color": "#009E73", "markersize": 4}
+ARROW = {"arrowstyle": "-|>", "linewidth": 1.6}
 # The viewer stands in the south-east, 30° above: right and up on paper, from east, north, up.
 _RIGHT = np.array([1.0, 1.0, 0.0]) / np.sqrt(2)
 _UP = np.array([-0.5, 0.5, np.sqrt(1.5)]) / np.sqrt(2)
@@ -53,8 +56,9 @@ def outlines(quads: np.ndarray) -> np.ndarray:
 
 
 def scene_view(
-    drawn: Sequence[Drawn], sensors: np.ndarray, *, title: str = "", names: Sequence[str] = ()
-) -> Figure:
+    drawn: Sequence[Drawn], sensors: np.ndarray, *, title: str = "", names: Sequence[str] = (),
+    views: Mapping[str, np.ndarray] = MappingProxyType({}),
+) -> Figure:  # fmt: skip
     """Draw a scene in plan, in section from the east, and from the south-east above.
 
     Parameters
@@ -67,6 +71,8 @@ def scene_view(
         Name of the case.
     names : sequence of str
         Lines of text below the legend, such as the panes by material.
+    views : mapping of str to np.ndarray, shape (2, 3)
+        Position [m] and direction of views by their names: arrows in the plan.
 
     Returns
     -------
@@ -84,8 +90,8 @@ def scene_view(
     within = np.concatenate([*framed, sensors])
     figure = Figure(figsize=(11, 8.6))
     figure.text(0.03, 0.965, title, fontsize=12, weight="bold", va="top", **NAME)
-    plan = figure.add_axes((0.06, 0.42, 0.40, 0.48))
-    section = figure.add_axes((0.06, 0.07, 0.40, 0.28))
+    plan = figure.add_axes((0.06, 0.43, 0.40, 0.47))
+    section = figure.add_axes((0.06, 0.07, 0.40, 0.26))
     view = figure.add_axes((0.50, 0.24, 0.48, 0.66))
     east, north, up = np.eye(3)
     _panel(plan, edges, sensors, within, east, north)
@@ -97,6 +103,7 @@ def scene_view(
     view.set(title="from the south-east")
     view.set_axis_off()
     _north(plan)
+    _views(plan, views)
     _legend(figure, edges, len(sensors), names)
     return figure
 
@@ -124,11 +131,26 @@ def _panel(
 
 def _north(ax: Axes) -> None:
     """Draw the arrow to the north beside a plan."""
-    arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.6}
     ax.annotate(
-        "N", (1.06, 1.0), (1.06, 0.86), "axes fraction", arrowprops=arrow, ha="center", va="top",
-        fontsize=11, weight="bold", annotation_clip=False,
+        "N", (1.06, 1.0), (1.06, 0.86), "axes fraction", arrowprops={**ARROW, "color": INK},
+        ha="center", va="top", fontsize=11, weight="bold", annotation_clip=False,
     )  # fmt: skip
+
+
+def _views(ax: Axes, views: Mapping[str, np.ndarray]) -> None:
+    """Draw a dot, an arrow and a name for each view whose position lies in the plan."""
+    (low, high), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    long = 0.09 * max(high - low, top - bottom)
+    for name, (at, along) in views.items():
+        (x, y), (dx, dy) = at[:2], long * along[:2] / np.linalg.norm(along)
+        if not (low <= x <= high and bottom <= y <= top):
+            continue
+        ax.plot([x], [y], **VIEW)
+        ax.annotate("", (x + dx, y + dy), (x, y), arrowprops={**ARROW, "color": VIEW["color"]})
+        ax.annotate(
+            name if len(name) < 30 else f"{name[:28]}…", (x, y), (5, -3), fontsize=8, va="top",
+            textcoords="offset points", color=VIEW["color"], path_effects=halo(2, "white"), **NAME,
+        )  # fmt: skip
 
 
 def _legend(

@@ -27,16 +27,17 @@ METRICS = {"sDA": BLUE, "msDA": BLUE, "ASE": ORANGE, "MSE": ORANGE}
 """Colours of the metrics' bars and lines."""
 
 
-def _halo(linewidth: float, colour: str) -> list[withStroke]:
+def halo(linewidth: float, colour: str) -> list[withStroke]:
+    """Line of another colour around a line or text, so that it shows on any ground."""
     return [withStroke(linewidth=linewidth, foreground=colour)]
 
 
 LINES: dict[str, dict[str, Any]] = {
     "room": {"color": INK, "linewidth": 1.8, "solid_joinstyle": "miter"},
-    "furniture": {"color": "white", "linewidth": 1.0, "path_effects": _halo(2.4, INK)},
+    "furniture": {"color": "white", "linewidth": 1.0, "path_effects": halo(2.4, INK)},
     "surroundings": {"color": GREY, "linewidth": 1.2, "linestyle": (0, (4, 2))},
     "glazing": {"color": "#56B4E9", "linewidth": 4, "solid_capstyle": "butt"},
-    "limit": {"color": ORANGE, "linewidth": 2.0, "path_effects": _halo(3.6, "white")},
+    "limit": {"color": ORANGE, "linewidth": 2.0, "path_effects": halo(3.6, "white")},
 }
 """Lines of a plan by their name in the legend."""
 NAME = {"parse_math": False}  # dollars in a case's name do not begin a formula

@@ -6,18 +6,22 @@ end them; a path that leaves the model has passed a leak.
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import NamedTuple
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.sensors import AnySensors
+from drcmitsuba.model.model import Model
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.scene.geometry import origin, rotation
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.panes_of_model import panes_of_model
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.sensors import grids_of_model
 
 PATHS, BOUNCES = 1 << 15, 6
 """Number of paths, and of their rays."""
@@ -29,6 +33,15 @@ MOST_LINES = 200
 """Number of lost rays by which a leak is located."""
 
 
+class Leak(NamedTuple):
+    """Way by which the rooms of a model are open to the sky."""
+
+    share: float
+    """Share of the rays in the rooms that leave the model [–]."""
+    place: np.ndarray
+    """Point near the opening in the model's frame [m], shape (3,)."""
+
+
 def refuse_leaks(case: Case) -> None:
     """Raise InputError, with a place, where the rooms of the sensors are open without a pane.
 
@@ -36,28 +49,45 @@ def refuse_leaks(case: Case) -> None:
     """
     if not case.building.layers or case.model is None or case.model.leaks == "allow":
         return
-    points, normals = sensor_points(case)
-    start, ends, among = _lost(case, points, normals)
-    if len(start) < TIGHT * among:
+    leak = leak_of(case.building, case.sensors, case.source, mi.variant())
+    if leak is None:
         return
-    place = _place(start, ends) @ rotation(case) + origin(case)
-    where = ", ".join(f"{v:.2f}" for v in place)
-    share = 100 * len(start) / among
+    where = ", ".join(f"{v:.2f}" for v in leak.place)
     raise InputError(
-        case.source, "model", f"{share:.2g} % of the rays in its rooms leave it near ({where})",
+        case.source, "model",
+        f"{100 * leak.share:.2g} % of the rays in its rooms leave it near ({where})",
         'close the room there, draw a pane, or write leaks = "allow" in [model]',
     )  # fmt: skip
 
 
+@lru_cache(maxsize=4)
+def leak_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Leak | None:
+    """Leak of a model's rooms, those of the sensors; None where they are closed.
+
+    It is looked for once for a model and a variant of Mitsuba; errors are those of
+    `sensors.grids_of_model`.
+    """
+    grids = grids_of_model(model, sensors, source, variant)
+    low = np.min([layer.quads.min(axis=(0, 1)) for layer in model.layers], axis=0)
+    points = np.concatenate([grid.points for grid in grids]) - low
+    start, ends, among = _lost(model, low, points, np.concatenate([g.normals for g in grids]))
+    if len(start) < TIGHT * among:
+        return None
+    return Leak(len(start) / among, _place(start, ends) + low)
+
+
 def _lost(
-    case: Case, points: np.ndarray, normals: np.ndarray
+    model: Model, low: np.ndarray, points: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Starts and directions of rays that leave the model, (ray, 3) each, and the number of rays."""
-    panes, turn, quads = panes_of_model(case.building), rotation(case).T, []
-    for i, layer in enumerate(case.building.layers):
+    """Starts and directions of rays that leave the model, (ray, 3) each, and the number of rays.
+
+    Points (sensor, 3) and starts are relative to the model's lowest corner `low` [m].
+    """
+    panes, quads = panes_of_model(model), []
+    for i, layer in enumerate(model.layers):
         between = panes.polygon[(panes.layer == i) & ~panes.outside]
         quads.append(panes.quads[i][~np.isin(layer.polygon, between)])
-    corners = (np.concatenate(quads) - origin(case)) @ turn
+    corners = np.concatenate(quads) - low
     scene = mi.load_dict({"type": "scene", "all": quad_mesh("all", corners)}, optimize=False)
     lane = dr.arange(mi.UInt32, PATHS)
     sensor = lane % len(points)

@@ -17,7 +17,7 @@ from drcmitsuba.case.sky import CieTable, PerezSky, SunshineTable
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, ThreePhase
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime import storage
-from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.errors import InputError, on_a_line
 from drcmitsuba.runtime.toml import is_file
 from drcmitsuba.sky import sun_models, weather
 from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
@@ -27,6 +27,8 @@ BLOCK = 1024
 """Time stamps of L that are held at once where it is written."""
 SUN_VARIABLES = ("sun", "sun_direction", "blend_bin", "blend_weight")
 """Variables of the sun beside L on disk; an adaptive sun has no blend."""
+SAME_LATITUDE, SAME_LONGITUDE = 0.5, 1.0
+"""Largest difference between a stated place and the weather's without a remark [deg]."""
 DARK_SHARE = 0.05
 """Share of time stamps without daylight above which a remark is made."""
 
@@ -93,7 +95,7 @@ def sky_model(case: Case) -> sky.SkyModel:
     return sky.Sunshine(table.probability, seed=table.seed)
 
 
-def _weather(case: Case) -> weather.Weather:
+def weather_of(case: Case) -> weather.Weather:
     """Weather of a case: its file, a year without weather at its site, or the default."""
     if case.weather.file is not None:
         path = case.path(case.weather.file)
@@ -127,7 +129,7 @@ def daylight(case: Case) -> Daylight:
     InputError
         The weather file, the period or the time stamps are unfit, or no time stamp is left.
     """
-    w = _weather(case)
+    w = weather_of(case)
     starts = w.data["time"].values
     sun_time = w.data.attrs.get("sun_time", "middle")
     if case.period.timestamps is None:
@@ -172,8 +174,29 @@ def daylight(case: Case) -> Daylight:
     if blend is not None:
         light["blend_bin"] = (("time", "blend"), blend.bins)
         light["blend_weight"] = (("time", "blend"), blend.weights)
-    notes = (*w.notes, *_period_notes(case, light, w.step))
+    notes = (*w.notes, *place_notes(case, w.site), *_period_notes(case, light, w.step))
     return Daylight(light, sun, sources, w.step, w.source, notes)
+
+
+def place_notes(case: Case, site: weather.Site) -> tuple[str, ...]:
+    """Remarks on places that the case and its model state, where they are not the weather's."""
+    table, location = case.site, case.building.location
+    stated: list[tuple[str, float, float]] = []
+    if table is not None and case.weather.file is not None:
+        stated.append((f"[site] {table.name}", table.latitude, table.longitude))
+    if location is not None:
+        name = f"the model's place {location.name}".rstrip()
+        stated.append((name, location.latitude, location.longitude))
+    notes = []
+    for name, latitude, longitude in stated:
+        apart = abs((longitude - site.longitude + 180) % 360 - 180)
+        if abs(latitude - site.latitude) > SAME_LATITUDE or apart > SAME_LONGITUDE:
+            notes.append(
+                f"{on_a_line(name)} (latitude {latitude:g}, longitude {longitude:g}) is not the "
+                f"weather's place, {on_a_line(site.name)} (latitude {site.latitude:g}, longitude "
+                f"{site.longitude:g}), which counts"
+            )
+    return tuple(notes)
 
 
 def _period_notes(case: Case, sky: xr.Dataset, step_hours: float) -> tuple[str, ...]:

@@ -14,7 +14,17 @@ draw
 
 from drcmitsuba.metrics.intervals.draw import closures, draw
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
-from drcmitsuba.metrics.intervals.spread import Bounds, Draws, values
+from drcmitsuba.metrics.intervals.spread import Bounds, DrawnShares, Draws, values
 from drcmitsuba.metrics.intervals.sun import Closures
 
-__all__ = ["Bounds", "Closures", "Draws", "Rules", "closures", "draw", "t_factor", "values"]
+__all__ = [
+    "Bounds",
+    "Closures",
+    "DrawnShares",
+    "Draws",
+    "Rules",
+    "closures",
+    "draw",
+    "t_factor",
+    "values",
+]

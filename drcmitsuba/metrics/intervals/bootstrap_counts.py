@@ -1,4 +1,4 @@
-"""Counting the sensors that pass, in every draw; most are the same in all draws."""
+"""Counting the sensors that pass, by grid, in every draw; most are the same in all draws."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ class Needed:
     month: np.ndarray
     monthly: np.ndarray
     yearly: int
+    grid: np.ndarray
+    """Index of the grid that each sensor counts for, shape (sensor,)."""
 
     @property
     def empty(self) -> np.ndarray:
@@ -31,14 +33,17 @@ class Needed:
 
 
 class BootstrapCounts:
-    """Counts, for every draw, the sensors that pass; most are the same in all draws."""
+    """Counts, for every draw and grid, the sensors that pass; most are the same in all draws."""
 
     def __init__(self, needed: Needed, sure: np.ndarray, doubtful: np.ndarray) -> None:
         """Begin with the certain entries and the number of doubtful ones, (sensor, month)."""
         self.needed, self.sure = needed, sure
         of_year = sure.sum(axis=1)
-        self.monthly = np.repeat((sure >= needed.monthly).sum(axis=0)[:, None], DRAWS, axis=1)
-        self.yearly = np.full(DRAWS, (of_year >= needed.yearly).sum())
+        self.sizes = np.bincount(needed.grid)
+        counts = np.zeros((len(self.sizes), 13), np.int32)  # the last column is the period's
+        passes = np.column_stack([sure >= needed.monthly, of_year >= needed.yearly])
+        np.add.at(counts, needed.grid, passes)
+        self.counts = np.repeat(counts[..., None], DRAWS, axis=2)
         self.passing = (of_year >= needed.yearly).astype(float)
         self.hours = np.zeros(len(needed.month), np.int64)
         self.open_months = (sure < needed.monthly) & (sure + doubtful >= needed.monthly)
@@ -69,17 +74,19 @@ class BootstrapCounts:
             )
         # An open month or year began as not passed.
         of_month = self.open_months[sensor]
-        self.monthly[of_month] += counts[of_month] >= self.needed.monthly[of_month][:, None]
+        of_grid = self.counts[self.needed.grid[sensor]]
+        of_grid[:12][of_month] += counts[of_month] >= self.needed.monthly[of_month][:, None]
         if self.open_year[sensor]:
             passes = counts.sum(axis=0) >= self.needed.yearly
-            self.yearly += passes
+            of_grid[12] += passes
             p = self.passing[sensor] = passes.mean()
             if TAIL < p < 1 - TAIL:
                 q = passed.mean(axis=1)
                 self.hours[time] += (q > TAIL) & (q < 1 - TAIL)
 
-    def shares(self) -> tuple[np.ndarray, np.ndarray]:
-        """Shares of the sensors [%]: of the year (draw,), by month (month, draw)."""
-        monthly = 100.0 * self.monthly / len(self.sure)
-        monthly[self.needed.empty] = np.nan
-        return 100.0 * self.yearly / len(self.sure), monthly
+    def shares(self, grid: int | slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of all or a grid's sensors [%]: of the year (draw,), by month (month, draw)."""
+        counts = self.counts[grid].reshape(-1, 13, DRAWS).sum(axis=0)
+        shares = 100.0 * counts / self.sizes[grid].sum()
+        shares[:12][self.needed.empty] = np.nan
+        return shares[12], shares[:12]

@@ -11,10 +11,11 @@ from drcmitsuba import metrics
 from drcmitsuba.metrics import Interval, accumulate
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import sun_group
+from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
-from drcmitsuba.metrics.intervals.spread import Draws
+from drcmitsuba.metrics.intervals.spread import DrawnShares, Draws
 from drcmitsuba.metrics.intervals.sun import Closures, SunDraws, draw_closures, draw_sun
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import luminance, mean_and_error
@@ -67,14 +68,18 @@ def draw(
     month = metrics.months(E["total"]) - 1
     stamps = np.bincount(month, minlength=12)
     of_ase = [metrics.exposure_stamps(t.ase_hours, rules.step_hours, n, len(mean)) for n in stamps]
-    exposure = _exposure(
-        mean, sun, t.ase_threshold,
-        Needed(month, np.array(of_ase), metrics.exposure_stamps(t.ase_hours, rules.step_hours)),
-    )  # fmt: skip
+    grids = sensors_by_grid(illuminance)
+    grid = np.zeros(mean.shape[1], np.int64)
+    for i, sensors in enumerate(grids.values()):
+        grid[sensors] = i
+    hours = metrics.exposure_stamps(t.ase_hours, rules.step_hours)
+    needed = Needed(month, np.array(of_ase), hours, grid)
+    exposure = _exposure(mean, sun, t.ase_threshold, needed)
     by_luminance = coefficients.map(luminance)
     drawn = multipliers(coefficients.open.sizes["replicate"], seed)
     of_sda = [metrics.autonomy_stamps(t.sda_fraction, n) for n in stamps]
-    needed = Needed(month, np.array(of_sda), metrics.autonomy_stamps(t.sda_fraction, len(mean)))
+    hours = metrics.autonomy_stamps(t.sda_fraction, len(mean))
+    needed = Needed(month, np.array(of_sda), hours, grid)
     states = _states(by_luminance, sky, E, shut)
     autonomy = draw_autonomy(states, shut, t.sda_threshold, needed, drawn)
     (sda, msda), (ase, mse) = autonomy.shares(), exposure.shares()
@@ -86,7 +91,14 @@ def draw(
         {"sDA": autonomy.hours, "ASE": exposure.hours},
         _mean_illuminance(by_luminance, sky, shut),
         dict(zip(shut.states, shut.possible, strict=True)),
+        {name: _shares(autonomy, exposure, i) for i, name in enumerate(grids)},
     )
+
+
+def _shares(autonomy: BootstrapCounts, exposure: BootstrapCounts, grid: int) -> DrawnShares:
+    """Draws of the metrics of one grid."""
+    (sda, msda), (ase, mse) = autonomy.shares(grid), exposure.shares(grid)
+    return DrawnShares({"sDA": sda, "ASE": ase}, {"msDA": msda, "MSE": mse})
 
 
 def _mean_illuminance(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> Interval:

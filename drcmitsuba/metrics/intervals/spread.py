@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,22 +18,14 @@ from drcmitsuba.schema import luminance
 
 
 @dataclass(frozen=True)
-class Draws:
-    """Draws of the metrics [%], and how likely each sensor passes."""
+class DrawnShares:
+    """Draws of the metrics of some sensors [%]."""
 
     annual: dict[str, np.ndarray]
-    """`sDA`, `ASE`, `shade_closed`, shape (draw,)."""
+    """`sDA`, `ASE`, and of all sensors `shade_closed`, shape (draw,)."""
     monthly: dict[str, np.ndarray]
-    """`msDA`, `MSE`, `shade_closed_monthly`, January first, shape (month, draw); NaN for a month
-    without hours."""
-    passing: dict[str, np.ndarray]
-    """`sDA`, `ASE`, shape (sensor,): share of the draws in which a sensor counts, 0 to 1."""
-    hours: dict[str, np.ndarray]
-    """`sDA`, `ASE`, shape (time,): at how many of the undecided sensors an hour is in doubt."""
-    mean_illuminance: Interval
-    """Mean over all hours and sensors, shade applied [lx]."""
-    possible: Mapping[State, np.ndarray]
-    """Time stamps at which the façade takes each state in some draw, shape (time,)."""
+    """`msDA`, `MSE`, and of all sensors `shade_closed_monthly`, January first, shape (month, draw);
+    NaN for a month without hours."""
 
     def interval(self, name: str, value: float, month: int | None = None) -> Interval:
         """95 % interval of a metric, which always holds its value.
@@ -52,6 +44,22 @@ class Draws:
         if name in ("sDA", "msDA"):
             ends += [2 * value - end for end in ends]
         return Interval(value, max(0.0, min(value, *ends)), min(100.0, max(value, *ends)))
+
+
+@dataclass(frozen=True)
+class Draws(DrawnShares):
+    """Draws of the metrics of all sensors [%], and how likely each sensor passes."""
+
+    passing: dict[str, np.ndarray]
+    """`sDA`, `ASE`, shape (sensor,): share of the draws in which a sensor counts, 0 to 1."""
+    hours: dict[str, np.ndarray]
+    """`sDA`, `ASE`, shape (time,): at how many of the undecided sensors an hour is in doubt."""
+    mean_illuminance: Interval
+    """Mean over all hours and sensors, shade applied [lx]."""
+    possible: Mapping[State, np.ndarray]
+    """Time stamps at which the façade takes each state in some draw, shape (time,)."""
+    grids: dict[str, DrawnShares] = field(default_factory=dict)
+    """The same draws of `sDA`, `ASE`, `msDA` and `MSE` for the sensors of each grid."""
 
     def undecided(self, metric: str) -> np.ndarray:
         """Sensors whose passing is too close to call: 2.5 % < probability < 97.5 %."""

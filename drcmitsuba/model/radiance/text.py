@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
+from drcmitsuba.model import source_file
 from drcmitsuba.runtime.errors import InputError
 
 MOST_NUMBERS = 30_000
@@ -66,17 +67,7 @@ def read_bytes(path: Path, most: int) -> bytes:
     InputError
         The file is missing, a device, too large, or holds bytes that are no text.
     """
-    remedy = "check the path and its rights"
-    if sought(path.name, [path.parent]) is None:  # a device would never end
-        raise InputError(path, "file", "no such file", remedy)
-    try:
-        with path.open("rb") as stream:
-            text = stream.read(most + 1)
-    except OSError as error:
-        raise InputError(path, "file", str(error.strerror), remedy) from None
-    if len(text) > most:
-        got = f"more than {most >> 20} MB with the files before it"
-        raise InputError(path, "size", got, "leave out what no daylight meets")
+    text = source_file.read_bytes(path, most)
     text = text.removeprefix(b"\xef\xbb\xbf").removesuffix(b"\x1a")
     if strange := _NO_TEXT.search(text):
         line = text.count(b"\n", 0, strange.start()) + 1

@@ -1,9 +1,11 @@
 """Views of `.vf` files and sensors of `.pts` files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from drcmitsuba.model.model import View
+from drcmitsuba.model.model import Model, View
 from drcmitsuba.model.radiance import read_points, read_views
 from drcmitsuba.runtime.errors import InputError
 
@@ -82,3 +84,12 @@ def test_unfit_sensors_are_refused_in_one_line(text, complaint, tmp_path):
     assert complaint in str(error.value)
     with pytest.raises(InputError, match="no such file"):
         read_points(tmp_path / "gone.pts")
+
+
+def test_views_are_scaled_with_the_model_and_angles_are_not():
+    eye = View("eye", "v", (1.0, 2.0, 3.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (60.0, 40.0))
+    plan = replace(eye, kind="l")
+    scaled = Model(views=(eye, plan)).scaled(0.5).views
+    assert [view.position for view in scaled] == [(0.5, 1.0, 1.5)] * 2
+    assert [view.angles for view in scaled] == [(60.0, 40.0), (30.0, 20.0)]
+    assert scaled[0].direction == eye.direction

@@ -92,7 +92,7 @@ def test_grids_above_floors_keep_the_margin_of_walls_and_columns():
         ({"floors": ["flor"]}, 'sensors.floors: no surface has the material "flor"; did you mean'),
         ({"floors": ["walls"]}, "walls has no level polygon"),
         ({"floors": ["floor"], "margin": 3.0}, "leaves no floor; take a smaller margin"),
-        ({"floors": ["floor"], "spacing": 0.001}, "points above one floor"),
+        ({"floors": ["floor"], "spacing": 0.001}, "points above the floors"),
         ({"grids": ["desk"]}, 'sensors.grids: the model has no grid "desk"'),
     ],
 )

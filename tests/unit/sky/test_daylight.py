@@ -3,7 +3,9 @@
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.model.model import Location, Model
+from drcmitsuba.sky.daylight import daylight, place_notes
+from drcmitsuba.sky.weather import Site
 
 
 def notes_of(**period):
@@ -33,3 +35,24 @@ def test_own_time_stamps_are_no_year(tmp_path):
     year, dark = notes_of(timestamps=tmp_path / "stamps.csv")
     assert year.startswith("the period is 2 time stamps, no year")
     assert dark == "1 of 2 time stamps have no daylight; sDA and msDA count them"
+
+
+DENVER = Site("Denver", 39.76, -104.86, -7, 1600)
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "count"),
+    [(39.76, -104.86, 0), (40.2, -104.0, 0), (40.4, -104.86, 1), (39.76, 104.86, 1)],
+)
+def test_a_place_that_is_not_the_weathers_is_remarked_upon(latitude, longitude, count):
+    case = Case.model_validate({"sensors": {"corner": (0, 0, 1), "count": (2, 2)}})
+    case._building = Model(location=Location(latitude, longitude, "Site A"))
+    notes = place_notes(case, DENVER)
+    assert len(notes) == count
+    assert all("Site A" in note and "Denver" in note for note in notes)
+
+
+def test_places_across_the_date_line_are_near():
+    case = Case.model_validate({"sensors": {"corner": (0, 0, 1), "count": (2, 2)}})
+    case._building = Model(location=Location(-17.0, 179.8))
+    assert place_notes(case, Site("Taveuni", -17.0, -179.8, 12, 0)) == ()

@@ -1,0 +1,40 @@
+"""Grids of sensors: which sensors are counted together, beside the count of all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from drcmitsuba.case.sensors import MOST_GRIDS
+from drcmitsuba.runtime.errors import InputError
+
+
+def sensors_by_grid(illuminance: xr.Dataset | xr.DataArray) -> dict[str, np.ndarray]:
+    """Indices of the sensors of each grid, by the coordinate `grid` (sensor,).
+
+    Parameters
+    ----------
+    illuminance : xr.Dataset or DataArray
+        Array with the dim `sensor`.
+
+    Returns
+    -------
+    dict of str to np.ndarray of int
+        Grids in the order of their first sensors; empty where there is no such coordinate.
+
+    Raises
+    ------
+    InputError
+        There are more than 2000 grids.
+    """
+    if "grid" not in illuminance.coords:
+        return {}
+    named = np.array([*map(str, illuminance["grid"].values)], dtype=object)
+    number, names = pd.factorize(named)
+    if len(names) > MOST_GRIDS:
+        got = f"{len(names)} grids"
+        raise InputError("illuminance", "grid", got, f"give at most {MOST_GRIDS}")
+    order = np.argsort(number, kind="stable")
+    parts = np.split(order, np.searchsorted(number[order], np.arange(1, len(names))))
+    return dict(zip(names.tolist(), parts, strict=True))
