@@ -8,6 +8,8 @@ sky, weather, period
     Luminances L of the sky and the suns.
 coefficients, accumulate
     C = D + G·D and E = C·L.
+group_coefficients
+    C by group of panes and state, for E of any states, hour by hour.
 bsdf, goniophotometer, design, report, ...
     The other rooms of the package, imported when they are first asked for.
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from drcmitsuba import metrics as metrics
     from drcmitsuba import schema as schema
     from drcmitsuba import sky as sky
+    from drcmitsuba.annual.group_coefficients import group_coefficients as group_coefficients
     from drcmitsuba.annual.result import Result as Result
     from drcmitsuba.annual.result import evaluate as evaluate
     from drcmitsuba.case.case import Case as Case
@@ -46,6 +49,7 @@ _NAMES = {
     "backend": "runtime.backend",
     "coefficients": "transport.coefficients",
     "evaluate": "annual.result:evaluate",
+    "group_coefficients": "annual.group_coefficients:group_coefficients",
     "load_case": "case.case:load_case",
     "period": "sky.period",
     "shipped_cases": "case.shipped:shipped_cases",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,18 @@ def usual_sensors(source: str, building: Model) -> AnySensors:
         remedy = "name the floors in a case file: [sensors] floors = [...], [model] files = [...]"
         raise InputError(source, "sensors", got, remedy)
     return FloorSensors(floors=floors)
+
+
+def notes_on_groups(building: Model, groups: Collection[str]) -> list[str]:
+    """Note the groups of a model with several states that the case leaves in the first one."""
+    states: dict[str, int] = {}
+    for layer in building.layers:
+        if layer.group not in groups and len(layer.states) > 1:
+            states[layer.group] = max(states.get(layer.group, 0), len(layer.states))
+    if not states:
+        return []
+    names = ", ".join(f"{name} ({count} states)" for name, count in states.items())
+    return [f"groups of the model stay in their first state without a table [groups.NAME]: {names}"]
 
 
 def words(material: SurfaceMaterial) -> str:

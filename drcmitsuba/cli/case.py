@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> None:
     """Draw a scene before it is simulated; of a model alone, write the case file to edit."""
     from drcmitsuba.case.model import ENDINGS
-    from drcmitsuba.case.model_case import case_text, listing, views_listing
+    from drcmitsuba.case.model_case import (
+        case_text,
+        listing,
+        notes_on_groups,
+        views_listing,
+    )
     from drcmitsuba.report import style
     from drcmitsuba.report.scene_view import scene_view
     from drcmitsuba.runtime import backend, storage
@@ -30,7 +35,8 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     backend.select()
     points, _ = sensor_points(loaded)
     drawn, panes = _drawn(loaded)
-    remarks = (*loaded.building.notes, *_place_notes(loaded))
+    of_groups = notes_on_groups(loaded.building, loaded.groups)
+    remarks = (*loaded.building.notes, *of_groups, *_place_notes(loaded))
     views = _views(loaded)
     figure = scene_view(drawn, points, title=loaded.name, names=panes, views=views)
     target = output / f"{Path(case).stem}.toml"
@@ -105,7 +111,28 @@ def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
             size[name] = size.get(name, 0.0) + float(areas(surface.quads).sum())
     sides = used(case)
     panes = [f"{n}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for n, a in size.items()]
-    return drawn, panes
+    return drawn, [*panes, *_groups_listing(case)]
+
+
+def _groups_listing(case: Case) -> list[str]:
+    """One line for each group of panes, where there are several or with several states."""
+    from drcmitsuba.case.groups import OTHERS
+    from drcmitsuba.model.model import areas
+    from drcmitsuba.scene.pane_groups import PaneGroups
+    from drcmitsuba.scene.surfaces import grouped_panes
+
+    groups = PaneGroups.of(case)
+    if len(groups) < 2 and not case.groups:
+        return []
+    size = dict.fromkeys(range(len(groups)), 0.0)
+    for panes in grouped_panes(case):
+        size[panes.group] += float(areas(panes.quads).sum())
+    names = zip(groups.states.names, groups.states.states, strict=True)
+    return [
+        f"group {name}: {size[g]:.2f} m², {', '.join(states)}"
+        for g, (name, states) in enumerate(names)
+        if name != OTHERS
+    ]
 
 
 def _name(case: Case, surface: str) -> str:

@@ -30,7 +30,7 @@ def metrics_tables(numbers: dict, title: str) -> list[Table]:
     from drcmitsuba.report.captions import period_name
 
     settings = numbers.get("settings", {})
-    has_shade = "shading" in settings or not settings
+    has_shade = bool("shading" in settings or settings.get("groups") or not settings)
     labels = {"sDA": "sDA", "ASE": "ASE"} | ({"shade_closed": "shade closed"} if has_shade else {})
     whole = Table(title=escape(title), title_justify="left")
     whole.add_column(period_name(PeriodTable(**settings.get("period", {}))))
@@ -43,7 +43,19 @@ def metrics_tables(numbers: dict, title: str) -> list[Table]:
     rows = zip(*(numbers[name] for name in monthly), strict=True)
     for month, row in enumerate(rows, start=1):
         months.add_row(str(month), *(percent(value) for value in row))
-    return [whole, months, *_grids_table(numbers)]
+    return [whole, months, *_groups_table(numbers), *_grids_table(numbers)]
+
+
+def _groups_table(numbers: dict) -> list[Table]:
+    """Table with a row for each group of panes; none where all panes close together."""
+    groups = numbers.get("groups", {})
+    if not groups:
+        return []
+    table = Table("group of panes", "state: % of the hours")
+    for name, shares in groups.items():
+        states = ", ".join(f"{on_a_line(state)} {share:.1f}" for state, share in shares.items())
+        table.add_row(escape(on_a_line(name)), escape(states))
+    return [table]
 
 
 def _grids_table(numbers: dict) -> list[Table]:

@@ -201,7 +201,9 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
         `shade_closed_monthly`: 12 of these or None; with draws `undecided`: the sensors that pass
         in more than 2.5 and less than 97.5 % of them; `grids`, where E has a coordinate `grid`:
         `sDA`, `ASE`, `msDA`, `MSE` and the number of `sensors` of each grid, by its name. The shade
-        closes by the sensors of all grids together.
+        closes by the sensors of all grids together. `groups`, where panes close one by one: the
+        share of the time stamps in each state [%], by group and state; `shade_closed` is the mean
+        of the groups.
     """
     spread = Bounds.of(illuminance, rules) if draws is None else draws
     annual, monthly = values(illuminance, rules)
@@ -211,6 +213,8 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     }
     if draws is not None:
         numbers["undecided"] = _undecided(illuminance, draws)
+    if "facade_state" in illuminance.coords:
+        numbers["groups"] = shares_of_states(illuminance, rules)
     if grids := sensors_by_grid(illuminance):
         numbers["grids"] = {
             name: _of_grid(
@@ -221,6 +225,16 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
             for name, sensors in grids.items()
         }
     return numbers
+
+
+def shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:
+    """Share of the time stamps in each state of every group that has several [%]."""
+    taken, groups = illuminance["facade_state"].transpose("time", "group").values, rules.groups
+    return {
+        name: {s: 100 * float((taken[:, g] == i).mean()) for i, s in enumerate(states)}
+        for g, (name, states) in enumerate(zip(groups.names, groups.states, strict=True))
+        if len(states) > 1
+    }
 
 
 def _of_grid(illuminance: xr.Dataset, rules: Rules, drawn: DrawnShares | None) -> dict[str, Any]:

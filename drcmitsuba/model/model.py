@@ -162,16 +162,10 @@ def joined(models: Sequence[Model]) -> Model:
 
 
 def in_first_state(model: Model) -> Model:
-    """Put every group into its first state, with a note on groups that have others."""
-    layers, groups = [], dict[str, int]()
+    """Add the surfaces that stand in the first state of every group."""
+    layers: list[Layer] = []
     for layer in model.layers:
         layers.append(layer)
         if layer.states:
             layers += [replace(s, stands_in=layer.group) for s in layer.states[0].shades]
-            groups[layer.group] = max(groups.get(layer.group, 0), len(layer.states))
-    several = [f"{name} ({count})" for name, count in groups.items() if count > 1]
-    notes = model.notes
-    if several:
-        text = f"The first state is simulated of groups with several states: {', '.join(several)}."
-        notes = (*notes, text)
-    return replace(model, layers=tuple(layers), notes=notes)
+    return replace(model, layers=tuple(layers))

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.scene.materials import film
@@ -57,7 +58,8 @@ def shade_notes(case: Case) -> list[str]:
 
 def notes(case: Case) -> list[str]:
     """Notes on the model, on the shade, and on films whose BSDF was scaled down."""
-    remarks = [*case.building.notes, *shade_notes(case)]
+    of_groups = notes_on_groups(case.building, case.groups)
+    remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)
         if measured.largest_albedo > 1:

@@ -190,6 +190,8 @@ class Cells:
 
     def blocks(self, edge: int) -> tuple[mi.UInt32, int]:
         """Block of every cell, `edge` cells along each edge, and the number of blocks."""
+        if self.count == 0:
+            return mi.UInt32(), 0
         key = dr.compress(self.index != _UNKNOWN)
         nx, ny, _ = self.grid.count
         facing, cube = key % 6, key // 6

@@ -114,7 +114,7 @@ def gather(
     """
     if scene.effects.depth == 0:
         number, value = mi.UInt32(), mi.Float()
-        return Vertices(number, value, number, number, value, value)
+        return Vertices(number, value, number, number, value, value, number)
     lanes = replicates * len(points) * paths
     capacity = int(bounces * lanes)
     while True:

@@ -84,7 +84,8 @@ class Gathered:
         for here in blocks:
             vertices = trace(here)
             if len(vertices) == 0:
-                kept[here.start] = Met(vertices.row, vertices.row, vertices.weight)
+                number = vertices.row
+                kept[here.start] = Met(number, number, vertices.weight, number)
                 continue
             cells = cells.extended(vertices)
             cell = cells.of(vertices)

@@ -121,7 +121,7 @@ def compute(
     }
     deposits = [_deposit(case, source, points, normals, accuracy) for source in sources]
     for r in range(accuracy.replicates):
-        matrix = paths.matrix(r)
+        matrix = paths.matrix(r) if gathered.cells.count else None
         for i, (source, (base, photons)) in enumerate(zip(sources, deposits, strict=True)):
             light = lights[source.element]
             _fill(light, r, base, photons, gathered, matrix, points, normals)
@@ -200,14 +200,14 @@ def _deposit(
 
 def _fill(
     light: ElementLight, r: int, base: Deposit, photons: PhotonTracer | None, gathered: Gathered,
-    matrix: mi.TensorXf, points: np.ndarray, normals: np.ndarray,
+    matrix: mi.TensorXf | None, points: np.ndarray, normals: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write one replicate of an element's light."""
+    """Write one replicate of an element's light; without cells there is no matrix."""
     replicate = Replicate(r, base.lit(r))
     if photons is not None:
         seed = launch_seed(base.accuracy.seed, Stream.PHOTONS, r)
         replicate.landed = photons.traced(seed, lambda share: None)
-    if gathered.cells.count:
+    if matrix is not None:
         replicate.meet(gathered.drawn[r], gathered.cells.keys)
         assert replicate.cells is not None
         whole = np.concatenate([(matrix @ part).numpy() for part in replicate.cells], axis=1)

@@ -1,0 +1,116 @@
+"""A basis of groups of panes against simulations of single states of the façade."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.transport import coefficients, group_basis
+from tests.unit.transport.exact_scenes import CLOTH, GLASS, OPAL, OPPOSITE, SUNS
+
+ROOM = {
+    "room": {"size": [3.0, 4.0, 3.0], "floor": 0.3, "walls": 0.6, "ceiling": 0.8},
+    "facade": {
+        "south": {"strips": [{"bottom": 0.9, "top": 2.7, "material": "glass"}]},
+        "east": {
+            "strips": [
+                {"bottom": 0.9, "top": 1.9, "material": "glass"},
+                {"bottom": 1.9, "top": 2.7, "material": "opal"},
+            ]
+        },
+    },
+    "materials": {"glass": GLASS, "opal": OPAL, "cloth": CLOTH},
+    "groups": {
+        "south": {"panes": ["glass"], "facing": "south", "states": ["opal", "cloth"]},
+        "east": {"panes": ["glass"], "facing": "east", "states": ["cloth"]},
+    },
+    "sensors": {"corner": [0.5, 0.6, 0.8], "count": [3, 3], "spacing": 0.9},
+}
+ACCURACY = {"replicates": 12, "paths": 256, "cell_size": 0.3, "sensor_sky_rays": 1024,
+            "cell_sky_rays": 64, "pane_points": 64}  # fmt: skip
+
+
+def case(**tables):
+    return Case.model_validate({**ROOM, "accuracy": ACCURACY, **tables})
+
+
+def basis_of(case):
+    return group_basis.compute(case, SUNS, case.accuracy, ALL_EFFECTS)
+
+
+def direct(case, state):
+    """Replicates of C by a simulation of one state, with other random numbers."""
+    accuracy = Accuracy(**{**ACCURACY, "seed": 77})
+    return coefficients.compute(scenes.load(case, state), *sensor_points(case), SUNS, accuracy)[
+        "replicates"
+    ].values
+
+
+@pytest.fixture(scope="module")
+def with_house():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    one = case(furniture=[OPPOSITE])
+    return one, basis_of(one)
+
+
+@pytest.mark.parametrize("state", ["open", "cloth/open/open", "opal/cloth/open", "open/cloth/open"])
+def test_any_state_has_its_coefficients(with_house, same, state):
+    """Glass mirrors, cloth and milk glass throw light back, and a house stands opposite."""
+    one, basis = with_house
+    ours = basis.coefficients(state)["replicates"].values
+    same(ours, other=direct(one, state), within=0.01)
+
+
+def test_a_year_is_the_sum_of_its_hours(with_house):
+    """E hour by hour is C of the hour's state times L: two ways through the same paths."""
+    _, basis = with_house
+    rng = np.random.default_rng(4)
+    indices = rng.integers(0, [3, 2, 1], (30, 3))
+    L = csr_matrix(rng.random((30, len(basis.labels))).astype(np.float32))
+    expected = np.empty((basis.replicates, 30, len(basis.positions)))
+    for t, of_groups in enumerate(indices):
+        C = basis.coefficients(basis.groups.label(of_groups))["replicates"].values
+        expected[:, t] = C @ L[[t]].toarray()[0]
+    for r, E in enumerate(basis.illuminance(L, indices)):
+        np.testing.assert_allclose(E, expected[r], rtol=2e-5)
+
+
+def test_black_rooms_have_straight_light_only():
+    """Without reflection the sum of the groups is the whole to rounding: the rays are the same."""
+    black = {"size": [3.0, 4.0, 3.0], "floor": 0.0, "walls": 0.0, "ceiling": 0.0}
+    clear = {"type": "glazing", "transmittance": 0.65}
+    one = case(room=black, materials={"glass": clear, "opal": clear, "cloth": clear})
+    basis = basis_of(one)
+    whole = coefficients.compute(scenes.load(one), *sensor_points(one), SUNS, one.accuracy)[
+        "replicates"
+    ].values
+    ours = basis.coefficients("open")["replicates"].values
+    np.testing.assert_allclose(ours, whole, rtol=1e-5, atol=1e-7 * whole.max())
+    assert len(basis.marked.row) == 0
+
+
+def test_blocked_groups_let_nothing_in():
+    one = case()
+    blocked = scenes.load(one, "(blocked)/(blocked)/(blocked)")
+    C = coefficients.compute(blocked, *sensor_points(one), SUNS, one.accuracy)
+    assert not C["replicates"].values.any()
+    basis = basis_of(one)
+    assert not basis.besides.total.any()
+    assert not basis.besides.blocks.any()
+
+
+def test_a_basis_needs_groups():
+    with pytest.raises(InputError, match="groups: there is none"):
+        basis_of(case(groups={}))
+
+
+def test_a_basis_beyond_memory_is_refused(monkeypatch):
+    monkeypatch.setattr("drcmitsuba.transport.group_basis.simulate.MOST_BYTES", 1 << 20)
+    with pytest.raises(InputError, match="groups: 0 GiB of coefficients by group and state"):
+        basis_of(case())
