@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import json
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,14 +36,11 @@ class Schedule:
         """Read the attribute `schedule` of C or E; an empty schedule without it."""
         try:
             table = json.loads(attributes.get("schedule", "{}"))
-            of_group = {int(k): np.array(v, np.int16) for k, v in table.items()}
+            of_group = {int(k): _unpacked(v) for k, v in table.items()}
             fits = all(
-                k < len(groups)
-                and v.shape == (HOURS,)
-                and 0 <= v.min() <= v.max() <= groups.last[k]
-                for k, v in of_group.items()
+                v.shape == (HOURS,) and v.max() <= groups.last[k] for k, v in of_group.items()
             )
-        except (ValueError, TypeError, AttributeError, OverflowError, IndexError):
+        except (ValueError, TypeError, AttributeError, IndexError, zlib.error):
             fits = False
         if not fits:
             got = "no state for every hour of the year"
@@ -49,9 +48,12 @@ class Schedule:
         return cls(of_group, len(groups))
 
     def attributes(self) -> dict[str, str]:
-        """Attribute `schedule`; none without scheduled groups."""
-        table = {str(k): v.tolist() for k, v in self.of_group.items()}
-        return {"schedule": json.dumps(table, separators=(",", ":"))} if table else {}
+        """Attribute `schedule`, compressed for files; none without scheduled groups."""
+        table = {
+            str(k): base64.b64encode(zlib.compress(v.astype(np.uint8).tobytes())).decode()
+            for k, v in self.of_group.items()
+        }
+        return {"schedule": json.dumps(table)} if table else {}
 
     @property
     def given(self) -> np.ndarray:
@@ -70,6 +72,12 @@ class Schedule:
         for group, states in self.of_group.items():
             out[:, group] = states[hour]
         return out
+
+
+def _unpacked(text: str) -> np.ndarray:
+    """States of a group from the attribute; a longer text than any year has is cut off."""
+    packed = base64.b64decode(text, validate=True)
+    return np.frombuffer(zlib.decompressobj().decompress(packed, HOURS + 1), np.uint8)
 
 
 _FIRST_DAY = np.cumsum([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30])

@@ -23,7 +23,7 @@ def sky(case: CaseName, output: Output = Path("results"), weather: Weather = Non
 
 
 def coefficients(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
-    """Compute the coefficients C of both states of the shade: coefficients.zarr.
+    """Compute the coefficients C of all states of the façade: coefficients.zarr.
 
     The coefficients hold every sun above the horizon, whether it shines in this weather or not.
     """

@@ -6,6 +6,7 @@ blocks of cells is enough for them, since they carry some per cent of the light.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -15,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.transport.cells import Cells
-from drcmitsuba.transport.gather_blocks import Gathered
+from drcmitsuba.transport.gather_blocks import Gathered, Met
 
 BLOCK = 3
 """Cells along an edge of the blocks that give D to marked paths."""
@@ -57,6 +58,13 @@ class MarkedPaths:
         """Cells that the paths meet."""
         return self.gathered.cells
 
+    def _met(self) -> Iterator[tuple[slice, Met]]:
+        """Vertices of every block of sensors that has any."""
+        for here in self.gathered.blocks:
+            met = self.gathered.met(here)
+            if len(met):
+                yield here, met
+
     @cached_property
     def _blocks(self) -> tuple[mi.UInt32, int]:
         return self.cells.blocks(BLOCK)
@@ -71,8 +79,7 @@ class MarkedPaths:
         """Share of a cell in its block: in the visits of its block by marked paths."""
         block, blocks = self._blocks
         visits = dr.zeros(mi.Float64, self.cells.count)
-        for here in self.gathered.blocks:
-            met = self.gathered.met(here)
+        for _, met in self._met():
             dr.scatter_add(visits, mi.Float64(met.weight), met.cell, met.mark > 0)
             dr.eval(visits)
         of_block = dr.zeros(mi.Float64, blocks)
@@ -84,8 +91,8 @@ class MarkedPaths:
         """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
         count, (block, blocks) = dr.opaque(mi.UInt32, self.cells.count), self._blocks
         out = dr.zeros(mi.Float64, (self.sensors + blocks) * self.cells.count)
-        for here in self.gathered.blocks:
-            met, few = self.gathered.met(here), dr.opaque(mi.UInt32, here.stop - here.start)
+        for here, met in self._met():
+            few = dr.opaque(mi.UInt32, here.stop - here.start)
             replicate, sensor = met.row // few, met.row % few + dr.opaque(mi.UInt32, here.start)
             mine = (replicate // self.draws == dr.opaque(mi.UInt32, result)) & (met.mark == 0)
             weight = mi.Float64(met.weight / self.draws)
@@ -99,9 +106,10 @@ class MarkedPaths:
 
     def marked(self) -> MarkedVertices:
         """Vertices of the paths with marks."""
-        parts = []
-        for here in self.gathered.blocks:
-            met, few = self.gathered.met(here), here.stop - here.start
+        none = np.zeros(0, np.uint32)
+        parts = [MarkedVertices(none, none, none, np.zeros(0, np.float32))]
+        for here, met in self._met():
+            few = here.stop - here.start
             at = dr.compress(met.mark > 0)
             row = dr.gather(mi.UInt32, met.row, at).numpy()
             result, sensor = row // few // self.draws, row % few + here.start

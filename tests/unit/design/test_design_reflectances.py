@@ -300,7 +300,7 @@ def test_counts_stay_where_they_are_full():
     hits = Hits([None, *scene.shapes(), *[None] * 6])
     mark = mi.UInt32(0)
     for n in range(1, 20):
-        _, mark, factor, is_cell = hits.meet(si, mark, mi.Float(0.5))
+        _, mark, factor, is_cell, _ = hits.meet(si, mark, mi.Float(0.5))
         assert mark[0] == min(n, 15) << 4
         assert factor[0] == 1
         assert is_cell[0]

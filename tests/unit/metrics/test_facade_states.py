@@ -76,7 +76,8 @@ def test_attributes_hold_groups_and_schedules():
     read = Schedule.of_attributes(attributes, GROUPS)
     np.testing.assert_array_equal(read.of_group[1], schedule.of_group[1])
     assert GroupStates.of_shade().attributes() == {}
-    for damaged in ('{"1": [0]}', "[]", '{"7": []}', "{", '{"a": 1}', '{"0": [9]}'):
+    packed = Schedule({1: np.full(HOURS, 2)}, 2).attributes()["schedule"]
+    for damaged in ('{"1": [0]}', "[]", '{"0": "eJw="}', "{", '{"a": 1}', '{"1": "x"}', packed):
         with pytest.raises(InputError, match="schedule"):
             Schedule.of_attributes({"schedule": damaged}, GROUPS)
     with pytest.raises(InputError, match="groups"):

@@ -1,0 +1,156 @@
+"""Groups of panes from the command line: by façade, by schedule, and from files."""
+
+import json
+from itertools import cycle, islice
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from drcmitsuba import group_coefficients, load_case
+from drcmitsuba.case.schedule import HOURS
+from drcmitsuba.runtime.errors import InputError
+from tests.system.small_room import CASE, SITE
+
+EAST = """
+[facade.east]
+strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
+"""
+DAYS = "months = [3]\nhours = [8, 17]\n"
+TWO = CASE.replace("months = [3, 6]\n", DAYS) + EAST + SITE
+GROUPS = """
+[groups.south]
+panes = ["glass"]
+facing = "south"
+schedule = "states.csv"
+states = ["milk", "shade"]
+[groups.east]
+panes = ["glass"]
+facing = "east"
+schedule = "states.csv"
+[materials.milk]
+type = "diffuser"
+transmittance = 0.5
+reflectance = 0.3
+"""
+
+
+def evaluated(run, folder, text, *options):
+    (folder / "case.toml").write_text(text)
+    code, out, err = run("evaluate", folder / "case.toml", "-o", folder / "out", *options)
+    assert code == 0, err
+    return xr.load_dataset(folder / "out" / "illuminance.nc"), out
+
+
+def numbers(folder):
+    return json.loads((folder / "out" / "metrics.json").read_text())
+
+
+def test_each_façade_closes_on_its_own(run, tmp_path):
+    E, out = evaluated(run, tmp_path, TWO)
+    found = numbers(tmp_path)
+    assert "south and east close and open each on its own" in out
+    assert set(found["groups"]) == {"south", "east"}
+    assert sum(found["groups"]["south"].values()) == pytest.approx(100)
+    shut = [found["groups"][name]["shaded"] for name in ("south", "east")]
+    assert found["shade_closed"]["value"] == pytest.approx(np.mean(shut))
+    assert min(shut) > 0
+    assert max(shut) < 100
+    assert "group of panes" in out
+    together, _ = evaluated(run, tmp_path, TWO.replace("[shading]", '[shading]\ngroups="together"'))
+    assert "groups" not in numbers(tmp_path)
+    # What the two have in common is the same; a façade that stays open lets more light in.
+    np.testing.assert_array_equal(E["direct_sun"], together["direct_sun"])
+    mine = (E["facade_state"].values > 0).sum(axis=1)
+    both, one = mine == 2, mine == 1
+    assert one.any()
+    np.testing.assert_allclose(E["total"][both], together["total"][both], rtol=0.05)
+    assert (E["total"][one].mean("sensor") > 1.2 * together["total"][one].mean("sensor")).all()
+
+
+def test_files_give_the_same_year(run, tmp_path):
+    E, _ = evaluated(run, tmp_path, TWO)
+    out = tmp_path / "out"
+    states = xr.open_zarr(out / "coefficients.zarr")["state"].values
+    assert set(states) <= {"open", "shaded/open", "open/shaded", "shaded/shaded"}
+    again = tmp_path / "again"
+    code, _, err = run("illuminance", out / "coefficients.zarr", out / "sky.zarr", "-o", again)
+    assert code == 0, err
+    xr.testing.assert_allclose(xr.load_dataset(again / "illuminance.nc"), E)
+    code, _, err = run("metrics", again / "illuminance.nc", "-o", again)
+    assert code == 0, err
+    found = json.loads((again / "metrics.json").read_text())
+    assert found["sDA"]["value"] == numbers(tmp_path)["sDA"]["value"]
+    assert found["groups"] == numbers(tmp_path)["groups"]
+    code, _, err = run("export", out, "--matrices", tmp_path / "m")
+    assert code == 0, err
+    bins = (tmp_path / "m" / "bins.txt").read_text().splitlines()
+    assert {"open", "shaded/open"} <= {line.split()[0] for line in bins}
+    known = ("--coefficients", out / "coefficients.zarr")
+    same, _ = evaluated(run, tmp_path, TWO, *known)
+    np.testing.assert_allclose(same["total"], E["total"], rtol=1e-6)
+
+
+def test_a_schedule_sets_the_state_of_every_hour(run, tmp_path):
+    rows = islice(cycle(["open,open", "milk,shade", "shade,open", "2,1", "1,open"]), HOURS)
+    (tmp_path / "states.csv").write_text("south,east\n" + "\n".join(rows))
+    E, _ = evaluated(run, tmp_path, TWO + GROUPS)
+    hour = (E["time"].dt.dayofyear.values - 1) * 24 + E["time"].dt.hour.values
+    expected = np.array([[0, 0], [1, 1], [2, 0], [2, 1], [1, 0]])[hour % 5]
+    np.testing.assert_array_equal(E["facade_state"], expected)
+    is_open = (expected == 0).all(axis=1)
+    np.testing.assert_array_equal(E["total"][is_open], E["total_open"][is_open])
+    share = E["total"].mean("sensor") / E["total_open"].mean("sensor")
+    assert share[(expected == [2, 1]).all(axis=1)].max() < 0.4
+    # The sum of the groups is the simulation of each state, within the errors.
+    year = group_coefficients(load_case(tmp_path / "case.toml"))
+    ours = year.illuminance(expected)
+    mean = E["total"].mean().item()
+    scatter = np.hypot(ours["total_se"], E["total_se"]).mean().item()
+    assert ours["total"].mean().item() == pytest.approx(mean, rel=0.02)
+    assert scatter < 0.08 * mean
+    names = np.array([["open", "milk", "shade"][i] for i in expected[:, 0]])
+    named = np.stack([names, np.where(expected[:, 1], "shade", "open")], axis=1)
+    xr.testing.assert_identical(year.illuminance(named), ours)
+    with pytest.raises(InputError, match="states: south: no state 'dark'"):
+        year.illuminance(np.full(named.shape, "dark"))
+    with pytest.raises(InputError, match="time stamps and groups"):
+        year.illuminance(expected[:, :1])
+
+
+def test_many_states_are_recombined(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("drcmitsuba.metrics.facade_states.FEW", 1)
+    rng = np.random.default_rng(5)
+    states = np.stack([rng.integers(0, 3, HOURS), rng.integers(0, 2, HOURS)], axis=1)
+    rows = "\n".join(f"{s},{e}" for s, e in states)
+    (tmp_path / "states.csv").write_text("south,east\n" + rows)
+    E, _ = evaluated(run, tmp_path, TWO + GROUPS)
+    found = numbers(tmp_path)
+    assert "groups of panes" in found["seconds"]
+    assert found["sDA"]["low"] <= found["sDA"]["value"] <= found["sDA"]["high"]
+    assert (xr.open_zarr(tmp_path / "out" / "coefficients.zarr")["state"] == "open").all()
+    hour = (E["time"].dt.dayofyear.values - 1) * 24 + E["time"].dt.hour.values
+    np.testing.assert_array_equal(E["facade_state"], states[hour])
+    out = tmp_path / "out"
+    code, _, err = run("illuminance", out / "coefficients.zarr", out / "sky.zarr")
+    assert code == 2
+    assert "a state is missing" in err
+
+
+def test_a_scene_shows_its_groups(run, tmp_path):
+    (tmp_path / "states.csv").write_text("south,east\n" + "open,open\n" * HOURS)
+    (tmp_path / "case.toml").write_text(TWO + GROUPS)
+    code, _, err = run("case", tmp_path / "case.toml", "-o", tmp_path)
+    assert code == 0, err
+    assert (tmp_path / "scene.png").is_file()
+
+
+def test_a_state_is_exported(run, refused, tmp_path):
+    (tmp_path / "case.toml").write_text(TWO)
+    scene = tmp_path / "rad"
+    code, _, err = run("export", tmp_path / "case.toml", "--radiance", scene, "--state",
+                       "open/shaded")  # fmt: skip
+    assert code == 0, err
+    assert "open/shaded" in (scene / "simulate.sh").read_text()
+    more = ("--radiance", tmp_path / "no", "--state", "open/clsed")
+    assert 'no state "clsed"' in refused("export", tmp_path / "case.toml", *more)
