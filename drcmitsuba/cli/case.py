@@ -119,7 +119,7 @@ def _groups_listing(case: Case) -> list[str]:
     from drcmitsuba.case.groups import OTHERS
     from drcmitsuba.model.model import areas
     from drcmitsuba.scene.pane_groups import PaneGroups
-    from drcmitsuba.scene.surfaces import grouped_panes
+    from drcmitsuba.scene.panes_in_state import grouped_panes
 
     groups = PaneGroups.of(case)
     if len(groups) < 2 and not case.groups:

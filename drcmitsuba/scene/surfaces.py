@@ -12,15 +12,11 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
-from drcmitsuba.case.groups import HIDDEN, OPEN, State
+from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.model.materials import (
-    BsdfMaterial,
-    DiffuserMaterial,
-    GlazingMaterial,
     Lambertian,
     SurfaceMaterial,
 )
-from drcmitsuba.model.model import Layer
 from drcmitsuba.scene.components import PlacedComponent, place
 from drcmitsuba.scene.coplanar import settled
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
@@ -38,7 +34,7 @@ from drcmitsuba.scene.geometry import (
     wall,
 )
 from drcmitsuba.scene.materials import lets_through
-from drcmitsuba.scene.pane_groups import NO_GROUP, PaneGroups
+from drcmitsuba.scene.panes_in_state import PanesInState
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import reaches_in
 
@@ -97,7 +93,7 @@ def _surfaces(
 ) -> list[Surface]:
     """Surfaces of a case and of its placed components, in the world frame."""
     parts: list[tuple[str, SurfaceMaterial, list[np.ndarray]]] = []
-    turn, room, front = rotation(case), case.room, _Front.of(case, state, effects)
+    turn, room, front = rotation(case), case.room, PanesInState.of(case, state, effects)
     if room is not None:
         x, y, _ = np.diag(room.size)
         parts.append(("floor", Lambertian(room.floor), [quad(np.zeros(3), x, y)]))
@@ -124,7 +120,7 @@ def _surfaces(
     return [replace(surface, quads=surface.quads @ turn.T) for surface in made]
 
 
-def _model_surfaces(case: Case, front: _Front) -> list[Surface]:
+def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
     """Surfaces of a case's model, relative to the case's `geometry.origin`, before rotation."""
     made, start, layers = [], origin(case), case.building.layers
     for i, quads in enumerate(panes_of_model(case.building).quads):
@@ -148,38 +144,6 @@ def _model_surfaces(case: Case, front: _Front) -> list[Surface]:
     return made
 
 
-@dataclass(frozen=True, eq=False)
-class GroupedPanes:
-    """Panes of one material that belong to a group."""
-
-    group: int
-    """Index of the group."""
-    quads: np.ndarray
-    """Corners, fronts into the room, as in `surfaces_of` [m], shape (quad, 4, 3)."""
-    materials: tuple[SurfaceMaterial | None, ...]
-    """What they are in each state of the group; None is a hole."""
-
-
-def grouped_panes(case: Case, effects: EnabledEffects = ALL_EFFECTS) -> list[GroupedPanes]:
-    """List the panes of a case by group and material."""
-    case = recentred(case)
-    front, turn, room = _Front.of(case, OPEN, effects), rotation(case), case.room
-    states, found = front.groups.states.states, []
-    for side, facade in case.facade.items():
-        assert room is not None
-        for name, quads in wall(room, side, facade)[2].items():
-            group = front.groups.strip(name, side)
-            if group != NO_GROUP and quads:
-                materials = [front.strip(name, side, i) for i in range(len(states[group]))]
-                found.append((group, np.array(quads), materials))
-    for i, of_layer in enumerate(panes_of_model(case.building).quads):
-        layer, of_quads = case.building.layers[i], front.groups.of_quads[i]
-        for group in np.unique(of_quads[of_quads != NO_GROUP]).tolist():
-            materials = [front.layer(layer, group, k) for k in range(len(states[group]))]
-            found.append((group, of_layer[of_quads == group] - origin(case), materials))
-    return [GroupedPanes(group, quads @ turn.T, tuple(m)) for group, quads, m in found]
-
-
 def bounds_of_rooms(case: Case) -> np.ndarray | None:
     """Bounds of a model without its context, relative to the origin, world frame [m], (2, 3)."""
     rooms = [x.quads.reshape(-1, 3) for x in case.building.layers if x.role != "context"]
@@ -198,7 +162,7 @@ def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> En
     if case.model.leaks == "allow":
         return None
     layers, panes, turn = case.building.layers, panes_of_model(case.building), rotation(case)
-    front = _Front.of(case, state, effects)
+    front = PanesInState.of(case, state, effects)
     first = [int(np.argmax(layers[i].polygon == p)) for i, p in zip(panes.layer, panes.polygon,
              strict=True)]  # fmt: skip
     clear = [
@@ -214,67 +178,6 @@ def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> En
     return Enclosure(size, turn, openings, narrowest, spares=False, is_box=False)
 
 
-@dataclass(frozen=True)
-class _Front:
-    """Panes of a case in one state of its façade."""
-
-    case: Case
-    effects: EnabledEffects
-    groups: PaneGroups
-    indices: tuple[int, ...]
-    """Index of the state of every group."""
-
-    @classmethod
-    def of(cls, case: Case, state: State, effects: EnabledEffects) -> _Front:
-        groups = PaneGroups.of(case)
-        return cls(case, effects, groups, groups.states.indices(state))
-
-    def index_of(self, name: str) -> int:
-        """Index of the state of a group; 0 for what is no group."""
-        names = self.groups.states.names
-        return self.indices[names.index(name)] if name in names else 0
-
-    def follows_model(self, name: str) -> bool:
-        """Whether the model gives the states of a group of the case."""
-        names = self.groups.states.names
-        return name in names and not self.groups.materials[names.index(name)]
-
-    def strip(self, name: str, side: str, index: int | None = None) -> SurfaceMaterial | None:
-        """Material of a façade strip; None where it is open or holds a component.
-
-        `index` stands for another state than that of the façade.
-        """
-        group = self.groups.strip(name, side)
-        own, index = self.case.materials.get(name), self._of(group, index)
-        material = self.groups.material(own, group, index)
-        return self._enabled(material, material is None and name == OPEN and index != HIDDEN)
-
-    def layer(self, layer: Layer, group: int, index: int | None = None) -> SurfaceMaterial | None:
-        """Material of panes of a model's layer; `index` as for `strip`."""
-        own, index = self.case.materials.get(layer.name, layer.material), self._of(group, index)
-        material = self.groups.material(own, group, index, layer)
-        return self._enabled(material, material is None and index != HIDDEN)
-
-    def _of(self, group: int, index: int | None) -> int:
-        """Index of a state, by default that of the façade."""
-        if index is not None or group == NO_GROUP:
-            return index or 0
-        return self.indices[group]
-
-    def _enabled(self, material: SurfaceMaterial | None, hole: bool) -> SurfaceMaterial | None:
-        """Material of a pane; black where light by way of its kind is left out."""
-        effects = self.effects
-        if isinstance(material, BsdfMaterial) and effects.straight_through is not None:
-            mode = "on" if effects.straight_through else "off"
-            material = material.model_copy(update={"straight_through": mode})
-        out = (
-            ((hole or isinstance(material, GlazingMaterial)) and not effects.clear_panes)
-            or (isinstance(material, DiffuserMaterial) and not effects.scattering_panes)
-            or (isinstance(material, BsdfMaterial) and not effects.films)
-        )
-        return Lambertian(0.0) if out else material
-
-
 def _enclosure(
     case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
 ) -> Enclosure | None:
@@ -283,7 +186,7 @@ def _enclosure(
         return _enclosure_of_model(case, state, effects)
     if case.room is None:
         return None
-    openings, narrowest, front = [], np.inf, _Front.of(case, state, effects)
+    openings, narrowest, front = [], np.inf, PanesInState.of(case, state, effects)
     for side, facade in case.facade.items():
         clear = [
             s

@@ -17,7 +17,7 @@ from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, SurfaceMa
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
-from drcmitsuba.scene.surfaces import GroupedPanes
+from drcmitsuba.scene.panes_in_state import GroupedPanes
 
 MEETINGS = 3
 """Times that a path may meet grouped panes; light that meets them oftener, some 10⁻⁵ of E, is

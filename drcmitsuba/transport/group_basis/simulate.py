@@ -32,8 +32,8 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import normals as unit_normals
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.panes_in_state import GroupedPanes, grouped_panes
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.surfaces import GroupedPanes, grouped_panes
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import Replicate
 from drcmitsuba.transport.deposit import Deposit

@@ -1,0 +1,115 @@
+"""Panes of a case in one state of its façade, and the panes of every group in all states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import HIDDEN, OPEN, State
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    SurfaceMaterial,
+)
+from drcmitsuba.model.model import Layer
+from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
+from drcmitsuba.scene.geometry import origin, recentred, rotation, wall
+from drcmitsuba.scene.pane_groups import NO_GROUP, PaneGroups
+from drcmitsuba.scene.panes_of_model import panes_of_model
+
+
+@dataclass(frozen=True)
+class PanesInState:
+    """Panes of a case in one state of its façade."""
+
+    case: Case
+    effects: EnabledEffects
+    groups: PaneGroups
+    indices: tuple[int, ...]
+    """Index of the state of every group."""
+
+    @classmethod
+    def of(cls, case: Case, state: State, effects: EnabledEffects) -> PanesInState:
+        groups = PaneGroups.of(case)
+        return cls(case, effects, groups, groups.states.indices(state))
+
+    def index_of(self, name: str) -> int:
+        """Index of the state of a group; 0 for what is no group."""
+        names = self.groups.states.names
+        return self.indices[names.index(name)] if name in names else 0
+
+    def follows_model(self, name: str) -> bool:
+        """Whether the model gives the states of a group of the case."""
+        names = self.groups.states.names
+        return name in names and not self.groups.materials[names.index(name)]
+
+    def strip(self, name: str, side: str, index: int | None = None) -> SurfaceMaterial | None:
+        """Material of a façade strip; None where it is open or holds a component.
+
+        `index` stands for another state than that of the façade.
+        """
+        group = self.groups.strip(name, side)
+        own, index = self.case.materials.get(name), self._of(group, index)
+        material = self.groups.material(own, group, index)
+        return self._enabled(material, material is None and name == OPEN and index != HIDDEN)
+
+    def layer(self, layer: Layer, group: int, index: int | None = None) -> SurfaceMaterial | None:
+        """Material of panes of a model's layer; `index` as for `strip`."""
+        own, index = self.case.materials.get(layer.name, layer.material), self._of(group, index)
+        material = self.groups.material(own, group, index, layer)
+        return self._enabled(material, material is None and index != HIDDEN)
+
+    def _of(self, group: int, index: int | None) -> int:
+        """Index of a state, by default that of the façade."""
+        if index is not None or group == NO_GROUP:
+            return index or 0
+        return self.indices[group]
+
+    def _enabled(self, material: SurfaceMaterial | None, hole: bool) -> SurfaceMaterial | None:
+        """Material of a pane; black where light by way of its kind is left out."""
+        effects = self.effects
+        if isinstance(material, BsdfMaterial) and effects.straight_through is not None:
+            mode = "on" if effects.straight_through else "off"
+            material = material.model_copy(update={"straight_through": mode})
+        out = (
+            ((hole or isinstance(material, GlazingMaterial)) and not effects.clear_panes)
+            or (isinstance(material, DiffuserMaterial) and not effects.scattering_panes)
+            or (isinstance(material, BsdfMaterial) and not effects.films)
+        )
+        return Lambertian(0.0) if out else material
+
+
+@dataclass(frozen=True, eq=False)
+class GroupedPanes:
+    """Panes of one material that belong to a group."""
+
+    group: int
+    """Index of the group."""
+    quads: np.ndarray
+    """Corners, fronts into the room, as in `surfaces_of` [m], shape (quad, 4, 3)."""
+    materials: tuple[SurfaceMaterial | None, ...]
+    """What they are in each state of the group; None is a hole."""
+
+
+def grouped_panes(case: Case, effects: EnabledEffects = ALL_EFFECTS) -> list[GroupedPanes]:
+    """List the panes of a case by group and material."""
+    case = recentred(case)
+    front, turn, room = PanesInState.of(case, OPEN, effects), rotation(case), case.room
+    states, found = front.groups.states.states, []
+    for side, facade in case.facade.items():
+        assert room is not None
+        for name, quads in wall(room, side, facade)[2].items():
+            group = front.groups.strip(name, side)
+            if group != NO_GROUP and quads:
+                materials = [front.strip(name, side, i) for i in range(len(states[group]))]
+                found.append((group, np.array(quads), materials))
+    for i, of_layer in enumerate(panes_of_model(case.building).quads):
+        layer, of_quads = case.building.layers[i], front.groups.of_quads[i]
+        for group in np.unique(of_quads[of_quads != NO_GROUP]).tolist():
+            materials = [front.layer(layer, group, k) for k in range(len(states[group]))]
+            found.append((group, of_layer[of_quads == group] - origin(case), materials))
+    return [GroupedPanes(group, quads @ turn.T, tuple(m)) for group, quads, m in found]
