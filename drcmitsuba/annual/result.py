@@ -28,6 +28,7 @@ import xarray as xr
 
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
+from drcmitsuba.annual.attributes import settings as settings_of_case
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -256,7 +257,7 @@ def summed_up(
     `remarks` are the notes on films and shade; a case with a target has an `outcome`.
     """
     case, light = planned.facts.case, planned.facts.light
-    settings = simulation.settings(case, light)
+    settings = settings_of_case(case, light)
     metrics = {
         **evaluated.metrics,
         "settings": {

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Callable, Iterator
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.annual.attributes import attributes, fingerprint
 from drcmitsuba.annual.group_coefficients import GroupCoefficients
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.components import MeshComponent, StructureComponent
 from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, VARYING, State
-from drcmitsuba.case.schedule import Schedule, read_schedule
-from drcmitsuba.case.sensors import PointSensors
-from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import possible_states
 from drcmitsuba.metrics.facade_states import FacadeStates
-from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
@@ -37,7 +29,6 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
-from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.sky.sun_models import Suns
@@ -173,88 +164,6 @@ def _pane_group(
             most = np.maximum(most, lost)
     values = xr.DataArray(out, dims=("sensor", dim), coords={dim: np.array(suns.labels, object)})
     return values.reindex({dim: C[dim]}, fill_value=np.float32(-1)).drop_vars(dim)
-
-
-def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
-    """Digest of everything that determines C, the contents of files included."""
-    names = {"room", "facade", "materials", "components", "furniture", "sensors", "shading", "sun"}
-    names |= {name for name in ("model", "groups") if getattr(case, name)}
-    settings = case.model_dump(mode="json", include=names | {"accuracy"})
-    for name in ("target", "time_limit"):
-        del settings["accuracy"][name]
-    chosen = {k: v for k, v in case.effects.overruled.items() if k != "dark_hours"}
-    settings |= {
-        "effects": chosen,
-        "scope": enabled_effects.to_dict(),
-        "subdivision": case.sky.subdivision,
-        "diameter": case.outside.sun_diameter,
-    }
-    if case.model is not None:
-        settings["model"]["files"] = [_digest(file) for file in case.model.files]
-    if isinstance(case.sensors, PointSensors) and case.sensors.points is not None:
-        settings["sensors"]["points"] = _digest(case.sensors.points)
-    for name, group in case.groups.items():
-        if group.schedule is not None:
-            settings["groups"][name]["schedule"] = _digest(group.schedule)
-    for name, material in case.materials.items():
-        if isinstance(material, BsdfMaterial):
-            settings["materials"][name]["file"] = _digest(material.file)
-    for name, component in case.components.items():
-        if isinstance(component, StructureComponent):
-            recipe = load_recipe(component.recipe)
-            settings["components"][name]["recipe"] = recipe.model_dump(mode="json")
-            if isinstance(recipe.structure, Mesh):
-                settings["components"][name]["mesh"] = _digest(recipe.path(recipe.structure.file))
-        elif isinstance(component, MeshComponent):
-            settings["components"][name]["file"] = _digest(component.file)
-    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def settings(case: Case, daylight: Daylight) -> dict[str, Any]:
-    """Origin of a result: the case as plain values, its file and its weather."""
-    return {
-        "case": case.source,
-        "weather_source": daylight.source,
-        **case.model_dump(mode="json", exclude_none=True),
-    }
-
-
-def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) -> dict[str, Any]:
-    """Attributes of C: rule of the shade, place of the suns, thresholds, and the whole case."""
-    return {
-        "case": case.name,
-        **_of_shade(case, enabled_effects),
-        **{name: daylight.sky.attrs[name] for name in illuminance.SUN_OF},
-        **case.metrics.model_dump(),
-        "weather": daylight.source,
-        "version": version("drcmitsuba"),
-        "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
-        "fingerprint": fingerprint(case, enabled_effects),
-    }
-
-
-def _of_shade(case: Case, enabled_effects: EnabledEffects) -> dict[str, Any]:
-    """Groups of panes with their rule and schedules."""
-    groups = PaneGroups.of(case).states
-    if not enabled_effects.shade or len(groups) == 0:
-        return {"has_shade": 0}
-    shading = case.shading
-    of_group = {
-        groups.names.index(name): read_schedule(group.schedule, name, groups.states[i])
-        for i, (name, group) in enumerate(case.groups.items())
-        if group.schedule is not None
-    }
-    return {
-        "has_shade": 1,
-        "shade_threshold": THRESHOLD if shading is None else shading.threshold,
-        "shade_area": AREA if shading is None else shading.area,
-        **groups.attributes(),
-        **Schedule(of_group, len(groups)).attributes(),
-    }
 
 
 def simulate(

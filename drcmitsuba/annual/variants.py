@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.annual import simulation
+from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case, load_case
@@ -111,7 +111,7 @@ def _coefficients(
     """C of a façade, shaded only for hours in which the shade may close, and its direct sun."""
     case, light = planned.facts.case, planned.facts.light
     is_open = basis.coefficients(share)
-    marked = simulation.attributes(case, light, planned.scope)
+    marked = attributes(case, light, planned.scope)
     coefficients = Coefficients(is_open.assign_attrs(marked))
     direct = illuminance.direct_sun(coefficients, light.sky)
     if planned.simulated.shading is None or not may_close(case, light.step_hours, direct).any():

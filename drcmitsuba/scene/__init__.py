@@ -8,6 +8,8 @@ geometry, coplanar
     The room as quadrilaterals; faces that share a plane.
 components
     Components that are geometry: structures in strips, light pipes, ducts, meshes.
+pane_groups, panes_in_state
+    Panes that change their state together; what they are in a state of the façade.
 sun_visibility, enabled_effects
     Suns that can get in; effects that are simulated.
 surfaces, sensors

@@ -34,6 +34,7 @@ class PanesInState:
 
     @classmethod
     def of(cls, case: Case, state: State, effects: EnabledEffects) -> PanesInState:
+        """Panes of a case in a state, see `case.groups`."""
         groups = PaneGroups.of(case)
         return cls(case, effects, groups, groups.states.indices(state))
 

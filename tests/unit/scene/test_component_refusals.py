@@ -2,7 +2,7 @@
 
 import pytest
 
-from drcmitsuba.annual import simulation
+from drcmitsuba.annual import attributes
 from drcmitsuba.annual.season import season
 from drcmitsuba.annual.tradeoff import tradeoff
 from drcmitsuba.annual.variants import evaluate_variants
@@ -140,9 +140,9 @@ def test_what_follows_no_choice_of_effects_refuses_one(task):
 
 def test_the_fingerprint_follows_recipes_and_meshes(tmp_path):
     slats, cube = with_strip(tmp_path, SLATS), with_mesh(tmp_path)
-    before = simulation.fingerprint(slats, ALL_EFFECTS), simulation.fingerprint(cube, ALL_EFFECTS)
+    before = attributes.fingerprint(slats, ALL_EFFECTS), attributes.fingerprint(cube, ALL_EFFECTS)
     (tmp_path / "recipe.toml").write_text(SLATS.replace("0.9", "0.8"), encoding="utf-8")
     (tmp_path / "mesh.obj").write_text(CUBE.replace("v 0 0 0", "v 0 0 0.1"), encoding="utf-8")
-    after = simulation.fingerprint(slats, ALL_EFFECTS), simulation.fingerprint(cube, ALL_EFFECTS)
+    after = attributes.fingerprint(slats, ALL_EFFECTS), attributes.fingerprint(cube, ALL_EFFECTS)
     assert not set(before) & set(after)
-    assert simulation.fingerprint(with_strip(tmp_path, SLATS, tilt=11.0), ALL_EFFECTS) != before[0]
+    assert attributes.fingerprint(with_strip(tmp_path, SLATS, tilt=11.0), ALL_EFFECTS) != before[0]
