@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,6 +76,7 @@ def beside(file: Path, name: str) -> Path | None:
     """File of a name in the folder of another one; None for any place outside the folder."""
     if not name or name in (".", "..") or any(c in name for c in "/\\:\0"):
         return None
-    folder = file.resolve().parent
-    path = (folder / name).resolve()
+    # Path.resolve raises where links form a circle.
+    folder = Path(os.path.realpath(file)).parent
+    path = Path(os.path.realpath(folder / name))
     return path if path.parent == folder else None
