@@ -13,7 +13,7 @@ from drcmitsuba.bsdf.measured import from_measurements
 from drcmitsuba.case.case import load_case
 from drcmitsuba.model import honeybee, mesh, radiance
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian
-from drcmitsuba.model.model import Model
+from drcmitsuba.model.model import Model, with_printable_names
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.structures.mesh import read_mesh
@@ -88,11 +88,12 @@ def read_model(path: Path) -> None:
 
 
 def _check(made: Model) -> None:
+    made = with_printable_names(made)
     for layer in made.layers:
         assert layer.quads.shape == (len(layer.polygon), 4, 3)
         assert np.isfinite(layer.quads).all()
-        assert layer.place(0).isprintable()
-        assert layer.place(-1).isprintable()
+        assert layer.name.isprintable()
+        assert all(place.isprintable() for place in layer.places)
     for grid in made.grids:
         assert np.isfinite(grid.points).all()
         assert np.allclose(np.linalg.norm(grid.normals, axis=1), 1)
