@@ -26,6 +26,8 @@ from drcmitsuba.scene.sensors_of_model import floor_below
 from drcmitsuba.schema import luminance
 
 MAX_BYTES = 1 << 26
+MOST_HULLS = 20_000
+"""Largest number of polygons of the context in a plan, the largest first."""
 
 
 def _of_shares(interval: Interval) -> Interval:
@@ -101,12 +103,15 @@ def _outlines_of_model(case: Case) -> dict[str, Any]:
 
     layers, panes = case.building.layers, panes_of_model(case.building)
     edges = panes.frame[panes.outside][:, :2, :2]
-    context = [q[:, :2] for layer in layers if layer.role == "context" for q in layer.quads]
-    hulls = shapely.union_all([shapely.MultiPoint(c).convex_hull for c in context])
+    context = [layer.quads[:, :, :2] for layer in layers if layer.role == "context"]
+    hulls = shapely.convex_hull(
+        shapely.multipoints(np.concatenate([np.zeros((0, 4, 2)), *context]))
+    )
+    largest = np.argsort(-shapely.area(hulls), kind="stable")[:MOST_HULLS]
     return {
         "room": rings(floor_below(case.building, height)),
         "glazing": [(edge - start) @ turn + start for edge in edges],
-        "surroundings": rings(hulls) if context else [],
+        "surroundings": rings(shapely.union_all(hulls[largest])) if context else [],
     }
 
 

@@ -59,7 +59,8 @@ def panes_of_model(model: Model) -> ModelPanes:
             polygons, first = np.unique(layer.polygon[order], return_index=True)
             mine = np.split(order, first[1:])
             members += [(i, int(p), own) for p, own in zip(polygons, mine, strict=True)]
-    turned = [layer.quads.copy() for layer in model.layers]
+    is_pane = [layer.role == "pane" for layer in model.layers]
+    turned = [x.quads.copy() if p else x.quads for x, p in zip(model.layers, is_pane, strict=True)]
     if not members:
         empty = np.zeros((0, 4, 3))
         return ModelPanes(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from typing import Any
 
 import drjit as dr
@@ -17,7 +18,7 @@ from drcmitsuba.model.model import Model, areas
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.toml import choose, shortened
-from drcmitsuba.scene.geometry import is_triangle, normals, origin
+from drcmitsuba.scene.geometry import normals, origin
 from drcmitsuba.scene.panes_of_model import all_surfaces
 
 LEVEL = 1e-3
@@ -31,6 +32,7 @@ _AROUND = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(16)])
 """Level directions to walls."""
 
 
+@lru_cache(maxsize=4)
 def floors_of(model: Model, patterns: tuple[str, ...], source: str) -> list[tuple[float, Any]]:
     """Floors of some materials, from the lowest: height [m] and outline in plan.
 
@@ -63,9 +65,8 @@ def floors_of(model: Model, patterns: tuple[str, ...], source: str) -> list[tupl
 
 def _in_plan(quads: np.ndarray) -> Any:
     """Union of quads (quad, 4, 3) in plan, as shapely's geometry."""
-    rings = [q[:3] if t else q for q, t in zip(quads, is_triangle(quads), strict=True)]
     # A millimetre closes the seams between polygons that were drawn one by one.
-    grown = [shapely.Polygon(ring[:, :2]).buffer(1e-3, join_style="mitre") for ring in rings]
+    grown = shapely.buffer(shapely.polygons(quads[:, :, :2]), 1e-3, join_style="mitre")
     return shapely.union_all(grown).buffer(-1e-3, join_style="mitre")
 
 

@@ -140,11 +140,14 @@ def model_surfaces(case: Case, state: State, effects: EnabledEffects) -> list[Su
 
 def bounds_of_rooms(case: Case) -> np.ndarray | None:
     """Bounds of a model without its context, relative to the origin, world frame [m], (2, 3)."""
+    start, turn = origin(case), rotation(case).T
     rooms = [x.quads.reshape(-1, 3) for x in case.building.layers if x.role != "context"]
     if not rooms:
         return None
-    corners = (np.concatenate(rooms) - origin(case)) @ rotation(case).T
-    return np.array([corners.min(axis=0), corners.max(axis=0)])
+    ends = [(at.min(axis=0), at.max(axis=0)) for at in ((c - start) @ turn for c in rooms)]
+    return np.array(
+        [np.min([low for low, _ in ends], axis=0), np.max([h for _, h in ends], axis=0)]
+    )
 
 
 def _enclosure_of_model(
