@@ -104,14 +104,15 @@ def _outlines_of_model(case: Case) -> dict[str, Any]:
     layers, panes = case.building.layers, panes_of_model(case.building)
     edges = panes.frame[panes.outside][:, :2, :2]
     context = [layer.quads[:, :, :2] for layer in layers if layer.role == "context"]
-    hulls = shapely.convex_hull(
-        shapely.multipoints(np.concatenate([np.zeros((0, 4, 2)), *context]))
-    )
-    largest = np.argsort(-shapely.area(hulls), kind="stable")[:MOST_HULLS]
+    quads = np.concatenate([np.zeros((0, 4, 2)), *context])
+    across, down = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
+    size = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
+    largest = quads[np.argsort(-size, kind="stable")[:MOST_HULLS]]
+    hulls = shapely.union_all(shapely.convex_hull(shapely.multipoints(largest)))
     return {
         "room": rings(floor_below(case.building, height)),
         "glazing": [(edge - start) @ turn + start for edge in edges],
-        "surroundings": rings(shapely.union_all(hulls[largest])) if context else [],
+        "surroundings": rings(hulls),
     }
 
 

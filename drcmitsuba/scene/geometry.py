@@ -222,13 +222,14 @@ def origin(case: Case) -> np.ndarray:
 
 
 @lru_cache(maxsize=4)
-def near_bounds(model: Model) -> np.ndarray | None:
-    """Bounds (2, 3) [m] of a model without its context; None where there is nothing else."""
+def near_bounds(model: Model, degrees: float = 0.0) -> np.ndarray | None:
+    """Bounds (2, 3) [m] of a model without its context, turned; None where nothing else is left."""
     near = [layer.quads for layer in model.layers if layer.role != "context"]
     if not near:
         return None
-    low, high = ([end(quads, axis=(0, 1)) for quads in near] for end in (np.min, np.max))
-    return np.array([np.min(low, axis=0), np.max(high, axis=0)])
+    turned = (quads @ turn(degrees).T if degrees else quads for quads in near)
+    ends = np.array([(quads.min(axis=(0, 1)), quads.max(axis=(0, 1))) for quads in turned])
+    return np.array([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
 
 
 def recentred(case: Case) -> Case:

@@ -23,6 +23,7 @@ from drcmitsuba.scene.geometry import (
     Port,
     Surface,
     ceiling,
+    near_bounds,
     origin,
     overhead,
     quad,
@@ -140,14 +141,8 @@ def model_surfaces(case: Case, state: State, effects: EnabledEffects) -> list[Su
 
 def bounds_of_rooms(case: Case) -> np.ndarray | None:
     """Bounds of a model without its context, relative to the origin, world frame [m], (2, 3)."""
-    start, turn = origin(case), rotation(case).T
-    rooms = [x.quads.reshape(-1, 3) for x in case.building.layers if x.role != "context"]
-    if not rooms:
-        return None
-    ends = [(at.min(axis=0), at.max(axis=0)) for at in ((c - start) @ turn for c in rooms)]
-    return np.array(
-        [np.min([low for low, _ in ends], axis=0), np.max([h for _, h in ends], axis=0)]
-    )
+    bounds = near_bounds(case.building, -case.building.north)
+    return None if bounds is None else bounds - rotation(case) @ origin(case)
 
 
 def _enclosure_of_model(

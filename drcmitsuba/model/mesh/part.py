@@ -58,6 +58,12 @@ def check_parts(file: Path, count: int) -> None:
         raise InputError(file, "parts", f"more than {MOST_PARTS}", remedy)
 
 
+def doubles(values: np.ndarray) -> np.ndarray:
+    """Numbers of a binary file in double precision; NaN of any kind without a warning."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(float)
+
+
 def check_vertices(file: Path, vertices: np.ndarray) -> None:
     """Raise InputError for coordinates that are no number or far away."""
     if len(vertices) and not np.abs(vertices).max() <= FARTHEST:
