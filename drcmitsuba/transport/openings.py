@@ -7,6 +7,7 @@ it where its panes count as walls. What paths from there meet before they pass a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -85,17 +86,29 @@ class Openings:
         result = mi.Bool(False)
         if self.within is not None:
             result = ~dr.gather(mi.Bool, self.within, row)
-        for quad, normal in zip(self.quads, normals(self.quads), strict=True):
-            corner, n = mi.Point3f(*map(float, quad[0])), mi.Vector3f(*map(float, normal))
-            cosine = dr.dot(d, n)
-            y = p - dr.dot(p - corner, n) / cosine * d - corner
-            inside = (cosine < 0) & (dr.dot(p - corner, n) > -1e-3)
-            for edge in (quad[1] - quad[0], quad[3] - quad[0]):
-                length = float(np.linalg.norm(edge))
-                along = dr.dot(y, mi.Vector3f(*map(float, edge / length)))
-                inside &= (along > -1e-3) & (along < length + 1e-3)
+        for i in range(len(self.quads)):
+            corner, n = (dr.gather(mi.Vector3f, self._numbers, 5 * i + k) for k in (0, 1))
+            length = dr.gather(mi.Vector3f, self._numbers, 5 * i + 4)
+            height, cosine = dr.dot(p - corner, n), dr.dot(d, n)
+            y = p - height / cosine * d - corner
+            inside = (cosine < 0) & (height > -1e-3)
+            for k in (0, 1):
+                along = dr.dot(y, dr.gather(mi.Vector3f, self._numbers, 5 * i + 2 + k))
+                inside &= (along > -1e-3) & (along < length[k] + 1e-3)
             result |= inside
         return result
+
+    @cached_property
+    def _numbers(self) -> mi.Float:
+        """Corner, normal, both directions and their lengths of every rectangle, three numbers each.
+
+        A kernel reads them: as literals they would have it compiled anew for every room.
+        """
+        u, v = (self.quads[:, k] - self.quads[:, 0] for k in (1, 3))
+        along, up = (np.linalg.norm(edge, axis=1, keepdims=True) for edge in (u, v))
+        lengths = np.concatenate([along, up, up], axis=1)
+        rows = [self.quads[:, 0], normals(self.quads), u / along, v / up, lengths]
+        return flat(np.stack(rows, axis=1))
 
     def reached(self, points: np.ndarray, axes: np.ndarray, spread: np.ndarray) -> np.ndarray:
         """Whether cones of directions may leave the room, shape (point, cone); in doubt yes.
