@@ -216,7 +216,7 @@ def draw_points(
         for new, old in zip(drawn, before, strict=True):
             if old is not None:
                 dr.scatter(new, old, dr.arange(mi.UInt32, dr.width(old)))
-        dr.eval(drawn)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
+        dr.eval(*drawn)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
     dr.scatter_reduce(dr.ReduceOp.Max, rank, scrambled, cell)
     wins = dr.gather(mi.UInt32, rank, cell) == scrambled
     each = dr.arange(mi.UInt32, len(vertices))
@@ -224,5 +224,5 @@ def draw_points(
         dr.scatter(new, dr.gather(mi.Point3f, values, each), cell, wins)
     if within is not None:
         dr.scatter(within, vertices.within, cell, wins)
-    dr.eval(drawn)
+    dr.eval(*drawn)
     return drawn

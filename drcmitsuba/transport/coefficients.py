@@ -61,6 +61,7 @@ class _Replicate:
         straight = self.deposit.straight(p, n, key, rays, numbers=keys, within=drawn.within)
         D = straight.plus(self.deposit.scattered(p, n, key, keys))
         self.cells = D if self.landed is None else D.plus(self.landed.on(keys))
+        dr.eval(*self.cells)  # a pending sum would keep all of its parts for every replicate
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None

@@ -1,5 +1,6 @@
 """Shadow rays that miss all exits of a model are spared: no coefficient changes."""
 
+import drjit as dr
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from drcmitsuba.scene.exits import MARGIN, MOST, exits_of
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import coefficients
 from drcmitsuba.transport.coefficients import compute, straight_suns
 from drcmitsuba.transport.openings import in_rooms
 from tests.model_rooms import GLASS, case_of, l_room, layer, prism
@@ -148,3 +150,18 @@ def test_a_model_with_glass_in_too_many_planes_traces_all_rays():
     assert exits_of(many) is None
     assert len(exits_of(many[:-1])) == 2 * MOST
     assert exits_of(np.zeros((0, 4, 3))).shape == (0, 4, 3)
+
+
+def test_the_light_on_cells_keeps_none_of_its_parts(monkeypatch):
+    """A pending sum kept straight and scattered light of every replicate: twice the memory."""
+    states, last = [], coefficients._Replicate.interreflected
+
+    def watched(self, met, sensors):
+        states.extend(part.array.state for part in self.cells)
+        return last(self, met, sensors)
+
+    monkeypatch.setattr(coefficients._Replicate, "interreflected", watched)
+    case = attic()
+    compute(load(case), *sensor_points(case), YEAR, case.accuracy)
+    assert len(states) >= 4
+    assert set(states) == {dr.VarState.Evaluated}
