@@ -10,6 +10,8 @@ components
     Components that are geometry: structures in strips, light pipes, ducts, meshes.
 sun_visibility, enabled_effects
     Suns that can get in; effects that are simulated.
+exits
+    Rectangles that straight light passes on its way out of the rooms of a model.
 surfaces, sensors
     All surfaces of a case as plain geometry; points at which illuminance is computed.
 scene
