@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 import xarray as xr
 
@@ -34,6 +35,7 @@ from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.launch_size import SENSORS
+from drcmitsuba.transport.openings import in_rooms
 from drcmitsuba.transport.shadow_rays import RIM, sun_deposit
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
 
@@ -146,11 +148,13 @@ def _pane_group(
         """D of the suns (sensor, sun) [sr] with a group of panes blocked."""
         indices = [BLOCKED if g == blocked else 0 for g in range(len(groups))]
         world = scene.load(case, groups.states.label(indices), channel, run.enabled_effects)
-        D = [
-            sun_deposit(world, flat(points[i : i + SENSORS]), flat(normals[i : i + SENSORS]),
-                        seed=seed, numbers=None, **kind).numpy()
-            for i in range(0, len(points), SENSORS)
-        ]  # fmt: skip
+        D = []
+        for start in range(0, len(points), SENSORS):
+            here = slice(start, start + SENSORS)
+            closed = in_rooms(world, points[here])
+            within = None if closed is None else mi.Bool(closed)
+            p, n = flat(points[here]), flat(normals[here])
+            D.append(sun_deposit(world, p, n, seed=seed, within=within, **kind).numpy())
         run.ray_counter.update(world.ray_counter.counted())
         return np.concatenate(D)
 

@@ -18,7 +18,13 @@ from drcmitsuba.model.materials import (
     Reflectance,
     SurfaceMaterial,
 )
-from drcmitsuba.model.model import Layer, Model, in_first_state, joined
+from drcmitsuba.model.model import (
+    Layer,
+    Model,
+    in_first_state,
+    joined,
+    with_printable_names,
+)
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import Name, Table, choose, shortened
 
@@ -88,7 +94,7 @@ class ModelTable(Table):
             elif ending not in RADIANCE:
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
-        model = in_first_state(joined(parts))
+        model = in_first_state(with_printable_names(joined(parts)))
         names = [layer.name for layer in model.layers]
         for field, wanted in (
             ("context", self.context), ("leave_out", self.leave_out),

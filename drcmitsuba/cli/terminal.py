@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drcmitsuba.runtime import progress
+from drcmitsuba.runtime.errors import printable
 from drcmitsuba.runtime.progress import Stage
 
 COMPILING = ("open façade", "shaded façade", "façade basis", "rays", "search")
@@ -72,4 +73,4 @@ def percent(value: dict[str, float] | None) -> str:
 def show_notes(notes: Iterable[str]) -> None:
     """Print notes on the results, one on each line."""
     for note in notes:
-        print(f"note: {note}")
+        print(f"note: {printable(note)}")

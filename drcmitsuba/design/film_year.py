@@ -67,11 +67,11 @@ class CellDeposit(Deposit):
 
     def straight(
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
-        numbers: mi.UInt32 | None = None,
+        numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
     ) -> Irradiance:  # fmt: skip
         """Deposit by straight light; none from the film's cells."""
         plain = Deposit(*(getattr(self, name) for name in Deposit.__dataclass_fields__))
-        sky, sun = plain.straight(p, n, key, sky_rays, sun_samples, numbers)
+        sky, sun = plain.straight(p, n, key, sky_rays, sun_samples, numbers, within)
         none = dr.zeros(mi.TensorXf, (sky.shape[0], 1 << 2 * self.depth))
         return Irradiance(dr.concat((sky, none), axis=1), sun)
 

@@ -147,7 +147,7 @@ class TracedRoom:
         cell = cells.of(vertices)
         D = _deposited(
             case, world, daylight, points, normals,
-            lambda r: draw_points(vertices, cell, cells.count, r)[1:], progress,
+            lambda r: draw_points(vertices, cell, cells.count, r)[1:3], progress,
         )  # fmt: skip
         assert vertices.mark is not None
         kinds, mark = numbered(vertices.mark)

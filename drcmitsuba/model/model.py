@@ -14,6 +14,7 @@ from drcmitsuba.model.materials import (
     GlazingMaterial,
     SurfaceMaterial,
 )
+from drcmitsuba.runtime.errors import printable
 
 Role = Literal["surface", "pane", "context"]
 """Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""
@@ -159,6 +160,28 @@ def joined(models: Sequence[Model]) -> Model:
         next((m.north for m in models if m.north), 0.0),
         tuple(note for m in models for note in m.notes),
     )
+
+
+def with_printable_names(model: Model) -> Model:
+    """Write out the control characters in the names, places and notes of a model."""
+
+    def named(layer: Layer) -> Layer:
+        states = tuple(
+            replace(state, name=printable(state.name), shades=tuple(map(named, state.shades)))
+            for state in layer.states
+        )
+        return replace(
+            layer, name=printable(layer.name), group=printable(layer.group), states=states,
+            places=tuple(map(printable, layer.places)),
+        )  # fmt: skip
+
+    place = model.location
+    return replace(
+        model, location=place and replace(place, name=printable(place.name)),
+        layers=tuple(map(named, model.layers)), notes=tuple(map(printable, model.notes)),
+        grids=tuple(replace(grid, name=printable(grid.name)) for grid in model.grids),
+        views=tuple(replace(view, name=printable(view.name)) for view in model.views),
+    )  # fmt: skip
 
 
 def in_first_state(model: Model) -> Model:

@@ -17,6 +17,9 @@ from drcmitsuba.scene.panes_of_model import panes_of_model
 MARGIN = 1e-3
 """Heights nearer than this are the same [m]."""
 
+MOST_HULLS = 20_000
+"""Largest number of polygons of the context in a plan, the largest first."""
+
 
 def outlines_in_plan(case: Case, points: np.ndarray, sheet: Sheet) -> dict[str, Any]:
     """Room, glazing, furniture and surroundings around the sensors of a sheet, by kind [m].
@@ -66,13 +69,21 @@ def _of_model(case: Case, points: np.ndarray, sheet: Sheet) -> dict[str, Any]:
     rooms = [part for i, part in enumerate(parts) if i in lit]
     others = [part for i, part in enumerate(parts) if i not in lit]
     top = floor_below(model, sheet.above, sheet.high + MARGIN)[1]
-    context = [q[:, :2] for layer in model.layers if layer.role == "context" for q in layer.quads]
-    hulls = shapely.union_all([shapely.MultiPoint(c).convex_hull for c in context])
+    hulls = _hulls([layer.quads for layer in model.layers if layer.role == "context"])
     return {
         "room": [ring for part in rooms for ring in rings(part)],
         "glazing": [turned(edge) for edge in _panes(case, height, top)],
         "surroundings": [ring for shape in (*others, hulls) for ring in rings(shape)],
     }
+
+
+def _hulls(context: list[np.ndarray]) -> Any:
+    """Convex hulls in plan of the largest quads of the context, (quad, 4, 3) [m], as one shape."""
+    quads = np.concatenate([np.zeros((0, 4, 3)), *context])[:, :, :2]
+    across, down = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
+    size = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
+    largest = quads[np.argsort(-size, kind="stable")[:MOST_HULLS]]
+    return shapely.union_all(shapely.convex_hull(shapely.multipoints(largest)))
 
 
 def _panes(case: Case, low: float, high: float) -> list[np.ndarray]:

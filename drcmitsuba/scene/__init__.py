@@ -12,6 +12,8 @@ pane_groups, panes_in_state
     Panes that change their state together; what they are in a state of the façade.
 sun_visibility, enabled_effects
     Suns that can get in; effects that are simulated.
+exits
+    Rectangles that straight light passes on its way out of the rooms of a model.
 surfaces, sensors
     All surfaces of a case as plain geometry; points at which illuminance is computed.
 scene

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from drcmitsuba.model.model import Model, areas
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
-from drcmitsuba.scene.geometry import is_triangle, normals
+from drcmitsuba.scene.geometry import normals
 
 LEVEL = 1e-3
 """Largest deviation of a floor's normal from the vertical [–]."""
@@ -110,9 +110,8 @@ def _numbered(rooms: list[Room]) -> list[Room]:
 
 def in_plan(quads: np.ndarray) -> Any:
     """Union of quads (quad, 4, 3) in plan, as shapely's geometry [m]."""
-    rings = [q[:3] if t else q for q, t in zip(quads, is_triangle(quads), strict=True)]
     # A millimetre closes the seams between polygons that were drawn one by one.
-    grown = [_grown(shapely.Polygon(ring[:, :2]), 1e-3) for ring in rings]
+    grown = shapely.buffer(shapely.polygons(quads[:, :, :2]), 1e-3, join_style="mitre")
     return _grown(shapely.union_all(grown), -1e-3)
 
 

@@ -7,6 +7,7 @@ sensors (`recentred`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -19,6 +20,7 @@ from drcmitsuba.case.furniture import Furniture
 from drcmitsuba.case.room import Room
 from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.model.materials import SurfaceMaterial
+from drcmitsuba.model.model import Model
 from drcmitsuba.runtime.toml import Side
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -213,10 +215,21 @@ def origin(case: Case) -> np.ndarray:
     """
     if case.room is not None:
         return np.zeros(3)
-    near = [layer.quads for layer in case.building.layers if layer.role != "context"]
-    if near:
-        return np.floor(np.min([quads.min(axis=(0, 1)) for quads in near], axis=0))
+    near = near_bounds(case.building)
+    if near is not None:
+        return np.floor(near[0])
     return np.floor(case.sensors.corner) if isinstance(case.sensors, Sensors) else np.zeros(3)
+
+
+@lru_cache(maxsize=4)
+def near_bounds(model: Model, degrees: float = 0.0) -> np.ndarray | None:
+    """Bounds (2, 3) [m] of a model without its context, turned; None where nothing else is left."""
+    near = [layer.quads for layer in model.layers if layer.role != "context"]
+    if not near:
+        return None
+    turned = (quads @ turn(degrees).T if degrees else quads for quads in near)
+    ends = np.array([(quads.min(axis=(0, 1)), quads.max(axis=(0, 1))) for quads in turned])
+    return np.array([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
 
 
 def recentred(case: Case) -> Case:

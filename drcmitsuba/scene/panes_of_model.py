@@ -59,7 +59,8 @@ def panes_of_model(model: Model) -> ModelPanes:
             polygons, first = np.unique(layer.polygon[order], return_index=True)
             mine = np.split(order, first[1:])
             members += [(i, int(p), own) for p, own in zip(polygons, mine, strict=True)]
-    turned = [layer.quads.copy() for layer in model.layers]
+    is_pane = [layer.role == "pane" for layer in model.layers]
+    turned = [x.quads.copy() if p else x.quads for x, p in zip(model.layers, is_pane, strict=True)]
     if not members:
         empty = np.zeros((0, 4, 3))
         return ModelPanes(
@@ -78,7 +79,7 @@ def panes_of_model(model: Model) -> ModelPanes:
         if before > behind and not isinstance(model.layers[i].material, BsdfMaterial):
             turned[i][own] = reversed_quads(turned[i][own])
         front.append(normals(turned[i][own[:1]])[0])
-        frames.append(_frame(turned[i][own].reshape(-1, 3), front[-1]))
+        frames.append(rectangle_around(turned[i][own].reshape(-1, 3), front[-1]))
         longest = np.linalg.norm(frames[-1][[1, 3]] - frames[-1][0], axis=1).max()
         width.append(areas(turned[i][own]).sum() / longest)
     is_outside = escaping.max(axis=1) > AWAY
@@ -126,8 +127,8 @@ def _escaping(model: Model, members: list[tuple[int, int, np.ndarray]]) -> np.nd
     return 1 - hit.numpy().reshape(-1, 2, RAYS).mean(axis=2)
 
 
-def _frame(corners: np.ndarray, front: np.ndarray) -> np.ndarray:
-    """Rectangle (4, 3) around corners in a plane; its edges are level and steepest."""
+def rectangle_around(corners: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """Rectangle (4, 3) around corners (corner, 3) in a plane; its edges are level and steepest."""
     level = np.cross([0.0, 0.0, 1.0], front)
     if np.linalg.norm(level) < 1e-6:
         level = np.array([1.0, 0.0, 0.0])

@@ -20,11 +20,13 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.scene.components import PlacedComponent, place
 from drcmitsuba.scene.coplanar import settled
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
+from drcmitsuba.scene.exits import exits_of
 from drcmitsuba.scene.geometry import (
     SIDES,
     Port,
     Surface,
     ceiling,
+    near_bounds,
     origin,
     overhead,
     quad,
@@ -56,6 +58,9 @@ class Enclosure:
     """Whether shadow rays that pass no opening are left out."""
     is_box: bool = True
     """Whether the walls of a box bound the room; the rooms of a model have any shape."""
+    exits: np.ndarray | None = None
+    """Rectangles that straight light passes on its way out of the rooms of a model, world frame
+    [m], shape (exit, 4, 3); None for boxes, and where there are too many of them."""
 
     def contains(self, points: mi.Float) -> bool:
         """Whether every point (three numbers each, world frame) lies in the room."""
@@ -85,6 +90,8 @@ def geometry_of(
     if effects.components:
         ports = tuple(replace(p, quad=p.quad @ turn.T) for c in components for p in c.ports)
     surfaces = _surfaces(case, state, components, effects)
+    if case.building.layers:
+        return surfaces, _enclosure_of_model(case, state, effects, surfaces), ports
     return surfaces, _enclosure(case, state, components, effects), ports
 
 
@@ -146,18 +153,14 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
 
 def bounds_of_rooms(case: Case) -> np.ndarray | None:
     """Bounds of a model without its context, relative to the origin, world frame [m], (2, 3)."""
-    rooms = [x.quads.reshape(-1, 3) for x in case.building.layers if x.role != "context"]
-    if not rooms:
-        return None
-    corners = (np.concatenate(rooms) - origin(case)) @ rotation(case).T
-    return np.array([corners.min(axis=0), corners.max(axis=0)])
+    bounds = near_bounds(case.building, -case.building.north)
+    return None if bounds is None else bounds - rotation(case) @ origin(case)
 
 
-def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> Enclosure | None:
-    """Enclosure with the rectangles around the panes that let straight light in.
-
-    Rays that miss the panes are traced, too: no shape tells which points lie in a room.
-    """
+def _enclosure_of_model(
+    case: Case, state: State, effects: EnabledEffects, surfaces: list[Surface]
+) -> Enclosure | None:
+    """Enclosure with the rectangles around the panes that let straight light in, and the exits."""
     assert case.model is not None
     if case.model.leaks == "allow":
         return None
@@ -175,15 +178,23 @@ def _enclosure_of_model(case: Case, state: State, effects: EnabledEffects) -> En
     size = bounds[1] - bounds[0]
     openings = (panes.frame[lit] - origin(case)) @ turn.T
     narrowest = float(panes.width[lit].min(initial=np.inf))
-    return Enclosure(size, turn, openings, narrowest, spares=False, is_box=False)
+    holes = [
+        quads[groups == group]
+        for layer, quads, groups in zip(layers, panes.quads, front.groups.of_quads, strict=True)
+        for group in (np.unique(groups) if layer.role == "pane" else ())
+        if front.layer(layer, group) is None
+    ]
+    through = [(quads - origin(case)) @ turn.T for quads in holes]
+    through += [surface.quads for surface in surfaces if lets_through(surface.material)]
+    exits = exits_of(np.concatenate([np.zeros((0, 4, 3)), *through]))
+    spares = effects.enclosed and exits is not None
+    return Enclosure(size, turn, openings, narrowest, spares, is_box=False, exits=exits)
 
 
 def _enclosure(
     case: Case, state: State, components: tuple[PlacedComponent, ...], effects: EnabledEffects
 ) -> Enclosure | None:
     """Enclosure with a rectangle around the openings of each façade, and the ceiling's holes."""
-    if case.building.layers:
-        return _enclosure_of_model(case, state, effects)
     if case.room is None:
         return None
     openings, narrowest, front = [], np.inf, PanesInState.of(case, state, effects)

@@ -114,12 +114,9 @@ class Grid:
         assert self.near is not None
         low, high = (mi.Point3f(*corner) for corner in self.near)
         scale = 1 / (GROWTH * self.size)
-
-        def beyond(distance: mi.Point3f) -> mi.Point3f:
-            return GROWTH * dr.log(1 + dr.maximum(distance, 0) * scale)
-
-        inside = (dr.clip(p, low, high) - low) * (1 / self.size)
-        return inside + beyond(p - high) - beyond(low - p)
+        within = dr.clip(p, low, high)
+        beyond = GROWTH * dr.log(1 + dr.abs(p - within) * scale)
+        return (within - low) * (1 / self.size) + dr.copysign(beyond, p - within)
 
 
 @dataclass(frozen=True)
@@ -139,6 +136,8 @@ class Vertices:
     """Position [m] and facing normal, three numbers a vertex."""
     mark: mi.UInt32 | None = None
     """Mark of the path, see `gather.Marks`."""
+    within: mi.Bool | None = None
+    """Whether the path began in a room of a model and has passed no pane."""
 
     def __len__(self) -> int:
         """Count the vertices."""
@@ -213,6 +212,8 @@ class Drawn(NamedTuple):
     p: mi.Float
     n: mi.Float
     """Positions and normals, three numbers a cell."""
+    within: mi.Bool | None = None
+    """Whether the points lie in the rooms of a model; None where nothing tells."""
 
 
 def draw_points(
@@ -226,14 +227,19 @@ def draw_points(
     scrambled = (vertices.tag ^ mi.UInt32(salt * 0x85EBCA6B & 0xFFFFFFFF)) * _SCRAMBLE
     rank = dr.zeros(mi.UInt32, count)
     p, n = dr.zeros(mi.Float, 3 * count), dr.zeros(mi.Float, 3 * count)
+    within = None if vertices.within is None else dr.zeros(mi.Bool, count)
+    drawn = Drawn(rank, p, n, within)
     if before is not None and dr.width(before.rank):
-        for new, old in zip((rank, p, n), before, strict=True):
-            dr.scatter(new, old, dr.arange(mi.UInt32, dr.width(old)))
-        dr.eval(rank, p, n)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
+        for new, old in zip(drawn, before, strict=True):
+            if old is not None:
+                dr.scatter(new, old, dr.arange(mi.UInt32, dr.width(old)))
+        dr.eval(*drawn)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
     dr.scatter_reduce(dr.ReduceOp.Max, rank, scrambled, cell)
     wins = dr.gather(mi.UInt32, rank, cell) == scrambled
     each = dr.arange(mi.UInt32, len(vertices))
     for new, values in ((p, vertices.p), (n, vertices.n)):
         dr.scatter(new, dr.gather(mi.Point3f, values, each), cell, wins)
-    dr.eval(rank, p, n)
-    return Drawn(rank, p, n)
+    if within is not None:
+        dr.scatter(within, vertices.within, cell, wins)
+    dr.eval(*drawn)
+    return drawn

@@ -31,7 +31,7 @@ from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered, Met, product
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
-from drcmitsuba.transport.openings import hidden_in_disks
+from drcmitsuba.transport.openings import hidden_in_disks, in_rooms
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
 
@@ -58,17 +58,18 @@ class Replicate:
         """Compute D of the cells [sr] at the points that stand for them."""
         p, n, key = drawn.p, drawn.n, (Stream.CELLS, self.number)
         rays = self.deposit.accuracy.cell_sky_rays
-        straight = self.deposit.straight(p, n, key, rays, numbers=keys)
+        straight = self.deposit.straight(p, n, key, rays, numbers=keys, within=drawn.within)
         D = straight.plus(self.deposit.scattered(p, n, key, keys))
         self.cells = D if self.landed is None else D.plus(self.landed.on(keys))
+        dr.eval(*self.cells)  # a pending sum would keep all of its parts for every replicate
 
     def sensors(
-        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int
+        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """D of sensors (sensor, bin) [sr]: by straight and mirrored light; by all light."""
         key, sky_rays = (Stream.SENSORS, self.number), self.deposit.accuracy.sensor_sky_rays
         numbers = _numbers(here)
-        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers)
+        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within)
         direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
         D, D_straight = direct.numpy(), straight.numpy()
         if self.landed is None:
@@ -135,7 +136,8 @@ def _straight_suns(
     """`straight_suns` of some sensors."""
     p, n = flat(points), flat(normals)
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
-    kind["numbers"] = _numbers(here)
+    kind["numbers"], within = _numbers(here), in_rooms(scene, points)
+    kind["within"] = None if within is None else mi.Bool(within)
     shape = (len(points), len(suns.labels))
     seed = launch_seed(accuracy.seed, Stream.SUN_RIMS)
     total, most = (dr.zeros(mi.Float, shape[0] * shape[1]) for _ in range(2))
@@ -270,8 +272,9 @@ def estimate(
     for block, here in enumerate(gathered.blocks):
         p, n = flat(points[here]), flat(normals[here])
         met, estimates = gathered.met(here), []
+        within = None if gathered.within is None else mi.Bool(gathered.within[here])
         for replicate in replicates:
-            straight, direct = replicate.sensors(p, n, here, sun_samples)
+            straight, direct = replicate.sensors(p, n, here, sun_samples, within)
             interreflected = replicate.interreflected(met, here.stop - here.start)
             estimates.append((straight, direct, interreflected))
             totals[replicate.number, here] = direct + interreflected

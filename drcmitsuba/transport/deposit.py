@@ -85,7 +85,7 @@ class Deposit:
 
     def straight(
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
-        numbers: mi.UInt32 | None = None,
+        numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
     ) -> Irradiance:  # fmt: skip
         """D by straight light, with 0 `sun_samples` without the suns."""
         count = dr.width(p) // 3
@@ -94,19 +94,20 @@ class Deposit:
             with self.launch(key, Draw.SKY) as seed:
                 sky = sky_deposit(
                     self.scene, p, n, subdivision=self.subdivision, rays=sky_rays, seed=seed,
-                    numbers=numbers,
+                    numbers=numbers, within=within,
                 )  # fmt: skip
         if sun_samples:
-            sun = self._suns(p, n, key, sun_samples, numbers)
+            sun = self._suns(p, n, key, sun_samples, numbers, within)
         return Irradiance(sky, sun)
 
     def _suns(
-        self, p: mi.Float, n: mi.Float, key: Key, samples: int, numbers: mi.UInt32 | None = None
-    ) -> mi.TensorXf:
+        self, p: mi.Float, n: mi.Float, key: Key, samples: int,
+        numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+    ) -> mi.TensorXf:  # fmt: skip
         with self.launch(key, Draw.SUN) as seed:
             return sun_deposit(
                 self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=samples,
-                seed=seed, numbers=numbers,
+                seed=seed, numbers=numbers, within=within,
             )  # fmt: skip
 
     def transfer(

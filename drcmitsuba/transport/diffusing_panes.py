@@ -23,7 +23,7 @@ from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
 from drcmitsuba.transport.shadow_rays import visibility
@@ -103,7 +103,7 @@ class PanePatches:
         c, u, v = self.corner, self.u, self.v
         quads = np.stack([c, c + u, c + u + v, c + v], axis=1)
         quads[self.triangular, 2] = quads[self.triangular, 3]
-        return mi.load_dict({"type": "scene", "patches": quad_mesh("patches", quads)})
+        return mi.load_dict({"type": "scene", "patches": paired_mesh("patches", quads)})
 
     @cached_property
     def area(self) -> np.ndarray:

@@ -185,7 +185,7 @@ class Films:
             return d, dr.select((bs.wo.z < 0) & wanted, weight, 0)
         p = self.patches.at(dr.full(mi.UInt32, patch, dr.width(row)), a, b)
         p += dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
-        return d, weight * straight(self.scene, None, mi.Point3f(p), d, (weight > 0) & wanted)
+        return d, weight * straight(self.scene, mi.Point3f(p), d, (weight > 0) & wanted)
 
     def _rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Row within the mount of light that a patch sends along −d, and whether it exists."""

@@ -87,6 +87,7 @@ def gather(
     scene: Scene, points: np.ndarray, normals: np.ndarray, *,
     replicates: int, paths: int, grid: Grid, seed: int, marks: Marks | None = None,
     bounces: float = USUAL, first: int = 0, among: int | None = None,
+    within: np.ndarray | None = None,
 ) -> Vertices:  # fmt: skip
     """Trace the paths of all sensors and replicates and keep their diffuse vertices.
 
@@ -107,6 +108,8 @@ def gather(
     first, among : int, optional
         Index of the first of these sensors, and the number of all sensors: paths are the same in
         one launch and in several.
+    within : np.ndarray of bool, shape (sensor,), optional
+        Whether each sensor lies in a room of a model; the vertices then say so, too.
 
     Returns
     -------
@@ -114,13 +117,13 @@ def gather(
     """
     if scene.effects.depth == 0:
         number, value = mi.UInt32(), mi.Float()
-        return Vertices(number, value, number, number, value, value, number)
+        return Vertices(number, value, number, number, value, value, number, mi.Bool())
     lanes = replicates * len(points) * paths
     capacity = int(bounces * lanes)
     while True:
         vertices, met = _trace(
             scene, points, normals, lanes, paths, grid, seed, capacity, marks,
-            first, among or len(points),
+            first, among or len(points), within,
         )  # fmt: skip
         if met <= capacity:
             return vertices
@@ -147,14 +150,16 @@ def expected_bounces(
 class _VertexStore:
     """Vertices of a launch, in the order in which its lanes meet them; up to `capacity` are kept.
 
-    Only `marked` vertices carry the mark of their path.
+    Only `marked` vertices carry the mark of their path; `told` ones, whether they lie in a room.
     """
 
-    def __init__(self, capacity: int, marked: bool):
+    def __init__(self, capacity: int, marked: bool, told: bool):
         self._capacity, self._room = capacity, dr.opaque(mi.UInt32, capacity)
         self._counter = dr.zeros(mi.UInt32, 1)
         whole = ("row", "key", "tag", "mark") if marked else ("row", "key", "tag")
         self._columns = {name: dr.zeros(mi.UInt32, capacity) for name in whole}
+        if told:
+            self._columns["within"] = dr.zeros(mi.Bool, capacity)
         for name, width in (("weight", 1), ("p", 3), ("n", 3)):
             self._columns[name] = dr.zeros(mi.Float, width * capacity)
         dr.make_opaque(self._counter, self._columns)  # a loop that is being recorded adds to them
@@ -193,7 +198,7 @@ def _numbers(
 def _trace(
     scene: Scene, points: np.ndarray, normals: np.ndarray,
     lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
-    first: int, among: int,
+    first: int, among: int, within: np.ndarray | None,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop: the vertices, and the number that were met."""
     row, own, index = _numbers(len(points), lanes, paths, first, among)
@@ -201,7 +206,9 @@ def _trace(
     p = dr.gather(mi.Point3f, flat(points), sensor)
     n = dr.gather(mi.Normal3f, flat(normals), sensor)
     wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
-    store = _VertexStore(capacity, marks is not None)
+    told = within is not None
+    store = _VertexStore(capacity, marks is not None, told)
+    in_room = dr.gather(mi.Bool, mi.Bool(within), sensor) if told else mi.Bool(False)
     ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)
     beta = mi.Float(1)
@@ -213,7 +220,7 @@ def _trace(
     count = dr.opaque(mi.UInt32, lanes // len(points) * among & 0xFFFFFFFF)
     tag = own * paths + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
-    while dr.hint(active, exclude=[grid, scene, count, store, marks, solids, limit]):
+    while dr.hint(active, exclude=[grid, scene, count, store, marks, solids, limit, told]):
         scene.ray_counter.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
@@ -247,8 +254,10 @@ def _trace(
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         store.add(
             is_cell, row=row, weight=beta * (1 / paths), key=grid.key(si.p, facing),
-            tag=depth * count + tag, mark=mark, p=si.spawn_ray(facing).o, n=facing,
+            tag=depth * count + tag, mark=mark, within=in_room, p=si.spawn_ray(facing).o, n=facing,
         )  # fmt: skip
+        if dr.hint(told, mode="scalar"):
+            in_room &= bs.wo.z * si.wi.z > 0
         ray = si.spawn_ray(si.to_world(bs.wo))
         depth += 1
         active &= depth < limit

@@ -20,6 +20,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_points
 from drcmitsuba.transport.gather import USUAL, Marks, expected_bounces, gather
+from drcmitsuba.transport.openings import in_rooms
 
 KEPT = 1 << 24
 """Largest number of vertices that are stored, 200 MB."""
@@ -57,6 +58,8 @@ class Gathered:
     """Points that stand for the cells, for each replicate."""
     kept: dict[int, Met]
     """Vertices of some blocks, by their first sensor."""
+    within: np.ndarray | None = None
+    """Whether each sensor lies in a room of a model, shape (sensor,); None for other scenes."""
 
     @classmethod
     def of(
@@ -67,12 +70,14 @@ class Gathered:
         grid = Grid.of(scene, accuracy.cell_size)
         seed = launch_seed(accuracy.seed, Stream.PATH_LENGTHS)
         bounces = expected_bounces(scene, points, normals, accuracy.paths, grid, seed)
+        within = in_rooms(scene, points)
 
         def trace(here: slice) -> Vertices:
             return gather(
                 scene, points[here], normals[here], replicates=accuracy.replicates,
                 paths=accuracy.paths, grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS),
                 bounces=bounces, first=here.start, among=len(points), marks=marks,
+                within=None if within is None else within[here],
             )  # fmt: skip
 
         paths = accuracy.replicates * accuracy.paths
@@ -97,7 +102,8 @@ class Gathered:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight, vertices.mark)
                 room -= len(vertices)
-        return cls(trace, blocks, cells, tuple(one for one in drawn if one is not None), kept)
+        known = tuple(one for one in drawn if one is not None)
+        return cls(trace, blocks, cells, known, kept, within)
 
     def met(self, here: slice) -> Met:
         """Vertices of a block of sensors."""

@@ -1,19 +1,55 @@
-"""Openings of a room, and which points may see which suns through them."""
+"""Openings of a room, and which points may see which suns through them.
+
+A box tells which points lie in it. Of a room of any shape the sensors are told by rays: none leaves
+it where its panes count as walls. What paths from there meet before they pass a pane is in it, too.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
 CLUSTER = 32
 """Number of neighbouring suns that are traced or skipped together."""
+RAYS = 256
+"""Number of rays by which a point is found to lie in a room of a model."""
+
+
+def has_shapeless_rooms(scene: Scene) -> bool:
+    """Whether only paths tell which points lie in the rooms of a scene."""
+    room = scene.enclosure
+    return room is not None and room.spares and room.exits is not None
+
+
+def in_rooms(scene: Scene, points: np.ndarray) -> np.ndarray | None:
+    """Whether points (point, 3) lie in the rooms of a model, shape (point,); None for other scenes.
+
+    No ray from such a point leaves the surfaces, all panes included.
+    """
+    if not has_shapeless_rooms(scene):
+        return None
+    block = SHADOW_RAYS // RAYS
+    closed = [_is_closed_in(scene, points[i : i + block]) for i in range(0, len(points), block)]
+    return np.concatenate([np.zeros(0, bool), *closed])
+
+
+def _is_closed_in(scene: Scene, points: np.ndarray) -> np.ndarray:
+    """Whether all rays from each point meet a surface, shape (point,)."""
+    lane = dr.arange(mi.UInt32, len(points) * RAYS)
+    p = dr.gather(mi.Point3f, flat(points), lane // RAYS)
+    d = mi.warp.square_to_uniform_sphere(even_numbers(lane % RAYS, lane // RAYS, 6, 0))
+    hit = scene.full.ray_test(mi.Ray3f(p, d), coherent=False)
+    return np.asarray(hit.numpy().reshape(-1, RAYS).all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -24,29 +60,55 @@ class Openings:
     """
 
     quads: np.ndarray
+    within: mi.Bool | None = None
+    """Whether each point lies in the room; None where all do."""
 
     @classmethod
-    def of(cls, scene: Scene, points: mi.Float) -> Openings | None:
-        """Openings that all points look through; None where a point may lie outside the room."""
-        room = scene.enclosure
-        if room is None or not room.spares or not room.contains(points):
-            return None
-        return cls(room.openings)
+    def of(cls, scene: Scene, points: mi.Float, within: mi.Bool | None = None) -> Openings | None:
+        """Openings that points look through; None where all of them may lie outside the room.
 
-    def passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-        """Whether rays may leave the room; in doubt yes."""
+        In the rooms of a model are the points of which `within` says so.
+        """
+        room = scene.enclosure
+        if room is None or not room.spares:
+            return None
+        if room.exits is not None:
+            return None if within is None else cls(room.exits, within)
+        return cls(room.openings) if room.contains(points) else None
+
+    @property
+    def are_none(self) -> bool:
+        """Whether no point can look out of the room."""
+        return len(self.quads) == 0 and (self.within is None or bool(dr.all(self.within)))
+
+    def passed(self, row: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+        """Whether rays from p, the points `row`, may leave the room; in doubt yes."""
         result = mi.Bool(False)
-        for quad, normal in zip(self.quads, normals(self.quads), strict=True):
-            corner, n = mi.Point3f(*map(float, quad[0])), mi.Vector3f(*map(float, normal))
-            cosine = dr.dot(d, n)
-            y = p - dr.dot(p - corner, n) / cosine * d - corner
-            inside = cosine < 0
-            for edge in (quad[1] - quad[0], quad[3] - quad[0]):
-                length = float(np.linalg.norm(edge))
-                along = dr.dot(y, mi.Vector3f(*map(float, edge / length)))
-                inside &= (along > -1e-3) & (along < length + 1e-3)
+        if self.within is not None:
+            result = ~dr.gather(mi.Bool, self.within, row)
+        for i in range(len(self.quads)):
+            corner, n = (dr.gather(mi.Vector3f, self._numbers, 5 * i + k) for k in (0, 1))
+            length = dr.gather(mi.Vector3f, self._numbers, 5 * i + 4)
+            height, cosine = dr.dot(p - corner, n), dr.dot(d, n)
+            y = p - height / cosine * d - corner
+            inside = (cosine < 0) & (height > -1e-3)
+            for k in (0, 1):
+                along = dr.dot(y, dr.gather(mi.Vector3f, self._numbers, 5 * i + 2 + k))
+                inside &= (along > -1e-3) & (along < length[k] + 1e-3)
             result |= inside
         return result
+
+    @cached_property
+    def _numbers(self) -> mi.Float:
+        """Corner, normal, both directions and their lengths of every rectangle, three numbers each.
+
+        A kernel reads them: as literals they would have it compiled anew for every room.
+        """
+        u, v = (self.quads[:, k] - self.quads[:, 0] for k in (1, 3))
+        along, up = (np.linalg.norm(edge, axis=1, keepdims=True) for edge in (u, v))
+        lengths = np.concatenate([along, up, up], axis=1)
+        rows = [self.quads[:, 0], normals(self.quads), u / along, v / up, lengths]
+        return flat(np.stack(rows, axis=1))
 
     def reached(self, points: np.ndarray, axes: np.ndarray, spread: np.ndarray) -> np.ndarray:
         """Whether cones of directions may leave the room, shape (point, cone); in doubt yes.
@@ -55,6 +117,8 @@ class Openings:
         h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it.
         """
         result = np.zeros((len(points), len(axes)), bool)
+        if self.within is not None:
+            result |= ~self.within.numpy()[:, None]
         for quad, normal in zip(self.quads, normals(self.quads), strict=True):
             cosine = -(axes @ normal)
             outermost = np.cos(np.arccos(np.clip(cosine, -1, 1)) + spread)
@@ -62,7 +126,7 @@ class Openings:
             safe = np.where(outermost < 0.01, 1.0, cosine)
             h = ((points - quad[0]) @ normal)[:, None]
             margin = h * np.sin(spread) / (safe * np.maximum(outermost, 0.01)) + 1e-3
-            inside = np.broadcast_to(outermost >= 0.01, result.shape)
+            inside = (outermost >= 0.01) & (h > -1e-3)
             for edge in (quad[1] - quad[0], quad[3] - quad[0]):
                 length = np.linalg.norm(edge)
                 along = ((points - quad[0]) @ edge / length)[:, None] + h / safe * (

@@ -156,7 +156,7 @@ class ComponentPorts:
             flux = dr.select(self._passed(p, d), 0, flux)
         if self.exposed:
             return flux
-        return flux * straight(self.scene, None, p, d, flux > 0)
+        return flux * straight(self.scene, p, d, flux > 0)
 
     def _passed(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
         """Whether light from directions d passes another port before it reaches the points."""

@@ -38,12 +38,8 @@ def sun_numbers(suns: np.ndarray) -> np.ndarray:
     return np.array([crc32(direction.tobytes()) for direction in directions], np.uint32)
 
 
-def straight(
-    scene: Scene, openings: Openings | None, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool
-) -> mi.Float:
+def straight(scene: Scene, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> mi.Float:
     """Transmittance from points to the sky: product over clear panes; 0 behind opaque surfaces."""
-    if openings is not None:
-        active = active & openings.passed(p, d)
     scene.ray_counter.add("shadow", active, dr.width(d))
     return visibility(scene, mi.Ray3f(p, d), active)
 
@@ -59,6 +55,7 @@ def visibility(scene: Scene, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
 def sky_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     subdivision: int, rays: int, seed: int, numbers: mi.UInt32 | None = None,
+    within: mi.Bool | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of the ground and the sky patches.
 
@@ -72,6 +69,8 @@ def sky_deposit(
         Number of rays from a point, cosine-distributed and stratified.
     numbers : mi.UInt32, optional
         Seeds of the points' random numbers, independent of the launch; by default 0, 1, … .
+    within : mi.Bool, optional
+        Whether each point lies in a room of a model, see `openings.in_rooms`.
 
     Returns
     -------
@@ -79,8 +78,8 @@ def sky_deposit(
         D [sr]; a free point has ΣD = π.
     """
     bins, count = len(Patches(subdivision)), dr.width(points) // 3
-    openings = Openings.of(scene, points)
-    if openings is not None and len(openings.quads) == 0:
+    openings = Openings.of(scene, points, within)
+    if openings is not None and openings.are_none:
         return dr.zeros(mi.TensorXf, (count, bins))
     out = dr.zeros(mi.Float64, count * bins)  # a million rays may end in one bin
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
@@ -93,7 +92,10 @@ def sky_deposit(
         frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
         number = dr.gather(mi.UInt32, numbers, row)
         d = frame.to_world(first_directions(lane % rays, number, seed))
-        tau = straight(scene, openings, p, d, scene.effects.shines(d))
+        active = scene.effects.shines(d)
+        if openings is not None:
+            active &= openings.passed(row, p, d)
+        tau = straight(scene, p, d, active)
         index = row * bins + patch_index(d, subdivision)
         dr.scatter_add(out, mi.Float64(tau * (np.pi / rays)), index, tau > 0)
         dr.eval(out)
@@ -103,7 +105,7 @@ def sky_deposit(
 def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int, rim: int | None = None,
-    numbers: mi.UInt32 | None = None,
+    numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -119,7 +121,7 @@ def sun_deposit(
         Directions drawn from the disk for every point and sun.
     rim : int, optional
         Index of the one direction to take instead, of `RIM` around the disk's edge.
-    numbers : mi.UInt32, optional
+    numbers, within : optional
         As for `sky_deposit`.
 
     Returns
@@ -129,8 +131,8 @@ def sun_deposit(
     """
     count, n_suns = dr.width(points) // 3, len(suns)
     out = dr.zeros(mi.Float, count * n_suns)
-    openings = Openings.of(scene, points)
-    if n_suns == 0 or (openings is not None and len(openings.quads) == 0):
+    openings = Openings.of(scene, points, within)
+    if n_suns == 0 or (openings is not None and openings.are_none):
         return mi.TensorXf(out, (count, n_suns))
     at, facing = (a.numpy().reshape(-1, 3) for a in (points, normals))
     rows, groups, clusters = candidates(openings, at, facing, suns, np.radians(diameter) / 2)
@@ -171,7 +173,10 @@ def _by_pairs(
         total = mi.Float(0)
         for d in drawn:
             cosine = dr.dot(n, d)
-            tau = straight(scene, openings, p, d, active & (cosine > 0))
+            lit = active & (cosine > 0)
+            if openings is not None:
+                lit &= openings.passed(row, p, d)
+            tau = straight(scene, p, d, lit)
             total += dr.select(tau > 0, tau * cosine, 0)
         return total * (disk_solid_angle(diameter) / len(drawn))
 
@@ -195,6 +200,7 @@ def _drawn(
 def pair_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, pairs: mi.UInt32, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
+    within: mi.Bool | None = None,
 ) -> mi.Float:  # fmt: skip
     """Compute chosen entries of `sun_deposit`.
 
@@ -202,7 +208,7 @@ def pair_deposit(
     ----------
     pairs : mi.UInt32
         Entries point · suns + sun.
-    scene, points, normals, suns, diameter, samples, seed, numbers
+    scene, points, normals, suns, diameter, samples, seed, numbers, within
         As for `sun_deposit`.
 
     Returns
@@ -210,9 +216,8 @@ def pair_deposit(
     mi.Float, shape (pair,)
         D [sr].
     """
-    of_pairs = _by_pairs(
-        scene, Openings.of(scene, points), points, normals, suns, diameter, samples, seed, numbers
-    )
+    openings = Openings.of(scene, points, within)
+    of_pairs = _by_pairs(scene, openings, points, normals, suns, diameter, samples, seed, numbers)
     stride = dr.opaque(mi.UInt32, len(suns))
     parts = []
     for start in range(0, dr.width(pairs), SHADOW_RAYS):

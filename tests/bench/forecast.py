@@ -19,9 +19,10 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,15 +33,20 @@ from scipy.optimize import nnls
 from drcmitsuba.annual.result import evaluate
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.effects import Effects
+from drcmitsuba.case.shading import Shading
 from drcmitsuba.case.shipped import shipped_cases
+from drcmitsuba.model.materials import DiffuserMaterial, Lambertian
 from drcmitsuba.plan import plan
-from drcmitsuba.plan.forecast import REFERENCE, Forecast, forecast
+from drcmitsuba.plan.forecast import Forecast, forecast
 from drcmitsuba.plan.forecast.cost import HOST, KERNELS
 from drcmitsuba.runtime import backend, process
+from drcmitsuba.runtime.machine_speed import REFERENCE
 from drcmitsuba.sky.daylight import daylight
 from tests.bench.__main__ import machine, table
+from tests.bench.models import as_model
 from tests.hard.test_hard_geometry import house, street
 from tests.hard.test_hard_rooms import film_case, slit_case
+from tests.model_rooms import l_room, layer, prism
 
 MOST = 3600.0
 """Seconds that an evaluation may take."""
@@ -52,13 +58,46 @@ THREADS = 2
 """Number of threads of the reference machine."""
 SECONDS = {unit: THREADS * seconds for unit, seconds in KERNELS.items()} | dict(HOST)
 """Processor seconds of a unit of work on the reference machine."""
-HARD = {
+
+
+@cache
+def kept() -> tempfile.TemporaryDirectory[str]:
+    """Folder of the models' files, kept until the program ends."""
+    return tempfile.TemporaryDirectory()
+
+
+def of_polygons(name: str, case: Case) -> Case:
+    """A case as the Radiance files that it exports."""
+    folder = Path(kept().name) / name
+    folder.mkdir()
+    return as_model(case, folder)
+
+
+def classroom_and_tower() -> Case:
+    """The classroom of polygons before a tower, with a shade."""
+    case = of_polygons("tower", load_case("classroom/existing"))
+    tower = layer(
+        "tower", Lambertian(0.4), *prism([(-9, -30), (13, -30), (13, -20), (-9, -20)], 60.0)[2],
+        role="context",
+    )  # fmt: skip
+    shade = DiffuserMaterial(type="diffuser", transmittance=0.05)
+    shaded = case.with_tables(
+        materials={**case.materials, "shade": shade}, shading=Shading(material="shade")
+    )
+    shaded._building = replace(case.building, layers=(*case.building.layers, tower))
+    return shaded
+
+
+HARD: dict[str, Callable[[], Case]] = {
     "hard: slit of 1 mm": slit_case,
     "hard: film of 1 cm²": film_case,
     "hard: street": street,
     "hard: house": house,
+    "model: an L": lambda: of_polygons("l", l_room()),
+    "model: classroom": lambda: of_polygons("classroom", load_case("classroom/existing")),
+    "model: classroom and tower": classroom_and_tower,
 }
-"""Rooms of tests/hard."""
+"""Rooms of tests/hard, and models."""
 VARIED: tuple[tuple[str, dict[str, Any]], ...] = (
     ("classroom/existing", {"paths": 512}),
     ("classroom/existing", {"cell_sky_rays": 1024}),

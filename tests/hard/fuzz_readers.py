@@ -26,7 +26,7 @@ tries. What the reader takes for one file is measured, and may be 1 GiB."""
 
 def seeds(name: str, folder: Path) -> None:
     """Write some generated files for libFuzzer to begin with."""
-    from tests.hard import generated_cases, generated_files
+    from tests.hard import generated_cases, generated_files, generated_models
 
     by_name = {
         "case": generated_cases.cases(),
@@ -37,6 +37,7 @@ def seeds(name: str, folder: Path) -> None:
         "obj": generated_files.meshes(),
         "ply": generated_files.meshes(),
         "time_stamps": generated_files.time_stamps(),
+        **generated_models.MODELS,
     }
     if name not in by_name:
         (folder / "none").write_bytes(b"")
@@ -79,7 +80,7 @@ def main() -> None:
 
     with atheris.instrument_imports(include=["drcmitsuba", "drcmitsuba_plugins"]):
         from tests.hard.readers import READERS, outcome
-    from tests.hard import generated_cases, generated_files
+    from tests.hard import generated_cases, generated_files, generated_models
     from tests.hard.command_line import GIB, growth_of
 
     name, *options = sys.argv[1:]
@@ -87,6 +88,7 @@ def main() -> None:
     folder = Path(tempfile.mkdtemp())
     (folder / "seeds").mkdir()
     generated_cases.furnish(folder)
+    generated_models.furnish(folder)
     seeds(name, folder / "seeds")
     years = {suffix: lines for suffix, (lines, _) in generated_files.YEARS.items()}
     whole = "\n".join(years[suffix]()).encode() if name in ("epw", "tmy3", "tmy2") else None

@@ -11,6 +11,9 @@ from drcmitsuba import bsdf
 from drcmitsuba.bsdf import check
 from drcmitsuba.bsdf.measured import from_measurements
 from drcmitsuba.case.case import load_case
+from drcmitsuba.model import honeybee, mesh, radiance
+from drcmitsuba.model.materials import GlazingMaterial, Lambertian
+from drcmitsuba.model.model import Model, with_printable_names
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.structures.mesh import read_mesh
@@ -67,6 +70,47 @@ def read_stamps(path: Path) -> None:
     assert (np.diff(read_timestamps(path)) > np.timedelta64(0)).all()
 
 
+MATERIALS = dict.fromkeys(("wall", "floor", "ceiling", "made", "box"), Lambertian(0.5)) | {
+    "pane": GlazingMaterial(type="glazing", transmittance=0.6)
+}
+"""Materials that a case gives to meshes."""
+
+
+def read_model(path: Path) -> None:
+    """Surfaces have finite corners near the origin and areas, and every one has a place."""
+    if path.suffix == ".rad":
+        made = radiance.read([path], means=True)
+    elif path.suffix == ".hbjson":
+        made = honeybee.read(path)
+    else:
+        made = mesh.read(path, unit=1.0, materials=MATERIALS)
+    _check(made)
+
+
+def _check(made: Model) -> None:
+    made = with_printable_names(made)
+    for layer in made.layers:
+        assert layer.quads.shape == (len(layer.polygon), 4, 3)
+        assert np.isfinite(layer.quads).all()
+        assert layer.name.isprintable()
+        assert all(place.isprintable() for place in layer.places)
+    for grid in made.grids:
+        assert np.isfinite(grid.points).all()
+        assert np.allclose(np.linalg.norm(grid.normals, axis=1), 1)
+    assert all(note.isprintable() for note in made.notes)
+
+
+def read_sensors(path: Path) -> None:
+    """Sensors are finite, their normals are units."""
+    _check(Model(grids=(radiance.read_points(path),)))
+
+
+def read_views(path: Path) -> None:
+    """Views are finite."""
+    for view in radiance.read_views(path):
+        assert np.isfinite([*view.position, *view.direction, *view.up, *view.angles]).all()
+
+
 READERS = {
     "case": (load_case, ".toml"),
     "epw": (read_weather, ".epw"),
@@ -79,6 +123,10 @@ READERS = {
     "obj": (read_a_mesh, ".obj"),
     "ply": (read_a_mesh, ".ply"),
     "time_stamps": (read_stamps, ".csv"),
+    **{f"model_{e}": (read_model, f".{e}") for e in ("rad", "hbjson", "obj", "ply", "stl")},
+    **{f"model_{e}": (read_model, f".{e}") for e in ("gltf", "glb")},
+    "points": (read_sensors, ".pts"),
+    "views": (read_views, ".vf"),
 }
 """By name: the reader, and the suffix of its files."""
 

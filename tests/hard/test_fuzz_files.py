@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from drcmitsuba import InputError
 from drcmitsuba.annual import stored_arrays
 from tests import ROOT
-from tests.hard import generated_files
+from tests.hard import generated_files, generated_models
 from tests.hard import generated_results as results
 from tests.hard.command_line import GIB, growth_of, no_more_than
 from tests.hard.fuzz_readers import patched
@@ -32,6 +32,7 @@ STRATEGIES = {
     "epw": generated_files.weather_years(".epw"),
     "tmy3": generated_files.weather_years(".csv"),
     "tmy2": generated_files.weather_years(".tm2"),
+    **generated_models.MODELS,
 }
 SLOW = ("epw", "tmy3", "tmy2")
 """Readers of 8760 rows."""
@@ -42,6 +43,7 @@ def folder(tmp_path_factory):
     """Folder of the file, beside what it may name."""
     folder = tmp_path_factory.mktemp("files")
     furnish(folder)
+    generated_models.furnish(folder)
     return folder
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -261,6 +262,6 @@ class Tradeoff:
 
     def _repr_html_(self) -> str:
         shown = pd.DataFrame([row.cells() for row in self.rows], columns=HEADER)
-        remarks = "".join(f"<p>{note}</p>" for note in self.notes())
+        remarks = "".join(f"<p>{escape(note)}</p>" for note in self.notes())
         image = plots.html_image(self.figure(), "seconds against error")
         return f"{shown.to_html(index=False, border=0)}{remarks}{image}"

@@ -22,6 +22,7 @@ from drcmitsuba.model.mesh.part import (
     check_polygons,
     check_vertex_count,
     check_vertices,
+    doubles,
 )
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.source_file import read_bytes
@@ -189,7 +190,7 @@ class _Scene:
         if mode not in (4, 5, 6):
             self.notes.add("Points and lines are left out")
             return np.empty((0, 3, 3))
-        vertices = self._numbers(primitive["attributes"]["POSITION"], "VEC3").astype(float)
+        vertices = doubles(self._numbers(primitive["attributes"]["POSITION"], "VEC3"))
         self.vertices += len(vertices)
         check_vertex_count(self.file, self.vertices)
         index = np.arange(len(vertices))

@@ -127,14 +127,22 @@ def _libraries(file: Path, names: dict[str, None], notes: Notes) -> dict[str, Re
     colours: dict[str, Reflectance] = {}
     for name in names:
         whole = beside(file, name)
-        several = [name] if whole is not None and whole.is_file() else name.split()
+        several = [name] if _is_file(whole) else name.split()
         for each in several:
             path = beside(file, each)
-            if path is None or not path.is_file():
+            if path is None or not _is_file(path):
                 notes.add("Material libraries that are not beside the file are left out", each)
             else:
                 colours |= _read_mtl(path, notes)
     return colours
+
+
+def _is_file(path: Path | None) -> bool:
+    """Whether there is a plain file; a name that no file can have names none."""
+    try:
+        return path is not None and path.is_file()
+    except OSError:
+        return False
 
 
 def _read_mtl(file: Path, notes: Notes) -> dict[str, Reflectance]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,6 +58,12 @@ def check_parts(file: Path, count: int) -> None:
         raise InputError(file, "parts", f"more than {MOST_PARTS}", remedy)
 
 
+def doubles(values: np.ndarray) -> np.ndarray:
+    """Numbers of a binary file in double precision; NaN of any kind without a warning."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(float)
+
+
 def check_vertices(file: Path, vertices: np.ndarray) -> None:
     """Raise InputError for coordinates that are no number or far away."""
     if len(vertices) and not np.abs(vertices).max() <= FARTHEST:
@@ -75,6 +82,7 @@ def beside(file: Path, name: str) -> Path | None:
     """File of a name in the folder of another one; None for any place outside the folder."""
     if not name or name in (".", "..") or any(c in name for c in "/\\:\0"):
         return None
-    folder = file.resolve().parent
-    path = (folder / name).resolve()
+    # Path.resolve raises where links form a circle.
+    folder = Path(os.path.realpath(file)).parent
+    path = Path(os.path.realpath(folder / name))
     return path if path.parent == folder else None

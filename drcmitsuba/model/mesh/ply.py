@@ -19,6 +19,7 @@ from drcmitsuba.model.mesh.part import (
     check_polygons,
     check_vertex_count,
     check_vertices,
+    doubles,
 )
 from drcmitsuba.model.mesh.text import line_of, numbers, text_of, whole_numbers
 from drcmitsuba.model.notes import Notes
@@ -185,7 +186,7 @@ class _Binary:
         if len(content) < element.count * kind.itemsize:
             raise InputError(self.file, element.name, "cut short", "export the mesh again")
         rows = np.frombuffer(content, kind, element.count)
-        return np.stack([rows[name].astype(float) for name in names], axis=1) if names else rows
+        return np.stack([doubles(rows[name]) for name in names], axis=1) if names else rows
 
     def lists(self, element: _Element) -> dict[int, np.ndarray]:
         """Corners of faces by their number, shape (face, corner) each."""

@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from drcmitsuba.model.facets import facet_quads, join
-from drcmitsuba.model.mesh.part import LARGEST, Part, check_parts, check_polygons, check_vertices
+from drcmitsuba.model.mesh.part import (
+    LARGEST,
+    Part,
+    check_parts,
+    check_polygons,
+    check_vertices,
+    doubles,
+)
 from drcmitsuba.model.mesh.text import numbers, statements, text_of
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.source_file import read_bytes, size_of
@@ -30,7 +37,7 @@ def read_stl(file: Path, notes: Notes) -> list[Part]:
     if size == HEADER + count * FACET.itemsize:
         check_polygons(file, count)
         facets = np.frombuffer(read_bytes(file, LARGEST), FACET, count, HEADER)
-        return [_part(file, "", facets["corners"].astype(float))]
+        return [_part(file, "", doubles(facets["corners"]))]
     if not header.lstrip().lower().startswith(b"solid"):
         got = "neither text nor as many triangles as its header says"
         raise InputError(file, "STL", got, "export the mesh again")

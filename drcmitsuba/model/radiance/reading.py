@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -98,7 +99,7 @@ def read_file(path: Path, context: Context, place: Place | None = None) -> None:
         for too much.
     """
     chain = (*context.files, path)
-    real = path.resolve()
+    real = Path(os.path.realpath(path))  # Path.resolve raises where links form a circle
     if real in context.real and place:
         names = " → ".join(file.name for file in chain)
         raise place.error("file", f"a circle: {names}", "take out one of these calls")

@@ -16,7 +16,7 @@ import numpy as np
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, SurfaceMaterial
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.materials import bsdf
-from drcmitsuba.scene.meshes import quad_mesh
+from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 
 MEETINGS = 3
@@ -45,7 +45,7 @@ class GroupMarks:
         self, panes: Sequence[GroupedPanes], first: np.ndarray, channel: int, beyond: bool
     ) -> None:
         quads = np.concatenate([each.quads for each in panes])
-        self.mesh = quad_mesh("panes", quads)
+        self.mesh = paired_mesh("panes", quads)
         self.context = mi.BSDFContext()
         self._panes = mi.ShapePtr(self.mesh)
         piece = np.repeat(np.arange(len(panes)), [len(each.quads) for each in panes])

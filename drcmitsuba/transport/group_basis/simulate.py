@@ -217,7 +217,8 @@ def _fill(
     samples = base.accuracy.sensor_sun_samples
     for here in gathered.blocks:
         p, n = flat(points[here]), flat(normals[here])
-        light.total[r][:, here] += replicate.sensors(p, n, here, samples)[1].T
+        within = None if gathered.within is None else mi.Bool(gathered.within[here])
+        light.total[r][:, here] += replicate.sensors(p, n, here, samples, within)[1].T
 
 
 def _subtract(lights: dict[int, ElementLight], r: int) -> None:

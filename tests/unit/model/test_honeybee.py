@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from drcmitsuba.case.case import load_case
+from drcmitsuba.case.model_case import listing
 from drcmitsuba.model import glass, honeybee
 from drcmitsuba.model.honeybee.modifiers import DEFAULT_SET, GLASS, PLASTIC
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, MirrorMaterial
@@ -44,6 +46,27 @@ def test_a_box_has_its_areas_and_fronts_outside(tmp_path):
     assert box.layer_of(model, PANE).quads.shape == (1, 4, 3)
     assert box.layer_of(model, WALL).place(0) == "Face Room_South"
     assert "generic_wall_0.50" in model.notes[0]
+
+
+def test_control_characters_in_names_are_written_out(tmp_path):
+    """A terminal that lists the materials of a case would obey them."""
+    red = box.plastic("\x1b[31mfloor\x9b2J", 0.5, 0.5, 0.5)
+    room = box.room()
+    room["faces"][0]["properties"]["radiance"]["modifier"] = red["identifier"]
+    room["faces"][1]["identifier"] = "South\nWall"
+    grid = {"identifier": "\x07", "sensors": [{"pos": [1, 2, 1], "dir": [0, 0, 1]}]}
+    file = box.written(
+        tmp_path, box.model(room, radiance={"modifiers": [red], "sensor_grids": [grid]})
+    )
+    case = load_case(file)
+    names = [layer.name for layer in case.building.layers]
+    assert "\\x1b[31mfloor\\x9b2J" in names
+    assert case.building.grids[0].name == "\\x07"
+    places = [place for layer in case.building.layers for place in layer.places]
+    assert "Face South\\nWall" in places
+    assert all(
+        map(str.isprintable, [*names, *places, *case.building.notes, *listing(case.building)])
+    )
 
 
 @pytest.mark.parametrize(

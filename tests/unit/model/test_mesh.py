@@ -245,3 +245,12 @@ def test_no_file_outside_the_folder_is_read(tmp_path):
     path = obj(tmp_path, "mtllib ../box.mtl other.mtl\nusemtl wall\nf 1 2 3")
     notes = mesh.read(path, unit=1, materials=box.MATERIALS).notes
     assert notes[0].endswith("are left out: ../box.mtl, other.mtl.")
+
+
+@pytest.mark.parametrize("name", ["loop.mtl", "x" * 300])
+def test_links_in_a_circle_and_endless_names_are_no_file(tmp_path, name):
+    """Both are errors of the system, of two kinds."""
+    (tmp_path / "loop.mtl").symlink_to(tmp_path / "loop.mtl")
+    path = obj(tmp_path, f"mtllib {name}\nusemtl wall\nf 1 2 3")
+    notes = mesh.read(path, unit=1, materials=box.MATERIALS).notes
+    assert "beside the file are left out" in notes[0]

@@ -33,6 +33,23 @@ def test_gltf_is_in_metres(tmp_path):
     assert model.layers[0].quads.max() == 6
 
 
+@pytest.mark.parametrize("kind", ["ply", "stl", "glb"])
+def test_a_signalling_nan_is_refused_without_a_warning(tmp_path, kind):
+    """Fuzzing: NumPy warns where such a number becomes one of double precision."""
+    if kind == "ply":
+        head = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n"
+        head += "".join(f"property float {axis}\n" for axis in "xyz")
+        head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        corners = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0]], "<f4").tobytes()
+        path = tmp_path / "box.ply"
+        path.write_bytes(head.encode() + corners + struct.pack("<B3i", 3, 0, 1, 2))
+    else:
+        path = KINDS[kind](tmp_path)
+    four, signalling = np.float32(4).tobytes(), struct.pack("<I", 0x7FA00000)
+    path.write_bytes(path.read_bytes().replace(four, signalling))
+    refused(path)
+
+
 def test_unknown_kinds_and_missing_files_are_refused(tmp_path):
     refused(tmp_path / "box.dae", ".obj, .ply, .stl")
     for kind in ("obj", "ply", "stl", "glb", "gltf"):

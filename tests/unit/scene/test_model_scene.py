@@ -12,7 +12,9 @@ from drcmitsuba.plan import panes
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import place
+from drcmitsuba.scene.geometry import near_bounds, quad
 from drcmitsuba.scene.leaks import refuse_leaks
+from drcmitsuba.scene.meshes import paired_mesh, quad_mesh
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.scene import load
 from drcmitsuba.scene.sensors import sensor_points
@@ -166,3 +168,16 @@ def test_a_room_and_a_model_exclude_each_other():
     tables = {"room": {"size": [3.0, 3.0, 3.0]}, "model": {"files": ["a.rad"]}}
     with pytest.raises(ValueError, match="beside a room of boxes"):
         Case.model_validate({**tables, "sensors": {"floors": ["floor"]}})
+
+
+def test_a_triangle_is_one_face_of_a_mesh():
+    quads = np.array([quad([0, 0, 0], [1, 0, 0], [0, 1, 0]), quad([2, 0, 0], [1, 0, 0], [0, 1, 0])])
+    quads[0, 3] = quads[0, 2]
+    assert quad_mesh("some", quads).face_count() == 3
+    assert paired_mesh("some", quads).face_count() == 4
+
+
+def test_bounds_of_a_turned_model_leave_out_its_context():
+    building = replace(box_room(TOWER).building, north=90.0)
+    np.testing.assert_allclose(near_bounds(building), [[0, 0, 0], [4, 5, 3]], atol=1e-12)
+    np.testing.assert_allclose(near_bounds(building, -90.0), [[-5, 0, 0], [0, 4, 3]], atol=1e-12)
