@@ -10,8 +10,10 @@ import numpy as np
 
 from drcmitsuba.model.materials import (
     BsdfMaterial,
+    DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
+    MirrorMaterial,
     SurfaceMaterial,
 )
 
@@ -64,6 +66,11 @@ class Layer:
     states: tuple[LayerState, ...] = ()
     """States of the group, as this layer takes them: state k of a group is the k-th of each of its
     layers. Material and surfaces of the first state are `material` and `states[0].shades`."""
+
+    @property
+    def deviates(self) -> bool:
+        """Whether the layer is a mirror or a clear solid: photons follow its light."""
+        return isinstance(self.material, MirrorMaterial | DielectricMaterial)
 
     def place(self, quad: int) -> str:
         """Where a quad stands in the source."""

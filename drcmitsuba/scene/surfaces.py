@@ -119,10 +119,15 @@ def _surfaces(
 
 
 def model_surfaces(case: Case, state: State, effects: EnabledEffects) -> list[Surface]:
-    """Surfaces of a case's model, relative to the case's `geometry.origin`, before rotation."""
+    """Surfaces of a case's model, relative to the case's `geometry.origin`, before rotation.
+
+    Mirrors and clear solids are components.
+    """
     made, start = [], origin(case)
     for layer, quads in zip(case.building.layers, panes_of_model(case.building).quads, strict=True):
         material: SurfaceMaterial | None = layer.material
+        if layer.deviates:  # a component
+            continue
         if layer.role == "pane":
             material = _pane_material(case, layer.name, state, effects)
         elif layer.role == "context" and not effects.obstructions:
