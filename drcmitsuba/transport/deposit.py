@@ -119,12 +119,14 @@ class Deposit:
             return None
         count = dr.width(p) // 3
         sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
-        with self.launch(key, Draw.OUTSIDE_GLASS) as seed:
-            if self.subdivision:
+        seed, rays = self.seed(key, Draw.OUTSIDE_GLASS), self.scene.ray_counter
+        if self.subdivision:
+            with rays.purpose(key[0].name, Draw.SKY.name):
                 sky = glass.sky(
                     p, n, subdivision=self.subdivision, rays=sky_rays, seed=seed, numbers=numbers
                 )
-            if sun_samples:
+        if sun_samples:
+            with rays.purpose(key[0].name, Draw.SUN.name):
                 sun = glass.suns(
                     p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples, seed=seed,
                     numbers=numbers,
