@@ -16,7 +16,7 @@ from drcmitsuba.model.mitsuba.entries import DEEPEST, IDENTITY, MOST_ENTRIES, En
 from drcmitsuba.model.source_file import read_bytes
 from drcmitsuba.runtime.errors import InputError
 
-LARGEST = 32 * 2**20
+LARGEST = 8 * 2**20
 """Largest file that is read, and all files that it includes together [B]."""
 MOST_FILES = 100
 """Largest number of files of a scene."""
