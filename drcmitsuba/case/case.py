@@ -130,13 +130,17 @@ class Case(Table):
 
     @property
     def standing(self) -> tuple[str, ...]:
-        """Names of the placed components: a structure is placed by a strip that names it."""
+        """Names of the placed components: a structure is placed by a strip that names it.
+
+        Mirrors and clear solids of a model are components, too.
+        """
         strips = {s.material for f in self.facade.values() for s in f.strips}
-        return tuple(
+        placed = (
             name
             for name, component in self.components.items()
             if name in strips or not isinstance(component, StructureComponent)
         )
+        return (*placed, *(layer.name for layer in self.building.layers if layer.deviates))
 
     def refuse_overruled(self, task: str) -> None:
         """Raise InputError where an effect is not "auto": the task ignores such choices."""
@@ -326,6 +330,7 @@ def with_files(case: Case) -> Case:
         files = tuple(resolved(f, f"model.files.{i}") for i, f in enumerate(table.files))
         case = case.with_tables(model=table.model_copy(update={"files": files}))
         case._building = table.read(case.source, files, case.materials)
+        check_sun(case.sun, case.effects, bool(case.standing))
         for layer in case.building.layers:  # strips and panes name their materials alike
             if layer.role == "pane" and not isinstance(layer.material, Lambertian):
                 case.materials.setdefault(layer.name, layer.material)

@@ -10,14 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drcmitsuba.model.materials import (
-    BsdfMaterial,
-    DiffuserMaterial,
-    GlazingMaterial,
-    Lambertian,
-    Reflectance,
-    SurfaceMaterial,
-)
+from drcmitsuba.model.materials import Lambertian, Reflectance, SurfaceMaterial
 from drcmitsuba.model.model import (
     Layer,
     Model,
@@ -32,12 +25,9 @@ METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.02
 """Metres per unit."""
 RADIANCE, HONEYBEE = (".rad", ".mat"), (".hbjson", ".json")
 MESHES = (".obj", ".ply", ".stl", ".gltf", ".glb")
-VIEWS = (".vf",)
-ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES, *VIEWS)
+MITSUBA, VIEWS = (".xml",), (".vf",)
+ENDINGS = (*RADIANCE, *HONEYBEE, *MESHES, *MITSUBA, *VIEWS)
 """Endings of the files that a model may consist of."""
-
-KNOWN = (Lambertian, GlazingMaterial, DiffuserMaterial, BsdfMaterial)
-"""Materials of a model whose light is counted; mirrors and solids deviate it before it is."""
 
 Patterns = Annotated[tuple[Name, ...], Field(max_length=1000)]
 
@@ -46,10 +36,10 @@ class ModelTable(Table):
     """Files of a model. A material of `[materials]` replaces that of the same name in the files."""
 
     files: Annotated[tuple[Path, ...], Field(min_length=1, max_length=1000)]
-    """Radiance scenes in the order of `oconv`, a Honeybee model, or meshes, beside the case; views
+    """Radiance scenes in the order of `oconv`, Honeybee models, Mitsuba scenes, meshes, and views
     of Radiance (`.vf`)."""
     unit: Literal["m", "dm", "cm", "mm", "ft", "in"] | None = None
-    """Unit of the lengths of meshes that state none; Radiance scenes are in metres by default."""
+    """Unit of meshes and Mitsuba scenes without one; Radiance scenes are in metres by default."""
     north: Annotated[float, Field(ge=-360, le=360)] | None = None
     """Direction of true north, clockwise from the model's y axis [deg]; by default the model's."""
     reflectances: dict[Name, Reflectance] = Field(default_factory=dict)
@@ -75,6 +65,7 @@ class ModelTable(Table):
         """
         from drcmitsuba.model.honeybee import read as read_honeybee  # when they are needed only
         from drcmitsuba.model.mesh import read as read_mesh
+        from drcmitsuba.model.mitsuba import read as read_mitsuba
         from drcmitsuba.model.radiance import read as read_radiance
         from drcmitsuba.model.radiance import read_views
 
@@ -91,6 +82,8 @@ class ModelTable(Table):
                 parts.append(read_mesh(file, unit=scale, materials=own))
             elif ending in VIEWS:
                 parts.append(Model(views=read_views(file)).scaled(scale or 1.0))
+            elif ending in MITSUBA:
+                parts.append(read_mitsuba(file, unit=scale, materials=own))
             elif ending not in RADIANCE:
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
@@ -112,13 +105,6 @@ class ModelTable(Table):
         if not kept:
             remedy = "give files with polygons or meshes"
             raise InputError(source, "model.files", "they hold no surface", remedy)
-        for layer in kept:
-            if not isinstance(layer.material, KNOWN):
-                got = f"{shortened(layer.name)} is a {layer.material.type}, {layer.place(0)}"
-                remedy = (
-                    "give its diffuse reflectance in [model.reflectances], or make it a component"
-                )
-                raise InputError(source, "model", got, remedy)
         north = model.north if self.north is None else self.north
         return replace(model, layers=tuple(kept), north=north)
 

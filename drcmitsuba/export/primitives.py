@@ -82,7 +82,7 @@ def twin(
     if isinstance(material, GlazingMaterial) and material.ior is not None:
         t = transmissivity(material.transmittance, material.ior)
         text = f"void glass {modifier} 0 0 4 {_numbers([t] * 3)} {_numbers(material.ior)}"
-        return Twin(text, "glass mirrors to the outside, too")
+        return Twin(text, "glass mirrors the sun to no other surface")
     if isinstance(material, GlazingMaterial):
         shape = [material.transmittance, material.exponent, material.reflectance]
         names = f"rho rho rho tau tau tau 0 0 0 {GLAZING_FILE}"

@@ -18,4 +18,6 @@ honeybee
     `read`: HBJSON models of Honeybee.
 mesh
     `read`: OBJ, PLY, STL, glTF and GLB files.
+mitsuba
+    `read`, `from_dict`: Mitsuba scenes, XML or dictionaries.
 """

@@ -10,8 +10,10 @@ import numpy as np
 
 from drcmitsuba.model.materials import (
     BsdfMaterial,
+    DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
+    MirrorMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.runtime.errors import printable
@@ -67,6 +69,11 @@ class Layer:
     layers. Material and surfaces of the first state are `material` and `states[0].shades`."""
     stands_in: str = ""
     """Group in whose first state alone the surfaces stand; "" where they always stand."""
+
+    @property
+    def deviates(self) -> bool:
+        """Whether the layer is a mirror or a clear solid: photons follow its light."""
+        return isinstance(self.material, MirrorMaterial | DielectricMaterial)
 
     def place(self, quad: int) -> str:
         """Where a quad stands in the source."""

@@ -155,8 +155,8 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
     -------
     dict
         Argument of `mi.load_dict`. Panes reflect towards the room only, because light reflected
-        to the outside returns to a sensor only by way of other buildings. Measured panes keep
-        the reflection of their file.
+        to the outside returns to a sensor only by way of other surfaces there. Measured panes keep
+        the reflection of their file, and those with a refractive index mirror on both sides.
     """
     if isinstance(material, BsdfMaterial):
         measured = film(material.file)
@@ -190,5 +190,5 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
         if material.ior is not None:
             tables = (mi.TensorXf(t.astype(np.float32)) for t in material.tables(STEPS))
             pane["transmittance"], pane["reflectance_front"] = tables
-            del pane["exponent"]
+            del pane["exponent"], pane["reflectance_back"]  # both sides mirror
     return pane

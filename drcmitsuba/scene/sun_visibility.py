@@ -14,6 +14,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.furniture import Furniture
+from drcmitsuba.model.materials import DielectricMaterial
 from drcmitsuba.model.model import areas
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.components.placement import panes_of
@@ -100,8 +101,11 @@ class SunVisibility:
         assert case.model is not None
         if case.model.leaks == "allow":
             return None
-        openings = (reversed_quads(panes.frame[panes.outside]) - start) @ turn
         layers = case.building.layers
+        # Light enters by clear solids, too; a box stands for each.
+        solids = [_around(x.quads) for x in layers if isinstance(x.material, DielectricMaterial)]
+        frames = np.concatenate([reversed_quads(panes.frame[panes.outside]), *solids])
+        openings = (frames - start) @ turn
         context = [layer.quads for layer in layers if layer.role == "context"]
         blockers = np.concatenate([np.zeros((0, 4, 3)), *context])
         blockers = blockers[~is_triangle(blockers)] if len(blockers) else blockers
@@ -156,6 +160,12 @@ def outside(case: Case) -> list[Furniture]:
         for piece in case.furniture
         if any(((c < -BEFORE) | (c + s > size + BEFORE)).any() for c, s in boxes(piece))
     ]
+
+
+def _around(quads: np.ndarray) -> np.ndarray:
+    """Faces (6, 4, 3) of the bounding box of quads, fronts outward."""
+    low, high = quads.min(axis=(0, 1)) - BEFORE, quads.max(axis=(0, 1)) + BEFORE
+    return np.array(box(low, high - low))
 
 
 def _relays(faces: np.ndarray, openings: np.ndarray) -> np.ndarray:

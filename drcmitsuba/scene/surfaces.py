@@ -128,10 +128,15 @@ def _surfaces(
 
 
 def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
-    """Surfaces of a case's model, relative to the case's `geometry.origin`, before rotation."""
+    """Surfaces of a case's model, relative to the case's `geometry.origin`, before rotation.
+
+    Mirrors and clear solids are components.
+    """
     made, start, layers = [], origin(case), case.building.layers
     for i, quads in enumerate(panes_of_model(case.building).quads):
         layer = layers[i]
+        if layer.deviates:  # a component
+            continue
         if layer.role == "context" and not front.effects.obstructions:
             continue
         if front.index_of(layer.stands_in) != 0:

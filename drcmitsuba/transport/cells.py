@@ -69,7 +69,7 @@ class Grid:
         x, y, z = (float(v) for v in inner)
         grid = cls((x, y, z), (1, 1, 1), size, (tuple(inner), tuple(outer)))
         ends = (scene.low - 0.37 * size, scene.high)
-        steps = (grid._steps(mi.Point3f(*map(float, end))) for end in ends)
+        steps = (grid.steps(mi.Point3f(*map(float, end))) for end in ends)
         low, high = (np.array([float(v[0]) for v in at]) for at in steps)
         start = np.floor(low)
         count = cls._checked(scene, start * size, (high - start) * size, size).count
@@ -98,7 +98,7 @@ class Grid:
         if self.near is None:
             q = dr.floor((p - mi.Point3f(*self.low)) * (1 / self.size))
         else:
-            q = dr.floor(self._steps(p) - mi.Point3f(*self.low))
+            q = dr.floor(self.steps(p) - mi.Point3f(*self.low))
         nx, ny, nz = self.count
         i = mi.UInt32(dr.clip(q.x, 0, nx - 1))
         j = mi.UInt32(dr.clip(q.y, 0, ny - 1))
@@ -109,7 +109,7 @@ class Grid:
         facing = 2 * axis + dr.select(along > 0, mi.UInt32(1), 0)
         return ((k * ny + j) * nx + i) * 6 + facing
 
-    def _steps(self, p: mi.Point3f) -> mi.Point3f:
+    def steps(self, p: mi.Point3f) -> mi.Point3f:
         """Coordinates in cubes from the near bounds' corner; the steps grow beyond the bounds."""
         assert self.near is not None
         low, high = (mi.Point3f(*corner) for corner in self.near)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import drjit as dr
@@ -22,6 +23,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import Films, Lit
+from drcmitsuba.transport.outside_glass import OutsideGlass
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 
 PEAK_RAYS = 8
@@ -87,7 +89,10 @@ class Deposit:
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
         numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
     ) -> Irradiance:  # fmt: skip
-        """D by straight light, with 0 `sun_samples` without the suns."""
+        """D by straight light, with 0 `sun_samples` without the suns.
+
+        Light that the outside of clear panes mirrors to the receivers counts with it.
+        """
         count = dr.width(p) // 3
         sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
         if self.subdivision:
@@ -98,6 +103,34 @@ class Deposit:
                 )  # fmt: skip
         if sun_samples:
             sun = self._suns(p, n, key, sun_samples, numbers, within)
+        return Irradiance(sky, sun).plus(self._mirrored(p, n, key, sky_rays, sun_samples, numbers))
+
+    @cached_property
+    def _outside_glass(self) -> OutsideGlass | None:
+        return OutsideGlass.of(self.scene)
+
+    def _mirrored(
+        self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int,
+        numbers: mi.UInt32 | None,
+    ) -> Irradiance | None:  # fmt: skip
+        """D by the outside of clear panes; None without any."""
+        glass = self._outside_glass
+        if glass is None:
+            return None
+        count = dr.width(p) // 3
+        sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
+        seed, rays = self.seed(key, Draw.OUTSIDE_GLASS), self.scene.ray_counter
+        if self.subdivision:
+            with rays.purpose(key[0].name, Draw.SKY.name):
+                sky = glass.sky(
+                    p, n, subdivision=self.subdivision, rays=sky_rays, seed=seed, numbers=numbers
+                )
+        if sun_samples:
+            with rays.purpose(key[0].name, Draw.SUN.name):
+                sun = glass.suns(
+                    p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples, seed=seed,
+                    numbers=numbers,
+                )  # fmt: skip
         return Irradiance(sky, sun)
 
     def _suns(

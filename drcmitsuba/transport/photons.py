@@ -38,6 +38,7 @@ from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.launch_size import PHOTONS
 from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
 from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
+from drcmitsuba.transport.reached import Reached
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
 PATCH = 4
@@ -151,9 +152,15 @@ class PhotonTracer:
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"
                 raise InputError("case", f"components.{ports.name}", got, remedy)
-        grid = Grid.of(scene, accuracy.cell_size)
+        grid, seed = (
+            Grid.of(scene, accuracy.cell_size),
+            launch_seed(accuracy.seed, Stream.CELL_AREAS),
+        )
+        reached = None
+        if scene.near is not None and len(points) and scene.effects.depth != 0:
+            reached = Reached.of(scene, points, normals, grid, seed)
         return cls(
-            every_port, CellAreas.of(scene, grid, launch_seed(accuracy.seed, Stream.CELL_AREAS)),
+            every_port, CellAreas.of(scene, grid, seed, reached),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
             subdivision, accuracy.photons, accuracy.photon_surfaces,
         )  # fmt: skip

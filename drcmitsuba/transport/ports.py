@@ -252,8 +252,8 @@ def _pane_ports(scene: Scene) -> list[Port]:
         if part.component or not (mirrors or isinstance(m, BsdfMaterial | DiffuserMaterial)):
             continue
         for quad, n in zip(part.quads, normals(part.quads), strict=True):
-            # Clear panes mirror towards the room only, which is where their fronts face.
-            if not mirrors:
+            # Clear panes without an index mirror to the room only, which is where they face.
+            if not isinstance(m, GlazingMaterial) or m.ior is not None:
                 ports.append(Port("", quad))
             room = scene.enclosure
             if room is None or ((room.openings - quad[0]) @ n > 1e-3).any():

@@ -20,6 +20,7 @@ from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import number, table
 from drcmitsuba.transport.cells import Grid
+from drcmitsuba.transport.reached import Reached
 
 POINTS = 1024
 """Number of points that measure the area of a whole face of a cell."""
@@ -45,10 +46,11 @@ class CellAreas:
     """Area of every row [m²]."""
 
     @classmethod
-    def of(cls, scene: Scene, grid: Grid, seed: int) -> CellAreas:
+    def of(cls, scene: Scene, grid: Grid, seed: int, reached: Reached | None = None) -> CellAreas:
         """Measure the areas by points spread evenly over both sides of all diffuse surfaces.
 
-        Points inside closed bodies do not count: a ray along the normal meets a back.
+        Points inside closed bodies do not count: a ray along the normal meets a back. Nor do those
+        that `reached` excludes.
         """
         area = dr.zeros(mi.Float64, len(grid))
         every = _triangles([p.quads for p in scene.parts if is_diffuse(p.material)])
@@ -58,6 +60,8 @@ class CellAreas:
             p, n = _spread(triangles, count, seed)
             for facing in (n, -n):
                 exposed = _exposed(scene, p, facing)
+                if reached is not None:
+                    exposed &= reached.counts(p, facing)
                 key = grid.key(p, mi.Normal3f(facing))
                 dr.scatter_add(area, mi.Float64(whole / count), key, exposed)
         there = dr.compress(area > 0)

@@ -7,6 +7,7 @@ their irradiance per unit radiance of a bin.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 from zlib import crc32
 
 import drjit as dr
@@ -28,6 +29,8 @@ from drcmitsuba.transport.gather import first_directions
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
 from drcmitsuba.transport.openings import CLUSTER, Openings, candidates
 
+Through = Callable[..., Any]
+"""Function that gives the share of light that reaches points from directions, as `straight`."""
 RIM = 8
 """Directions around a disk's edge: they detect any straight edge that leaves or takes 1.5 %."""
 
@@ -106,6 +109,7 @@ def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int, rim: int | None = None,
     numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+    through: Through = straight,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -123,6 +127,8 @@ def sun_deposit(
         Index of the one direction to take instead, of `RIM` around the disk's edge.
     numbers, within : optional
         As for `sky_deposit`.
+    through : callable
+        Share of light that reaches points from directions; by default the straight one.
 
     Returns
     -------
@@ -140,7 +146,7 @@ def sun_deposit(
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     of_pairs = _by_pairs(
-        scene, openings, points, normals, suns, diameter, samples, seed, numbers, rim
+        scene, openings, points, normals, suns, diameter, samples, seed, numbers, rim, through
     )
     block = max(1, SHADOW_RAYS // CLUSTER)
     stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
@@ -159,7 +165,7 @@ def sun_deposit(
 def _by_pairs(
     scene: Scene, openings: Openings | None, points: mi.Float, normals: mi.Float,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
-    rim: int | None = None,
+    rim: int | None = None, through: Through = straight,
 ) -> Callable[[mi.UInt32, mi.UInt32, mi.Bool], mi.Float]:  # fmt: skip
     """Make the function that gives D [sr] of active pairs of a point and a sun."""
     directions, places = flat(suns), mi.UInt32(sun_numbers(suns))
@@ -176,7 +182,7 @@ def _by_pairs(
             lit = active & (cosine > 0)
             if openings is not None:
                 lit &= openings.passed(row, p, d)
-            tau = straight(scene, p, d, lit)
+            tau = through(scene, p, d, lit)
             total += dr.select(tau > 0, tau * cosine, 0)
         return total * (disk_solid_angle(diameter) / len(drawn))
 

@@ -78,8 +78,8 @@ def test_tables_of_the_case_replace_what_the_files_say(studio):
         ('[model]\nfiles = ["studio.rad"]\nunits = "m"', "model.units: unknown key"),
         (
             '[model]\nfiles = ["studio.rad"]\n'
-            '[materials.floor]\ntype = "mirror"\nreflectance = 0.9',
-            '"floor" is a mirror',
+            '[materials.floor]\ntype = "mirror"\nreflectance = 0.9\n[sun]\nmodel = "adaptive"',
+            "a mesh of suns would blur what components mirror",
         ),
     ],
 )

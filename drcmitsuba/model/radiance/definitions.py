@@ -106,6 +106,15 @@ class Definitions:
             raise user.error(got, "give the file of materials first")
         return self.latest[name]
 
+    def state(self) -> tuple[dict[str, Definition], int]:
+        """Definitions at this point, for `restore`."""
+        return dict(self.latest), len(self.order)
+
+    def restore(self, state: tuple[dict[str, Definition], int]) -> None:
+        """Forget what was defined after a state; surfaces keep what they have."""
+        self.latest, count = state
+        del self.order[count:]
+
     def add(self, primitive: Primitive, folders: tuple[Path, ...]) -> None:
         """Take in a material, texture, pattern, mixture or alias.
 

@@ -15,10 +15,11 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.model.model import Layer, Model
 from drcmitsuba.model.notes import Notes
+from drcmitsuba.model.radiance.context import Budget, Context
 from drcmitsuba.model.radiance.definitions import Definition, Definitions
 from drcmitsuba.model.radiance.films import Mounted, upside_down
 from drcmitsuba.model.radiance.materials import material_of
-from drcmitsuba.model.radiance.reading import Budget, Context, read_file
+from drcmitsuba.model.radiance.reading import read_file
 from drcmitsuba.model.radiance.surfaces import Patch, Surfaces, joined
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.model.notes import Notes
-from drcmitsuba.model.radiance import bodies
+from drcmitsuba.model.radiance import bodies, compiled
 from drcmitsuba.model.radiance import command as commands
-from drcmitsuba.model.radiance.definitions import MODIFIERS, SURFACES, Definitions
+from drcmitsuba.model.radiance.context import DEEPEST, Context
+from drcmitsuba.model.radiance.definitions import MODIFIERS, SURFACES
 from drcmitsuba.model.radiance.generators import GENERATORS
 from drcmitsuba.model.radiance.patterns import SMOOTHED
 from drcmitsuba.model.radiance.polygons import LARGEST
@@ -27,62 +27,8 @@ from drcmitsuba.model.radiance.text import (
 )
 from drcmitsuba.model.radiance.xform import reversed_front, transform
 
-MOST_BYTES = 1 << 27
-"""Largest size of all files together, each as often as it is read [byte]."""
-MOST_FILES = 20_000
-"""Largest number of files that are read, each as often as it is."""
-MOST_QUADS = 1_000_000
-"""Largest number of triangles and facets of a model, and of their copies."""
-MOST_COPIES = 2_000_000
-"""Largest number of copies of all arrays together."""
-DEEPEST = 16
-"""Largest number of files, each called by the one before."""
 FACETS = f"Curved bodies are facets, {bodies.AROUND} around, and up to 0.4 % smaller in area"
 NO_SOURCES = "Suns, skies and grounds of the source files are left out: the weather file gives them"
-
-
-@dataclass
-class Budget:
-    """Bytes, files, surfaces and copies that a reading may still take."""
-
-    bytes: int = MOST_BYTES
-    files: int = MOST_FILES
-    quads: int = MOST_QUADS
-    copies: int = MOST_COPIES
-
-    def spend_quads(self, quads: int, place: Place) -> None:
-        """Count quads; too many raise InputError."""
-        self.quads -= quads
-        if self.quads < 0:
-            got = f"more than {MOST_QUADS} surfaces"
-            raise place.error("model", got, "leave out what no daylight meets")
-
-    def spend_copies(self, copies: int, place: Place) -> None:
-        """Count copies of arrays; too many raise InputError."""
-        self.copies -= copies
-        if self.copies < 0:
-            raise place.error("xform", f"more than {MOST_COPIES} copies", "make fewer")
-
-
-@dataclass(frozen=True)
-class Context:
-    """Where a statement stands, and what it adds to."""
-
-    definitions: Definitions
-    surfaces: Surfaces
-    budget: Budget
-    notes: Notes
-    files: tuple[Path, ...] = ()
-    """Files that call for each other, the present one last."""
-    real: tuple[Path, ...] = ()
-    """The same without links."""
-    override: str | None = None
-    """Modifier that `xform -m` gives to all surfaces."""
-
-    @property
-    def folders(self) -> tuple[Path, ...]:
-        """Folders in which files are looked for: the file's, its callers', the present one."""
-        return (*dict.fromkeys(file.parent for file in reversed(self.files)), Path())
 
 
 Stage = Callable[[Context], None]
@@ -105,9 +51,7 @@ def read_file(path: Path, context: Context, place: Place | None = None) -> None:
         raise place.error("file", f"a circle: {names}", "take out one of these calls")
     if len(chain) > DEEPEST and place:
         raise place.error("file", f"{len(chain)} files deep", f"nest at most {DEEPEST}")
-    context.budget.files -= 1
-    if context.budget.files < 0 and place:
-        raise place.error("file", f"more than {MOST_FILES} files", "join some of them")
+    context.budget.spend_file(place or Place(path, 1))
     text = read_bytes(path, context.budget.bytes)
     context.budget.bytes -= len(text)
     inner = replace(context, files=chain, real=(*context.real, real))
@@ -123,11 +67,7 @@ def add(primitive: Primitive, context: Context) -> None:
     if primitive.kind in MODIFIERS or primitive.kind == "alias":
         context.definitions.add(primitive, context.folders)
     elif primitive.kind in ("mesh", "instance"):
-        what, remedy = {
-            "mesh": ("a compiled mesh", "give the OBJ file that it was made from"),
-            "instance": ("an octree", "put !xform and the .rad files that it was made from"),
-        }[primitive.kind]
-        raise primitive.error(f"{what}, {' '.join(primitive.strings[:1]) or 'no file'}", remedy)
+        _compiled(primitive, context)
     elif primitive.kind == "source":
         context.notes.add(NO_SOURCES)
     elif primitive.kind in SURFACES:
@@ -139,6 +79,26 @@ def add(primitive: Primitive, context: Context) -> None:
         context.budget.spend_quads(count, primitive.place)
     else:
         raise primitive.error("no kind of primitive of Radiance", "correct the word")
+
+
+def _compiled(primitive: Primitive, context: Context) -> None:
+    """Add a compiled mesh or an octree by the files that it was made from."""
+    override = () if primitive.modifier == "void" else ("-m", primitive.modifier)
+
+    def mesh(inner: Context) -> None:
+        compiled.add_mesh(primitive, inner)
+
+    def octree(inner: Context) -> None:
+        for source in compiled.octree_sources(primitive, inner):
+            if source.startswith("!"):
+                _run(Command(source[1:], primitive.place), inner)
+            else:
+                _files([source], primitive.place)(inner)
+
+    known = context.definitions.state()
+    stage = mesh if primitive.kind == "mesh" else octree
+    _xform([*override, *primitive.strings[1:]], stage, primitive.place)(context)
+    context.definitions.restore(known)  # an octree's own names do not serve outside
 
 
 def _run(command: Command, context: Context) -> None:
@@ -208,9 +168,7 @@ def _with_argument_files(
         inner = Command("xform " + line.strip().removeprefix("!").removeprefix("xform"), place)
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        context.budget.files -= 1
-        if context.budget.files < 0:
-            raise Place(path, number).error("xform", "too many lines of arguments", "give fewer")
+        context.budget.spend_file(Place(path, number))
         given = commands.pipeline(inner._replace(place=Place(path, number)))[0][1:]
         whole = [*words[:at], *given, *words[at + 2 :]]
         lines += _with_argument_files(whole, context, place, depth + 1)

@@ -91,9 +91,13 @@ class Surfaces:
         if len(numbers) != wanted:
             raise primitive.error(f"{len(numbers)} numbers", f"give {wanted}")
         quads = facets(primitive)
-        patch = Patch(quads, np.zeros(len(quads), np.int64), (primitive.place.of(primitive.name),))
-        self._patches.setdefault(definition, []).append(patch)
+        self.add_facets(quads, definition, primitive.place.of(primitive.name))
         return len(quads)
+
+    def add_facets(self, quads: np.ndarray, definition: Definition | None, place: str) -> None:
+        """Take in quads (quad, 4, 3) of one body."""
+        patch = Patch(quads, np.zeros(len(quads), np.int64), (place,))
+        self._patches.setdefault(definition, []).append(patch)
 
     def patches(self) -> dict[Definition | None, Patch]:
         """Quads of each modifier.

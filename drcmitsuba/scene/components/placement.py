@@ -15,6 +15,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components.duct import duct
 from drcmitsuba.scene.components.lightpipe import lightpipe
 from drcmitsuba.scene.components.mesh import is_solid, mesh, triangles
+from drcmitsuba.scene.components.of_model import of_model
 from drcmitsuba.scene.components.placed_component import PlacedComponent, check_hole
 from drcmitsuba.scene.components.structure import structure
 from drcmitsuba.scene.geometry import SIDES, boxes, normals, overhead, wall
@@ -30,6 +31,8 @@ DARK = (IN_A_WALL, TURNED)
 
 def place(case: Case) -> tuple[PlacedComponent, ...]:
     """Build the components of a case in the room's frame; structures need a strip that names them.
+
+    Mirrors and clear solids of a model are components, too.
 
     Raises
     ------
@@ -53,7 +56,7 @@ def place(case: Case) -> tuple[PlacedComponent, ...]:
         for placed in placed_components:
             check_hole(case.source, placed, case.room.size)
     _check_apart(case.source, [placed for placed in placed_components if placed.hole is not None])
-    return tuple(_checked_ports(case, placed_components))
+    return (*_checked_ports(case, placed_components), *of_model(case))
 
 
 def panes_of(case: Case) -> dict[str, list[np.ndarray]]:

@@ -9,8 +9,9 @@ import pytest
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.polygon import area_vector
 from drcmitsuba.model.radiance import bodies, read
+from drcmitsuba.model.radiance.context import Budget, Context
 from drcmitsuba.model.radiance.definitions import Definitions
-from drcmitsuba.model.radiance.reading import Budget, Context, read_file
+from drcmitsuba.model.radiance.reading import read_file
 from drcmitsuba.model.radiance.surfaces import Surfaces
 from drcmitsuba.runtime.errors import InputError
 from tests import SHARED

@@ -1,0 +1,43 @@
+"""Mirrors and clear solids of a model, as components: photons follow the light that they deviate.
+
+Light reaches a layer of few faces by these, and one of many by the faces of its bounding box. Light
+that passes a port and meets no mirror there is counted by shadow rays as any other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.model.materials import DielectricMaterial
+from drcmitsuba.scene.components.placed_component import PlacedComponent, ray_offset
+from drcmitsuba.scene.geometry import Port, Surface, box, origin, reversed_quads
+
+MOST_FACES = 32
+"""Largest number of faces that are ports themselves."""
+
+
+def of_model(case: Case) -> tuple[PlacedComponent, ...]:
+    """Layers of a case's model that deviate light, relative to the case's `geometry.origin`."""
+    start = origin(case)
+    placed = []
+    for layer in case.building.layers:
+        if layer.deviates:
+            quads = layer.quads - start
+            ports = _ports(quads, isinstance(layer.material, DielectricMaterial))
+            surface = Surface(layer.name, layer.material, quads, layer.name)
+            placed.append(
+                PlacedComponent(layer.name, (surface,), tuple(Port(layer.name, q) for q in ports))
+            )
+    return tuple(placed)
+
+
+def _ports(quads: np.ndarray, is_solid: bool) -> np.ndarray:
+    """Ports (port, 4, 3) of faces, fronts the way the light goes; solids face it outward."""
+    if len(quads) <= MOST_FACES:
+        inward = reversed_quads(quads)
+        return inward if is_solid else np.concatenate([inward, quads])
+    # Rays that start on the box would skip faces that are nearer than the offset.
+    air = 4 * ray_offset(quads)
+    low, high = quads.min(axis=(0, 1)) - air, quads.max(axis=(0, 1)) + air
+    return np.array(box(low, high - low))[:, [0, 3, 2, 1]]
