@@ -33,7 +33,8 @@ class ElementLight:
     """Light that comes in by a group of panes in one state: an element."""
 
     bins: np.ndarray
-    """Bins that it has light of, positions among the basis' labels, int, shape (own bin,)."""
+    """Bins that it has light of, positions among the basis' labels, int, shape (own bin,): ground
+    and all sky patches, then some suns."""
     total: np.ndarray
     """C without light that met grouped panes from inside [sr], (replicate, own bin, sensor)."""
     blocks: np.ndarray
@@ -142,18 +143,19 @@ class GroupBasis:
         chosen = self.chosen(indices)
         hours = {e: np.flatnonzero((chosen == e).any(axis=1)) for e in np.unique(chosen).tolist()}
         hours[BESIDES] = np.arange(len(indices))
-        suns = L[:, self.sky_bins :]
-        sky = L[:, : self.sky_bins].toarray()
+        suns, sky = L[:, self.sky_bins :], L[:, : self.sky_bins].toarray()
+        # Every element has the bins of ground and sky, and those of some suns.
+        sources = [
+            (self.light(element), at, sky[at], suns[at][:, bins - self.sky_bins])
+            for element, at in hours.items()
+            for bins in [self.light(element).bins[self.sky_bins :]]
+        ]
         for r in range(self.replicates):
             E = np.zeros((len(indices), len(self.positions)), np.float32)
             D = np.zeros((len(indices), self.besides.blocks.shape[2]), np.float32)
-            for element, at in hours.items():
-                light = self.light(element)
-                of_sky = light.bins < self.sky_bins
-                by_sky = sky[np.ix_(at, light.bins[of_sky])]
-                by_sun = suns[at][:, light.bins[~of_sky] - self.sky_bins]
+            for light, at, by_sky, by_sun in sources:
                 for out, values in ((E, light.total[r]), (D, light.blocks[r])):
-                    out[at] += by_sky @ values[of_sky] + by_sun @ values[~of_sky]
+                    out[at] += by_sky @ values[: self.sky_bins] + by_sun @ values[self.sky_bins :]
             self._add_marked(E, D, hours, chosen, self._of_replicate[r])
             yield E
 
