@@ -65,6 +65,7 @@ DIMS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("sun_bin", "clock"), ("time",)),
     **{n + s: _OF_E for n in ("total", "direct_sun") for s in ("", "_se")},
     "sun_group": _OF_E,
+    "facade_state": ("time", "group"),
 }
 """Dims of the arrays on disk; `channel` comes first where there is one."""
 

@@ -21,10 +21,11 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, possible_states
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.transport.sun_interpolation import mesh_of
@@ -60,7 +61,7 @@ class SamplingOutcome:
 
 @dataclass
 class _Sampling:
-    """Coefficients of both states while rounds are added to them."""
+    """Coefficients of all states while rounds are added to them."""
 
     case: Case
     daylight: Daylight
@@ -109,6 +110,9 @@ class _Sampling:
 
     def _extend(self, state: State, hours: np.ndarray) -> None:
         """Simulate the suns of some hours that a state lacks."""
+        if state == VARYING:
+            got = "a target, with more states than are simulated one by one"
+            raise InputError(self.case.source, "accuracy.target", got, "leave it out")
         labels = self.daylight.suns.only(sources(self.daylight.sky.isel(time=hours))).labels
         samples = self.states.get(state)
         if samples is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -49,10 +50,10 @@ class GroupCoefficients:
             The case has no groups, an adaptive sun or a target, or is too large.
         """
         if isinstance(case.sun, Adaptive):
-            got = "adaptive, with more states than are simulated one by one"
+            got = "adaptive, where groups of panes are simulated one by one"
             raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
         if case.accuracy.target is not None:
-            got = "a target, with more states than are simulated one by one"
+            got = "a target, where groups of panes are simulated one by one"
             raise InputError(case.source, "accuracy.target", got, "leave it out")
         accuracy = case.accuracy.model_copy(update={"seed": run.seed})
         effects = run.enabled_effects
@@ -144,7 +145,7 @@ class GroupCoefficients:
         return out
 
 
-def group_coefficients(case: Case | str, stage: Stage = silent) -> GroupCoefficients:
+def group_coefficients(case: Case | str | Path, stage: Stage = silent) -> GroupCoefficients:
     """Simulate every group of panes of a case in every state.
 
     Parameters

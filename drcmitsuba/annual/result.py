@@ -4,7 +4,7 @@ case     ─ daylight ──────────► Daylight: L[time, bin], 
          ─ plan ──────────────► Plan: enabled effects; forecast: what they will cost
          ─ simulate(open) ────► C[sensor, bin] of the open state
 C · L    ─ direct_sun ────────► direct sun[time, sensor], once: ASE, and hours that may close
-         ─ simulate(shaded) ──► C of the suns of these hours; both states: Coefficients
+         ─ simulate(others) ──► C of the suns of these hours; all states: Coefficients
 C · L    ─ illuminance ───────► E[time, sensor], the shade applied     illuminance.nc
 E, C     ─ evaluate_metrics ──► draws, metrics with their intervals    metrics.json
          ─ toward_target ─────► more rounds of C, E and metrics, where a target asks for them
@@ -53,7 +53,7 @@ class Result:
     illuminance : xr.Dataset
         E[time, sensor] as on disk [lx].
     by_state : Coefficients
-        C of the open and the shaded state [sr].
+        C of all states of the façade [sr].
     daylight : Daylight
         Sky and suns, from which L follows.
     plan : dict

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import product
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 import xarray as xr
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.attributes import attributes, fingerprint
 from drcmitsuba.annual.group_coefficients import GroupCoefficients
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, VARYING, State
-from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, VARYING, GroupStates, State
+from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import possible_states
-from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.facade_states import FEW, FacadeStates, ShadeRule, sunlit
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
@@ -39,6 +41,8 @@ from drcmitsuba.transport.openings import in_rooms
 from drcmitsuba.transport.shadow_rays import RIM, sun_deposit
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
 
+PATCH_WIDTH = 10.0
+"""Angle across Tregenza's patches, roughly [deg]."""
 BRIGHTEST = 1.3e5
 """Largest direct normal illuminance of any weather [lx]: that of the sun in space."""
 
@@ -124,21 +128,24 @@ def transport(
             )
         channels.append(C.assign_coords(at.coords))
     C = _joined(channels)
+    return C if sensors is not None else _with_pane_group(case, state, C, suns, run)
+
+
+def _with_pane_group(case: Case, state: State, C: xr.Dataset, suns: Suns, run: Run) -> xr.Dataset:
+    """Add the group of panes through which each sun comes straight to C of the open state.
+
+    It is the group without which the most light is lost. The rays are the same in all scenes, of
+    which each has one group of panes blocked. With a single group C stays as it is.
+    """
     groups = PaneGroups.of(case)
     if state != OPEN or len(groups) < 2:
         return C
+    points, normals = sensor_points(case)
     suns = suns.where(run.enabled_effects.enabled_suns(suns))
-    return C.assign(pane_group=_pane_group(case, C, groups, suns, run, points, normals))
-
-
-def _pane_group(
-    case: Case, C: xr.Dataset, groups: PaneGroups, suns: Suns, run: Run, points: np.ndarray,
-    normals: np.ndarray,
-) -> xr.DataArray:  # fmt: skip
-    """Group of panes through which each sun comes straight: without it, the most is lost.
-
-    The rays are the same in all scenes, of which each has one group of panes blocked.
-    """
+    if isinstance(case.sun, ThreePhase):  # patches of the sky stand for the sun
+        patches = Patches(case.sky.subdivision)
+        labels, directions = tuple(patches.labels[1:]), patches.directions[1:]
+        suns = Suns(labels, directions, PATCH_WIDTH / case.sky.subdivision)
     dim, channel = "sun" if "sun_straight" in C else "bin", _count(case, run.enabled_effects) - 1
     channel = 1 if channel else -1  # green stands for all colours
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter, "samples": RIM}
@@ -167,7 +174,9 @@ def _pane_group(
             out[lost > most] = g
             most = np.maximum(most, lost)
     values = xr.DataArray(out, dims=("sensor", dim), coords={dim: np.array(suns.labels, object)})
-    return values.reindex({dim: C[dim]}, fill_value=np.float32(-1)).drop_vars(dim)
+    return C.assign(
+        pane_group=values.reindex({dim: C[dim]}, fill_value=np.float32(-1)).drop_vars(dim)
+    )
 
 
 def simulate(
@@ -203,25 +212,22 @@ def simulate(
         _refuse_others(known, case, daylight, effects)
     states = {} if known is None else known.states
     suns, latitude = daylight.suns, daylight.sky.attrs["latitude"]
+    marked = attributes(case, daylight, effects)  # reads schedules, which may be unfit
     with run.timed("open façade") as done:
         C = _state(simulated, OPEN, suns, latitude, states.get(OPEN), (), run, done)
-    marked = attributes(case, daylight, effects)
     coefficients = Coefficients(C.assign_attrs(marked))
     direct = illuminance.direct_sun(coefficients, daylight.sky)
     if not marked["has_shade"]:
         return coefficients, direct
-    possible = direct
-    if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
-        radius = math.radians(case.outside.sun_diameter / 2)
-        brightest = BRIGHTEST / (math.pi * math.sin(radius) ** 2)  # [cd/m²]
-        sky = daylight.sky.assign(sun=xr.full_like(daylight.sky["sun"], brightest))
-        possible = illuminance.direct_sun(coefficients, sky)
     if needed is not None:
         taken = {SHADED: needed(direct)}
+    elif case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
+        taken = _in_any_weather(simulated, daylight, coefficients, marked)
     else:
-        taken = possible_states(simulated, daylight.step_hours, possible, marked)
-    if effects.every_shade:
-        taken[SHADED] = np.ones(direct.sizes["time"], bool)
+        taken = possible_states(simulated, daylight.step_hours, direct, marked)
+    groups = GroupStates.of_attributes(marked)
+    if effects.every_shade and VARYING not in taken:
+        taken[groups.label(groups.last)] = np.ones(direct.sizes["time"], bool)
     taken = {state: hours for state, hours in taken.items() if hours.any()}
     mesh, others = mesh_of(C), dict[State, xr.Dataset]()
     if VARYING in taken:
@@ -235,6 +241,39 @@ def simulate(
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
     return Coefficients(coefficients.open, others), direct
+
+
+def _in_any_weather(
+    case: Case, daylight: Daylight, coefficients: Coefficients, marked: dict[str, Any]
+) -> dict[State, np.ndarray]:
+    """Time stamps (time,) at which the façade may take each state, however bright the sun is.
+
+    Under a brighter sun one shade closes in more hours. Of several groups any may close through
+    which the brightest sun comes, each with or without the others.
+    """
+    radius = math.radians(case.outside.sun_diameter / 2)
+    brightest = BRIGHTEST / (math.pi * math.sin(radius) ** 2)  # [cd/m²]
+    sky = daylight.sky.assign(sun=xr.full_like(daylight.sky["sun"], brightest))
+    direct = illuminance.direct_sun(coefficients, sky)
+    rule = ShadeRule.of(marked)
+    assert rule is not None
+    if len(rule.groups) == 1:
+        return possible_states(case, daylight.step_hours, direct, marked)
+    may_close = (sunlit(direct, rule) > 0) & rule.by_rule
+    taken: dict[State, np.ndarray] = {}
+    for closes in product((False, True), repeat=len(rule.groups)):
+        hours = (may_close | ~np.array(closes)).all(axis=1)
+        if not hours.any():
+            continue
+        indices = rule.indices(np.tile(closes, (len(hours), 1)), direct["time"])
+        for state in np.unique(indices[hours], axis=0):
+            label = rule.groups.label(state)
+            if label != OPEN:
+                taken[label] = hours & (indices == state).all(axis=1)
+        if len(taken) > max(FEW, sum(map(len, rule.groups.states))):
+            got = "too many states of the façade for any weather"
+            raise InputError(case.source, "groups", got, "evaluate the case with its weather")
+    return taken
 
 
 def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:
@@ -282,9 +321,10 @@ def _state(
     points, normals = sensor_points(case)
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     channels = [known.isel(channel=i, drop=True) for i in range(known.sizes.get("channel", 0))]
-    return _joined(
+    C = _joined(
         [
             with_straight(C, world, points, normals, suns, accuracy)
             for C, world in zip(channels or [known], _scenes(case, state, run), strict=True)
         ]
     )
+    return _with_pane_group(case, state, C, suns, run)

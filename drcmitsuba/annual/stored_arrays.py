@@ -98,6 +98,8 @@ def _ordered(path: Path, data: xr.Dataset) -> xr.Dataset:
         dims = sun_dims if name == "sun" else DIMS.get(str(name))
         if dims is None:
             continue
+        if name == "pane_group" and "sun" in v.dims:  # of an adaptive sun
+            dims = ("state", "sensor", "sun")
         if set(v.dims) - {"channel"} != set(dims) or ("channel" in v.dims and name in data.coords):
             got = f"{name} has the dims {', '.join(map(str, v.dims)) or 'none'}"
             raise InputError(path, "results", got, f"give {', '.join(dims)}")
@@ -142,7 +144,7 @@ def loaded(path: Path, data: xr.Dataset) -> xr.Dataset:
 
 
 def coefficients_and_sky(c: Path, l: Path) -> tuple[Coefficients, xr.Dataset]:  # noqa: E741
-    """Read C of both states from `coefficients.zarr` and the sky of L from `sky.zarr`."""
+    """Read C of all states from `coefficients.zarr` and the sky of L from `sky.zarr`."""
     C = open_dataset(c, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
     L = open_dataset(l, "L", "bin", "sun", "sun_bin", "clock")
     L = loaded(l, L.isel(channel=0) if "channel" in L.dims else L)

@@ -24,7 +24,7 @@ from drcmitsuba.case.design import Design
 from drcmitsuba.case.effects import Effects
 from drcmitsuba.case.facade import Facade, check_names
 from drcmitsuba.case.furniture import Furniture, check_furniture
-from drcmitsuba.case.groups import Group
+from drcmitsuba.case.groups import OTHERS, Group
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.model import ENDINGS, ModelTable
 from drcmitsuba.case.model_case import tables_of, usual_sensors
@@ -211,7 +211,10 @@ class Case(Table):
         return self
 
     def _check_group(self, name: str, group: Group) -> None:
-        """Refuse states that are no material of a pane."""
+        """Refuse a reserved name, and states that are no material of a pane."""
+        if name == OTHERS:
+            got = "the name of the panes without a group"
+            raise InputError("case", f"groups.{name}", got, "give another name")
         for state in group.states:
             if state not in self.panes:
                 got = f"{shortened(state)} is no material of a pane in [materials]"

@@ -30,6 +30,8 @@ VARYING: State = "varying"
 BLOCKED, HIDDEN = -1, -2
 """Indices of states that every group has beside its own: black sheets, or holes, for panes."""
 _SPECIAL = {BLOCKED: "(blocked)", HIDDEN: "(hidden)"}
+RESERVED = {OPEN, SHADED, VARYING, *_SPECIAL.values()}
+"""Names that no state of a group has but by this module."""
 OTHERS = "(others)"
 """Group of the panes that belong to no group, which has one state only."""
 
@@ -70,10 +72,17 @@ class GroupStates:
             return cls.of_shade()
         try:
             table = json.loads(attributes["groups"])
-            return cls(tuple(table["names"]), tuple(map(tuple, table["states"])))
+            groups = cls(tuple(table["names"]), tuple(map(tuple, table["states"])))
+            fits = 0 < len(groups.names) == len(groups.states) and all(
+                states[:1] == (OPEN,) and all(isinstance(name, str) for name in states)
+                for states in groups.states
+            )
         except (ValueError, TypeError, KeyError):
+            fits = False
+        if not fits:
             got = shortened(str(attributes["groups"]))
-            raise InputError("coefficients", "groups", got, "compute them anew") from None
+            raise InputError("coefficients", "groups", got, "compute them anew")
+        return groups
 
     def attributes(self) -> dict[str, str]:
         """Attribute `groups`; none for one shade."""

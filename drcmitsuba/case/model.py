@@ -111,6 +111,19 @@ class ModelTable(Table):
     def _settled(self, layer: Layer, own: Mapping[str, SurfaceMaterial]) -> Layer:
         """Layer with the case's material and role."""
         layer = layer.made_of(own.get(layer.name, layer.material))
+        states = tuple(
+            replace(
+                state,
+                material=own.get(state.name, state.material) if state.material else None,
+                shades=tuple(
+                    self._settled(shade, own)
+                    for shade in state.shades
+                    if not any(fnmatchcase(shade.name, p) for p in self.leave_out)
+                ),
+            )
+            for state in layer.states
+        )
+        layer = replace(layer, states=states) if states else layer
         if any(fnmatchcase(layer.name, pattern) for pattern in self.context):
             return replace(layer, role="context")
         return layer

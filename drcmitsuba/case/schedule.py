@@ -50,7 +50,7 @@ class Schedule:
     def attributes(self) -> dict[str, str]:
         """Attribute `schedule`, compressed for files; none without scheduled groups."""
         table = {
-            str(k): base64.b64encode(zlib.compress(v.astype(np.uint8).tobytes())).decode()
+            str(k): base64.b64encode(zlib.compress(v.astype("<u2").tobytes())).decode()
             for k, v in self.of_group.items()
         }
         return {"schedule": json.dumps(table)} if table else {}
@@ -77,7 +77,7 @@ class Schedule:
 def _unpacked(text: str) -> np.ndarray:
     """States of a group from the attribute; a longer text than any year has is cut off."""
     packed = base64.b64decode(text, validate=True)
-    return np.frombuffer(zlib.decompressobj().decompress(packed, HOURS + 1), np.uint8)
+    return np.frombuffer(zlib.decompressobj().decompress(packed, 2 * HOURS + 2), "<u2")
 
 
 _FIRST_DAY = np.cumsum([0, 31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30])

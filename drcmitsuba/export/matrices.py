@@ -62,7 +62,7 @@ def matrices(coefficients: Coefficients, sky: xr.Dataset) -> Matrices:
             continue
         if state not in coefficients.states:
             got = f"no state {state}; {int(here.sum())} time stamps take it"
-            remedy = "compute the coefficients of the shaded state"
+            remedy = "compute the coefficients of this state, or evaluate the case"
             raise InputError("coefficients", "state", got, remedy)
         data = coefficients.states[state]
         at = np.flatnonzero(here)

@@ -140,7 +140,7 @@ def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
     """Group of panes through which the direct sun comes, (time, sensor); −1 in hours without it.
 
     A sensor without direct sun takes the group through which most sensors get it: a part of the sun
-    that no ray has found comes through it, too.
+    that no ray has found comes through it, too. −1 marks sun that comes through no group.
 
     Parameters
     ----------
@@ -163,7 +163,8 @@ def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
         whole = E.sum(axis=1)
         of_hour[whole > best] = g
         best = np.maximum(best, whole)
-    return _array(sky, np.where(nearest < 0, of_hour[:, None], nearest).astype(np.float32))
+    dark = (nearest < 0) & (suns @ straight.T == 0)
+    return _array(sky, np.where(dark, of_hour[:, None], nearest).astype(np.float32))
 
 
 def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -319,7 +320,7 @@ def illuminance(
         if other is None:
             raise InputError(
                 "coefficients", "state", f"a state is missing; {len(here)} time stamps take it",
-                "compute the coefficients of the shaded state",
+                "compute the coefficients of this state, or evaluate the case",
             )  # fmt: skip
         behind = by_source(other, sky.isel(time=here))
         for suffix in ("", "_se"):

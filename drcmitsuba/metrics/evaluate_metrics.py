@@ -230,6 +230,9 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
 def shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:
     """Share of the time stamps in each state of every group that has several [%]."""
     taken, groups = illuminance["facade_state"].transpose("time", "group").values, rules.groups
+    if taken.shape[1] != len(groups):
+        got = f"{taken.shape[1]} of {len(groups)} groups"
+        raise InputError("illuminance", "facade_state", got, "compute the illuminance anew")
     return {
         name: {s: 100 * float((taken[:, g] == i).mean()) for i, s in enumerate(states)}
         for g, (name, states) in enumerate(zip(groups.names, groups.states, strict=True))

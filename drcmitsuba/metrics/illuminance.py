@@ -100,7 +100,9 @@ def illuminance(
     Returns
     -------
     xr.Dataset
-        Variables of `accumulate.illuminance` [lx], with a dim `channel` where C has one.
+        Variables of `accumulate.illuminance` [lx], with a dim `channel` where C has one. Groups of
+        panes add `sun_group`, as from `direct_sun`, and the coordinate `facade_state` (time,
+        group), the index of each group's state.
 
     Raises
     ------
@@ -115,9 +117,10 @@ def illuminance(
     out = by_channel(accumulate.illuminance, coefficients.open, others, sky, taken.index, parts)
     if "sun_group" in direct:
         out["sun_group"] = direct["sun_group"]
+    if "groups" in coefficients.attrs:
         groups = GroupStates.of_attributes(coefficients.attrs)
         names = np.array(groups.names, dtype=object)
-        of_group = (("time", "group"), taken.of_group.astype(np.int16))
+        of_group = (("time", "group"), taken.of_group.astype(np.float32))
         out = out.assign_coords(group=names, facade_state=of_group)
         out = schema.describe(out)
     out.attrs = {k: v for k, v in coefficients.attrs.items() if k in KEPT}

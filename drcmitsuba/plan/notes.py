@@ -47,7 +47,8 @@ def shade_notes(case: Case) -> list[str]:
     if case.shading is None or case.groups:
         return []
     groups = PaneGroups.of(case)
-    sides = list(dict.fromkeys(side for facings in groups.facings for side in facings))
+    closing = zip(groups.facings, groups.states.closable, strict=True)
+    sides = list(dict.fromkeys(side for facings, closes in closing if closes for side in facings))
     if len(sides) < 2:
         return []
     facades = f"{', '.join(sides[:-1])} and {sides[-1]}"

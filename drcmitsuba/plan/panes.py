@@ -40,7 +40,7 @@ def used(case: Case) -> dict[str, tuple[str, ...]]:
         taken = [names[id(material)] for material in materials]
         if not materials:  # the states of the model's own group
             states = (s for x in case.building.layers if x.group == group for s in x.states[1:])
-            taken = [state.name for state in states if state.material is not None]
+            taken = ["open" if state.material is None else state.name for state in states]
         for name in taken:
             sides_of[name] = tuple(dict.fromkeys((*sides_of.get(name, ()), *sides)))
     return sides_of

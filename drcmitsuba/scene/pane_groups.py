@@ -13,7 +13,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import BLOCKED, HIDDEN, OPEN, OTHERS, SHADED, Group, GroupStates
+from drcmitsuba.case.groups import BLOCKED, HIDDEN, OPEN, OTHERS, RESERVED, SHADED, GroupStates
 from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
@@ -169,7 +169,9 @@ def _by_table(case: Case) -> PaneGroups:
         ]
         if not mine:
             known = dict.fromkeys(f"{p.name} ({p.facing})" for p in every)
-            got = f"no group {shortened(name)} in the model" if own else "no pane is meant"
+            got = "no pane is meant"
+            if own:
+                got = f"no group {shortened(name)} of panes to the outside in the model"
             remedy = f"name some of the panes: {', '.join(list(known)[:8]) or 'there are none'}"
             raise InputError(case.source, f"groups.{name}.panes", got, remedy)
         for pane in mine:
@@ -181,7 +183,8 @@ def _by_table(case: Case) -> PaneGroups:
         of_model = own and not group.states
         taking = [layers[p.layer].states for p in mine] if of_model else []
         named = max(([s.name for s in each] for each in taking), key=len, default=[])
-        used = group.states if group.states else _of_shading(case, group)
+        usual = () if case.shading is None else (case.shading.material,)
+        used = group.states or usual
         following = tuple(named[1:]) if of_model else used
         if not following:
             got = "no other state than open"
@@ -209,15 +212,10 @@ def _with_others(
     return PaneGroups(states, *_assigned(case, assigned), facings, materials)
 
 
-def _of_shading(case: Case, group: Group) -> tuple[str, ...]:
-    """States of a group without states: the shade's material, closed."""
-    return () if case.shading is None else (case.shading.material,)
-
-
 def _told_apart(names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of states without slashes, each once."""
     clean = [name.replace("/", "-") for name in names]
     return tuple(
-        name if clean.count(name) == 1 and name != OPEN else f"{name} {i}"
+        name if clean.count(name) == 1 and name not in RESERVED else f"{name} {i}"
         for i, name in enumerate(clean, 1)
     )

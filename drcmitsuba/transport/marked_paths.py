@@ -1,7 +1,7 @@
 """Gather paths of which some met panes whose state or material is left open.
 
 Paths without a mark give a matrix G₀ of cells. Those with a mark are kept one by one: the light on
-blocks of cells is enough for them, since they carry some per cent of the light.
+blocks of cells is enough for them, since they carry a few per cent of the light.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from drcmitsuba.design.bounce_counts import Sums
 from drcmitsuba.metrics import accumulate, smooth
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals.draw import _mean_illuminance
+from drcmitsuba.metrics.intervals.sun import Closures
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.transport import gather_blocks
@@ -176,7 +177,7 @@ def test_mean_over_more_sensors_than_single_precision_counts(holds):
         {"time": time, "bin": np.array(["sky_0"], object),
          "sun_bin": ("time", np.array(["", ""], object))},
     )  # fmt: skip
-    E = _mean_illuminance(Coefficients.of(C), light, np.zeros(2, bool)).value
+    E = _mean_illuminance(Coefficients.of(C), light, Closures.never(2)).value
     exact = float(np.float32(0.1)) * 1000.01 / 2
     holds("mean E", abs(E / exact - 1), ENOUGH)
 

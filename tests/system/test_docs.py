@@ -81,7 +81,8 @@ def write(folder, name, text):
 @pytest.fixture
 def folder(tmp_path):
     """Folder with the files that the pages take for granted."""
-    for name in ("office.toml", "film_office.toml", "my_prism.toml", "studio.toml", "studio.rad"):
+    cases = ("office.toml", "film_office.toml", "corner_office.toml", "studio.toml")
+    for name in (*cases, "my_prism.toml", "studio.rad"):
         write(tmp_path, name, named(name))
     sun = '\n[sun]\nmodel = "adaptive"\nfinest = 4\ntolerance = 0.5\n'
     write(tmp_path, "adaptive.toml", named("office.toml") + sun)

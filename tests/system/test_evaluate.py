@@ -212,7 +212,7 @@ def test_saving_changes_no_result_and_returns_what_lies_on_disk(small, tmp_path)
 def test_states_on_disk_are_joined_and_taken_apart_again(small, on_disk):
     result, _ = small
     _, C, _ = on_disk
-    assert "is NaN in state shaded" in C.attrs["not_simulated"]
+    assert "is NaN in a state that the façade does not take" in C.attrs["not_simulated"]
     xr.testing.assert_equal(C, result.coefficients)
     apart = Coefficients.of(C)
     for state, data in result.by_state.states.items():

@@ -117,7 +117,10 @@ def test_the_product_is_e_with_every_model_of_the_sun(evaluate, stamps, model):
         (["--csv", "e.csv", "--state", "shaded"], "--state: results have their own weather and"),
         (["--ill", "e.ill", "--weather", "w.epw"], "--weather: results have their own weather"),
         (["--radiance", "r", "--csv", "e.csv"], "--csv: it wants a folder of results, --radiance"),
-        (["--radiance", "r", "--state", "ajar"], "--state: 'ajar'; choose open or shaded"),
+        (
+            ["--radiance", "r", "--state", "ajar"],
+            'groups: shade: no state "ajar"; choose from: "open", "shaded"',
+        ),
         (["--radiance", ""], "the name is empty"),
         (["--radiance", "scene.rad"], "--radiance: the name of a .rad file; name a folder"),
         (["--csv", "."], "--csv: it is a folder; give the name of a file"),

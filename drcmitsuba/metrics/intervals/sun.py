@@ -133,7 +133,8 @@ class Closures:
     closed: np.ndarray
     """Share of the groups that are closed then, shape (time,)."""
     hours: np.ndarray
-    """Time stamps whose state differs between draws, shape (hour,); none where states vary."""
+    """Time stamps whose state differs between draws, shape (hour,); empty where the states are too
+    many to be simulated one by one."""
     drawn: np.ndarray
     """Their state in each draw, an index, shape (hour, draw)."""
     closed_drawn: np.ndarray
@@ -208,7 +209,8 @@ def draw_closures(
     hours, drawn = hours[varies], drawn[varies]
     by_mean, by_draw = rule.indices(closed, time), rule.indices(drawn, time[hours])
     states, number = numbered(rule.groups, np.concatenate([by_mean, by_draw.reshape(-1, count_of)]))
-    if VARYING in states:  # a time stamp of which has one state only
+    if VARYING in states:  # every draw takes the state by the mean sun
+        states, number = numbered(rule.groups, by_mean)
         hours, by_draw = hours[:0], by_draw[:0]
     of_draw = number[stamps:][: by_draw.shape[0] * DRAWS].reshape(-1, DRAWS)
     closable = np.array(rule.groups.closable)

@@ -96,7 +96,7 @@ def _more_states(plan: Plan) -> int:
 
     The sun shines on one façade or on two: n groups that close by its rule take 2 n states.
     """
-    groups = len(PaneGroups.of(plan.simulated))
+    groups = sum(PaneGroups.of(plan.simulated).states.closable)
     return max(0, min(2**groups - 1, 2 * groups) - 1)
 
 

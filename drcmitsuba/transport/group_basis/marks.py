@@ -20,7 +20,7 @@ from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.panes_in_state import GroupedPanes
 
 MEETINGS = 3
-"""Times that a path may meet grouped panes; light that meets them oftener, some 10⁻⁵ of E, is
+"""Times that a path may meet grouped panes; light that meets them more often, some 10⁻⁵ of E, is
 lost."""
 BITS = 10
 """Bits of a mark for each meeting."""

@@ -27,6 +27,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import normals as unit_normals
@@ -89,6 +90,11 @@ def compute(
     InputError
         The case has no groups, or the basis is too large.
     """
+    if case.standing:
+        got = f"a sum over groups of panes counts no light by way of {shortened(case.standing[0])}"
+        remedy = "take fewer states, which are simulated one by one"
+        raise InputError(case.source, "components", got, remedy)
+    _refuse_own_shades(case)
     effects = replace(effects, pane_to_pane=False)
     groups, panes = PaneGroups.of(case).states, grouped_panes(case, effects)
     if not panes:
@@ -159,16 +165,36 @@ def _sources(
         indices = [state if g == group else BLOCKED for g in range(len(groups))]
         world = scene.load(case, groups.label(indices), channel, effects)
         materials = {m for each in panes if each.group == group for m in each.materials}
-        world = replace(world, parts=tuple(_from_outside(p, materials) for p in world.parts))
+        count = sum(len(each.quads) for each in panes if each.group == group)
+        parts = tuple(_from_outside(case, part, materials, count) for part in world.parts)
+        world = replace(world, parts=parts)
         at = np.concatenate([np.arange(sky_bins), sky_bins + np.flatnonzero(mask)])
         sources.append(_Source(element, world, suns.where(mask), at))
         element += 1
     return sources
 
 
-def _from_outside(part: scene.Part, materials: set[SurfaceMaterial | None]) -> scene.Part:
-    """Pane that reflects nothing into the room: the paths count what it reflects."""
+def _refuse_own_shades(case: Case) -> None:
+    """Refuse groups of a model of which a state has surfaces that stand in no other."""
+    for layer in case.building.layers:
+        if layer.group in case.groups and any(state.shades for state in layer.states):
+            got = "its states have surfaces of their own"
+            remedy = "take fewer states, which are simulated one by one"
+            raise InputError(case.source, f"groups.{layer.group}", got, remedy)
+
+
+def _from_outside(
+    case: Case, part: scene.Part, materials: set[SurfaceMaterial | None], count: int
+) -> scene.Part:
+    """Pane that reflects nothing into the room: the paths count what it reflects.
+
+    A group has `count` quads: a part with more of them holds other panes of the same material.
+    """
     if isinstance(part.material, DiffuserMaterial) and part.material in materials:
+        if len(part.quads) > count:
+            got = f"a pane without a group has the material of a state, {part.name}"
+            remedy = "join it to a group, or give it another transmittance"
+            raise InputError(case.source, "groups", got, remedy)
         return replace(part, material=part.material.model_copy(update={"reflectance": 0.0}))
     return part
 

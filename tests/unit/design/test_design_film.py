@@ -406,7 +406,7 @@ def test_leaves_and_mixes_at_their_ends(bins):
                     "[materials.glass]",
                 ),
             ),
-            "light from the room",
+            "knows one shade for all panes",
         ),
         ((("corner = [1.0, 1.5, 0.7]", "corner = [1.0, -1.5, 0.7]"),), "other things shade"),
         ((("[period]", '[sun]\nmodel = "adaptive"\n[period]'),), "true_sun"),

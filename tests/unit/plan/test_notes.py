@@ -24,8 +24,8 @@ CASE = {
         ({"south": OPEN}, None),
     ],
 )
-def test_clear_panes_in_several_planes_share_one_shade(facade, facades):
-    note = f"shading: one shade for all clear panes; {facades} close and open together"
+def test_clear_panes_in_several_planes_close_one_by_one(facade, facades):
+    note = f"shading: {facades} close and open each on its own, as in LM-83"
     assert notes(Case.model_validate({**CASE, "facade": facade})) == [note] * (facades is not None)
 
 

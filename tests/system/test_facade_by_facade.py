@@ -68,6 +68,20 @@ def test_each_façade_closes_on_its_own(run, tmp_path):
     assert (E["total"][one].mean("sensor") > 1.2 * together["total"][one].mean("sensor")).all()
 
 
+@pytest.mark.parametrize("model", ["three_phase", "daysim", "adaptive"])
+def test_any_model_of_the_sun_tells_façades_apart(run, tmp_path, model):
+    exact, _ = evaluated(run, tmp_path, TWO)
+    E, _ = evaluated(run, tmp_path, TWO + f'[sun]\nmodel = "{model}"\n')
+    same = (E["facade_state"] == exact["facade_state"]).mean()
+    assert same > {"three_phase": 0.6, "daysim": 0.8, "adaptive": 0.98}[model]
+    assert (E["facade_state"] > 0).mean() > 0.2
+    out, known = tmp_path / "out", tmp_path / "known.zarr"
+    (out / "coefficients.zarr").rename(known)
+    again, _ = evaluated(run, tmp_path, TWO + f'[sun]\nmodel = "{model}"\n',
+                         "--coefficients", known)  # fmt: skip
+    np.testing.assert_array_equal(again["facade_state"], E["facade_state"])
+
+
 def test_files_give_the_same_year(run, tmp_path):
     E, _ = evaluated(run, tmp_path, TWO)
     out = tmp_path / "out"
