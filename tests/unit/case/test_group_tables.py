@@ -68,7 +68,7 @@ def test_groups_are_named_by_material_and_side(tmp_path):
         ('[groups.a]\npanes = ["glas"]\nstates = ["fabric"]\n', "groups.a.panes: no pane is meant"),
         ('[groups.a]\npanes = ["glass"]\nstates = ["fabrc"]\n', 'did you mean "?fabric'),
         ('[groups.a]\npanes = ["glass"]\n', "groups.a.states: no other state than open"),
-        ('[groups.a]\nstates = ["fabric"]\n', 'groups.a.panes: no group "a" of panes to the outside'),
+        ('[groups.a]\nstates = ["fabric"]\n', 'a.panes: no group "a" of panes to the outside'),
         (
             '[groups.a]\npanes = ["glass"]\nstates = ["fabric"]\n'
             '[groups.b]\npanes = ["*"]\nfacing = "south"\nstates = ["fabric"]\n',
