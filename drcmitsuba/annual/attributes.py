@@ -12,7 +12,6 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
 from drcmitsuba.case.schedule import Schedule, read_schedule
 from drcmitsuba.case.sensors import PointSensors
-from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -88,7 +87,7 @@ def _of_shade(case: Case, enabled_effects: EnabledEffects) -> dict[str, Any]:
     groups = PaneGroups.of(case).states
     if not enabled_effects.shade or len(groups) == 0:
         return {"has_shade": 0}
-    shading = case.shading
+    threshold, area = case.shade_rule
     of_group = {
         groups.names.index(name): read_schedule(group.schedule, name, groups.states[i])
         for i, (name, group) in enumerate(case.groups.items())
@@ -96,8 +95,8 @@ def _of_shade(case: Case, enabled_effects: EnabledEffects) -> dict[str, Any]:
     }
     return {
         "has_shade": 1,
-        "shade_threshold": THRESHOLD if shading is None else shading.threshold,
-        "shade_area": AREA if shading is None else shading.area,
+        "shade_threshold": threshold,
+        "shade_area": area,
         **groups.attributes(),
         **Schedule(of_group, len(groups)).attributes(),
     }

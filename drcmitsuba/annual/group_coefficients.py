@@ -57,8 +57,7 @@ class GroupCoefficients:
             raise InputError(case.source, "accuracy.target", got, "leave it out")
         accuracy = case.accuracy.model_copy(update={"seed": run.seed})
         effects = run.enabled_effects
-        coloured = scene.is_coloured(case) if effects.channels is None else effects.channels
-        channels = list(range(len(LUMINANCE_WEIGHTS))) if coloured else [-1]
+        channels = scene.channels_of(case, effects)
         made = [
             group_basis.compute(
                 case, daylight.suns, accuracy, effects, channel=channel,

@@ -22,7 +22,7 @@ from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import possible_states
-from drcmitsuba.metrics.facade_states import FEW, FacadeStates, ShadeRule, sunlit
+from drcmitsuba.metrics.facade_states import FacadeStates, ShadeRule, most_states, sunlit
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
@@ -47,18 +47,10 @@ BRIGHTEST = 1.3e5
 """Largest direct normal illuminance of any weather [lx]: that of the sun in space."""
 
 
-def _count(case: Case, enabled_effects: EnabledEffects) -> int:
-    """Number of colour channels to simulate; 1 for a grey case."""
-    coloured = enabled_effects.channels
-    coloured = scene.is_coloured(case) if coloured is None else coloured
-    return len(LUMINANCE_WEIGHTS) if coloured else 1
-
-
 def _scenes(case: Case, state: State, run: Run) -> Iterator[scene.Scene]:
     """Yield the scene of every colour channel, and add its rays to the run afterwards."""
-    count = _count(case, run.enabled_effects)
-    for i in range(count):
-        world = scene.load(case, state, i if count > 1 else -1, run.enabled_effects)
+    for channel in scene.channels_of(case, run.enabled_effects):
+        world = scene.load(case, state, channel, run.enabled_effects)
         yield world
         run.ray_counter.update(world.ray_counter.counted())
 
@@ -111,7 +103,7 @@ def transport(
         points, normals, at = points[sensors], normals[sensors], at.isel(sensor=sensors)
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     subdivision = case.sky.subdivision
-    count = _count(case, run.enabled_effects)
+    count = len(scene.channels_of(case, run.enabled_effects))
     channels: list[xr.Dataset] = []
     for i, world in enumerate(_scenes(case, state, run)):
         done = part(progress, i / count, (i + 1) / count)
@@ -146,8 +138,9 @@ def _with_pane_group(case: Case, state: State, C: xr.Dataset, suns: Suns, run: R
         patches = Patches(case.sky.subdivision)
         labels, directions = tuple(patches.labels[1:]), patches.directions[1:]
         suns = Suns(labels, directions, PATCH_WIDTH / case.sky.subdivision)
-    dim, channel = "sun" if "sun_straight" in C else "bin", _count(case, run.enabled_effects) - 1
-    channel = 1 if channel else -1  # green stands for all colours
+    dim = "sun" if "sun_straight" in C else "bin"
+    coloured = len(scene.channels_of(case, run.enabled_effects)) > 1
+    channel = 1 if coloured else -1  # green stands for all colours
     kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter, "samples": RIM}
     seed = launch_seed(run.seed, Stream.PANE_GROUPS)
 
@@ -270,7 +263,7 @@ def _in_any_weather(
             label = rule.groups.label(state)
             if label != OPEN:
                 taken[label] = hours & (indices == state).all(axis=1)
-        if len(taken) > max(FEW, sum(map(len, rule.groups.states))):
+        if len(taken) > most_states(rule.groups):
             got = "too many states of the façade for any weather"
             raise InputError(case.source, "groups", got, "evaluate the case with its weather")
     return taken

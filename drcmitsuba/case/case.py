@@ -30,7 +30,7 @@ from drcmitsuba.case.model import ENDINGS, ModelTable
 from drcmitsuba.case.model_case import tables_of, usual_sensors
 from drcmitsuba.case.room import Room
 from drcmitsuba.case.sensors import AnySensors, FloorSensors, PointSensors, Sensors
-from drcmitsuba.case.shading import Shading
+from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
 from drcmitsuba.case.shipped import locate_case
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
@@ -141,6 +141,13 @@ class Case(Table):
             if name in strips or not isinstance(component, StructureComponent)
         )
         return (*placed, *(layer.name for layer in self.building.layers if layer.deviates))
+
+    @property
+    def shade_rule(self) -> tuple[float, float]:
+        """Threshold [lx] and area [–] of the rule that closes shades; LM-83's without [shading]."""
+        return (THRESHOLD, AREA) if self.shading is None else (
+            self.shading.threshold, self.shading.area
+        )  # fmt: skip
 
     def refuse_overruled(self, task: str) -> None:
         """Raise InputError where an effect is not "auto": the task ignores such choices."""

@@ -51,12 +51,12 @@ def rules(
 
     `attributes` are those of C, which hold the groups of panes; by default there is one shade.
     """
-    shading = case.shading
+    (threshold, area), closes = case.shade_rule, case.shading is not None or bool(case.groups)
     groups = GroupStates.of_attributes(attributes or {})
     return intervals.Rules(
         metrics=case.metrics,
-        shade_threshold=shading.threshold if shading else THRESHOLD,
-        shade_area=shading.area if shading else AREA if case.groups else 1.0,
+        shade_threshold=threshold,
+        shade_area=area if closes else 1.0,
         step_hours=step_hours,
         groups=groups,
         schedule=Schedule.of_attributes(attributes or {}, groups),

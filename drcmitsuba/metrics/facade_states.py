@@ -141,6 +141,11 @@ class FacadeStates:
         return cls(*numbered(rule.groups, indices), indices)
 
 
+def most_states(groups: GroupStates) -> int:
+    """Largest number of states of the façade that are simulated one by one."""
+    return max(FEW, sum(map(len, groups.states)))
+
+
 def numbered(groups: GroupStates, indices: np.ndarray) -> tuple[tuple[State, ...], np.ndarray]:
     """States that occur among indices (…, group), the open one first; the state of each (…).
 
@@ -148,7 +153,7 @@ def numbered(groups: GroupStates, indices: np.ndarray) -> tuple[tuple[State, ...
     """
     rows, inverse = np.unique(indices.reshape(-1, len(groups)), axis=0, return_inverse=True)
     number = inverse.reshape(indices.shape[:-1])
-    if len(rows) > max(FEW, sum(map(len, groups.states))):
+    if len(rows) > most_states(groups):
         return (OPEN, VARYING), indices.any(axis=-1).astype(int)
     states = [groups.label(row) for row in rows]
     if OPEN not in states:

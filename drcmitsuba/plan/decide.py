@@ -9,7 +9,6 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sensors import PointSensors, Sensors
-from drcmitsuba.case.shading import THRESHOLD
 from drcmitsuba.case.sun import Adaptive, ThreePhase, TrueSun
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.plan import panes
@@ -261,7 +260,7 @@ def shaded_state(facts: Facts) -> Effect:
     scheduled = [name for name, group in case.groups.items() if group.schedule is not None]
     if scheduled:
         return Effect(True, f"{', '.join(scheduled)} follow a schedule")
-    threshold = THRESHOLD if case.shading is None else case.shading.threshold
+    threshold, _ = case.shade_rule
     if not isinstance(case.sun, TrueSun | Adaptive):
         hours = int((facts.light.sky["sun"].values > 0).sum())
         reason = (
@@ -293,8 +292,7 @@ def most_direct(facts: Facts) -> tuple[float, int]:
     if facts.reach is not None:
         directions = facts.light.sun["direction"].values
         bound = bound * facts.reach.visible(directions, case.outside.sun_diameter).mask
-    threshold = THRESHOLD if case.shading is None else case.shading.threshold
-    closes = bound > 0 if bends else bound >= threshold
+    closes = bound > 0 if bends else bound >= case.shade_rule[0]
     return float(bound.max(initial=0)), int(closes.sum())
 
 

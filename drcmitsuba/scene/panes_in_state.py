@@ -93,7 +93,7 @@ class GroupedPanes:
     quads: np.ndarray
     """Corners, fronts into the room, as in `surfaces_of` [m], shape (quad, 4, 3)."""
     materials: tuple[SurfaceMaterial | None, ...]
-    """What they are in each state of the group; None is a hole."""
+    """Material in each state of the group; None is a hole."""
 
 
 def grouped_panes(case: Case, effects: EnabledEffects = ALL_EFFECTS) -> list[GroupedPanes]:

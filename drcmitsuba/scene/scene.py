@@ -22,6 +22,7 @@ from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import bsdf, film, lets_through
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,12 @@ def load(
     surfaces, enclosure, ports = geometry_of(case, state, effects)
     built = build(surfaces, channel, enclosure, ports)
     return replace(built, effects=effects, near=bounds_of_rooms(case))
+
+
+def channels_of(case: Case, effects: EnabledEffects) -> tuple[int, ...]:
+    """Colour channels to simulate, as `load` takes them: luminance alone (−1) for a grey case."""
+    coloured = is_coloured(case) if effects.channels is None else effects.channels
+    return tuple(range(len(LUMINANCE_WEIGHTS))) if coloured else (-1,)
 
 
 def is_coloured(case: Case) -> bool:

@@ -152,10 +152,8 @@ class PhotonTracer:
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"
                 raise InputError("case", f"components.{ports.name}", got, remedy)
-        grid, seed = (
-            Grid.of(scene, accuracy.cell_size),
-            launch_seed(accuracy.seed, Stream.CELL_AREAS),
-        )
+        grid = Grid.of(scene, accuracy.cell_size)
+        seed = launch_seed(accuracy.seed, Stream.CELL_AREAS)
         reached = None
         if scene.near is not None and len(points) and scene.effects.depth != 0:
             reached = Reached.of(scene, points, normals, grid, seed)

@@ -58,7 +58,7 @@ def test_a_model_with_a_roof_light_and_a_partition(same):
 
 
 def test_straight_light_is_that_of_all_groups():
-    """What one group lets in and what the other does is straight light as a whole."""
+    """The straight light of the groups adds up to that of the whole façade."""
     one = case()
     groups = PaneGroups.of(one)
     assert groups.states.names[:2] == ("south", "east")

@@ -137,7 +137,7 @@ SCENES = {
     "mirror": ("!xform -m grey glass_pane.rad\n!xform -m silver mirror.rad\n", True),
     "solid pane": ("!xform -m clear dielectric_pane.rad\n", False),
 }
-"""What stands in the room of the render tests; Radiance lets no sun through solids."""
+"""Pieces in the room of the render tests; Radiance lets no sun through solids."""
 
 
 @pytest.mark.skipif(not RENDERS.is_dir(), reason="there are no render tests beside us")

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.groups import OPEN, SHADED, State
-from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Amount, Pilot, spread
@@ -107,9 +106,7 @@ def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
         return None
     if any(group.schedule is not None for group in case.groups.values()):
         return plan.facts.light.suns
-    shading = case.shading
-    threshold = THRESHOLD if shading is None else shading.threshold
-    area = AREA if shading is None else shading.area
+    threshold, area = case.shade_rule
     normal = sky["direct_normal_illuminance"].values
     closes = (normal > 0) | plan.scope.every_shade
     if not plan.scope.every_shade:

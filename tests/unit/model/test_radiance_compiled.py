@@ -54,7 +54,7 @@ def test_an_instances_modifier_stands_for_all_and_its_own_names_stay_inside(tmp_
 
 
 def test_moved_films_and_solids_of_an_instance_keep_their_numbers(tmp_path):
-    """What is defined within an octree moves with it, what comes later does not."""
+    """An octree moves with the definitions in it, and not with those that come later."""
     solid = "void dielectric d 0 0 5 .5 .5 .5 1.5 0\nd polygon s 0 0 9 0 0 0 1 0 0 0 1 0\n"
     text = "!xform -s 2 in.rad\n" + solid.replace("dielectric d", "dielectric e").replace(
         "\nd", "\ne"
