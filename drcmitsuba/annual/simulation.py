@@ -252,7 +252,7 @@ def _in_any_weather(
     assert rule is not None
     if len(rule.groups) == 1:
         return possible_states(case, daylight.step_hours, direct, marked)
-    may_close = (sunlit(direct, rule) > 0) & rule.by_rule
+    may_close = (sunlit(direct, rule) > 0).any(axis=1) & rule.by_rule
     taken: dict[State, np.ndarray] = {}
     for closes in product((False, True), repeat=len(rule.groups)):
         hours = (may_close | ~np.array(closes)).all(axis=1)

@@ -23,7 +23,7 @@ class Shading(Table):
     threshold: Illuminance = THRESHOLD
     """Direct sun from which on a point needs the shade [lx]."""
     area: Fraction = AREA
-    """Fraction of points [–]; the shade closes where at least this fraction needs it."""
+    """Fraction of points [–]; the shade closes where at least this fraction of a grid needs it."""
     groups: Literal["facing", "together"] = "facing"
     """Panes that close together, where there is no [groups]: those that face the same direction,
     or all of them."""

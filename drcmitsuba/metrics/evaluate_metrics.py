@@ -201,7 +201,7 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
         `shade_closed_monthly`: 12 of these or None; with draws `undecided`: the sensors that pass
         in more than 2.5 and less than 97.5 % of them; `grids`, where E has a coordinate `grid`:
         `sDA`, `ASE`, `msDA`, `MSE` and the number of `sensors` of each grid, by its name. The shade
-        closes by the sensors of all grids together. `groups`, where panes close one by one: the
+        closes where the sun on any grid asks for it. `groups`, where panes close one by one: the
         share of the time stamps in each state [%], by group and state; `shade_closed` is the mean
         of the groups.
     """

@@ -1,7 +1,8 @@
 """State of the façade at every time stamp: by the rule of the shade, group by group, or a schedule.
 
-LM-83 closes groups of panes until less than a fraction of the sensors lies in the sun: those groups
-first through which most sensors are in the sun.
+LM-83 closes groups of panes until less than a fraction of a space's sensors lies in the sun. Every
+grid of sensors is a space: each asks for those groups first through which most of its own sensors
+are in the sun, and a group closes where any grid asks for it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import xarray as xr
 
 from drcmitsuba.case.groups import OPEN, VARYING, GroupStates, State
 from drcmitsuba.case.schedule import Schedule
+from drcmitsuba.metrics.grids import count_by_grid, grid_of_sensors
 from drcmitsuba.metrics.shade import closing_sensors
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import luminance
@@ -32,7 +34,7 @@ class ShadeRule:
     threshold: float = 1000.0
     """Direct sun from which on a sensor counts [lx]."""
     area: float = 0.02
-    """Fraction of the sensors in the sun from which on groups close [–]."""
+    """Fraction of a grid's sensors in the sun from which on groups close [–]."""
     schedule: Schedule = field(default_factory=Schedule)
 
     @classmethod
@@ -54,19 +56,19 @@ class ShadeRule:
         groups = GroupStates.of_attributes(attributes)
         return cls(groups, threshold, area, Schedule.of_attributes(attributes, groups))
 
-    def required(self, sensors: int) -> int:
-        """Number of sensors in the sun that closes a group."""
-        return closing_sensors(self.area, sensors)
+    def required(self, sensors: np.ndarray) -> np.ndarray:
+        """Number of sensors in the sun that closes a group, of grids with so many `sensors`."""
+        return np.array([closing_sensors(self.area, n) for n in sensors.tolist()], int)
 
-    def closed(self, sunlit: np.ndarray, sensors: int) -> np.ndarray:
+    def closed(self, sunlit: np.ndarray, sensors: np.ndarray) -> np.ndarray:
         """Whether groups close.
 
         Parameters
         ----------
-        sunlit : np.ndarray of int, shape (…, group)
-            Number of sensors in the sun by way of each group.
-        sensors : int
-            Number of all sensors.
+        sunlit : np.ndarray of int, shape (…, grid, group)
+            Number of each grid's sensors in the sun by way of each group.
+        sensors : np.ndarray of int, shape (grid,)
+            Number of all sensors of each grid.
 
         Returns
         -------
@@ -79,8 +81,8 @@ class ShadeRule:
         # The sensors that are left in the sun when all groups before in the order are closed.
         left = falling[..., ::-1].cumsum(axis=-1)[..., ::-1]
         closed = np.empty(sunlit.shape, bool)
-        np.put_along_axis(closed, order, left >= self.required(sensors), axis=-1)
-        return closed & by_rule
+        np.put_along_axis(closed, order, left >= self.required(sensors)[:, None], axis=-1)
+        return closed.any(axis=-2) & by_rule
 
     @property
     def by_rule(self) -> np.ndarray:
@@ -97,17 +99,18 @@ class ShadeRule:
 
 
 def sunlit(direct: xr.Dataset, rule: ShadeRule) -> np.ndarray:
-    """Number of sensors in the sun by way of every group, int, shape (time, group).
+    """Number of each grid's sensors in the sun by way of every group, (time, grid, group).
 
     `direct` is from `illuminance.direct_sun` [lx].
     """
+    grid = grid_of_sensors(direct)
     E = luminance(direct["direct_sun"]).transpose("time", "sensor").values
     reached = rule.threshold <= E
     if len(rule.groups) == 1:
-        return np.count_nonzero(reached, axis=1)[:, None]
+        return count_by_grid(reached, grid)[..., None]
     group = sun_group(direct)
-    each = [np.count_nonzero(reached & (group == g), axis=1) for g in range(len(rule.groups))]
-    return np.stack(each, axis=1)
+    each = [count_by_grid(reached & (group == g), grid) for g in range(len(rule.groups))]
+    return np.stack(each, axis=-1)
 
 
 def sun_group(direct: xr.Dataset) -> np.ndarray:
@@ -136,7 +139,7 @@ class FacadeStates:
         if rule is None:
             stamps = direct.sizes["time"]
             return cls((OPEN,), np.zeros(stamps, int), np.zeros((stamps, 0), int))
-        closed = rule.closed(sunlit(direct, rule), direct.sizes["sensor"])
+        closed = rule.closed(sunlit(direct, rule), np.bincount(grid_of_sensors(direct)))
         indices = rule.indices(closed, direct["time"])
         return cls(*numbered(rule.groups, indices), indices)
 

@@ -38,3 +38,34 @@ def sensors_by_grid(illuminance: xr.Dataset | xr.DataArray) -> dict[str, np.ndar
     order = np.argsort(number, kind="stable")
     parts = np.split(order, np.searchsorted(number[order], np.arange(1, len(names))))
     return dict(zip(names.tolist(), parts, strict=True))
+
+
+def grid_of_sensors(illuminance: xr.Dataset | xr.DataArray) -> np.ndarray:
+    """Number of every sensor's grid, in the order of `sensors_by_grid`, int, shape (sensor,).
+
+    It is 0 for all sensors where there are no grids.
+    """
+    number = np.zeros(illuminance.sizes["sensor"], np.int64)
+    for i, sensors in enumerate(sensors_by_grid(illuminance).values()):
+        number[sensors] = i
+    return number
+
+
+def count_by_grid(mask: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Number of sensors of each grid at which a mask holds.
+
+    Parameters
+    ----------
+    mask : np.ndarray of bool, shape (time, sensor)
+    grid : np.ndarray of int, shape (sensor,)
+        From `grid_of_sensors`.
+
+    Returns
+    -------
+    np.ndarray of int, shape (time, grid)
+    """
+    sizes = np.bincount(grid)
+    if len(sizes) == 1:
+        return np.count_nonzero(mask, axis=1)[:, None]
+    parts = np.split(np.argsort(grid, kind="stable"), np.cumsum(sizes)[:-1])
+    return np.stack([np.count_nonzero(mask[:, part], axis=1) for part in parts], axis=1)

@@ -24,6 +24,8 @@ def direct_sun(coefficients: Coefficients, sky: xr.Dataset) -> xr.Dataset:
     """
     is_open = coefficients.open
     direct = by_channel(accumulate.direct_sun, is_open, sky)
+    if "grid" in is_open.coords:  # the shade closes by the sun on each grid
+        direct = direct.assign_coords(grid=is_open["grid"])
     if "pane_group" in is_open:
         one = is_open.isel(channel=1) if "channel" in is_open.dims else is_open
         direct = schema.describe(direct.assign(sun_group=accumulate.sun_group(one, sky)))

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics import smooth_step
+from drcmitsuba.metrics.grids import count_by_grid, grid_of_sensors
 from drcmitsuba.metrics.thresholds import blocks, checked, exact_fraction, not_negative
 
 
@@ -23,16 +24,18 @@ def shade_closed(
 ) -> xr.DataArray:
     """Time stamps at which the shade is closed: when enough of the sensors lie in direct sun.
 
-    closed(t) where #{j : E_j(t) ≥ threshold} ≥ area·N [2], section 2.3.2.
+    closed(t) where #{j : E_j(t) ≥ threshold} ≥ area·N [2], section 2.3.2, in any grid of sensors.
 
     Parameters
     ----------
     direct : DataArray (time, sensor)
-        Illuminance by direct sun without shade [lx].
+        Illuminance by direct sun without shade [lx]. A coordinate `grid` (sensor,) tells grids
+        apart, of N sensors each; without it all sensors are one.
     threshold : float
         Illuminance that counts as exposed [lx].
     area : float
-        Fraction of the sensors that closes the shade, 0 to 1. A tie closes it, so 0 always does.
+        Fraction of a grid's sensors that closes the shade, 0 to 1. A tie closes it, so 0 always
+        does.
 
     Returns
     -------
@@ -45,10 +48,11 @@ def shade_closed(
         Other dims, no time stamp or sensor, values that are not finite, a threshold out of range.
     """
     E = checked(direct, "direct")
-    required = closing_sensors(area, E.shape[1])
+    grid = grid_of_sensors(direct)
+    required = np.array([closing_sensors(area, n) for n in np.bincount(grid).tolist()])
     limit = not_negative("threshold", threshold)
-    count = [np.count_nonzero(block >= limit, axis=1) for block in blocks(E)]
-    closed = direct.isel(sensor=0, drop=True).copy(data=np.concatenate(count) >= required)
+    count = np.concatenate([count_by_grid(block >= limit, grid) for block in blocks(E)])
+    closed = direct.isel(sensor=0, drop=True).copy(data=(count >= required).any(axis=1))
     closed.name, closed.attrs = "shade_closed", {"long_name": "shade closed"}
     return closed
 

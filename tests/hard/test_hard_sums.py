@@ -13,7 +13,7 @@ from drcmitsuba.design.bounce_counts import Sums
 from drcmitsuba.metrics import accumulate, smooth
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals.draw import _mean_illuminance
-from drcmitsuba.metrics.intervals.sun import Closures
+from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.transport import gather_blocks

@@ -25,7 +25,7 @@ from drcmitsuba.case.sun import TrueSun
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene import scene
-from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport.launch_size import PATHS
 from drcmitsuba.transport.shadow_rays import sun_deposit
@@ -152,7 +152,8 @@ def trace_reference(case: Case, times: np.ndarray, until: float) -> Reference:
     shading = case.shading
     closed = np.zeros(len(times), bool)
     if shading is not None:
-        as_array = xr.DataArray(direct, dims=("time", "sensor"))
+        at = sensor_coordinates(case).coords
+        as_array = xr.DataArray(direct, at, ("time", "sensor"))
         closed = metrics.shade_closed(as_array, shading.threshold, shading.area).values
     sensors = some_sensors(case)
     states = [_TracedState.of(case, "open", light, sensors)]

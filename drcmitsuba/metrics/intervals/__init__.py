@@ -4,8 +4,8 @@ rules
     Thresholds of the metrics, and the resolution of the draws.
 bootstrap_counts
     Number of sensors that pass, in every draw.
-sun, autonomy
-    Draws of direct sun and of the shade; draws of sDA and msDA.
+sun, facade_draws, autonomy
+    Draws of direct sun; of the state of the façade that follows; of sDA and msDA.
 spread
     Intervals from draws, or from standard errors alone.
 draw
@@ -13,9 +13,9 @@ draw
 """
 
 from drcmitsuba.metrics.intervals.draw import closures, draw
+from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
 from drcmitsuba.metrics.intervals.spread import Bounds, DrawnShares, Draws, values
-from drcmitsuba.metrics.intervals.sun import Closures
 
 __all__ = [
     "Bounds",

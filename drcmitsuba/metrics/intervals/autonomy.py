@@ -22,8 +22,8 @@ import xarray as xr
 
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
+from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
-from drcmitsuba.metrics.intervals.sun import Closures
 
 BLOCK = 256
 """Number of sensors whose replicates are in memory at once."""

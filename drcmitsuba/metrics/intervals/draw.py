@@ -11,12 +11,13 @@ from drcmitsuba import metrics
 from drcmitsuba.metrics import Interval, accumulate
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import sun_group
-from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.metrics.grids import grid_of_sensors, sensors_by_grid
 from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
+from drcmitsuba.metrics.intervals.facade_draws import Closures, draw_closures
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
 from drcmitsuba.metrics.intervals.spread import DrawnShares, Draws
-from drcmitsuba.metrics.intervals.sun import Closures, SunDraws, draw_closures, draw_sun
+from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import luminance, mean_and_error
 
@@ -45,7 +46,7 @@ def _closures(direct: xr.Dataset, sun: SunDraws, rules: Rules) -> Closures:
     """Draw when groups of panes close, from the direct sun and its draws."""
     mean, rule = direct["direct_sun"], rules.shade
     group = None if len(rule.groups) == 1 else sun_group(direct)
-    return draw_closures(mean.values, group, mean["time"], sun, rule)
+    return draw_closures(mean.values, group, grid_of_sensors(direct), mean["time"], sun, rule)
 
 
 def draw(
@@ -68,10 +69,7 @@ def draw(
     month = metrics.months(E["total"]) - 1
     stamps = np.bincount(month, minlength=12)
     of_ase = [metrics.exposure_stamps(t.ase_hours, rules.step_hours, n, len(mean)) for n in stamps]
-    grids = sensors_by_grid(illuminance)
-    grid = np.zeros(mean.shape[1], np.int64)
-    for i, sensors in enumerate(grids.values()):
-        grid[sensors] = i
+    grids, grid = sensors_by_grid(illuminance), grid_of_sensors(illuminance)
     hours = metrics.exposure_stamps(t.ase_hours, rules.step_hours)
     needed = Needed(month, np.array(of_ase), hours, grid)
     exposure = _exposure(mean, sun, t.ase_threshold, needed)

@@ -34,7 +34,7 @@ class Rules:
     """Thresholds of sDA and ASE."""
     shade_threshold: float
     shade_area: float
-    """The shade closes when the fraction `shade_area` of the sensors gets at least
+    """The shade closes when the fraction `shade_area` of a grid's sensors gets at least
     `shade_threshold` of direct sun [lx]."""
     step_hours: float
     """Length of the interval that a time stamp stands for [h]."""

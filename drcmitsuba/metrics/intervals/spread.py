@@ -13,6 +13,7 @@ from drcmitsuba import metrics
 from drcmitsuba.case.groups import State
 from drcmitsuba.metrics import Interval
 from drcmitsuba.metrics.facade_states import sunlit
+from drcmitsuba.metrics.grids import grid_of_sensors
 from drcmitsuba.metrics.intervals.rules import TAIL, Rules
 from drcmitsuba.schema import luminance
 
@@ -125,7 +126,8 @@ def values(
     exposure = (t.ase_threshold, t.ase_hours, rules.step_hours)
     rule = rules.shade
     counts = sunlit(illuminance.assign(direct_sun=direct), rule)
-    indices = rule.indices(rule.closed(counts, direct.sizes["sensor"]), direct["time"])
+    sensors = np.bincount(grid_of_sensors(illuminance))
+    indices = rule.indices(rule.closed(counts, sensors), direct["time"])
     closed = (indices > 0)[:, np.array(rule.groups.closable)].mean(axis=1)
     closed *= bool(illuminance.attrs.get("has_shade", 1))
     month = metrics.months(total)

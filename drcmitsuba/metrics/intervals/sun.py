@@ -1,4 +1,4 @@
-"""Direct sun at the edges of shadows, and when it closes the shade.
+"""Direct sun at the edges of shadows.
 
 Direct sun is drawn anew for every sensor and sun, and most of it is certain: seen or not seen. At
 the edge of a shadow, a mean μ with standard error s is worth κ = (μ/s)² rays that saw the sun; the
@@ -12,14 +12,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import xarray as xr
 from scipy.special import gammaincc
 
-from drcmitsuba.case.groups import OPEN, VARYING, State
-from drcmitsuba.metrics.facade_states import ShadeRule, numbered
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS
 
 EDGE = 2 / 3
@@ -120,99 +116,3 @@ def _hidden(
         out[row, in_draw] = u < tail[dark[picked, 0]]
         passed.append(out)
     return dark[entries, 0], dark[entries, 1], (passed[0], passed[1])
-
-
-@dataclass(frozen=True)
-class Closures:
-    """State of the façade at every time stamp, and in every draw."""
-
-    states: tuple[State, ...]
-    """States that occur in some draw, the open one first."""
-    state: np.ndarray
-    """State of every time stamp by the mean of the direct sun, an index, shape (time,)."""
-    closed: np.ndarray
-    """Share of the groups that are closed then, shape (time,)."""
-    hours: np.ndarray
-    """Time stamps whose state differs between draws, shape (hour,); empty where the states are too
-    many to be simulated one by one."""
-    drawn: np.ndarray
-    """Their state in each draw, an index, shape (hour, draw)."""
-    closed_drawn: np.ndarray
-    """Share of the groups that are closed then, shape (hour, draw)."""
-
-    @classmethod
-    def never(cls, stamps: int) -> Closures:
-        """No shade, or one that stays open."""
-        none, drawn = np.zeros(0, np.int64), np.zeros((0, DRAWS))
-        return cls((OPEN,), np.zeros(stamps, int), np.zeros(stamps), none, drawn.astype(int), drawn)
-
-    def shares(self, month: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Shares of the hours with the shade closed [%], mean of all groups.
-
-        Shapes (draw,) and (month, draw).
-
-        `month` (time,) counts from 0.
-        """
-        sure = self.closed.copy()
-        sure[self.hours] = 0
-        stamps = np.bincount(month, minlength=12)[:, None]
-        counts = np.repeat(np.bincount(month, sure, minlength=12)[:, None], DRAWS, axis=1)
-        np.add.at(counts, month[self.hours], self.closed_drawn)
-        with np.errstate(invalid="ignore"):
-            monthly = 100.0 * counts / stamps
-        return 100.0 * counts.sum(axis=0) / len(month), monthly
-
-    @cached_property
-    def possible(self) -> np.ndarray:
-        """Whether each state occurs at a time stamp in some draw, shape (state, time)."""
-        out = np.arange(len(self.states))[:, None] == self.state
-        for state in range(len(self.states)):
-            out[state, self.hours] |= (self.drawn == state).any(axis=1)
-        return out
-
-
-def draw_closures(
-    mean: np.ndarray, group: np.ndarray | None, time: xr.DataArray, sun: SunDraws, rule: ShadeRule
-) -> Closures:
-    """Draw which groups of panes close: where ≥ area of the sensors reach the threshold.
-
-    `mean` is the direct sun (time, sensor) [lx], `group` the group through which it comes, None for
-    a single one, `time` the time stamps, `sun` the draws of the direct sun.
-    """
-    stamps, sensors = mean.shape
-    count_of = len(rule.groups)
-    group = np.zeros((1, 1), np.int16) if group is None else group
-    group = np.broadcast_to(group, mean.shape)
-    passes = mean >= rule.threshold
-    of_entry = group[sun.time, sun.sensor]
-    count, sure, doubtful = (np.zeros((stamps, count_of), int) for _ in range(3))
-    for g in range(count_of):
-        count[:, g] = np.count_nonzero(passes & (group == g), axis=1)
-        mine = of_entry == g
-        at = sun.time[mine]
-        sure[:, g] = count[:, g] - np.bincount(at, passes[at, sun.sensor[mine]], stamps).astype(int)
-        doubtful[:, g] = np.bincount(at, minlength=stamps)
-    least = rule.required(sensors)
-    enough = (sure + doubtful).sum(axis=1) >= least
-    certain = (sure.sum(axis=1) >= least) & (((sure + doubtful) > 0).sum(axis=1) < 2)
-    hours = np.flatnonzero(enough & ~certain & (doubtful.sum(axis=1) > 0))
-    drawn = np.empty((len(hours), DRAWS, count_of), bool)
-    order = np.argsort(sun.time, kind="stable")
-    first, end = (np.searchsorted(sun.time[order], hours, side) for side in ("left", "right"))
-    for i, hour in enumerate(hours):
-        entries = order[first[i] : end[i]]
-        of = np.arange(count_of)[:, None] == of_entry[entries]
-        sunlit = sure[hour] + (of.astype(np.int64) @ sun.closing[entries]).T
-        drawn[i] = rule.closed(sunlit, sensors)
-    closed = rule.closed(count, sensors)
-    varies = (drawn != closed[hours][:, None]).any(axis=(1, 2))
-    hours, drawn = hours[varies], drawn[varies]
-    by_mean, by_draw = rule.indices(closed, time), rule.indices(drawn, time[hours])
-    states, number = numbered(rule.groups, np.concatenate([by_mean, by_draw.reshape(-1, count_of)]))
-    if VARYING in states:  # every draw takes the state by the mean sun
-        states, number = numbered(rule.groups, by_mean)
-        hours, by_draw = hours[:0], by_draw[:0]
-    of_draw = number[stamps:][: by_draw.shape[0] * DRAWS].reshape(-1, DRAWS)
-    closable = np.array(rule.groups.closable)
-    share, share_drawn = ((x[..., closable] > 0).mean(axis=-1) for x in (by_mean, by_draw))
-    return Closures(states, number[:stamps], share, hours, of_draw, share_drawn)

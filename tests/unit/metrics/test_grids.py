@@ -1,4 +1,4 @@
-"""Metrics of the grids of a model: counted in the draws of all sensors, the shade that of all."""
+"""Metrics of the grids of a model: counted in the draws of all sensors, the shade closed by any grid."""
 
 import numpy as np
 import pytest
@@ -40,8 +40,8 @@ def test_every_draw_of_all_sensors_is_the_sum_of_its_grids(shaded):
         np.testing.assert_allclose(joined, draws.monthly[name], atol=1e-9)
 
 
-def test_grids_change_nothing_for_all_sensors():
-    C = in_doubt()
+def test_without_a_shade_grids_change_nothing_for_all_sensors():
+    C = in_doubt(shaded=False)
     (_, with_grids), (_, without) = drawn(C, ASKED), drawn(C.drop_vars("grid"), ASKED)
     assert without.grids == {}
     for name, draws in without.annual.items():
@@ -51,7 +51,7 @@ def test_grids_change_nothing_for_all_sensors():
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["draws", "standard errors"])
-def test_a_grid_has_the_metrics_of_its_sensors_and_the_shade_of_all(known):
+def test_a_grid_has_the_metrics_of_its_sensors_under_the_common_shade(known):
     lux, draws = drawn(in_doubt(), ASKED)
     numbers = evaluate_metrics.summarise(lux, ASKED, draws if known else None)
     grids = numbers["grids"]

@@ -11,8 +11,9 @@ from drcmitsuba.metrics import accumulate, evaluate_metrics, intervals
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals import Bounds, Rules, t_factor
 from drcmitsuba.metrics.intervals.autonomy import multipliers
+from drcmitsuba.metrics.intervals.facade_draws import draw_closures
 from drcmitsuba.metrics.intervals.rules import DRAWS
-from drcmitsuba.metrics.intervals.sun import _exceeds, draw_closures, draw_sun, hidden_share
+from drcmitsuba.metrics.intervals.sun import _exceeds, draw_sun, hidden_share
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 HOURS = 60
@@ -307,7 +308,7 @@ def test_hours_close_by_the_share_of_their_sensors():
     error = np.where(sun == 1000, 300.0, 0)
     half = Rules(Metrics(), 1000, 0.5, 1.0)
     draws = draw_sun(sun, error, (1000, 1000), RAYS, 0)
-    closures = draw_closures(sun, None, SKY["time"], draws, half.shade)
+    closures = draw_closures(sun, None, np.zeros(4, int), SKY["time"], draws, half.shade)
     assert closures.states == ("open", "shaded")
     assert closures.state[:20].all()
     assert not closures.state[20:30].any()

@@ -1,0 +1,155 @@
+"""Draws of the state of the façade: which groups of panes the direct sun closes, hour by hour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.groups import OPEN, VARYING, State
+from drcmitsuba.metrics.facade_states import ShadeRule, numbered
+from drcmitsuba.metrics.grids import count_by_grid
+from drcmitsuba.metrics.intervals.rules import DRAWS
+from drcmitsuba.metrics.intervals.sun import SunDraws
+
+
+@dataclass(frozen=True)
+class Closures:
+    """State of the façade at every time stamp, and in every draw."""
+
+    states: tuple[State, ...]
+    """States that occur in some draw, the open one first."""
+    state: np.ndarray
+    """State of every time stamp by the mean of the direct sun, an index, shape (time,)."""
+    closed: np.ndarray
+    """Share of the groups that are closed then, shape (time,)."""
+    hours: np.ndarray
+    """Time stamps whose state differs between draws, shape (hour,); empty where the states are too
+    many to be simulated one by one."""
+    drawn: np.ndarray
+    """Their state in each draw, an index, shape (hour, draw)."""
+    closed_drawn: np.ndarray
+    """Share of the groups that are closed then, shape (hour, draw)."""
+
+    @classmethod
+    def never(cls, stamps: int) -> Closures:
+        """No shade, or one that stays open."""
+        none, drawn = np.zeros(0, np.int64), np.zeros((0, DRAWS))
+        return cls((OPEN,), np.zeros(stamps, int), np.zeros(stamps), none, drawn.astype(int), drawn)
+
+    def shares(self, month: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of the hours with the shade closed [%], mean of all groups.
+
+        Shapes (draw,) and (month, draw).
+
+        `month` (time,) counts from 0.
+        """
+        sure = self.closed.copy()
+        sure[self.hours] = 0
+        stamps = np.bincount(month, minlength=12)[:, None]
+        counts = np.repeat(np.bincount(month, sure, minlength=12)[:, None], DRAWS, axis=1)
+        np.add.at(counts, month[self.hours], self.closed_drawn)
+        with np.errstate(invalid="ignore"):
+            monthly = 100.0 * counts / stamps
+        return 100.0 * counts.sum(axis=0) / len(month), monthly
+
+    @cached_property
+    def possible(self) -> np.ndarray:
+        """Whether each state occurs at a time stamp in some draw, shape (state, time)."""
+        out = np.arange(len(self.states))[:, None] == self.state
+        for state in range(len(self.states)):
+            out[state, self.hours] |= (self.drawn == state).any(axis=1)
+        return out
+
+
+@dataclass(frozen=True)
+class _SunlitSensors:
+    """Numbers of sensors in the sun by grid and group, and the entries in doubt among them."""
+
+    count: np.ndarray
+    """By the mean of the direct sun, int, shape (time, grid, group)."""
+    sure: np.ndarray
+    """The same without entries in doubt."""
+    doubtful: np.ndarray
+    """Number of entries in doubt, int, shape (time, grid, group)."""
+    time: np.ndarray
+    """Time stamp of every entry in doubt, in rising order, int, shape (entry,)."""
+    cell: np.ndarray
+    """Number of its pair of grid and group, rising at each time stamp, int, shape (entry,)."""
+    row: np.ndarray
+    """Its row in `closing`, int, shape (entry,)."""
+    closing: np.ndarray
+    """Whether entries of the direct sun reach the rule's threshold, shape (row, draw)."""
+
+    @classmethod
+    def of(
+        cls, passes: np.ndarray, group: np.ndarray, grid: np.ndarray, groups: int, sun: SunDraws
+    ) -> _SunlitSensors:
+        """Count; `passes` and `group` have the shape (time, sensor), `grid` (sensor,)."""
+        count = np.stack(
+            [count_by_grid(passes & (group == g), grid) for g in range(groups)], axis=-1
+        )
+        through = group[sun.time, sun.sensor]
+        cell = grid[sun.sensor] * groups + through
+        order = np.lexsort((cell, sun.time))
+        order = order[through[order] >= 0]  # sun through no group closes none
+        time, cell = sun.time[order], cell[order]
+        at = time * count[0].size + cell
+        by_mean = np.bincount(at, passes[time, sun.sensor[order]], count.size).astype(int)
+        doubtful = np.bincount(at, minlength=count.size).reshape(count.shape)
+        sure = count - by_mean.reshape(count.shape)
+        return cls(count, sure, doubtful, time, cell, order, sun.closing)
+
+    def in_doubt(self, least: np.ndarray) -> np.ndarray:
+        """Whether it is in doubt what a grid closes that asks for `least` sensors (grid,).
+
+        Shape (time, grid).
+        """
+        most = self.sure + self.doubtful
+        certain = (self.sure.sum(axis=-1) >= least) & ((most > 0).sum(axis=-1) < 2)
+        return (most.sum(axis=-1) >= least) & ~certain & self.doubtful.any(axis=-1)
+
+    def drawn(self, hour: int) -> np.ndarray:
+        """Draws of a time stamp's numbers, int, shape (draw, grid, group)."""
+        here = slice(*np.searchsorted(self.time, [hour, hour + 1]))
+        cell, start = np.unique(self.cell[here], return_index=True)
+        out = np.repeat(self.sure[hour].reshape(1, -1), DRAWS, axis=0)
+        out[:, cell] += np.add.reduceat(self.closing[self.row[here]], start, axis=0, dtype=int).T
+        return out.reshape(DRAWS, *self.sure.shape[1:])
+
+
+def draw_closures(
+    mean: np.ndarray, group: np.ndarray | None, grid: np.ndarray, time: xr.DataArray,
+    sun: SunDraws, rule: ShadeRule,
+) -> Closures:  # fmt: skip
+    """Draw which groups of panes close: where ≥ area of a grid's sensors reach the threshold.
+
+    `mean` is the direct sun (time, sensor) [lx], `group` the group through which it comes, None for
+    a single one, `grid` the number of each sensor's grid (sensor,), `time` the time stamps, `sun`
+    the draws of the direct sun.
+    """
+    stamps, groups, sensors = len(mean), len(rule.groups), np.bincount(grid)
+    group = np.zeros((1, 1), np.int16) if group is None else group
+    sunlit = _SunlitSensors.of(
+        mean >= rule.threshold, np.broadcast_to(group, mean.shape), grid, groups, sun
+    )
+    closed, in_doubt = rule.closed(sunlit.count, sensors), sunlit.in_doubt(rule.required(sensors))
+    hours = np.flatnonzero(in_doubt.any(axis=-1))
+    drawn = np.empty((len(hours), DRAWS, groups), bool)
+    for i, hour in enumerate(hours):
+        asks = in_doubt[hour]
+        drawn[i] = rule.closed(sunlit.drawn(hour)[:, asks], sensors[asks])
+        drawn[i] |= rule.closed(sunlit.count[hour, ~asks], sensors[~asks])
+    varies = (drawn != closed[hours][:, None]).any(axis=(1, 2))
+    hours, drawn = hours[varies], drawn[varies]
+    by_mean, by_draw = rule.indices(closed, time), rule.indices(drawn, time[hours])
+    states, number = numbered(rule.groups, np.concatenate([by_mean, by_draw.reshape(-1, groups)]))
+    if VARYING in states:  # every draw takes the state by the mean sun
+        states, number = numbered(rule.groups, by_mean)
+        hours, by_draw = hours[:0], by_draw[:0]
+    of_draw = number[stamps:][: by_draw.shape[0] * DRAWS].reshape(-1, DRAWS)
+    closable = np.array(rule.groups.closable)
+    share, share_drawn = ((x[..., closable] > 0).mean(axis=-1) for x in (by_mean, by_draw))
+    return Closures(states, number[:stamps], share, hours, of_draw, share_drawn)
