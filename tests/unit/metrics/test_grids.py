@@ -1,4 +1,4 @@
-"""Metrics of the grids of a model, counted in the draws of all sensors; any grid closes the shade."""
+"""Metrics of the grids of a model, from the draws of all sensors; any grid closes the shade."""
 
 import numpy as np
 import pytest
