@@ -8,10 +8,9 @@ from typing import TypeVar
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.scene.components import PlacedComponent
-from drcmitsuba.scene.geometry import rotation
 from drcmitsuba.scene.materials import albedo, max_reflectance
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_of_model import panes_of_model, side_name
+from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import outside
 
 M = TypeVar("M", BsdfMaterial, DiffuserMaterial)
@@ -28,10 +27,9 @@ def used(case: Case) -> dict[str, tuple[str, ...]]:
         for name in dict.fromkeys(s.material for s in facade.strips if s.material != "wall"):
             sides_of[name] = (*sides_of.get(name, ()), side)
     panes = panes_of_model(case.building)
-    for i, front, is_outside in zip(panes.layer, panes.front, panes.outside, strict=True):
-        name, side = case.building.layers[i].name, side_name(front @ rotation(case).T, is_outside)
-        if side not in sides_of.get(name, ()):
-            sides_of[name] = (*sides_of.get(name, ()), side)
+    for i, side in dict.fromkeys(zip(panes.layer.tolist(), panes.facing, strict=True)):
+        name = case.building.layers[i].name
+        sides_of[name] = tuple(dict.fromkeys((*sides_of.get(name, ()), side)))
     groups = PaneGroups.of(case)
     names = {id(material): name for name, material in case.materials.items()}
     for group, sides, materials in zip(

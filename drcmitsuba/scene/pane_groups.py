@@ -18,8 +18,7 @@ from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
 from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
-from drcmitsuba.scene.geometry import rotation
-from drcmitsuba.scene.panes_of_model import panes_of_model, side_name
+from drcmitsuba.scene.panes_of_model import panes_of_model
 
 NO_GROUP = -1
 
@@ -83,30 +82,40 @@ class PaneGroups:
         return layer.states[min(index, len(layer.states) - 1)].material
 
 
-@dataclass(frozen=True)
-class _Pane:
-    """A pane, or all alike: name of its material, direction, and where to write its group."""
+@dataclass(frozen=True, eq=False)
+class _Panes:
+    """Panes of one material that face one direction, and where to write their group."""
 
     name: str
     facing: str
     clear: bool
     strip: tuple[str, str] | None = None
+    """Material and side of a room of boxes."""
     layer: int = -1
-    polygon: int = -1
+    """Index of a model's layer."""
+    quads: np.ndarray | None = None
+    """Indices of their quads in the layer, int, shape (quad,)."""
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.facing})"
 
 
-def _panes(case: Case) -> Iterator[_Pane]:
+def _panes(case: Case) -> Iterator[_Panes]:
     """Yield the panes of a case that stand between a room and the outside."""
     for side, facade in case.facade.items():
         for name in dict.fromkeys(s.material for s in facade.strips):
             if name != "wall" and name not in case.components:
-                yield _Pane(name, side, case.is_clear(name), strip=(name, side))
-    panes, turn = panes_of_model(case.building), rotation(case).T
-    for i in np.flatnonzero(panes.outside):
-        layer = case.building.layers[panes.layer[i]]
-        facing = side_name(panes.front[i] @ turn, is_outside=True)
-        clear, polygon = case.is_clear(layer.name), int(panes.polygon[i])
-        yield _Pane(layer.name, facing, clear, layer=int(panes.layer[i]), polygon=polygon)
+                yield _Panes(name, side, case.is_clear(name), strip=(name, side))
+    panes = panes_of_model(case.building)
+    facings = np.array(panes.facing, object)
+    for i in np.unique(panes.layer[panes.outside]).tolist():
+        layer = case.building.layers[i]
+        mine = panes.outside & (panes.layer == i)
+        for facing in dict.fromkeys(facings[mine]):
+            polygons = panes.polygon[mine & (facings == facing)]
+            quads = np.flatnonzero(np.isin(layer.polygon, polygons))
+            clear = case.is_clear(layer.name)
+            yield _Panes(layer.name, facing, clear, layer=i, quads=quads)
 
 
 def _of_no_group(case: Case) -> tuple[np.ndarray, ...]:
@@ -114,20 +123,14 @@ def _of_no_group(case: Case) -> tuple[np.ndarray, ...]:
 
 
 def _assigned(
-    case: Case, panes: list[tuple[_Pane, int]]
+    case: Case, panes: list[tuple[_Panes, int]]
 ) -> tuple[dict[tuple[str, str], int], tuple[np.ndarray, ...]]:
     """Groups by strip, and by quad of every layer."""
-    of_strip = {pane.strip: group for pane, group in panes if pane.strip is not None}
+    of_strip = {some.strip: group for some, group in panes if some.strip is not None}
     of_quads = _of_no_group(case)
-    tables: dict[int, dict[int, int]] = {}
-    for pane, group in panes:
-        if pane.strip is None:
-            tables.setdefault(pane.layer, {})[pane.polygon] = group
-    for i, table in tables.items():
-        layer = case.building.layers[i]
-        lookup = np.full(int(layer.polygon.max()) + 1, NO_GROUP)
-        lookup[list(table)] = list(table.values())
-        of_quads[i][:] = lookup[layer.polygon]
+    for some, group in panes:
+        if some.quads is not None:
+            of_quads[some.layer][some.quads] = group
     return of_strip, of_quads
 
 
@@ -152,53 +155,62 @@ def _by_facing(case: Case) -> PaneGroups:
 
 def _by_table(case: Case) -> PaneGroups:
     """Groups of `[groups]`."""
-    every, taken = list(_panes(case)), dict[_Pane, str]()
-    layers, assigned, states, materials = case.building.layers, [], [], []
-    facings = []
-    for number, (name, group) in enumerate(case.groups.items()):
-        own = not group.panes
-        mine = [
-            pane
-            for pane in every
-            if group.facing in (None, pane.facing)
-            and (
-                (pane.layer >= 0 and layers[pane.layer].group == name)
-                if own
-                else any(fnmatchcase(pane.name, pattern) for pattern in group.panes)
-            )
-        ]
-        if not mine:
-            known = dict.fromkeys(f"{p.name} ({p.facing})" for p in every)
-            got = "no pane is meant"
-            if own:
-                got = f"no group {shortened(name)} of panes to the outside in the model"
-            remedy = f"name some of the panes: {', '.join(list(known)[:8]) or 'there are none'}"
-            raise InputError(case.source, f"groups.{name}.panes", got, remedy)
-        for pane in mine:
-            if pane in taken:
-                got = f"{pane.name} ({pane.facing}) belongs to {taken[pane]}, too"
+    every, taken = list(_panes(case)), dict[_Panes, str]()
+    assigned, facings, states, materials = [], [], [], []
+    for number, name in enumerate(case.groups):
+        mine = _meant(case, name, every)
+        for some in mine:
+            if some in taken:
+                got = f"{some} belongs to {taken[some]}, too"
                 raise InputError(case.source, f"groups.{name}.panes", got, "name it once")
-            taken[pane] = name
-            assigned.append((pane, number))
-        of_model = own and not group.states
-        taking = [layers[p.layer].states for p in mine] if of_model else []
-        named = max(([s.name for s in each] for each in taking), key=len, default=[])
-        usual = () if case.shading is None else (case.shading.material,)
-        used = group.states or usual
-        following = tuple(named[1:]) if of_model else used
-        if not following:
-            got = "no other state than open"
-            remedy = "name materials in its states, or a material in [shading]"
-            raise InputError(case.source, f"groups.{name}.states", got, remedy)
-        facings.append(tuple(dict.fromkeys(pane.facing for pane in mine)))
-        states.append((OPEN, *_told_apart(following)))
-        materials.append(() if of_model else tuple(case.materials[m] for m in used))
-    names = GroupStates(tuple(case.groups), tuple(states))
-    return _with_others(case, every, assigned, names, tuple(facings), tuple(materials))
+            taken[some] = name
+            assigned.append((some, number))
+        names, of_states = _further_states(case, name, mine)
+        facings.append(tuple(dict.fromkeys(some.facing for some in mine)))
+        states.append((OPEN, *_told_apart(names)))
+        materials.append(of_states)
+    groups = GroupStates(tuple(case.groups), tuple(states))
+    return _with_others(case, every, assigned, groups, tuple(facings), tuple(materials))
+
+
+def _meant(case: Case, name: str, every: list[_Panes]) -> list[_Panes]:
+    """Panes of a group: those whose material and direction it names, or those of the model's."""
+    group, layers = case.groups[name], case.building.layers
+    if group.panes:
+        mine = [p for p in every if any(fnmatchcase(p.name, pattern) for pattern in group.panes)]
+        got = "no pane is meant"
+    else:
+        mine = [p for p in every if p.layer >= 0 and layers[p.layer].group == name]
+        got = f"no group {shortened(name)} of panes to the outside in the model"
+    mine = [panes for panes in mine if group.facing in (None, panes.facing)]
+    if not mine:
+        known = list(dict.fromkeys(map(str, every)))[:8]
+        remedy = f"name some of the panes: {', '.join(known) or 'there are none'}"
+        raise InputError(case.source, f"groups.{name}.panes", got, remedy)
+    return mine
+
+
+def _further_states(
+    case: Case, name: str, mine: list[_Panes]
+) -> tuple[tuple[str, ...], tuple[SurfaceMaterial | None, ...]]:
+    """Names of a group's states after the first, and their materials; none for the model's own."""
+    group = case.groups[name]
+    if not group.panes and not group.states:
+        of_layers = [case.building.layers[panes.layer].states for panes in mine]
+        names = tuple(state.name for state in max(of_layers, key=len)[1:])
+        materials: tuple[SurfaceMaterial | None, ...] = ()
+    else:
+        names = group.states or (() if case.shading is None else (case.shading.material,))
+        materials = tuple(case.materials[m] for m in names)
+    if not names:
+        got = "no other state than open"
+        remedy = "name materials in its states, or a material in [shading]"
+        raise InputError(case.source, f"groups.{name}.states", got, remedy)
+    return names, materials
 
 
 def _with_others(
-    case: Case, every: list[_Pane], assigned: list[tuple[_Pane, int]], states: GroupStates,
+    case: Case, every: list[_Panes], assigned: list[tuple[_Panes, int]], states: GroupStates,
     facings: tuple[tuple[str, ...], ...], materials: tuple[tuple[SurfaceMaterial | None, ...], ...],
 ) -> PaneGroups:  # fmt: skip
     """Groups with those panes in a group of their own that belong to none."""

@@ -17,7 +17,7 @@ from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.model.model import Model, areas
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.scene.geometry import normals, points_on, reversed_quads
+from drcmitsuba.scene.geometry import normals, points_on, reversed_quads, turn
 from drcmitsuba.scene.meshes import quad_mesh
 
 RAYS = 256
@@ -38,6 +38,8 @@ class ModelPanes:
     """Index of the polygon in its layer, int, shape (polygon,)."""
     outside: np.ndarray
     """Whether the sky or the ground is on one side, shape (polygon,)."""
+    facing: tuple[str, ...]
+    """Words of `side_name` for the direction of each polygon's outer side."""
     front: np.ndarray
     """Unit normals towards the room, shape (polygon, 3)."""
     frame: np.ndarray
@@ -67,6 +69,7 @@ def panes_of_model(model: Model) -> ModelPanes:
             np.zeros(0, int),
             np.zeros(0, int),
             np.zeros(0, bool),
+            (),
             empty[:, 0],
             empty,
             np.zeros(0),
@@ -83,11 +86,14 @@ def panes_of_model(model: Model) -> ModelPanes:
         longest = np.linalg.norm(frames[-1][[1, 3]] - frames[-1][0], axis=1).max()
         width.append(areas(turned[i][own]).sum() / longest)
     is_outside = escaping.max(axis=1) > AWAY
+    inward = np.array(front) @ turn(-model.north).T
+    facing = tuple(map(side_name, inward, is_outside.tolist()))
     of_layer, polygon = (np.array([member[k] for member in members]) for k in (0, 1))
     return ModelPanes(
         of_layer,
         polygon,
         is_outside,
+        facing,
         np.array(front),
         np.array(frames),
         np.array(width),

@@ -138,7 +138,7 @@ def draw_closures(
     closed, in_doubt = rule.closed(sunlit.count, sensors), sunlit.in_doubt(rule.required(sensors))
     hours = np.flatnonzero(in_doubt.any(axis=-1))
     drawn = np.empty((len(hours), DRAWS, groups), bool)
-    for i, hour in enumerate(hours):
+    for i, hour in enumerate(hours.tolist()):
         asks = in_doubt[hour]
         drawn[i] = rule.closed(sunlit.drawn(hour)[:, asks], sensors[asks])
         drawn[i] |= rule.closed(sunlit.count[hour, ~asks], sensors[~asks])
