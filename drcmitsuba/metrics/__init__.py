@@ -1,9 +1,19 @@
-"""Metrics: illuminance E = C·L, and sDA, ASE, msDA, MSE and the rule of the shade.
+"""Metrics: illuminance E = C·L, and what of it is counted: each metric is defined here once.
 
 autonomy
     sDA and msDA of any DataArray (time, sensor), and their smooth twins.
 sunlight
     ASE and MSE, and their smooth twins.
+point_autonomy, useful_daylight
+    DA, cDA and UDI of single points, and their smooth twins.
+lit_hours
+    Hours in which a room is lit, by its mean and at its worst-lit point, and their smooth twins.
+light_exposure
+    Light exposure [lx·h], uniformity, hours in direct sun by day.
+provision
+    Daylight hours and daylight provision of EN 17037.
+daylight_factor
+    Daylight factor under an overcast sky.
 shade
     When the shade closes, and its smooth twin.
 smooth
@@ -34,20 +44,40 @@ References
 from drcmitsuba.metrics import smooth
 from drcmitsuba.metrics.autonomy import autonomy_stamps, msda, sda
 from drcmitsuba.metrics.confidence import Interval
+from drcmitsuba.metrics.daylight_factor import daylight_factor, overcast_luminances
+from drcmitsuba.metrics.light_exposure import light_exposure, sunlight_hours, uniformity
+from drcmitsuba.metrics.lit_hours import mean_hours, worst_point_hours
+from drcmitsuba.metrics.point_autonomy import cda, da, share_of_points
+from drcmitsuba.metrics.provision import daylight_hours, median_illuminance, provision
 from drcmitsuba.metrics.shade import closing_sensors, shade_closed
 from drcmitsuba.metrics.sunlight import ase, exposure_stamps, mse
 from drcmitsuba.metrics.thresholds import months
+from drcmitsuba.metrics.useful_daylight import udi
 
 __all__ = [
     "Interval",
     "ase",
     "autonomy_stamps",
+    "cda",
     "closing_sensors",
+    "da",
+    "daylight_factor",
+    "daylight_hours",
     "exposure_stamps",
+    "light_exposure",
+    "mean_hours",
+    "median_illuminance",
     "months",
     "msda",
     "mse",
+    "overcast_luminances",
+    "provision",
     "sda",
     "shade_closed",
+    "share_of_points",
     "smooth",
+    "sunlight_hours",
+    "udi",
+    "uniformity",
+    "worst_point_hours",
 ]

@@ -128,3 +128,42 @@ def illuminance(
     out.attrs = {k: v for k, v in coefficients.attrs.items() if k in KEPT}
     out.attrs["interval_factor"] = t_factor(coefficients.open.sizes["replicate"])
     return out
+
+
+def replicates(coefficients: Coefficients, sky: xr.Dataset) -> xr.DataArray:
+    """Illuminance by each replicate of C, the shade applied as the mean direct sun says.
+
+    Parameters
+    ----------
+    coefficients : Coefficients
+        C of all states [sr]; a coloured case counts by its luminance.
+    sky : xr.Dataset
+        `Daylight.sky`, or from `daylight.from_luminances`.
+
+    Returns
+    -------
+    xr.DataArray (replicate, time, sensor)
+        E [lx].
+
+    Raises
+    ------
+    InputError
+        A state has no coefficients.
+    """
+    C = coefficients.map(schema.luminance)
+    taken = FacadeStates.of(C.attrs, direct_sun(C, sky))
+    sensors = np.arange(C.open.sizes["sensor"])
+    E = accumulate.replicates(C.open, sky, sensors)
+    for i, state in enumerate(taken.states[1:], 1):
+        here = np.flatnonzero(taken.index == i)
+        if not len(here):
+            continue
+        if state not in C.others:
+            remedy = "compute the coefficients of all states"
+            raise InputError("coefficients", "state", f"no {state!r}", remedy)
+        E[:, here] = accumulate.replicates(C.others[state], sky.isel(time=here), sensors)
+    at = {k: c for k, c in C.open.coords.items() if c.dims == ("sensor",)}
+    clock = {"clock": sky["clock"]} if "clock" in sky.coords else {}
+    return xr.DataArray(
+        E, {"time": sky["time"], **clock, **at}, ("replicate", "time", "sensor"), "E"
+    )

@@ -10,10 +10,13 @@ spread
     Intervals from draws, or from standard errors alone.
 draw
     `draw`, `closures`: all of it.
+of_metric
+    `interval_of` any metric of E.
 """
 
 from drcmitsuba.metrics.intervals.draw import closures, draw
 from drcmitsuba.metrics.intervals.facade_draws import Closures
+from drcmitsuba.metrics.intervals.of_metric import interval_of
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
 from drcmitsuba.metrics.intervals.spread import Bounds, DrawnShares, Draws, values
 
@@ -25,6 +28,7 @@ __all__ = [
     "Rules",
     "closures",
     "draw",
+    "interval_of",
     "t_factor",
     "values",
 ]
