@@ -101,38 +101,44 @@ def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
 
     context = {piece.name for piece in outside(case)} if case.room is not None else set()
     context |= {layer.name for layer in case.building.layers if layer.role == "context"}
-    drawn, size = [], dict[str, float]()
+    by_group, size = _panes_by_group(case), dict[str, float]()
+    drawn, grouped = [], {quad.tobytes() for panes in by_group for quad in panes.quads}
     for surface in surfaces_of(case):
-        is_pane = role_of(surface.material) == "pane" and not surface.component
+        is_pane, quads = (
+            role_of(surface.material) == "pane" and not surface.component,
+            surface.quads,
+        )
         kind = "context" if surface.name in context else "pane" if is_pane else "surface"
-        drawn.append(Drawn(kind, surface.quads))
         if kind == "pane":
             name = _name(case, surface.name)
-            size[name] = size.get(name, 0.0) + float(areas(surface.quads).sum())
+            size[name] = size.get(name, 0.0) + float(areas(quads).sum())
+            quads = quads[[quad.tobytes() not in grouped for quad in quads]]
+        drawn.append(Drawn(kind, quads))
     sides = used(case)
     panes = [f"{n}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for n, a in size.items()]
-    return drawn, [*panes, *_groups_listing(case)]
+    return [*drawn, *by_group], panes
 
 
-def _groups_listing(case: Case) -> list[str]:
-    """One line for each group of panes, where there are several or with several states."""
+def _panes_by_group(case: Case) -> list[Drawn]:
+    """Panes of the groups, where there are several or with several states."""
+    import numpy as np
+
     from drcmitsuba.case.groups import OTHERS
     from drcmitsuba.model.model import areas
+    from drcmitsuba.report.scene_view import Drawn
     from drcmitsuba.scene.pane_groups import PaneGroups
     from drcmitsuba.scene.panes_in_state import grouped_panes
 
-    groups = PaneGroups.of(case)
+    groups, every = PaneGroups.of(case), grouped_panes(case)
     if len(groups) < 2 and not case.groups:
         return []
-    size = dict.fromkeys(range(len(groups)), 0.0)
-    for panes in grouped_panes(case):
-        size[panes.group] += float(areas(panes.quads).sum())
+    drawn = []
     names = zip(groups.states.names, groups.states.states, strict=True)
-    return [
-        f"group {name}: {size[g]:.2f} m², {', '.join(states)}"
-        for g, (name, states) in enumerate(names)
-        if name != OTHERS
-    ]
+    for g, (name, states) in enumerate(names):
+        quads = np.concatenate([panes.quads for panes in every if panes.group == g])
+        line = f"{name}: {areas(quads).sum():.2f} m², {', '.join(states)}"
+        drawn += [Drawn("pane", quads, line)] * (name != OTHERS)
+    return drawn
 
 
 def _name(case: Case, surface: str) -> str:

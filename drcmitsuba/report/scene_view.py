@@ -14,13 +14,18 @@ from matplotlib.lines import Line2D
 
 from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE, halo
 
-KINDS = {
-    "surface": {"color": INK, "linewidth": 0.8},
+KINDS: dict[str, dict[str, Any]] = {
     "context": {"color": GREY, "linewidth": 0.6, "linestyle": (0, (4, 2))},
+    "surface": {"color": INK, "linewidth": 0.8},
     "pane": {"color": BLUE, "linewidth": 2.0},
 }
-"""Lines of the kinds of surfaces."""
+"""Lines of the kinds of surfaces, in the order in which they are drawn."""
 LABELS = {"surface": "surfaces", "context": "context", "pane": "panes"}
+GROUPS = ("#CC79A7", "#E69F00", "#56B4E9", "#332288", "#999933", "#882255")
+"""Colours of groups of panes, which colour-blind readers tell apart; then `DASHES` change."""
+DASHES: tuple[Any, ...] = ("-", (0, (3, 1)), (0, (1, 0.8)))
+MOST_ROWS, WIDEST = 10, 54
+"""Largest number of lines of text below the view, and of the characters of a line."""
 MOST_EDGES = 40_000
 """Largest number of edges of a kind that are drawn, the longest first."""
 SENSOR = {"marker": "o", "color": ORANGE, "linestyle": ""}
@@ -38,6 +43,8 @@ class Drawn(NamedTuple):
     """Key of `KINDS`."""
     quads: np.ndarray
     """Parallelograms, and triangles that repeat their last corner [m], shape (quad, 4, 3)."""
+    group: str = ""
+    """Line of text for the group of panes, which has a colour of its own; "" for none."""
 
 
 def outlines(quads: np.ndarray) -> np.ndarray:
@@ -79,7 +86,7 @@ def scene_view(
     title : str
         Name of the case.
     names : sequence of str
-        Lines of text below the legend, such as the panes by material.
+        Lines of text in the legend, such as the panes by material.
     views : mapping of str to np.ndarray, shape (2, 3)
         Position [m] and direction of views by their names: arrows in the plan.
 
@@ -88,14 +95,11 @@ def scene_view(
     Figure
         The pictures are framed by surfaces, panes and sensors; context is cut at the frame.
     """
-    edges: dict[str, np.ndarray] = {}
-    for kind in KINDS:
-        quads = [one.quads for one in drawn if one.kind == kind and len(one.quads)]
-        if quads:
-            own = outlines(np.concatenate(quads))
-            longest = np.argsort(-np.linalg.norm(own[:, 1] - own[:, 0], axis=1), kind="stable")
-            edges[kind] = own[longest[:MOST_EDGES]]
-    framed = [e.reshape(-1, 3) for kind, e in edges.items() if kind != "context"]
+    every = [_Lines.of(kind, "", drawn, style) for kind, style in KINDS.items()]
+    groups = dict.fromkeys(one.group for one in drawn if one.group)
+    every += [_Lines.of("pane", name, drawn, _style(i)) for i, name in enumerate(groups)]
+    lines = [one for one in every if len(one.quads)]
+    framed = [one.edges.reshape(-1, 3) for one in lines if one.kind != "context"]
     within = np.concatenate([*framed, sensors])
     figure = Figure(figsize=(11, 8.6))
     figure.text(0.03, 0.965, title, fontsize=12, weight="bold", va="top", **NAME)
@@ -103,31 +107,58 @@ def scene_view(
     section = figure.add_axes((0.06, 0.07, 0.40, 0.26))
     view = figure.add_axes((0.50, 0.24, 0.48, 0.66))
     east, north, up = np.eye(3)
-    _panel(plan, edges, sensors, within, east, north)
-    _panel(section, edges, sensors, within, north, up)
-    panes = [one.quads for one in drawn if one.kind == "pane"]
-    _panel(view, edges, sensors, within, _RIGHT, _UP, panes)
+    _panel(plan, lines, sensors, within, east, north)
+    _panel(section, lines, sensors, within, north, up)
+    for one in lines:
+        if one.kind == "pane":
+            onto, tint = np.stack([_RIGHT, _UP], axis=1), one.style["color"]
+            view.add_collection(PolyCollection(one.quads @ onto, facecolor=tint, alpha=0.25))
+    _panel(view, lines, sensors, within, _RIGHT, _UP)
     plan.set(title="plan", xlabel="x, east [m]", ylabel="y, north [m]")
     section.set(title="section, seen from the east", xlabel="y, north [m]", ylabel="z [m]")
     view.set(title="from the south-east")
     view.set_axis_off()
     _north(plan)
     _views(plan, views)
-    _legend(figure, edges, len(sensors), names)
+    _legend(figure, lines, len(sensors), names)
     return figure
 
 
+class _Lines(NamedTuple):
+    """Surfaces of one kind, or panes of one group, and how their edges are drawn."""
+
+    kind: str
+    group: str
+    quads: np.ndarray
+    edges: np.ndarray
+    """The longest edges of the quads, shape (edge, 2, 3) [m]."""
+    style: dict[str, Any]
+
+    @classmethod
+    def of(cls, kind: str, group: str, drawn: Sequence[Drawn], style: dict[str, Any]) -> _Lines:
+        """Join what is drawn alike."""
+        mine = [one.quads for one in drawn if (one.kind, one.group) == (kind, group)]
+        quads = np.concatenate([np.zeros((0, 4, 3)), *mine])
+        edges = outlines(quads)
+        longest = np.argsort(-np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1), kind="stable")
+        return cls(kind, group, quads, edges[longest[:MOST_EDGES]], style)
+
+
+def _style(group: int) -> dict[str, Any]:
+    """Lines of the panes of a group."""
+    dashes, colour = divmod(group, len(GROUPS))
+    look = {"color": GROUPS[colour], "linestyle": DASHES[dashes % len(DASHES)]}
+    return {**KINDS["pane"], **look}
+
+
 def _panel(
-    ax: Axes, edges: Mapping[str, np.ndarray], sensors: np.ndarray, within: np.ndarray,
-    right: np.ndarray, up: np.ndarray, filled: Sequence[np.ndarray] = (),
+    ax: Axes, lines: Sequence[_Lines], sensors: np.ndarray, within: np.ndarray,
+    right: np.ndarray, up: np.ndarray,
 ) -> None:  # fmt: skip
-    """Draw edges and sensors in parallel projection; `filled` quads are tinted."""
+    """Draw edges and sensors in parallel projection, panes last."""
     onto = np.stack([right, up], axis=1)
-    for quads in filled:
-        ax.add_collection(PolyCollection(quads @ onto, facecolor=BLUE, alpha=0.25))
-    for kind in ("context", "surface", "pane"):
-        if kind in edges:
-            ax.add_collection(LineCollection(edges[kind] @ onto, **KINDS[kind]))
+    for one in lines:
+        ax.add_collection(LineCollection(one.edges @ onto, **one.style))
     size = float(np.clip(40 / np.sqrt(max(len(sensors), 1)), 1, 3))
     ax.plot(*(sensors @ onto).T, markersize=size, **SENSOR)
     at = within @ onto
@@ -157,16 +188,29 @@ def _views(ax: Axes, views: Mapping[str, np.ndarray]) -> None:
         ax.plot([x], [y], **VIEW)
         ax.annotate("", (x + dx, y + dy), (x, y), arrowprops={**ARROW, "color": VIEW["color"]})
         ax.annotate(
-            name if len(name) < 30 else f"{name[:28]}…", (x, y), (5, -3), fontsize=8, va="top",
+            _cut(name, 29), (x, y), (5, -3), fontsize=8, va="top",
             textcoords="offset points", color=VIEW["color"], path_effects=halo(2, "white"), **NAME,
         )  # fmt: skip
 
 
-def _legend(
-    figure: Figure, edges: Mapping[str, np.ndarray], count: int, names: Sequence[str]
-) -> None:
-    handles = [Line2D([], [], label=LABELS[kind], **KINDS[kind]) for kind in KINDS if kind in edges]
-    handles.append(Line2D([], [], label=f"{count} sensors", markersize=4, **SENSOR))
-    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.50, 0.21), frameon=False)
-    text = "\n".join(names)
-    figure.text(0.66, 0.20, text, fontsize=8, va="top", color=GREY, linespacing=1.4, **NAME)
+def _legend(figure: Figure, lines: Sequence[_Lines], count: int, names: Sequence[str]) -> None:
+    """Explain lines and dots on the left, panes by group and by material on the right."""
+    groups = [one for one in lines if one.group]
+    labels = LABELS | {"pane": "panes of no group"} if groups else LABELS
+    left = [Line2D([], [], label=labels[x.kind], **x.style) for x in lines if not x.group]
+    left.append(Line2D([], [], label=f"{count} sensors", markersize=4, **SENSOR))
+    rows = [(x.group, x.style) for x in groups] + [(name, {"linestyle": ""}) for name in names]
+    if len(rows) > MOST_ROWS:
+        more = f"… and {len(rows) - MOST_ROWS + 1} more"
+        rows = [*rows[: MOST_ROWS - 1], (more, {"linestyle": ""})]
+    right = [Line2D([], [], label=_cut(text, WIDEST), **style) for text, style in rows]
+    place: dict[str, Any] = {"loc": "upper left", "frameon": False, "borderaxespad": 0}
+    figure.legend(handles=left, bbox_to_anchor=(0.50, 0.21), **place)
+    place |= {"fontsize": 8, "labelcolor": GREY, "handlelength": 2.0 if groups else 0.0}
+    for text in figure.legend(handles=right, bbox_to_anchor=(0.67, 0.21), **place).get_texts():
+        text.set_parse_math(False)
+
+
+def _cut(text: str, width: int) -> str:
+    """Text of at most so many characters."""
+    return text if len(text) <= width else f"{text[: width - 1]}…"

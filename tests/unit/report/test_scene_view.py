@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from drcmitsuba.report.scene_view import outlines
+from drcmitsuba.report.scene_view import GROUPS, KINDS, MOST_ROWS, Drawn, outlines, scene_view
 from drcmitsuba.scene.geometry import box
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -33,3 +33,33 @@ def test_many_polygons_take_no_time():
     start = time.process_time()
     assert len(outlines(many)) == 800_000
     assert time.process_time() - start < 5  # a loop over them took 8
+
+
+def legend_of(drawn, names=()):
+    """Lines of text of both legends, and the colour of each line's mark."""
+    figure = scene_view(drawn, np.zeros((1, 3)), names=names)
+    return {
+        text.get_text(): (mark.get_color(), mark.get_linestyle())
+        for legend in figure.legends
+        for text, mark in zip(legend.get_texts(), legend.get_lines(), strict=True)
+    }
+
+
+def test_groups_of_panes_have_colours_of_their_own():
+    drawn = [Drawn("surface", SQUARE[None]), Drawn("pane", SQUARE[None] + 3)]
+    alone = legend_of(drawn, ["glass: 1 m²"])
+    assert alone["panes"] == (KINDS["pane"]["color"], "-")
+    grouped = legend_of([*drawn, *(Drawn("pane", SQUARE[None] + i, f"{i}") for i in range(8))])
+    assert grouped["panes of no group"] == alone["panes"]
+    assert "panes" not in grouped
+    looks = [grouped[f"{i}"] for i in range(8)]
+    assert len({*looks, alone["panes"]}) == 9
+    assert [colour for colour, _ in looks[:6]] == list(GROUPS)
+
+
+def test_a_legend_is_not_longer_than_its_place():
+    drawn = [Drawn("pane", SQUARE[None] + i, f"group {i}") for i in range(100)]
+    texts = list(legend_of(drawn, ["glass " * 50]))
+    assert len(texts) == 1 + MOST_ROWS
+    assert texts[-1] == "… and 92 more"
+    assert max(map(len, legend_of(drawn[:1], ["glass " * 50]))) < 60
