@@ -1,12 +1,47 @@
-"""Names of a package that are imported at their first use."""
+"""Modules, and names of a package, that are imported at their first use."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 from types import ModuleType
+
+
+class _Later(ModuleType):
+    """Module that stands for another until a name of it is used."""
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(importlib.import_module(self.__name__), name)
+
+
+def module(name: str) -> ModuleType:
+    """Module of another package whose import is slow, which is imported when it is first used."""
+    return _Later(name)
+
+
+def folder_of(package: str) -> Path:
+    """Folder of another package, which is not imported."""
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(package)
+    return Path(spec.origin).parent
+
+
+@cache
+def by_itself(package: str, name: str) -> ModuleType:
+    """Module of a package that is imported without the rest of the package.
+
+    `pvlib.spa` needs NumPy only, but `import pvlib` takes half a second for SciPy and HTTP.
+    """
+    spec = importlib.util.spec_from_file_location(name, folder_of(package) / f"{name}.py")
+    if spec is None or spec.loader is None:
+        raise ModuleNotFoundError(f"{package}.{name}")
+    lone = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(lone)
+    return lone
 
 
 def submodule(package: str, name: str) -> ModuleType:
@@ -17,10 +52,10 @@ def submodule(package: str, name: str) -> ModuleType:
     full = f"{package}.{name}"
     if name.startswith("_") or importlib.util.find_spec(full) is None:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    module = importlib.import_module(full)
-    if hasattr(module, "__path__"):
-        vars(module).setdefault("__getattr__", partial(submodule, full))
-    return module
+    room = importlib.import_module(full)
+    if hasattr(room, "__path__"):
+        vars(room).setdefault("__getattr__", partial(submodule, full))
+    return room
 
 
 def attributes(package: str, names: Mapping[str, str]) -> Callable[[str], object]:
@@ -34,7 +69,7 @@ def attributes(package: str, names: Mapping[str, str]) -> Callable[[str], object
         if name not in names:
             return submodule(package, name)
         path, _, attribute = names[name].partition(":")
-        module = importlib.import_module(f"{package}.{path}")
-        return getattr(module, attribute) if attribute else module
+        room = importlib.import_module(f"{package}.{path}")
+        return getattr(room, attribute) if attribute else room
 
     return resolve

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,11 +13,14 @@ from drcmitsuba_plugins.patches import Patches
 
 Luminance = Callable[["slice | np.ndarray", np.ndarray, np.ndarray], np.ndarray]
 """Luminance of some times at (cos ζ, cos γ), which broadcast with a (time, 1) parameter:
-ζ from the zenith, γ from the sun [rad]. Its first argument selects the times."""
+ζ from the zenith, γ from the sun [rad]. Its first argument selects the times. Nodes at one altitude
+share their cos ζ: cos γ (azimuth, time, node) has a dimension more than cos ζ."""
 
 BLOCK = 16_000
-"""Values in flight at once: 125 KiB stay in the cache, and below the size from which the C library
-fetches memory anew for every array, which made this five times slower."""
+"""Values in flight at once in a thread: 125 KiB stay in the cache, and below the size from which
+the C library fetches memory anew for every array, which made this five times slower."""
+
+THREADS = min(8, os.cpu_count() or 1)
 
 
 class SkyLight(NamedTuple):
@@ -39,8 +44,8 @@ class PatchCentres:
 
     def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
         """Value of each patch, shape (time, patch), no ground; `sun` (time, 3) are unit vectors."""
-        nodes = patches.directions[1:, None]
-        return _integrate(luminance, sun, nodes, np.ones((len(nodes), 1)))
+        nodes = patches.directions[None, 1:, None]
+        return _integrate(luminance, sun, nodes, np.ones(nodes.shape[:-1]))
 
     def horizontal(self, patches: Patches) -> np.ndarray:
         """Illuminance by a unit luminance of each patch: Ω cos θ at the centre [sr], (patch,)."""
@@ -64,11 +69,14 @@ class PatchMeans:
         nodes, weights = gauss_nodes(patches, *self.near)
         close = sun @ patches.directions[1:].T > np.cos(1.5 * patches.row_height)
         time, patch = np.nonzero(close)
-        for block in _blocks(len(time), weights.shape[1]):
+
+        def integrate(block: slice) -> None:
             t, p = time[block], patch[block]
-            cos_gamma = np.matmul(nodes[p], sun[t, :, None])[..., 0]
-            value = luminance(t, nodes[p, :, 2], cos_gamma)
-            values[t, p] = np.einsum("pn,pn->p", value, weights[p])
+            cos_gamma = np.einsum("atni,ti->atn", nodes[:, p], sun[t])
+            value = luminance(t, nodes[0, p, :, 2], cos_gamma)
+            values[t, p] = np.einsum("atn,atn->t", value, weights[:, p])
+
+        in_threads(integrate, _blocks(len(time), weights[:, 0].size))
         return values
 
     def horizontal(self, patches: Patches) -> np.ndarray:
@@ -83,9 +91,10 @@ PATCH_MEANS = PatchMeans()
 
 
 def gauss_nodes(patches: Patches, altitude: int, azimuth: int) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (patch, node, 3) and weights (patch, node) of the mean over each sky patch.
+    """Directions and weights of the mean over each sky patch.
 
-    The zenith cap takes equal steps around it: it has no ends for Gauss nodes to crowd at.
+    Shapes (azimuth, patch, altitude, 3) and (azimuth, patch, altitude). The zenith cap takes equal
+    steps around it: it has no ends for Gauss nodes to crowd at.
     """
     low, high, west, east = patches.bounds[1:].T[..., None]
     x, weight_z = np.polynomial.legendre.leggauss(altitude)
@@ -95,11 +104,10 @@ def gauss_nodes(patches: Patches, altitude: int, azimuth: int) -> tuple[np.ndarr
     weight_turn = np.tile(weight_turn, (len(turn), 1))
     turn[-1], weight_turn[-1] = 2 * np.pi * np.arange(azimuth) / azimuth, 2 / azimuth
 
-    z, turn = np.broadcast_arrays(z[:, :, None], turn[:, None, :])
+    z, turn = np.broadcast_arrays(z, turn.T[:, :, None])
     r = np.sqrt(1 - z * z)
     nodes = np.stack([r * np.sin(turn), r * np.cos(turn), z], axis=-1)
-    weights = weight_z[:, None] * weight_turn[:, None, :] / 4
-    return nodes.reshape(len(nodes), -1, 3), weights.reshape(len(nodes), -1)
+    return nodes, weight_turn.T[:, :, None] * weight_z / 4
 
 
 def scale_to(values: np.ndarray, illuminance: np.ndarray, horizontal: np.ndarray) -> np.ndarray:
@@ -116,13 +124,31 @@ def scale_to(values: np.ndarray, illuminance: np.ndarray, horizontal: np.ndarray
 def _integrate(
     luminance: Luminance, sun: np.ndarray, nodes: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Σ weight × luminance over the nodes (patch, node, 3) of each patch, shape (time, patch)."""
-    nodes = nodes.reshape(-1, 3)
-    values = np.empty((len(sun), len(weights)))
-    for block in _blocks(len(sun), len(nodes)):
-        value = luminance(block, nodes[:, 2], sun[block] @ nodes.T)
-        values[block] = np.einsum("tpn,pn->tp", value.reshape(-1, *weights.shape), weights)
+    """Σ weight × luminance over the nodes of each patch, shape (time, patch)."""
+    azimuths, patches, altitudes = weights.shape
+    cos_zenith = nodes[0, :, :, 2].ravel()
+    across = np.ascontiguousarray(np.moveaxis(nodes.reshape(azimuths, -1, 3), -1, 1))
+    weights = weights.reshape(azimuths, 1, -1)
+    values = np.empty((len(sun), patches))
+
+    def integrate(block: slice) -> None:
+        value = luminance(block, cos_zenith, sun[block] @ across)
+        value *= weights
+        values[block] = value.sum(axis=0).reshape(-1, patches, altitudes).sum(axis=-1)
+
+    in_threads(integrate, _blocks(len(sun), weights.size))
     return values
+
+
+def in_threads(work: Callable[[slice], None], blocks: list[slice]) -> None:
+    """Do the work of all blocks; NumPy lets threads compute side by side."""
+
+    def share(first: int) -> None:
+        for block in blocks[first::THREADS]:
+            work(block)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        list(pool.map(share, range(THREADS)))
 
 
 def _blocks(count: int, width: int) -> list[slice]:

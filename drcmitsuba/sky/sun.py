@@ -5,16 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
-import pvlib
 import xarray as xr
 
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import describe
 
 if TYPE_CHECKING:
     from drcmitsuba.sky.weather import Site
 
+EPOCH = np.datetime64("1970-01-01", "ns")
+DELTA_T = 67.0
+"""Terrestrial time minus universal time [s]."""
 SEARCH_STEPS = 12
 """Pieces into which an interval near sunrise or sunset is cut: 5 min of an hour."""
 FASTEST_RISE = 15.1
@@ -120,11 +122,13 @@ def declination_and_hour(latitude: float, directions: np.ndarray) -> tuple[np.nd
 def _spa(instant: np.ndarray, site: Site) -> tuple[np.ndarray, np.ndarray]:
     """Zenith and azimuth [deg] at local standard times of any shape."""
     east_of_utc = np.timedelta64(round(site.timezone * 3600), "s")
-    utc = pd.DatetimeIndex(instant.ravel() - east_of_utc).tz_localize("UTC")
-    position = pvlib.solarposition.get_solarposition(
-        utc, site.latitude, site.longitude, altitude=site.elevation, method="nrel_numpy"
+    seconds = (instant.ravel() - east_of_utc - EPOCH) / np.timedelta64(1, "s")
+    air = {"pressure": 1013.25, "temp": 12.0, "atmos_refract": 0.5667}  # zenith takes no refraction
+    position = lazy.by_itself("pvlib", "spa").solar_position_numpy(
+        seconds, site.latitude, site.longitude, site.elevation, delta_t=DELTA_T, numthreads=1, **air
     )
-    return tuple(position[name].to_numpy().reshape(instant.shape) for name in ("zenith", "azimuth"))
+    _, zenith, _, _, azimuth, _ = (angle.reshape(instant.shape) for angle in position)
+    return zenith, azimuth
 
 
 def _sunlit_middle(time: np.ndarray, step: float, site: Site) -> np.ndarray:

@@ -12,9 +12,11 @@ from __future__ import annotations
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle
-from scipy.spatial import KDTree
 
+from drcmitsuba.runtime import lazy
 from drcmitsuba.sky.sun_models.blend import Blend, Suns
+
+spatial = lazy.module("scipy.spatial")
 
 SPREAD = 4
 """Patches that the three-phase method spreads the sun over."""
@@ -24,7 +26,8 @@ FIVE_PHASE = 6
 
 def _nearest(directions: np.ndarray, patches: Patches, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Bins of the patches whose centres lie nearest, and the cosines to these."""
-    chord, nearest = KDTree(patches.directions[1:]).query(directions, k=np.arange(1, count + 1))
+    tree = spatial.KDTree(patches.directions[1:])
+    chord, nearest = tree.query(directions, k=np.arange(1, count + 1))
     return nearest + 1, 1 - chord**2 / 2
 
 

@@ -1,4 +1,4 @@
-"""Weather files: EPW, TMY3 and TMY2 through pvlib, Radiance's WEA.
+"""Weather files: EPW, TMY3, TMY2 and Radiance's WEA.
 
 text
     Text of strangers: bounded, decoded, rows counted.

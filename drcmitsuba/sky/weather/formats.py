@@ -1,30 +1,31 @@
-"""Weather files → irradiance per interval: EPW, TMY3 and TMY2 through pvlib, Radiance's WEA.
+"""Weather files → irradiance per interval: EPW, TMY3, TMY2 and Radiance's WEA.
 
 Every reader ends in the same clock: local standard time, start of the interval, nominal year 2015.
-A file is text that somebody else wrote: it is read here (bounded, decoded, its rows counted) and
-only then handed to pvlib, which would otherwise open URLs and guess at damaged rows.
+A file is text that somebody else wrote: bounded, decoded, its rows counted, its numbers checked.
 """
 
 from __future__ import annotations
 
 import re
-import tempfile
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
-import pvlib
 
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.weather import record, text
 from drcmitsuba.sky.weather.record import Weather
 from drcmitsuba.sky.weather.text import NumberedRows
 
-DATE, CLOCK = "Date (MM/DD/YYYY)", "Time (HH:MM)"
-TMY3_COLUMNS = {DATE, CLOCK, "Dew-point (C)", "GHI (W/m^2)", "DNI (W/m^2)", "DHI (W/m^2)"}
+ORDER = ("ghi", "dni", "dhi")
+TMY3_COLUMNS = (
+    "Date (MM/DD/YYYY)", "Time (HH:MM)", "GHI (W/m^2)", "DNI (W/m^2)", "DHI (W/m^2)",
+    "Dew-point (C)",
+)  # fmt: skip
+TMY2_COLUMNS = ((3, 5), (5, 7), (7, 9), (17, 21), (23, 27), (29, 33), (73, 77))
+"""Begin and end of month, day, hour, ghi, dni, dhi and dew point [0.1 °C] in a row."""
 TMY2_HEAD = re.compile(
     r"(\d+)\s+(\S.*?)\s+([A-Z]{2})\s+(-?\d+)\s+([NS])\s*(\d+)\s+(\d+)\s+([EW])\s*(\d+)\s+(\d+)"
     r"\s+(-?\d+)",
@@ -45,33 +46,35 @@ def _read_epw(path: Path, lines: list[str]) -> Weather:
         remedy = "give one data period of hourly records"
         raise InputError(path, f"line {first}", text.show(lines[first - 1]), remedy)
     site = record.site_of(path, head[1], *head[6:10])
-    table = text.rows_of(path, lines, first, text.fields, lambda fields: fields[1:4], least=16)
-    # A comma in the quoted city, a quote left open in a comment or a 36th column lead pvlib astray.
-    clean = [",".join(["LOCATION", *"-----", *head[6:10]]), *"------", "DATA PERIODS"]
-    clean += [",".join(text.fields(line)[:35]) for line in table.lines]
-    frame = by_pvlib(path, pvlib.iotools.read_epw, clean, coerce_year=record.NOMINAL_YEAR)
-    return record.hourly(site, frame, pd.Timedelta("0h"), table)
+    pick = itemgetter(1, 2, 3, 13, 14, 15, 7)
+    table = text.rows_of(path, lines, first, text.fields, pick, least=16)
+    _, _, hour, *irradiance, dew_point = table.columns
+    minutes = 60 * (24 * record.days_of_year(table) + text.integers(hour) - 1)
+    dew = record.dew_point_of(dew_point, table)
+    return record.hourly(site, minutes, dict(zip(ORDER, irradiance, strict=True)), dew, table)
 
 
 def _read_tmy3(path: Path, lines: list[str]) -> Weather:
     head = text.quoted(path, lines[0])
-    names = text.fields(lines[1]) if len(lines) > 1 else []
-    lacking = sorted(TMY3_COLUMNS - set(names))
+    names = [name.strip() for name in text.fields(lines[1])] if len(lines) > 1 else []
+    lacking = sorted(set(TMY3_COLUMNS) - set(names))
     if len(head) < 7 or lacking:
         got = f"no column {lacking[0]!r}" if lacking else text.show(lines[0])
         raise InputError(path, "header", got, "a .csv must be a TMY3 file with its two head lines")
-    date, clock = names.index(DATE), names.index(CLOCK)
+    date, clock, *others = (names.index(name) for name in TMY3_COLUMNS)
 
-    def day_and_hour(fields: list[str]) -> list[str]:
-        hour = fields[clock].split(":")[0]
-        return [*fields[date].split("/")[:2], "24" if hour in ("0", "00") else hour]
+    def pick(fields: Sequence[str]) -> tuple[str, ...]:
+        month, day, _ = (*fields[date].split("/", 2), "", "")[:3]
+        hour, _, minute = fields[clock].strip().partition(":")
+        whole = "24" if hour in ("0", "00") else hour
+        return month, day, whole, hour, minute, *(fields[column] for column in others)
 
     site = record.site_of(path, head[1], head[4], head[5], head[3], head[6])
-    table = text.rows_of(path, lines, 2, text.fields, day_and_hour, least=len(names))
-    clean = [",".join(["0", "-", "-", *head[3:7]]), ",".join(names)]
-    clean += [",".join(text.fields(line)[: len(names)]) for line in table.lines]
-    frame = by_pvlib(path, pvlib.iotools.read_tmy3, clean, map_variables=True)
-    return record.hourly(site, frame, pd.Timedelta("1h"), table)
+    table = text.rows_of(path, lines, 2, text.fields, pick, least=len(names))
+    _, _, _, hour, minute, *irradiance, dew_point = table.columns
+    ends = 60 * (24 * record.days_of_year(table) + text.integers(hour)) + text.integers(minute)
+    dew = record.dew_point_of(dew_point, table)
+    return record.hourly(site, ends - 60, dict(zip(ORDER, irradiance, strict=True)), dew, table)
 
 
 def _read_tmy2(path: Path, lines: list[str]) -> Weather:
@@ -82,16 +85,16 @@ def _read_tmy2(path: Path, lines: list[str]) -> Weather:
     latitude = (1 if north == "N" else -1) * (int(lat) + int(lat_minute) / 60)
     longitude = (1 if east == "E" else -1) * (int(lon) + int(lon_minute) / 60)
     site = record.site_of(path, name, latitude, longitude, zone, metres)
-    # Fixed columns: every character is a field.
-    table = text.rows_of(
-        path, lines, 1, list, lambda c: ["".join(c[i : i + 2]) for i in (3, 5, 7)], 142
-    )
-    # pvlib splits the head line at its spaces, also those of the city.
-    clean = [lines[0].replace(name, re.sub(r"\s+", "_", name), 1), *table.lines]
-    frame = by_pvlib(path, lambda file: pvlib.iotools.read_tmy2(str(file)), clean)
-    frame = frame.rename(columns={name.upper(): name for name in record.HIGHEST})
-    frame = frame.assign(temp_dew=frame.DewPoint / 10)
-    return record.hourly(site, frame, pd.Timedelta("0h"), table)
+    table = text.rows_of(path, lines, 1, str, _pick_tmy2, 142)
+    _, _, hour, *irradiance, dew_point = table.columns
+    minutes = 60 * (24 * record.days_of_year(table) + text.integers(hour) - 1)
+    dew = record.dew_point_of(dew_point, table, per_degree=10)
+    return record.hourly(site, minutes, dict(zip(ORDER, irradiance, strict=True)), dew, table)
+
+
+def _pick_tmy2(row: Sequence[str]) -> tuple[str, ...]:
+    """Fields of fixed columns."""
+    return tuple(str(row[start:end]) for start, end in TMY2_COLUMNS)
 
 
 def _read_wea(path: Path, lines: list[str]) -> Weather:
@@ -110,54 +113,35 @@ def _read_wea(path: Path, lines: list[str]) -> Weather:
     zone = text.number(path, "time_zone (degrees west)", head["time_zone"], -210, 180)
     elevation = head["site_elevation"]
     site = record.site_of(path, head["place"], head["latitude"], 0 - west, 0 - zone / 15, elevation)
-    table = text.rows_of(path, lines, first, str.split, lambda words: [*words[:2], "1"], least=5)
-    month, day, hour, dni, dhi = zip(*(line.split()[:5] for line in table.lines), strict=True)
-    dates = {"year": record.NOMINAL_YEAR, "month": pd.Series(month), "day": pd.Series(day)}
-    days = pd.DatetimeIndex(pd.to_datetime({k: pd.to_numeric(v) for k, v in dates.items()}))
-    time, step, sun_time = _wea_time(days, pd.Series(hour), table)
-    columns = {"dni": pd.Series(dni), "dhi": pd.Series(dhi)}
-    return record.weather_of(site, step, time, columns, None, sun_time, table)
+    table = text.rows_of(path, lines, first, str.split, lambda w: (*w[:2], "1", *w[2:5]), least=5)
+    _, _, _, hour, dni, dhi = table.columns
+    time, step, sun_time = _wea_time(hour, table)
+    return record.weather_of(site, step, time, {"dni": dni, "dhi": dhi}, None, sun_time, table)
 
 
-def _wea_time(
-    days: pd.DatetimeIndex, hour: pd.Series, table: NumberedRows
-) -> tuple[pd.DatetimeIndex, float, str]:
+def _wea_time(hour: Sequence[str], table: NumberedRows) -> tuple[np.ndarray, float, str]:
     """Starts of the intervals, step [h] and what a stamp is: the middle or the sun's instant."""
-    hours = pd.to_numeric(hour, errors="coerce").to_numpy(float)
+    hours = text.decimals(hour)
     hours = np.where((hours >= 0) & (hours < 24), hours, np.nan)
     minutes = np.round(hours * 60)
     # Two or three decimals: 0.17 h and 0.167 h are both ten minutes.
     off = ~((np.abs(hours * 60 - minutes) < 0.31) & (minutes < 24 * 60))
     remedy = "use 0 to 24, exclusive, and whole minutes"
     table.refuse("hour", hour, off, "no time of day", remedy)
-    stamps = (days + pd.to_timedelta(minutes, unit="min")).as_unit("ns")
-    gaps = np.diff(stamps.to_numpy()) / np.timedelta64(1, "m")
-    same_day = np.asarray(days[1:] == days[:-1])
-    step = float(gaps[same_day].min()) if same_day.any() else 60.0
+    days = record.days_of_year(table)
+    at = days * 24 * 60 + minutes.astype(int)
+    gaps, same_day = np.diff(at), np.diff(days) == 0
+    step = int(gaps[same_day].min()) if same_day.any() else 60
+    stamps = record.START + at.astype("timedelta64[m]")
     wrong = (gaps <= 0) | (same_day & (gaps != step))
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
-        got = f"{stamps[row]:%m-%d %H:%M} after {stamps[row - 1]:%m-%d %H:%M}"
-        remedy = f"stamps must rise, within a day by one step (here {step:g} min)"
+        got = f"{record.stamp(stamps[row])} after {record.stamp(stamps[row - 1])}"
+        remedy = f"stamps must rise, within a day by one step (here {step} min)"
         raise InputError(table.path, f"line {table.numbers[row]}", got, remedy)
-    if step == 60 and (minutes % 60 == 30).all():
-        return stamps - pd.Timedelta("30min"), 1.0, "middle"
-    return stamps, step / 60, "instant"
-
-
-def by_pvlib(
-    path: Path, reader: Callable[..., tuple[pd.DataFrame, Any]], lines: list[str], **options: Any
-) -> pd.DataFrame:
-    """Let pvlib read cleaned rows: from a file, as read_tmy2 and pvlib < 0.13 take nothing else."""
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        # Columns that are not used here may mix numbers and text.
-        warnings.simplefilter("ignore", pd.errors.DtypeWarning)
-        clean = Path(folder) / "weather"
-        clean.write_text("\n".join(lines) + "\n", encoding="ascii", errors="replace")
-        try:
-            return reader(clean, **options)[0]
-        except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
-            raise InputError(path, "rows", text.show(error), text.CUT) from error
+    hourly = step == 60 and (at % 60 == 30).all()
+    starts = (stamps - np.timedelta64(30, "m") if hourly else stamps).astype("datetime64[ns]")
+    return starts, step / 60, "middle" if hourly else "instant"
 
 
 READERS: dict[str, Callable[[Path, list[str]], Weather]] = {
@@ -202,4 +186,4 @@ def read(path: str | Path) -> Weather:
 
 def default() -> Weather:
     """Greensboro, North Carolina: the TMY3 file that pvlib carries (36.1° N, 79.95° W)."""
-    return read(Path(pvlib.__file__).parent / "data" / "723170TYA.CSV")
+    return read(lazy.folder_of("pvlib") / "data" / "723170TYA.CSV")

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import describe
-from drcmitsuba.sky.weather.text import NumberedRows, number
+from drcmitsuba.sky.weather.text import DAYS, NumberedRows, decimals, number
 
 NOMINAL_YEAR = 2015
 """Typical years are patched together from many; 2015 (1 January: Thursday) stands for all."""
+START = np.datetime64(f"{NOMINAL_YEAR}-01-01T00:00")
+MONTH_STARTS = np.cumsum(DAYS) - DAYS - (np.arange(13) > 2)
+"""Day of the nominal year on which each month begins, from 0; January at 1."""
+ABSENT = {"", "na", "n/a", "nan", "none", "null"}
+"""Texts that stand for no number, in small letters."""
 HIGHEST = {"dni": 1500.0, "dhi": 1500.0, "ghi": 2000.0}  # W/m², cloud enhancement included
 COLUMNS = (*HIGHEST, "dew_point")
 SITE_LIMITS = {
@@ -56,40 +60,52 @@ class Weather:
     """Remarks for the user: rows that were left out, values that look odd."""
 
 
-def nominal_year(
-    index: pd.DatetimeIndex, lag: pd.Timedelta, table: NumberedRows
-) -> pd.DatetimeIndex:
-    """Starts of the hours in the nominal year, which they must fill; `lag` from start to label."""
-    labels = pd.DatetimeIndex([t.replace(year=NOMINAL_YEAR) for t in index.tz_localize(None)])
-    start = (labels - lag).as_unit("ns")
-    # The last hour of a TMY3 is labelled 1 January 0:00.
-    start = start.where(start.year == NOMINAL_YEAR, start + pd.Timedelta("365D"))
-    whole = pd.date_range(f"{NOMINAL_YEAR}-01-01", periods=8760, freq="h", unit="ns")
+def days_of_year(table: NumberedRows) -> np.ndarray:
+    """Day of the nominal year of every row, from 0."""
+    return MONTH_STARTS[table.month] + table.day - 1
+
+
+def stamp(time: np.datetime64) -> str:
+    """Month, day, hour and minute of a time."""
+    return str(np.datetime_as_string(time, unit="m"))[5:].replace("T", " ")
+
+
+def nominal_year(minutes: np.ndarray, table: NumberedRows) -> np.ndarray:
+    """Starts of the hours, given in minutes of the nominal year, which they must fill."""
+    # The last hour of a TMY3 may be labelled 1 January 0:00.
+    start = START + (minutes % (365 * 24 * 60)).astype("timedelta64[m]")
+    whole = np.arange(START, START + np.timedelta64(365, "D"), np.timedelta64(1, "h"))
     remedy = "give all 8760 (leap year: 8784) hours of a year, in order"
     both = min(len(start), len(whole))
     wrong = start[:both] != whole[:both]
     if wrong.any():
         row = int(np.argmax(wrong))
-        got = f"hour from {start[row]:%m-%d %H:%M} where {whole[row]:%m-%d %H:%M} is due"
+        got = f"hour from {stamp(start[row])} where {stamp(whole[row])} is due"
         raise InputError(table.path, f"line {table.numbers[row]}", got, remedy)
     if len(start) != len(whole):
-        got = f"{len(start)} hours, last {start[-1]:%m-%d %H:%M}"
+        got = f"{len(start)} hours, last {stamp(start[-1])}"
         raise InputError(table.path, "rows", got, remedy)
-    return start
+    return start.astype("datetime64[ns]")
 
 
-def hourly(site: Site, frame: pd.DataFrame, lag: pd.Timedelta, table: NumberedRows) -> Weather:
-    """Make the weather of a file with an hour a row; `lag` is from an hour's start to its label."""
-    time = nominal_year(frame.index, lag, table)
-    return weather_of(site, 1.0, time, frame[list(HIGHEST)], frame["temp_dew"], "middle", table)
+def hourly(
+    site: Site,
+    minutes: np.ndarray,
+    irradiance: Mapping[str, Sequence[str]],
+    dew_point: np.ndarray,
+    table: NumberedRows,
+) -> Weather:
+    """Make the weather of a file with an hour a row, which starts at `minutes` of the year."""
+    time = nominal_year(minutes, table)
+    return weather_of(site, 1.0, time, irradiance, dew_point, "middle", table)
 
 
 def weather_of(
     site: Site,
     step: float,
-    time: pd.DatetimeIndex,
-    irradiance: Mapping[str, pd.Series],
-    dew_point: pd.Series | None,
+    time: np.ndarray,
+    irradiance: Mapping[str, Sequence[str]],
+    dew_point: np.ndarray | None,
     sun_time: str,
     table: NumberedRows,
 ) -> Weather:
@@ -101,7 +117,7 @@ def weather_of(
     if table.leap_rows:
         notes.append(f"29 February dropped ({table.leap_rows} rows): the year has 365 days")
     if dew_point is not None:
-        columns["dew_point"] = dew_point_of(dew_point, table)
+        columns["dew_point"] = dew_point
         gaps = np.count_nonzero(np.isnan(columns["dew_point"]))
         notes += [f"no dew point in {gaps} of {len(time)} rows"] if gaps else []
     # A longitude of the wrong sign is the classic mistake; no real clock is 4 hours off its sun.
@@ -121,9 +137,9 @@ def weather_of(
     return Weather(str(table.path), site, step, data, tuple(notes))
 
 
-def irradiance_of(name: str, column: pd.Series, table: NumberedRows) -> np.ndarray:
+def irradiance_of(name: str, column: Sequence[str], table: NumberedRows) -> np.ndarray:
     """Irradiance [W/m²] of a column; an unfit value raises InputError with its line."""
-    value = pd.to_numeric(column, errors="coerce").to_numpy(float)
+    value = decimals(column)
     missing = (value >= 9999) | np.isin(value, (-999, -9900, -9999))
     for bad, what, remedy in (
         (~np.isfinite(value), "not a number", f"write {name} in W/m²"),
@@ -135,11 +151,16 @@ def irradiance_of(name: str, column: pd.Series, table: NumberedRows) -> np.ndarr
     return value
 
 
-def dew_point_of(column: pd.Series, table: NumberedRows) -> np.ndarray:
-    """Dew point [°C], NaN where missing: 99.9 in EPW, -9900 in TMY3, 999.9 in TMY2."""
-    value = pd.to_numeric(column, errors="coerce").to_numpy(float)
-    text = np.isnan(value) & column.notna().to_numpy()
-    table.refuse("dew point", column, text, "not a number", "write it in °C")
+def dew_point_of(column: Sequence[str], table: NumberedRows, per_degree: int = 1) -> np.ndarray:
+    """Dew point [°C] of a column in units of which a degree has so many, NaN where missing.
+
+    A missing one is 99.9 in EPW, -9900 in TMY3, 999.9 in TMY2.
+    """
+    value = decimals(column) / per_degree
+    absent = [text.strip().lower() in ABSENT for text in column]
+    table.refuse(
+        "dew point", column, np.isnan(value) & ~np.array(absent), "not a number", "write it in °C"
+    )
     return np.where(np.abs(value) < 90, value, np.nan)
 
 

@@ -292,6 +292,7 @@ def test_a_tmy2_city_may_have_spaces(tmp_path):
         (14, "1501", "implausible"),
         (13, "2500", "implausible"),
         (14, "sun", "not a number"),
+        (14, "1_0", "not a number"),
         (14, "", "not a number"),
         (15, "nan", "not a number"),
         (13, "inf", "not a number"),
