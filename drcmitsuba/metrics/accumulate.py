@@ -8,15 +8,21 @@ its own E; their scatter is the standard error of E, as the entries of C share s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import UnknownLabelsError, describe, positions
 from drcmitsuba.sky.sun_models import Blend, mesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+sparse = lazy.module("scipy.sparse")
 
 BLOCK = 1 << 16
 """Number of entries (time, sensor) in a block: they stay in the cache from sum to sum."""
@@ -54,15 +60,15 @@ def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
     bins = _positions(coefficients, blend.bins[rows, k], remedy)
     values = blend.weights[rows, k] * sky["sun"].values[times[rows]]
     shape = (sky.sizes["time"], len(known))
-    return csr_matrix((values.astype(np.float32), (times[rows], bins)), shape)
+    return sparse.csr_matrix((values.astype(np.float32), (times[rows], bins)), shape)
 
 
 def source_luminances(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
     """Luminances L (time, bin) [cd/m²] of the bins of C: sky, ground, and suns of the sun model."""
     patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     chosen = np.ones(len(patches), np.float32), (np.arange(len(patches)), patches)
-    at_bins = csr_matrix(chosen, (len(patches), coefficients.sizes["bin"]))
-    by_patch = csr_matrix(sky["sky"].values.astype(np.float32))
+    at_bins = sparse.csr_matrix(chosen, (len(patches), coefficients.sizes["bin"]))
+    by_patch = sparse.csr_matrix(sky["sky"].values.astype(np.float32))
     return by_patch @ at_bins + _suns(coefficients, sky)
 
 

@@ -10,10 +10,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
-from scipy.spatial import cKDTree
 
 from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
+
+spatial = lazy.module("scipy.spatial")
 
 STOREY = 1.0
 """Least distance between the heights of sensors of two storeys [m]."""
@@ -118,7 +120,7 @@ class _Pile:
         if not meet.any():
             return True
         beside = np.concatenate([self.grids[i] for i in np.flatnonzero(meet)])
-        distance, _ = cKDTree(at[beside]).query(at[grid])
+        distance, _ = spatial.cKDTree(at[beside]).query(at[grid])
         return bool((distance < near).mean() <= ABOVE)
 
     def add(self, at: np.ndarray, grid: np.ndarray) -> None:
@@ -150,5 +152,5 @@ def _spacing(at: np.ndarray) -> float:
     unique = np.unique(np.round(at, 6), axis=0)
     if len(unique) == 1:
         return 0.1
-    distance, _ = cKDTree(unique).query(unique, k=2)
+    distance, _ = spatial.cKDTree(unique).query(unique, k=2)
     return float(np.median(distance[:, 1]))

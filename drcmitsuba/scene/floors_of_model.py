@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from drcmitsuba.model.model import Model, areas
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 from drcmitsuba.scene.geometry import normals
+
+sparse, csgraph = lazy.module("scipy.sparse"), lazy.module("scipy.sparse.csgraph")
 
 LEVEL = 1e-3
 """Largest deviation of a floor's normal from the vertical [–]."""
@@ -148,8 +149,10 @@ def _walls(lines: np.ndarray) -> np.ndarray:
             return lines[:0]
         pairs.append(near + [[start], [0]])
     first, second = np.concatenate(pairs, axis=1)
-    links = coo_matrix((np.ones(len(first), bool), (first, second)), (len(lines), len(lines)))
-    _, body = connected_components(links, directed=False)
+    links = sparse.coo_matrix(
+        (np.ones(len(first), bool), (first, second)), (len(lines), len(lines))
+    )
+    _, body = csgraph.connected_components(links, directed=False)
     low, high = np.full((2, len(lines), 2), np.inf)  # of every body, from 0
     high *= -1
     bounds = shapely.bounds(lines)

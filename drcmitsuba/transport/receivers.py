@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from scipy.spatial import cKDTree
 
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import is_diffuse
@@ -21,6 +21,8 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import number, table
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.reached import Reached
+
+spatial = lazy.module("scipy.spatial")
 
 POINTS = 1024
 """Number of points that measure the area of a whole face of a cell."""
@@ -175,7 +177,7 @@ class Squares:
         """
         near = 2 * np.minimum(_to_walls(scene, points), _to_things(scene, points, normals))
         if len(points) > 1:
-            near = np.minimum(near, cKDTree(points).query(points, 2, p=np.inf)[0][:, 1])
+            near = np.minimum(near, spatial.cKDTree(points).query(points, 2, p=np.inf)[0][:, 1])
         edge = np.clip(near, SMALLEST, size)
         turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
         offset = np.einsum("si,si->s", points, normals)
@@ -200,7 +202,7 @@ def _plane(
 ) -> SensorPlane:
     """Raster over the sensors `mine` at positions `at` in their plane."""
     extent = np.ptp(at, axis=0).max()
-    near = cKDTree(at).query(at, 2, p=np.inf)[0][:, 1].min() if len(at) > 1 else 1.0
+    near = spatial.cKDTree(at).query(at, 2, p=np.inf)[0][:, 1].min() if len(at) > 1 else 1.0
     # On a regular grid of sensors each field holds one of them.
     field = float(np.clip(near, max(edge[mine].max(), extent / 1000), None))
     low = at.min(axis=0) - field / 2

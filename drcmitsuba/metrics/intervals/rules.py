@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from scipy.special import stdtrit
-
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.schedule import Schedule
 from drcmitsuba.metrics.facade_states import ShadeRule
+from drcmitsuba.runtime import lazy
+
+special = lazy.module("scipy.special")
 
 DRAWS = 600
 """Draws of every metric."""
@@ -23,7 +24,7 @@ BEYOND = 2.5e-4
 
 def t_factor(replicates: int, level: float = LEVEL) -> float:
     """Half the width of an interval of E in standard errors: Student's t(1/2 + level/2, n − 1)."""
-    return float(stdtrit(replicates - 1, 0.5 + level / 2))
+    return float(special.stdtrit(replicates - 1, 0.5 + level / 2))
 
 
 @dataclass(frozen=True)

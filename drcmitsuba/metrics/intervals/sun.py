@@ -14,9 +14,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincc
 
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS
+from drcmitsuba.runtime import lazy
+
+special = lazy.module("scipy.special")
 
 EDGE = 2 / 3
 """Parameter of the prior B(2/3, 2/3): part of the sun that is seen on the edge of a shadow."""
@@ -41,7 +43,7 @@ def _exceeds(mean: np.ndarray, error: np.ndarray, threshold: float) -> np.ndarra
     doubtful = (abs(mean - threshold) < 8 * error) | ((mean < 7 * error) & (mean > 0))
     mu, s = mean[doubtful].astype(float), error[doubtful].astype(float)
     kappa = (mu / s) ** 2
-    p[doubtful] = gammaincc(kappa + EDGE, threshold * mu / s**2)
+    p[doubtful] = special.gammaincc(kappa + EDGE, threshold * mu / s**2)
     return p
 
 
@@ -100,7 +102,7 @@ def _hidden(
         return None
     full = mean.max(axis=1)
     # The part that a pair hides is drawn by its tail: u < p(limit), as for the others.
-    tails = [gammaincc(EDGE, limit * rays / np.maximum(full, 1e-9)) for limit in limits]
+    tails = [special.gammaincc(EDGE, limit * rays / np.maximum(full, 1e-9)) for limit in limits]
     largest_tail = np.maximum(*tails)[dark[:, 0]]
     total = np.cumsum(largest_tail)
     counts = rng.poisson(expected * total[-1] / len(dark), DRAWS)

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.sparse import csr_matrix
 
+from drcmitsuba.runtime import lazy
 from drcmitsuba.schema import mean_and_error, positions
 from drcmitsuba.transport.coefficients import as_dataset
 from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
 from drcmitsuba.transport.marked_paths import MarkedVertices
+
+sparse = lazy.module("scipy.sparse")
 
 
 class Returned(MarkedVertices):
@@ -78,7 +80,7 @@ class Basis:
         groups, sensors = self.total.shape[1], self.total.shape[3]
         blocks = self.grouped.shape[3]
         weight = self.returned.weighed(share)
-        G = csr_matrix(
+        G = sparse.csr_matrix(
             (weight, (self.returned.row, self.returned.block)), (groups * sensors, blocks)
         ).toarray().reshape(groups, sensors, blocks)  # fmt: skip
         D = _mixed(share.ravel()[self.elements], self.grouped)

@@ -13,16 +13,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from scipy.sparse import csr_matrix
 
 from drcmitsuba.case.groups import GroupStates, State
+from drcmitsuba.runtime import lazy
 from drcmitsuba.schema import describe
 from drcmitsuba.transport.group_basis.marks import elements_of
 from drcmitsuba.transport.marked_paths import MarkedVertices
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+sparse = lazy.module("scipy.sparse")
 
 BESIDES = -1
 """In place of an element: light that passes no grouped pane."""
@@ -118,7 +123,7 @@ class GroupBasis:
                 D[light.bins] += light.blocks[r]
             at = mine[agrees[mine]]
             place = self.marked.row[at] % sensors, self.marked.block[at]
-            G = csr_matrix((self.marked.weight[at], place), (sensors, blocks)).toarray()
+            G = sparse.csr_matrix((self.marked.weight[at], place), (sensors, blocks)).toarray()
             out[r] += D @ G.T
         coords: dict[str, Any] = {"bin": np.array(self.labels, dtype=object)}
         coords |= {axis: ("sensor", self.positions[:, i]) for i, axis in enumerate("xyz")}
@@ -175,7 +180,9 @@ class GroupBasis:
             if not here.any():
                 continue
             once = here & (met[:, 1] < 0)
-            G = csr_matrix((weight[once], (sensor[once], block[once])), (sensors, D.shape[1]))
+            G = sparse.csr_matrix(
+                (weight[once], (sensor[once], block[once])), (sensors, D.shape[1])
+            )
             E[at] += D[at] @ G.toarray().T
             more = np.flatnonzero(here & (met[:, 1] >= 0))
             if not len(more):
@@ -186,6 +193,6 @@ class GroupBasis:
                 taken = (chosen[at][:, :, None] == others).any(axis=1)
                 agrees &= taken | (others < 0)
             share = agrees * D[np.ix_(at, block[more])] * weight[more]
-            to = csr_matrix((np.ones(len(more), np.float32), (sensor[more], np.arange(len(more)))),
-                            (sensors, len(more)))  # fmt: skip
+            entries = np.ones(len(more), np.float32), (sensor[more], np.arange(len(more)))
+            to = sparse.csr_matrix(entries, (sensors, len(more)))
             E[at] += (to @ share.T).T

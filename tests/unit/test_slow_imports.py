@@ -1,0 +1,38 @@
+"""What takes long to import is imported by what uses it, not before."""
+
+import subprocess
+import sys
+
+import pytest
+
+ALL = (
+    "drjit", "matplotlib", "mitsuba", "numpy", "pandas", "pvlib", "pydantic", "requests",
+    "scipy", "shapely", "xarray", "zarr",
+)  # fmt: skip
+UNUSED_BY_AN_EVALUATION = ("matplotlib", "pvlib", "requests", "rich", "scipy", "zarr", "h5netcdf")
+HELP = (
+    "import sys; sys.argv = ['drcmitsuba', '--help']; from drcmitsuba.cli import main; main.main()"
+)
+
+
+def imported(code, names):
+    """Packages among `names` that a new process has imported after running the code."""
+    ask = f"import sys; print(*(n for n in {names!r} if n in sys.modules), file=sys.stderr)"
+    run = subprocess.run(
+        [sys.executable, "-c", f"{code}\n{ask}"], capture_output=True, text=True, check=True
+    )
+    return run.stderr.split()
+
+
+@pytest.mark.parametrize("code", ["import drcmitsuba", HELP])
+def test_the_package_and_its_help_import_nothing_slow(code):
+    assert imported(code, ALL) == []
+
+
+def test_the_modules_of_an_evaluation_import_only_what_every_evaluation_uses():
+    assert imported("import drcmitsuba.annual.result", UNUSED_BY_AN_EVALUATION) == []
+
+
+def test_the_sky_leaves_most_of_pvlib_alone():
+    code = "from drcmitsuba import weather; weather.default(); import drcmitsuba.sky.sun"
+    assert imported(code, ("pvlib", "scipy", "requests")) == []
