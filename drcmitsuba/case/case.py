@@ -43,6 +43,7 @@ from drcmitsuba.model.materials import (
     Lambertian,
     Material,
     MirrorMaterial,
+    PorousMaterial,
 )
 from drcmitsuba.model.model import EMPTY, Model
 from drcmitsuba.runtime.errors import InputError
@@ -183,7 +184,7 @@ class Case(Table):
     @property
     def panes(self) -> tuple[str, ...]:
         """Names of the materials that a pane can have."""
-        solid = (MirrorMaterial, DielectricMaterial)
+        solid = (MirrorMaterial, DielectricMaterial, PorousMaterial)
         return tuple(k for k, m in self.materials.items() if not isinstance(m, solid))
 
     @model_validator(mode="after")

@@ -13,6 +13,7 @@ from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
     Lambertian,
+    PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.model.model import Model, areas
@@ -66,6 +67,8 @@ def words(material: SurfaceMaterial) -> str:
         return f"bsdf {material.file.name}"
     if isinstance(material, DielectricMaterial):
         return f"dielectric, index {material.ior:g}"
+    if isinstance(material, PorousMaterial):
+        return f"porosity {material.porosity:.2f}, {words(Lambertian(material.reflectance))}"
     parts = [f"{k} {getattr(material, k):.2f}" for k in ("transmittance", "reflectance")
              if hasattr(material, k)]  # fmt: skip
     return f"{material.type}, {', '.join(parts)}"

@@ -17,6 +17,7 @@ from drcmitsuba.model.materials import (
     GlazingMaterial,
     Lambertian,
     MirrorMaterial,
+    PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.scene.geometry import normals
@@ -79,6 +80,8 @@ def twin(
     if isinstance(material, Lambertian):
         rgb = _numbers([channel_of(material.reflectance, i) for i in range(3)])
         return Twin(f"void plastic {modifier} 0 0 5 {rgb} 0 0")
+    if isinstance(material, PorousMaterial):
+        return _porous(modifier, material)
     if isinstance(material, GlazingMaterial) and material.ior is not None:
         t = transmissivity(material.transmittance, material.ior)
         text = f"void glass {modifier} 0 0 4 {_numbers([t] * 3)} {_numbers(material.ior)}"
@@ -94,6 +97,21 @@ def twin(
     if isinstance(material, MirrorMaterial):
         return _mirror(modifier, material)
     return _dielectric(modifier, material)
+
+
+def _porous(modifier: str, material: PorousMaterial) -> Twin:
+    """A porous surface as `trans` whose transmitted light goes straight: C t passes, C (1 − t) not.
+
+    One t serves all channels: under a coloured C the light that passes is coloured, too.
+    """
+    gaps, rho = material.porosity, material.reflectance
+    solid = (1 - gaps) * np.array([channel_of(rho, i) for i in range(3)])
+    grey = (1 - gaps) * channel_of(rho, -1)
+    share = gaps / (gaps + grey) if gaps else 0.0
+    colour = solid / (1 - share) if grey else np.full(3, gaps)
+    text = f"void trans {modifier} 0 0 7 {_numbers(colour)} 0 0 {_numbers([share, 1.0])}"
+    coloured = gaps > 0 and isinstance(rho, tuple) and len(set(rho)) > 1
+    return Twin(text, "the light that passes gaps of coloured bodies is coloured" * coloured)
 
 
 def _diffuser(modifier: str, material: DiffuserMaterial) -> Twin:

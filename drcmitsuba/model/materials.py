@@ -159,8 +159,24 @@ class DielectricMaterial(Table):
     """Roughness α of the GGX distribution; 0 is smooth [–]."""
 
 
+class PorousMaterial(Table):
+    """Foliage, grid or mesh outside, the same on both sides: gaps that light passes straight."""
+
+    type: Literal["porous"]
+    """Kind of the material."""
+    porosity: Fraction
+    """Share of the light that passes each surface straight, at any incidence [–]."""
+    reflectance: Reflectance = 0.0
+    """Diffuse reflectance of what is not a gap [–]."""
+
+
 Material = Annotated[
-    GlazingMaterial | DiffuserMaterial | BsdfMaterial | MirrorMaterial | DielectricMaterial,
+    GlazingMaterial
+    | DiffuserMaterial
+    | BsdfMaterial
+    | MirrorMaterial
+    | DielectricMaterial
+    | PorousMaterial,
     Field(discriminator="type"),
 ]
 
@@ -179,4 +195,5 @@ SurfaceMaterial = (
     | BsdfMaterial
     | MirrorMaterial
     | DielectricMaterial
+    | PorousMaterial
 )

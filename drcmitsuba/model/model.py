@@ -14,6 +14,7 @@ from drcmitsuba.model.materials import (
     DiffuserMaterial,
     GlazingMaterial,
     MirrorMaterial,
+    PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.runtime.errors import printable
@@ -23,8 +24,13 @@ Role = Literal["surface", "pane", "context"]
 
 
 def role_of(*materials: SurfaceMaterial | None) -> Role:
-    """Role of a layer that is not context: a pane where one of its materials lets light through."""
+    """Role of a layer by its materials: a pane where one of them is that of a pane.
+
+    Porous surfaces are context; so is any other layer that the case names as such.
+    """
     panes = GlazingMaterial | DiffuserMaterial | BsdfMaterial
+    if any(isinstance(material, PorousMaterial) for material in materials):
+        return "context"
     return "pane" if any(isinstance(material, panes) for material in materials) else "surface"
 
 

@@ -12,6 +12,7 @@ from drcmitsuba.model.materials import (
     GlazingMaterial,
     Lambertian,
     MirrorMaterial,
+    PorousMaterial,
     Reflectance,
     SurfaceMaterial,
 )
@@ -58,19 +59,29 @@ def metal(colour: Colour, specularity: float, roughness: float, note: Note) -> S
 
 
 def trans(
-    colour: Colour, specularity: float, transmission: float, straight: float, note: Note
-) -> DiffuserMaterial:
+    colour: Colour, specularity: float, roughness: float, transmission: float, straight: float,
+    note: Note,
+) -> DiffuserMaterial | PorousMaterial:  # fmt: skip
     """Diffusing sheet: transmits C (1 − s) t and reflects C (1 − s) (1 − t) + s [–].
+
+    It is porous where all that it transmits goes straight.
 
     Raises
     ------
     ValueError
-        The share `straight` of the transmitted light that is not scattered, or what is mirrored,
-        is more than a twentieth of the light.
+        The share `straight` of the transmitted light that is not scattered, and not all of it, or
+        what is mirrored, is more than a twentieth of the light.
     """
     rest = np.array(colour) * (1 - specularity)
     through, back = rest * transmission, rest * (1 - transmission) + specularity
     unscattered = float(luminance(through)) * straight
+    if unscattered > SMALL >= specularity and roughness == 0 and straight == 1:
+        if specularity > 0:
+            note(HIGHLIGHTS)
+        gaps = grey(through, note)
+        return PorousMaterial(
+            type="porous", porosity=gaps, reflectance=reflectance(back / max(1 - gaps, GREY))
+        )
     if max(unscattered, specularity) > SMALL:
         shares = f"{100 * unscattered:.1f} % transmitted and {100 * specularity:.1f} % reflected"
         raise ValueError(f"{shares} without scattering")

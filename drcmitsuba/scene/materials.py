@@ -20,6 +20,7 @@ from drcmitsuba.model.materials import (
     GlazingMaterial,
     Lambertian,
     MirrorMaterial,
+    PorousMaterial,
     Reflectance,
     SurfaceMaterial,
 )
@@ -75,19 +76,21 @@ def _film(path: Path, changed: int) -> FilmFile:
 
 
 def lets_through(material: SurfaceMaterial) -> bool:
-    """Whether straight light passes a pane of this material undeviated."""
+    """Whether straight light passes a surface of this material undeviated."""
     if isinstance(material, BsdfMaterial):
         measured = film(material.file)
         by_mode = {"auto": measured.stands_out, "on": measured.share_through > 0, "off": False}
         return by_mode[material.straight_through]
+    if isinstance(material, PorousMaterial):
+        return material.porosity > 0
     return isinstance(material, GlazingMaterial)
 
 
 def is_diffuse(material: SurfaceMaterial) -> bool:
-    """Whether light is deposited on a surface: opaque, and some of its reflection is diffuse."""
+    """Whether light is deposited on a surface: no pane, and some of its reflection is diffuse."""
     if isinstance(material, MirrorMaterial):
         return material.specular < 1
-    return isinstance(material, Lambertian)
+    return isinstance(material, Lambertian | PorousMaterial)
 
 
 def channel_of(reflectance: Reflectance, channel: int) -> float:
@@ -107,6 +110,9 @@ def albedo(material: SurfaceMaterial) -> float:
     """Largest share of the arriving light that a surface reflects and transmits together, ≤ 1."""
     if isinstance(material, Lambertian | MirrorMaterial):
         return max_reflectance(material.reflectance)
+    if isinstance(material, PorousMaterial):
+        gaps = material.porosity
+        return gaps + (1 - gaps) * max_reflectance(material.reflectance)
     if isinstance(material, GlazingMaterial | DiffuserMaterial):
         return min(1.0, material.transmittance + material.reflectance)
     if isinstance(material, BsdfMaterial):
@@ -169,9 +175,15 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
             "turn": material.turn,
             "channel": channel if measured.coloured else -1,
         }
-    if isinstance(material, Lambertian):
+    if isinstance(material, Lambertian | PorousMaterial):
         rho = _uniform(channel_of(material.reflectance, channel))
-        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rho}}
+        solid: dict[str, Any] = {
+            "type": "twosided",
+            "bsdf": {"type": "diffuse", "reflectance": rho},
+        }
+        if isinstance(material, Lambertian):
+            return solid
+        return {"type": "mask", "opacity": _uniform(1 - material.porosity), "solid": solid}
     if isinstance(material, MirrorMaterial):
         return {"type": "twosided", "bsdf": _mirror(material)}
     if isinstance(material, DielectricMaterial):

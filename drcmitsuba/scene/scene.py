@@ -14,6 +14,7 @@ from drcmitsuba.model.materials import (
     BsdfMaterial,
     DiffuserMaterial,
     Lambertian,
+    PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.runtime.ray_counter import RayCounter
@@ -39,9 +40,9 @@ class Scene:
     full: mi.Scene
     """All surfaces."""
     opaque: mi.Scene
-    """All surfaces but the panes that let light straight through: any hit is a shadow."""
+    """All surfaces but those that let light straight through: any hit is a shadow."""
     clear: mi.Scene | None
-    """Only those panes; None without any."""
+    """Only those: clear panes and porous surfaces; None without any."""
     corners: np.ndarray
     """Corners of all surfaces [m], shape (corner, 3)."""
     enclosure: Enclosure | None = None
@@ -54,6 +55,8 @@ class Scene:
     """Rectangles at which photons start."""
     effects: EnabledEffects = ALL_EFFECTS
     """Effects that are simulated."""
+    panes: mi.Scene | None = None
+    """Clear panes alone, where porous surfaces stand beside them."""
     ray_counter: RayCounter = field(default_factory=RayCounter)
     """Number of rays traced."""
 
@@ -107,6 +110,10 @@ def build(
         shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
         parts.append(part)
     is_clear = [lets_through(part.material) for part in parts]
+    is_pane = [
+        clear and not isinstance(part.material, PorousMaterial)
+        for part, clear in zip(parts, is_clear, strict=True)
+    ]
 
     def scene(keep: list[bool]) -> mi.Scene:
         kept = {name: mesh for (name, mesh), k in zip(shapes.items(), keep, strict=True) if k}
@@ -117,6 +124,7 @@ def build(
         full=full,
         opaque=scene([not clear for clear in is_clear]) if any(is_clear) else full,
         clear=scene(is_clear) if any(is_clear) else None,
+        panes=scene(is_pane) if any(is_pane) and is_pane != is_clear else None,
         corners=np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))]),
         enclosure=enclosure,
         parts=tuple(parts),
@@ -162,7 +170,7 @@ def is_coloured(case: Case) -> bool:
     """Whether any reflectance differs between colour channels, or a film is coloured."""
     values = [f.reflectance for f in case.furniture]
     of_model = (layer.material for layer in case.building.layers)
-    values += [m.reflectance for m in of_model if isinstance(m, Lambertian)]
+    values += [m.reflectance for m in of_model if isinstance(m, Lambertian | PorousMaterial)]
     if case.room is not None:
         values += [case.room.floor, case.room.ceiling, case.room.walls]
     values += [f.frame_reflectance for f in case.facade.values()]

@@ -28,7 +28,7 @@ from drcmitsuba.scene.geometry import (
     reversed_quads,
     rotation,
 )
-from drcmitsuba.scene.materials import albedo, max_reflectance
+from drcmitsuba.scene.materials import albedo, lets_through, max_reflectance
 from drcmitsuba.scene.panes_of_model import panes_of_model
 
 MOST_FACES = 400
@@ -106,7 +106,8 @@ class SunVisibility:
         solids = [_around(x.quads) for x in layers if isinstance(x.material, DielectricMaterial)]
         frames = np.concatenate([reversed_quads(panes.frame[panes.outside]), *solids])
         openings = (frames - start) @ turn
-        context = [layer.quads for layer in layers if layer.role == "context"]
+        opaque = [layer for layer in layers if not lets_through(layer.material)]
+        context = [layer.quads for layer in opaque if layer.role == "context"]
         blockers = np.concatenate([np.zeros((0, 4, 3)), *context])
         blockers = blockers[~is_triangle(blockers)] if len(blockers) else blockers
         order = np.argsort(-areas(blockers), kind="stable")[:MOST_BLOCKERS]

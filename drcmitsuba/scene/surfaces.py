@@ -15,6 +15,7 @@ from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.model.materials import (
     Lambertian,
+    PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.scene.components import PlacedComponent, place
@@ -190,7 +191,11 @@ def _enclosure_of_model(
         if front.layer(layer, group) is None
     ]
     through = [(quads - origin(case)) @ turn.T for quads in holes]
-    through += [surface.quads for surface in surfaces if lets_through(surface.material)]
+    through += [
+        surface.quads
+        for surface in surfaces
+        if lets_through(surface.material) and not isinstance(surface.material, PorousMaterial)
+    ]
     exits = exits_of(np.concatenate([np.zeros((0, 4, 3)), *through]))
     spares = effects.enclosed and exits is not None
     return Enclosure(size, turn, openings, narrowest, spares, is_box=False, exits=exits)

@@ -133,7 +133,8 @@ class OutsideGlass:
         scene, ray = self.scene, mi.Ray3f(p, d)
         assert scene.clear is not None
         scene.ray_counter.add("shadow", active, dr.width(d))
-        si = scene.clear.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False, active=active)
+        panes = scene.clear if scene.panes is None else scene.panes
+        si = panes.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False, active=active)
         si.sh_frame = mi.Frame3f(si.n)
         si.wi = si.to_local(-d)
         bsdf = si.bsdf()
@@ -142,11 +143,14 @@ class OutsideGlass:
         if outward is not None:
             active &= dr.dot(si.n, outward) < ALONG - 1
         ray.maxt = si.t * (1 - 1e-4)
-        active &= ~scene.opaque.ray_test(ray, coherent=False, active=active)
+        reached = mi.Float(1)
+        if scene.panes is None:
+            active &= ~scene.opaque.ray_test(ray, coherent=False, active=active)
+        else:  # porous bodies may stand before the pane
+            reached = visibility(scene, ray, active)
         context = mi.BSDFContext()
         context.component = 0  # the mirrored part
         bs, rho = bsdf.sample(context, si, 0.5, mi.Point2f(0.5), active)
         onward = si.to_world(bs.wo)
-        return dr.select(active, rho[0], 0) * visibility(
-            scene, si.spawn_ray(onward), active
-        ), onward
+        share = reached * visibility(scene, si.spawn_ray(onward), active)
+        return dr.select(active, rho[0], 0) * share, onward

@@ -14,7 +14,13 @@ from drcmitsuba.annual.simulation import transport
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.export.radiance import save_radiance
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    Lambertian,
+    PorousMaterial,
+)
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -178,3 +184,36 @@ def test_a_room_of_boxes_and_its_export_are_one(write, same, tmp_path):
     here, there = (transport(c, "open", suns, 50.0)["replicates"].values for c in (case, again))
     same(here[..., :146].mean(axis=1), other=there[..., :146].mean(axis=1), within=0.005)
     same(here[..., 146:].mean(axis=1), other=there[..., 146:].mean(axis=1), within=0.04)
+
+
+def garden(porosity, reflectance, **tables):
+    """Room with windows to the south and east; a porous crown, a fence and a wall stand outside."""
+    floor, ceiling, walls = prism([(0, 0), (4, 0), (4, 5), (0, 5)], 3.0)
+    south = np.array([[0.5, 0, 0.8], [3.5, 0, 0.8], [3.5, 0, 2.6], [0.5, 0, 2.6]], float)
+    east = np.array([[4, 1, 0.8], [4, 3, 0.8], [4, 3, 2.4], [4, 1, 2.4]], float)
+    low, top, sides = prism([(0, -4), (3, -4), (3, -2), (0, -2)], 3.0)
+    crown = [np.add(polygon, [0, 0, 0.8]) for polygon in (low, top, *sides)]
+    leaves = PorousMaterial(type="porous", porosity=porosity, reflectance=reflectance)
+    fence = [(6, 0, 0), (6, 5, 0), (6, 5, 2.5), (6, 0, 2.5)]
+    behind = [(-2, -7, 0), (6, -7, 0), (6, -7, 4), (-2, -7, 4)]
+    ground = [(-20, -20, -0.01), (20, -20, -0.01), (20, 20, -0.01), (-20, 20, -0.01)]
+    glass = GlazingMaterial(type="glazing", transmittance=0.65, ior=1.52)
+    return case_of(
+        layer("floor", Lambertian(0.3), floor),
+        layer("ceiling", Lambertian(0.8), ceiling),
+        layer("walls", Lambertian(0.6), walls[0], holes=[south]),
+        layer("walls east", Lambertian(0.6), walls[1], *walls[2:], holes=[east]),
+        layer("glass", glass, south, east[::-1]),
+        layer("leaves", leaves, *crown),
+        layer("fence", leaves, fence),
+        layer("wall", Lambertian(0.5), behind, role="context"),
+        layer("ground", Lambertian(0.2), ground, role="context"),
+        **{"sensors": {"floors": ["floor"], "spacing": 1.5}, "accuracy": ACCURACY, **tables},
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("porosity", "reflectance"), [(0.6, 0.5), (0.2, 0.9)])
+def test_porous_bodies_outside(porosity, reflectance, same, plain_coefficients):
+    case = garden(porosity, reflectance)
+    agree(case, same, plain_coefficients, pane_to_pane=False, within=0.02)

@@ -80,7 +80,8 @@ def _trans(modifier: Entry, note: Note) -> SurfaceMaterial:
     """`transmitted_diff` and `transmitted_spec` are Radiance's A6 and A7."""
     keys = ("specularity", "transmitted_diff", "transmitted_spec")
     s, t, straight = (modifier.fraction(key, 0.0) for key in keys)
-    return radiance_materials.trans(_colour(modifier, "reflectance", 0.0), s, t, straight, note)
+    colour, rough = _colour(modifier, "reflectance", 0.0), modifier.fraction("roughness", 0.0)
+    return radiance_materials.trans(colour, s, rough, t, straight, note)
 
 
 def _glass(modifier: Entry, note: Note) -> SurfaceMaterial:

@@ -98,9 +98,10 @@ def _trans(finish: Finish) -> SurfaceMaterial:
     brushed = finish.primitive.kind.endswith("2")
     numbers = finish.numbers(8 if brushed else 7, strings=4 if brushed else 0)
     colour = finish.colour(numbers)
-    s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of")
+    s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of").tolist()
+    rough = float(numbers[4:-2].max())
     try:
-        return radiance_materials.trans(as_colour(colour), float(s), t, t_s, finish.note)
+        return radiance_materials.trans(as_colour(colour), s, rough, t, t_s, finish.note)
     except ValueError as error:
         remedy = f"keep each below {100 * SMALL:.0f} %, or give the pane as glass or BSDF"
         raise finish.primitive.error(str(error), remedy) from None

@@ -7,13 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.model.materials import (
-    BsdfMaterial,
-    DiffuserMaterial,
-    GlazingMaterial,
-    SurfaceMaterial,
-)
-from drcmitsuba.model.model import Layer, Model
+from drcmitsuba.model.materials import SurfaceMaterial
+from drcmitsuba.model.model import Layer, Model, role_of
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance.context import Budget, Context
 from drcmitsuba.model.radiance.definitions import Definition, Definitions
@@ -40,7 +35,8 @@ def read(files: Sequence[Path], *, means: bool = False) -> Model:
     -------
     Model
         Layers by modifier, in metres as the files are; fronts are those of the files. Layers of
-        glass, diffusers and measured BSDFs have the role "pane", all others "surface".
+        glass, diffusers and measured BSDFs have the role "pane", `trans` that scatters nothing
+        "context", all others "surface".
 
     Raises
     ------
@@ -65,7 +61,7 @@ def read(files: Sequence[Path], *, means: bool = False) -> Model:
             Layer(
                 name=name if names[name] == 1 else f"{name} ({names[name]})",
                 material=material,
-                role="pane" if _lets_light_through(material) else "surface",
+                role=role_of(material),
                 quads=whole.quads,
                 polygon=whole.polygon,
                 places=whole.places,
@@ -95,7 +91,3 @@ def _selected(patch: Patch, which: np.ndarray) -> Patch:
     """Some quads of a patch, with the places of their polygons."""
     used, index = np.unique(patch.polygon[which], return_inverse=True)
     return Patch(patch.quads[which], index, tuple(patch.places[i] for i in used))
-
-
-def _lets_light_through(material: SurfaceMaterial) -> bool:
-    return isinstance(material, GlazingMaterial | DiffuserMaterial | BsdfMaterial)

@@ -362,3 +362,19 @@ def test_a_film_that_cannot_be_followed_is_refused(text, complaint, pane, tmp_pa
     with pytest.raises(InputError) as error:
         material(f"void {text}", tmp_path)
     assert complaint in str(error.value)
+
+
+@needs_radiance
+def test_trans_that_scatters_nothing_is_porous(tmp_path):
+    text = "void trans m 0 0 7 .7 .7 .7 0 0 .8 1"
+    leaf, incidence = material(text, tmp_path), np.array([0, 45, 80])
+    assert leaf.type == "porous"
+    np.testing.assert_allclose(seen(text, tmp_path, incidence, "above"), leaf.porosity, atol=1e-5)
+    reflected = (1 - leaf.porosity) * leaf.reflectance
+    np.testing.assert_allclose(seen(text, tmp_path, [0], "below"), reflected, atol=4e-3)
+
+
+@pytest.mark.parametrize("numbers", ["0 .1 .8 1", "0 0 .8 .5", ".2 0 .8 1"])
+def test_trans_that_scatters_some_light_or_mirrors_is_refused(numbers, tmp_path):
+    with pytest.raises(InputError, match="without scattering"):
+        material(f"void trans m 0 0 7 .7 .7 .7 {numbers}", tmp_path)
