@@ -4,6 +4,8 @@ load_case, evaluate
     From a case file to a `Result` with metrics, illuminance and coefficients.
 metrics
     sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor).
+standards
+    Verdicts on LM-83, LEED, EN 17037, BREEAM and WELL, with their probability.
 sky, weather, period
     Luminances L of the sky and the suns.
 coefficients, accumulate
@@ -57,7 +59,7 @@ _NAMES = {
 }
 _ROOMS = (
     "annual", "bsdf", "case", "design", "export", "goniophotometer", "metrics", "model", "plan",
-    "report", "runtime", "scene", "schema", "sky", "transport",
+    "report", "runtime", "scene", "schema", "sky", "standards", "transport",
 )  # fmt: skip
 
 registration.register_plugins()

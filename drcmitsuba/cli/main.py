@@ -15,6 +15,7 @@ from typer.core import TyperCommand
 
 from drcmitsuba.cli import (
     case,
+    comply,
     evaluate,
     export,
     films,
@@ -40,8 +41,9 @@ app = typer.Typer(
 )
 
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
-    evaluate.evaluate, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise, season.season,
-    steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot, export.export,
+    evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
+    season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
+    export.export,
     films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information.schema)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from threadpoolctl import threadpool_limits
 
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
@@ -134,17 +135,19 @@ def draw_autonomy(
     hour = np.full(len(sure), -1)  # the last row of `taken`, which no time stamp uses
     hour[closures.hours] = np.arange(len(closures.hours))
     taken = np.concatenate([closures.drawn, np.zeros((1, DRAWS), closures.drawn.dtype)])
-    for start in range(0, len(tally.sensors), BLOCK):
-        block = tally.sensors[start : start + BLOCK]
-        E = [state.replicates(block) for state in states]
-        for i, sensor in enumerate(block):
-            time = tally.wanted(sensor, np.flatnonzero(doubtful[:, sensor]))
-            at = hour[time][:, None]
-            in_draw = np.where(at >= 0, taken[at[:, 0]], closures.state[time][:, None])
-            passed = np.zeros((len(time), DRAWS), bool)
-            for k, state in enumerate(states):
-                one = closures.possible[k, time]
-                by_state = state.passes(E[k][:, :, i], sensor, time[one], drawn, threshold)
-                passed[one] = np.where(in_draw[one] == k, by_state, passed[one])
-            tally.add(sensor, time, passed)
+    # The matrices are small: threads of the library would wait for each other most of the time.
+    with threadpool_limits(1, user_api="blas"):
+        for start in range(0, len(tally.sensors), BLOCK):
+            block = tally.sensors[start : start + BLOCK]
+            E = [state.replicates(block) for state in states]
+            for i, sensor in enumerate(block):
+                time = tally.wanted(sensor, np.flatnonzero(doubtful[:, sensor]))
+                at = hour[time][:, None]
+                in_draw = np.where(at >= 0, taken[at[:, 0]], closures.state[time][:, None])
+                passed = np.zeros((len(time), DRAWS), bool)
+                for k, state in enumerate(states):
+                    one = closures.possible[k, time]
+                    by_state = state.passes(E[k][:, :, i], sensor, time[one], drawn, threshold)
+                    passed[one] = np.where(in_draw[one] == k, by_state, passed[one])
+                tally.add(sensor, time, passed)
     return tally

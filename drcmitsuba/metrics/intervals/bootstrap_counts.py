@@ -19,6 +19,11 @@ class Needed:
     grid: np.ndarray
     """Index of the grid that each sensor counts for, shape (sensor,)."""
 
+    @classmethod
+    def of_period(cls, stamps: int, required: int, grid: np.ndarray) -> Needed:
+        """Need `required` of so many time stamps, without months."""
+        return cls(np.zeros(stamps, np.int64), np.full(12, stamps + 1), required, grid)
+
     @property
     def empty(self) -> np.ndarray:
         """Months without time stamps, shape (month,)."""

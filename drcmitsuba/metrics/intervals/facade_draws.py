@@ -39,6 +39,14 @@ class Closures:
         none, drawn = np.zeros(0, np.int64), np.zeros((0, DRAWS))
         return cls((OPEN,), np.zeros(stamps, int), np.zeros(stamps), none, drawn.astype(int), drawn)
 
+    def at(self, hours: np.ndarray) -> Closures:
+        """Closures of some time stamps, indices in rising order, int, shape (chosen,)."""
+        kept = np.isin(self.hours, hours)
+        return Closures(
+            self.states, self.state[hours], self.closed[hours],
+            np.searchsorted(hours, self.hours[kept]), self.drawn[kept], self.closed_drawn[kept],
+        )  # fmt: skip
+
     def shares(self, month: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the hours with the shade closed [%], mean of all groups.
 

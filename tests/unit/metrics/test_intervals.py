@@ -318,6 +318,21 @@ def test_hours_close_by_the_share_of_their_sensors():
     assert not closures.possible[1, 40:].any()
 
 
+def test_some_hours_of_closures_keep_their_draws():
+    sun, error = np.zeros((HOURS, 4)), np.zeros((HOURS, 4))
+    sun[::2, 0], error[::2, 0] = 1000, 300
+    draws = draw_sun(sun, error, (1000, 1000), RAYS, 0)
+    rule = Rules(Metrics(), 1000, 0.25, 1.0).shade
+    closures = draw_closures(sun, None, np.zeros(4, int), SKY["time"], draws, rule)
+    kept = np.flatnonzero(np.arange(HOURS) % 3 == 0)
+    some = closures.at(kept)
+    np.testing.assert_array_equal(some.possible, closures.possible[:, kept])
+    np.testing.assert_array_equal(kept[some.hours], np.intersect1d(closures.hours, kept))
+    rows = np.isin(closures.hours, kept)
+    np.testing.assert_array_equal(some.drawn, closures.drawn[rows])
+    assert 0 < len(some.hours) < len(closures.hours)
+
+
 def test_an_hour_takes_the_state_that_it_is_drawn_to():
     """Every hour closes by one sensor in doubt; open all pass, shaded none."""
     sun, error = np.zeros((HOURS, 4)), np.zeros((HOURS, 4))

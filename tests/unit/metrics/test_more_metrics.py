@@ -133,6 +133,23 @@ def test_provision_reaches_a_level_where_the_count_of_points_does(area):
     assert 0 < sum(by_count) < 60
 
 
+def test_loops_in_plain_python_count_the_same():
+    E = series(np.random.default_rng(9).lognormal(5.7, 1.5, (60, 7)))
+    rows, columns = E.values.tolist(), E.values.T.tolist()
+    udi = metrics.udi(E)
+    for j, column in enumerate(columns):
+        assert metrics.da(E).values[j] == 100 * sum(e >= 300 for e in column) / 60
+        partial = sum(min(e / 300, 1) for e in column)
+        assert metrics.cda(E).values[j] == pytest.approx(100 * partial / 60, rel=1e-12)
+        assert metrics.light_exposure(E).values[j] == pytest.approx(sum(column), rel=1e-12)
+        assert metrics.median_illuminance(E).values[j] == sorted(column)[30]
+        useful = [100 <= e < 300 for e in column], [300 <= e <= 3000 for e in column]
+        for name, hits in zip(("supplementary", "autonomous"), useful, strict=True):
+            assert udi.sel(range=name).values[j] == 100 * sum(hits) / 60
+    assert metrics.mean_hours(E) == sum(sum(row) / 7 >= 300 for row in rows)
+    assert metrics.worst_point_hours(E) == min(sum(e >= 90 for e in c) for c in columns)
+
+
 # ---- daylight factor --------------------------------------------------------------------------
 
 

@@ -1,0 +1,165 @@
+"""The command `drcmitsuba comply`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from rich.markup import escape
+from rich.table import Table
+
+from drcmitsuba.cli.options import AsJson, OptionalOutput, Weather, argument, load, option
+from drcmitsuba.cli.terminal import show, show_notes, stages
+from drcmitsuba.runtime.errors import InputError, on_a_line
+
+if TYPE_CHECKING:
+    from drcmitsuba.standards import Evidence, Refusal, Verdict
+    from drcmitsuba.standards.verdict import Margin, Outcome
+
+
+def comply(
+    source: Annotated[str, argument("CASE|RESULTS", "Case, or folder of an evaluation.")],
+    standard: Annotated[
+        list[str] | None, option("NAME", "Standard, such as leed-v4.1; by default all of them.")
+    ] = None,
+    output: OptionalOutput = None,
+    as_json: AsJson = False,
+    weather: Weather = None,
+) -> None:
+    """Judge an evaluation by standards: level, margin and probability of passing.
+
+    A case is evaluated first; -o then keeps its results, too. The probability is the share of the
+    draws of the year, from which the 95 % intervals follow, in which a level is reached.
+    """
+    from drcmitsuba import standards
+    from drcmitsuba.runtime import storage
+
+    for name in standard or ():
+        standards.read(name)
+    is_folder = Path(source).is_dir()
+    if is_folder and weather is not None:
+        got = "results have their own weather"
+        raise InputError("command line", "--weather", got, "give it with a case")
+    if is_folder:
+        evidence = standards.Evidence.of_folder(source)
+    else:
+        evidence = _evaluated(source, standard or [], weather, output)
+    if standard:
+        judged: list[Verdict | Refusal] = [*standards.each(standard, evidence)]
+    else:
+        judged = standards.verdicts(evidence)
+    told = {"source": evidence.source, "standards": [verdict.to_dict() for verdict in judged]}
+    if output is not None:
+        storage.save_json(told, output / "compliance.json")
+    if as_json:
+        print(json.dumps(told, indent=2, ensure_ascii=False))
+    elif standard:
+        for verdict in judged:
+            _show_verdict(verdict)  # type: ignore[arg-type]
+    else:
+        _show_all(judged)
+    if output is not None and not as_json:
+        print(f"verdicts are in {output / 'compliance.json'}")
+
+
+def _evaluated(case: str, names: list[str], weather: Path | None, output: Path | None) -> Evidence:
+    """Evaluate a case; a period that does not cover the named standards is refused before."""
+    from drcmitsuba import evaluate, standards
+    from drcmitsuba.sky.daylight import daylight
+    from drcmitsuba.standards.coverage import hours_of
+
+    loaded = load(case, weather)
+    if names:
+        light = daylight(loaded)
+        for name in names:
+            hours_of(standards.read(name), light.sky, light.step_hours, loaded.source, light.sky)
+    with stages() as stage:
+        result = evaluate(loaded, stage)
+        if output is not None:
+            result.save(output, stage)
+    return standards.Evidence.of_result(result)
+
+
+def _show_all(judged: list[Verdict | Refusal]) -> None:
+    """Table with a row for each standard, and the reasons where there is no verdict."""
+    from drcmitsuba.standards import Refusal
+    from drcmitsuba.standards.verdict import likelihood
+
+    table = Table("standard", "verdict", "probability", "nearest limit")
+    reasons = []
+    for verdict in judged:
+        if isinstance(verdict, Refusal):
+            reasons.append(f"{verdict.standard}: {verdict.reason.got}; {verdict.reason.remedy}")
+            table.add_row(verdict.standard, "no verdict", "", "")
+            continue
+        if verdict.undecided is not None:
+            reasons.append(f"{verdict.standard}: {verdict.undecided}")
+            values = ", ".join(_quantity(verdict, name) for name in verdict.quantities)
+            table.add_row(verdict.standard, "cannot be decided", "", values)
+            continue
+        shown = next((o for o in reversed(verdict.levels) if o.reached), verdict.levels[0])
+        reached = likelihood(verdict.probability)
+        if verdict.level is None:
+            reached += f" ({verdict.levels[0].name})"
+        table.add_row(verdict.standard, verdict.stated(), reached, _margin(shown.margin))
+    show(table)
+    show_notes(reasons)
+    print("details: drcmitsuba comply … --standard NAME")
+
+
+def _show_verdict(verdict: Verdict) -> None:
+    """Verdict in full: levels, what decides, duties, notes and sources."""
+    from drcmitsuba.standards import read
+    from drcmitsuba.standards.verdict import likelihood
+
+    standard = read(verdict.standard)
+    print(f"{verdict.title} ({verdict.edition})")
+    if verdict.undecided is None:
+        lowest = "" if verdict.level is not None else f" of {verdict.levels[0].name}"
+        print(
+            f"verdict: {verdict.stated()}; probability{lowest}: {likelihood(verdict.probability)}"
+        )
+    else:
+        print(f"verdict: {verdict.stated()}")
+    for name, quantity in standard.quantities.items():
+        print(f"{_quantity(verdict, name)}: {quantity.meaning}")
+    if verdict.levels:
+        table = Table("level", "reached", "probability", "nearest limit")
+        for outcome in (*verdict.levels, *verdict.extras):
+            table.add_row(*_row(outcome, likelihood(outcome.probability)))
+        show(table)
+    if verdict.deciding is not None:
+        print(f"what decides: {verdict.deciding.text()}")
+    for duty in verdict.duties:
+        print(f"duty: {on_a_line(duty)}")
+    show_notes(verdict.notes)
+    tables = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
+    for source in dict.fromkeys(f"{t.sure}: {t.source}" for t in tables):
+        print(f"source, {source}")
+
+
+def _row(outcome: Outcome, probability: str) -> tuple[str, ...]:
+    reached = "yes" if outcome.reached else "no"
+    failing = sum(not held for held in outcome.spaces.values())
+    if len(outcome.spaces) > 1 and failing:
+        reached += f", {failing} of {len(outcome.spaces)} spaces fail"
+    return outcome.name, reached, probability, _margin(outcome.margin)
+
+
+def _margin(margin: Margin) -> str:
+    """Write a margin: "sDA 71.2 % of 75 % (−3.8)"."""
+    space = f" in {on_a_line(margin.space)}" if margin.space else ""
+    digits = 1 if margin.unit == "%" else 0
+    value, distance = f"{margin.value:.{digits}f}", f"{margin.distance:+.{digits}f}"
+    distance = distance.replace("-", "−")
+    of = f"{margin.quantity} {value} {margin.unit} of {margin.limit:g} {margin.unit}"
+    return escape(f"{of} ({distance}){space}")
+
+
+def _quantity(verdict: Verdict, name: str) -> str:
+    """Write a quantity with its interval: "sDA 71.2 (70.1 … 72.4) %"."""
+    i, unit = verdict.quantities[name], verdict.units[name]
+    digits = 1 if unit == "%" else 0
+    value, low, high = (f"{x:.{digits}f}" for x in (i.value, i.low, i.high))
+    return f"{name} {value} ({low} … {high}) {unit}"

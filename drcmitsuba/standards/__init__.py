@@ -1,0 +1,35 @@
+"""Standards: verdicts with their probability, from E, C and L of an evaluation.
+
+standard
+    `Standard`: thresholds, hours and levels as tables, with the source of every number; the tables
+    are the `.toml` files of this room.
+evidence
+    `Evidence`: E of an evaluation with its C and L, from a folder or a result.
+coverage
+    Whether an evaluation covers a standard's hours, and its points lie close enough.
+year, quantities
+    E at a standard's hours, and its quantities in E and in every draw.
+deciding
+    Points and hours that decide a level.
+verdict
+    `Verdict`: level, margin, probability.
+judgement
+    `verdict` on one standard, `each` of several, `verdicts` on all.
+"""
+
+from drcmitsuba.standards.evidence import Evidence
+from drcmitsuba.standards.judgement import Refusal, each, verdict, verdicts
+from drcmitsuba.standards.standard import Standard, names, read
+from drcmitsuba.standards.verdict import Verdict
+
+__all__ = [
+    "Evidence",
+    "Refusal",
+    "Standard",
+    "Verdict",
+    "each",
+    "names",
+    "read",
+    "verdict",
+    "verdicts",
+]

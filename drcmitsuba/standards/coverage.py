@@ -1,0 +1,143 @@
+"""Whether an evaluation covers the hours that a standard counts, and has close enough points."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from drcmitsuba_plugins.patches import Patches
+from scipy.spatial import cKDTree
+
+from drcmitsuba.metrics import daylight_hours
+from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.standards.standard import Standard
+
+FIRST, LAST = 8, 18
+"""Clock hours of LM-83, [first, last)."""
+WORKING, YEAR = 3650.0, 8760.0
+"""Hours of a year from 8 to 18 h, and of a whole year [h]."""
+MARGIN = 1.001
+"""Factor by which a spacing may exceed its limit: coordinates are rounded."""
+UP = 0.999
+"""Least vertical part of the normal of a point that faces up."""
+NEIGHBOURS = 12
+"""Nearest points among which two directions of a grid are looked for."""
+ACROSS = 0.5
+"""Sine of the angle from which on two neighbours lie in different directions."""
+
+
+def hours_of(
+    standard: Standard, times: xr.Dataset, step_hours: float, source: object, sky: xr.Dataset | None
+) -> np.ndarray:
+    """Time stamps that a standard counts, as indices, int, shape (counted,).
+
+    Parameters
+    ----------
+    standard : Standard
+    times : xr.Dataset
+        Any arrays with the time stamps of the evaluation, `time` and `clock`.
+    step_hours : float
+        Length of the interval that one time stamp stands for [h].
+    source : object
+        File, folder or case, for error messages.
+    sky : xr.Dataset, optional
+        Luminances, which tell the daylight hours [cd/m²].
+
+    Raises
+    ------
+    InputError
+        The evaluation does not cover these hours, or there is no sky to tell them.
+    """
+    stamps = times.sizes["time"]
+    if standard.hours == "8 to 18":
+        clock = (times["clock"] if "clock" in times.coords else times["time"]).values
+        middle = clock + np.timedelta64(round(step_hours * 1800), "s")
+        hour = (middle - middle.astype("datetime64[D]")) / np.timedelta64(1, "h")
+        kept = np.flatnonzero((hour >= FIRST) & (hour < LAST))
+        if abs(len(kept) * step_hours - WORKING) > 1e-6 * WORKING:
+            got = f"{len(kept) * step_hours:g} of {WORKING:g} h from 8 to 18 h"
+            remedy = 'evaluate with calendar = "LM-83" in [period], all months'
+            raise InputError(source, "period", got, remedy)
+        return kept
+    if abs(stamps * step_hours - YEAR) > 1e-6 * YEAR:
+        got = f"{stamps * step_hours:g} of {YEAR:g} h"
+        remedy = 'evaluate a whole year: calendar = "LM-83" and hours = [0, 24] in [period]'
+        raise InputError(source, "period", got, remedy)
+    if standard.hours == "year":
+        return np.arange(stamps)
+    if sky is None:
+        got = "no sky.zarr, which tells the daylight hours"
+        raise InputError(source, "sky", got, "keep it, or evaluate the case again")
+    return np.flatnonzero(daylight_hours(diffuse_horizontal(sky), step_hours=step_hours).values)
+
+
+def diffuse_horizontal(sky: xr.Dataset) -> xr.DataArray:
+    """Diffuse horizontal illuminance of a sky, Σ L ∫cos θ dΩ of its patches (time,) [lx]."""
+    known = [p for p in map(Patches, range(1, 7)) if len(p) == sky.sizes["bin"]]
+    if not known:
+        got = f"{sky.sizes['bin']} bins of the sky"
+        raise InputError("sky", "bin", got, "give a Reinhart sky with its ground")
+    weights = known[0].projected_solid_angles.copy()
+    weights[0] = 0  # the ground
+    values = sky["sky"].transpose("time", "bin").values @ weights.astype(sky["sky"].dtype)
+    return xr.DataArray(values, {"time": sky["time"]}, ("time",), attrs={"units": "lx"})
+
+
+def spacings(illuminance: xr.Dataset) -> dict[str, float]:
+    """Spacing of the points of every grid [m], in the wider of its two directions.
+
+    It is the median over the points of the distance to the nearest point that lies in another
+    direction than the very nearest; infinite for points in a line.
+    """
+    points = np.stack([illuminance[axis].values for axis in "xyz"], axis=1)
+    grids = sensors_by_grid(illuminance) or {"": np.arange(len(points))}
+    return {name: _spacing(points[sensors]) for name, sensors in grids.items()}
+
+
+def _spacing(points: np.ndarray) -> float:
+    count = min(NEIGHBOURS + 1, len(points))
+    if count < 3:
+        return np.inf
+    distance, index = cKDTree(points).query(points, count)
+    to = points[index[:, 1:]] - points[:, None]
+    with np.errstate(invalid="ignore"):
+        to /= np.linalg.norm(to, axis=2, keepdims=True)
+    sine = np.linalg.norm(np.cross(to, to[:, :1]), axis=2)
+    across = np.where(sine > ACROSS, distance[:, 1:], np.inf).min(axis=1)
+    return float(np.median(across))
+
+
+def check_spacing(standard: Standard, illuminance: xr.Dataset, source: object) -> None:
+    """Refuse grids that are coarser than a standard allows.
+
+    Raises
+    ------
+    InputError
+        The points of a grid lie further apart, or in a line.
+    """
+    most = standard.largest_spacing
+    if most is None:
+        return
+    coarse = {n: s for n, s in spacings(illuminance).items() if s > most * MARGIN}
+    if coarse:
+        name, spacing = max(coarse.items(), key=lambda item: item[1])
+        grid = f" of grid {name!r}" if name else ""
+        got = f"{spacing:.3g} m between points{grid}" if spacing < np.inf else f"a line{grid}"
+        if len(coarse) > 1:
+            got += f" ({len(coarse)} grids are too coarse)"
+        raise InputError(source, "sensors", got, f"give at most {most:g} m; no verdict")
+
+
+def check_facing(illuminance: xr.Dataset, source: object) -> None:
+    """Refuse points that do not face up: standards count horizontal illuminance.
+
+    Raises
+    ------
+    InputError
+        A point faces elsewhere.
+    """
+    if "nz" in illuminance.coords:
+        other = int((illuminance["nz"].values < UP).sum())
+        if other:
+            got = f"{other} of {illuminance.sizes['sensor']} points do not face up"
+            raise InputError(source, "sensors", got, "evaluate a case with horizontal points only")

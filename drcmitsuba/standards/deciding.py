@@ -1,0 +1,133 @@
+"""What decides a limit: the points and the hours that are nearest to changing it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drcmitsuba.metrics import thresholds
+from drcmitsuba.metrics.intervals.rules import TAIL
+from drcmitsuba.standards.quantities import Counted, stamps_needed
+from drcmitsuba.standards.standard import Limit, Quantity
+from drcmitsuba.standards.year import OF_LIGHT, Year
+
+MOST_POINTS = 20
+"""Largest number of points that are listed."""
+FEW = 3
+"""Number of months and of hours of the day that are named."""
+MONTHS = "January February March April May June July August September October November December"
+
+
+@dataclass(frozen=True)
+class Deciding:
+    """Points and hours that decide a limit of a quantity."""
+
+    quantity: str
+    holds: bool
+    """Whether the limit holds."""
+    count: int
+    """Number of points, or of hours, by which it holds or fails; so many would have to change."""
+    unit: str
+    """Unit of `count`: points or h."""
+    points: list[dict[str, Any]]
+    """These points, the nearest first, at most 20: `sensor`, `x`, `y`, `z` [m], `grid`, and
+    `hours`, how many it has more than needed [h]."""
+    undecided: int
+    """Number of points that are too close to call."""
+    months: list[float]
+    """Hours of daylight below the threshold at such a point in each month [h], January first."""
+    clock: list[float]
+    """The same by the hour of the day [h], 24 values."""
+
+    def text(self) -> str:
+        """Sentence for people."""
+        number = f"{self.count:,} {self.unit if self.count != 1 else self.unit.rstrip('s')}"
+        if self.unit == "h":
+            out = f"{number} fewer would fail it" if self.holds else f"it lacks {number}"
+        elif self.holds:
+            out = f"it fails where {number} drop out"
+        else:
+            out = f"it wants {number} more"
+        if self.points:
+            nearest = self.points[0]
+            at = f"x {nearest['x']:.2f} m, y {nearest['y']:.2f} m"
+            hours = f"{abs(nearest['hours']):,g} h"
+            more = f"has {hours} to spare" if self.holds else f"lacks {hours}"
+            out += f"; the nearest, at {at}, {more}"
+        if self.undecided:
+            out += f"; {self.undecided} of all points are too close to call"
+        if any(self.months):
+            months = [MONTHS.split()[i] for i in sorted(_largest(self.months))]
+            hours = ", ".join(f"{i}–{i + 1} h" for i in sorted(_largest(self.clock)))
+            out += f"; hours below are most in {', '.join(months)}, and at {hours}"
+        return f"{self.quantity}: {out}"
+
+
+def _largest(values: list[float]) -> list[int]:
+    """Indices of the few largest values above 0."""
+    order = sorted(range(len(values)), key=lambda i: -values[i])[:FEW]
+    return [i for i in order if values[i] > 0]
+
+
+def deciding(
+    name: str, quantity: Quantity, limit: Limit, counted: Counted, year: Year, by_space: bool
+) -> Deciding:
+    """Find what decides a limit, in the space that is furthest from it where it is asked of each.
+
+    `counted` is from `quantities.count` of the same quantity and year.
+    """
+    worst = int(np.argmin(counted.by_space)) if by_space or quantity.of == "mean" else None
+    value = counted.value if worst is None else float(counted.by_space[worst])
+    holds = value >= limit.at_least
+    if quantity.of == "mean":
+        assert worst is not None
+        E = _mean_of_space(year, worst)[:, None]
+        gap = abs(value - limit.at_least) / year.step_hours
+        number, chosen = math.floor(gap) + 1 if holds else math.ceil(gap), np.zeros(1, int)
+        months, clock = _below(E, quantity.threshold, chosen, year)
+        hours = math.ceil(number * year.step_hours)
+        return Deciding(name, holds, hours, "h", [], 0, months, clock)
+    sensors = np.arange(len(year.space)) if worst is None else np.flatnonzero(year.space == worst)
+    margin = counted.hours[sensors] - stamps_needed(quantity, year) * year.step_hours
+    required = math.ceil(thresholds.exact(limit.at_least) * len(sensors) / 100)
+    passed = int((margin >= 0).sum())
+    number = passed - required + 1 if holds else required - passed
+    nearest = np.argsort(np.where((margin >= 0) == holds, np.abs(margin), np.inf), kind="stable")
+    chosen = sensors[nearest[:number]]
+    E = year.illuminance[OF_LIGHT[quantity.light]].values
+    months, clock = _below(E, quantity.threshold, chosen, year)
+    p = None if counted.drawn is None else counted.drawn.passing
+    undecided = 0 if p is None else int(((p > TAIL) & (p < 1 - TAIL))[sensors].sum())
+    listed = [_point(year, s, float(counted.hours[s]), quantity) for s in chosen[:MOST_POINTS]]
+    return Deciding(name, holds, number, "points", listed, undecided, months, clock)
+
+
+def _mean_of_space(year: Year, space: int) -> np.ndarray:
+    """Mean illuminance of a space's points, shade open (time,) [lx]."""
+    E = year.illuminance["total_open"].values[:, year.space == space]
+    return np.asarray(E.mean(axis=1, dtype=float))
+
+
+def _below(
+    E: np.ndarray, threshold: float, sensors: np.ndarray, year: Year
+) -> tuple[list[float], list[float]]:
+    """Hours of daylight below a threshold by month and by hour, mean of some sensors [h]."""
+    coords = year.illuminance.coords
+    clock = coords["clock" if "clock" in coords else "time"]
+    dark = np.count_nonzero(E[:, sensors] < threshold, axis=1) * year.step_hours / len(sensors)
+    dark *= year.illuminance["total_open"].values.any(axis=1)
+    by_month = np.bincount(clock.dt.month.values - 1, dark, minlength=12)
+    by_hour = np.bincount(clock.dt.hour.values, dark, minlength=24)
+    return by_month.round(1).tolist(), by_hour.round(1).tolist()
+
+
+def _point(year: Year, sensor: int, hours: float, quantity: Quantity) -> dict[str, Any]:
+    """Place of a point, and the hours that it has more than needed."""
+    E = year.illuminance
+    place = {axis: round(float(E[axis].values[sensor]), 4) for axis in "xyz"}
+    grid = {"grid": str(E["grid"].values[sensor])} if "grid" in E.coords else {}
+    more = hours - stamps_needed(quantity, year) * year.step_hours
+    return {"sensor": int(sensor), **place, **grid, "hours": round(more, 6)}

@@ -1,0 +1,119 @@
+"""What a verdict follows from: E of a year with its coefficients and its sky."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from drcmitsuba.annual.result import Result
+from drcmitsuba.annual.stored_arrays import loaded, open_dataset
+from drcmitsuba.case.case import Case
+from drcmitsuba.metrics import intervals
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.evaluate_metrics import drawing, rules_of, settings_of
+from drcmitsuba.metrics.intervals import Closures
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
+from drcmitsuba.schema import luminance
+from drcmitsuba.sky.daylight import from_luminances
+
+OF_E = ("total", "total_open", "direct_sun")
+"""Illuminances that standards ask for; each has its standard error."""
+OF_C = (
+    "replicates", "straight", "straight_se", "pane_group", "sun_straight", "sun_straight_se",
+    "mesh_error",
+)  # fmt: skip
+"""Coefficients from which the draws are made."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Illuminance of an evaluation, and what tells how sure it is."""
+
+    illuminance: xr.Dataset
+    """E with `total`, `total_open`, `direct_sun` and their standard errors [lx]."""
+    coefficients: Coefficients | None
+    """C with its replicates [sr]; without them no probability can be stated."""
+    sky: xr.Dataset | None
+    """Luminances of the sky [cd/m²]; without them, neither probability nor daylight hours."""
+    drawing: dict[str, Any]
+    """Arguments of the draws, from `evaluate_metrics.drawing`."""
+    source: str
+    """Folder or case that the evidence comes from."""
+
+    @cached_property
+    def closures(self) -> Closures:
+        """Draws of the façade's states at all time stamps, the same as those of the evaluation.
+
+        A state of an hour that the evaluation did not draw has no coefficients.
+        """
+        E = self.illuminance
+        if not E.attrs.get("has_shade", 1):
+            return Closures.never(E.sizes["time"])
+        names = [name for name in ("direct_sun", "direct_sun_se", "sun_group") if name in E]
+        direct = E[names].map(luminance)
+        return intervals.closures(direct, rules_of(E.attrs, self.source, {}), **self.drawing)
+
+    @classmethod
+    def of_result(cls, result: Result) -> Evidence:
+        """Take the arrays of a result in memory."""
+        sky, case = result.daylight.sky, result.case
+        return cls(result.illuminance, result.by_state, sky, drawing(case), case.source)
+
+    @classmethod
+    def of_folder(cls, folder: str | Path) -> Evidence:
+        """Read the files of `evaluate -o FOLDER`; C and L may be missing.
+
+        Raises
+        ------
+        InputError
+            No illuminance, files that are damaged, of another version or of different evaluations.
+        """
+        folder = Path(folder)
+        path = folder / "illuminance.nc"
+        E = open_dataset(path, *(n + s for n in OF_E for s in ("", "_se")), "time", *"xyz")
+        kept = [n for n in E.data_vars if str(n).removesuffix("_se") in (*OF_E, "sun_group")]
+        E = loaded(path, E[kept])
+        _check_version(path, E.attrs)
+        C, sky = _coefficients(folder / "coefficients.zarr", E), _sky(folder / "sky.zarr", E)
+        settings = settings_of(E.attrs, path, rules_of(E.attrs, path, {}).metrics)
+        known = {k: v for k, v in settings.items() if k in Case.model_fields}
+        arguments = drawing(checked(Case, known, path)) if known else {"rays": None, "seed": 0}
+        return cls(E, C, sky, arguments, str(folder))
+
+
+def _check_version(path: Path, attributes: dict[Any, Any]) -> None:
+    """Refuse results of another version: its metrics may have been others."""
+    ours, theirs = version("drcmitsuba"), attributes.get("version")
+    if theirs != ours:
+        got = "unknown" if theirs is None else f"{theirs}, but this is {ours}"
+        raise InputError(path, "version", got, "evaluate the case again")
+
+
+def _coefficients(path: Path, E: xr.Dataset) -> Coefficients | None:
+    """C of the same evaluation as E; None where there is none."""
+    if not path.exists():
+        return None
+    C = open_dataset(path, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
+    C = loaded(path, C[[name for name in OF_C if name in C]])
+    if C.attrs.get("settings") != E.attrs.get("settings") or C.sizes["sensor"] != E.sizes["sensor"]:
+        got = "they are of another evaluation than illuminance.nc"
+        raise InputError(path, "settings", got, "evaluate the case again")
+    return Coefficients.of(C)
+
+
+def _sky(path: Path, E: xr.Dataset) -> xr.Dataset | None:
+    """Sky of the same hours as E; None where there is none."""
+    if not path.exists():
+        return None
+    L = open_dataset(path, "L", "bin", "sun", "sun_bin", "clock")
+    L = loaded(path, L.isel(channel=0) if "channel" in L.dims else L)
+    if L.sizes["time"] != E.sizes["time"] or (L["time"].values != E["time"].values).any():
+        got = "other time stamps than those of illuminance.nc"
+        raise InputError(path, "time", got, "evaluate the case again")
+    return from_luminances(L)

@@ -1,0 +1,165 @@
+"""Quantities of standards, counted from E, and where they stand in every draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from threadpoolctl import threadpool_limits
+
+from drcmitsuba import metrics
+from drcmitsuba.metrics import Interval, thresholds
+from drcmitsuba.metrics.intervals import t_factor
+from drcmitsuba.metrics.intervals.autonomy import State, multipliers
+from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, TAIL
+from drcmitsuba.schema import luminance
+from drcmitsuba.standards.standard import Quantity
+from drcmitsuba.standards.year import OF_LIGHT, Year
+
+OF_MEAN = (
+    "replicates", "straight", "straight_se", "sun_straight", "sun_straight_se", "mesh_error",
+)  # fmt: skip
+"""Coefficients that the mean of a space's points follows from."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Draws of a quantity."""
+
+    all: np.ndarray
+    """Of all points together [% or h], shape (draw,)."""
+    by_space: np.ndarray
+    """Of every space by itself [% or h], shape (space, draw)."""
+    passing: np.ndarray | None
+    """Probability that each point counts, shape (sensor,)."""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A quantity of a standard."""
+
+    unit: str
+    value: float
+    """Of all points together; hours are those of the space with the fewest [% or h]."""
+    by_space: np.ndarray
+    """Of every space by itself [% or h], shape (space,)."""
+    hours: np.ndarray
+    """Hours of the threshold at each point, or in the mean of each space [h], (point or space,)."""
+    drawn: Drawn | None
+    """Draws; None without replicates."""
+    bounds: tuple[float, float]
+    """Where it stands with all errors of E in one direction, and in the other [% or h]."""
+    mirrored: bool
+    """Whether the draws hold the noise of the value twice, as those of sDA do."""
+
+    @property
+    def interval(self) -> Interval:
+        """95 % interval, which holds the value; without draws, the bounds."""
+        ends = list(self.bounds)
+        if self.drawn is not None:
+            low = float(np.quantile(self.drawn.all, TAIL, method="lower"))
+            high = float(np.quantile(self.drawn.all, 1 - TAIL, method="higher"))
+            ends = [low, high]
+            if self.mirrored:
+                ends += [2 * self.value - low, 2 * self.value - high]
+        low, high = min(self.value, *ends), max(self.value, *ends)
+        return Interval(self.value, max(0.0, low), min(high, 100.0) if self.unit == "%" else high)
+
+    def both_ways(self, by_space: bool) -> list[np.ndarray]:
+        """Draws, and their mirror images about the value where they are due, else the same again.
+
+        Shape (1, draw) of all points, or (space, draw).
+        """
+        assert self.drawn is not None
+        drawn = self.drawn.by_space if by_space else self.drawn.all[None]
+        value = self.by_space[:, None] if by_space else np.array([[self.value]])
+        return [drawn, 2 * value - drawn if self.mirrored else drawn]
+
+
+def stamps_needed(quantity: Quantity, year: Year) -> int:
+    """Number of time stamps in which a quantity asks for its threshold."""
+    if quantity.fraction is not None:
+        return metrics.autonomy_stamps(quantity.fraction, len(year.at))
+    return metrics.exposure_stamps(quantity.hours or 0.0, year.step_hours)
+
+
+def count(quantity: Quantity, year: Year) -> Counted:
+    """Count a quantity in E and in every draw.
+
+    Raises
+    ------
+    InputError
+        E is not finite, or a state of the façade is missing in C.
+    """
+    return _mean_hours(quantity, year) if quantity.of == "mean" else _points(quantity, year)
+
+
+def _points(quantity: Quantity, year: Year) -> Counted:
+    """Share of the points that reach the threshold for long enough [%]."""
+    name, limit = OF_LIGHT[quantity.light], quantity.threshold
+    required, sizes = stamps_needed(quantity, year), np.bincount(year.space)
+    E = thresholds.checked(year.illuminance[name], name)
+    stamps = thresholds.stamps_reached(E, limit)
+    by_space = 100.0 * np.bincount(year.space, stamps >= required) / sizes
+    value = thresholds.share(stamps >= required)
+    drawn, bounds = None, (value, value)
+    if year.can_draw(quantity.light):
+        tally = year.tally(quantity.light, limit, required)
+        spaces = np.stack([tally.shares(i)[0] for i in range(len(sizes))])
+        drawn = Drawn(tally.shares()[0], spaces, tally.passing)
+    else:
+        half = _factor(year) * year.illuminance[f"{name}_se"].values
+        low, high = (thresholds.stamps_reached(end, limit) for end in (E - half, E + half))
+        bounds = thresholds.share(low >= required), thresholds.share(high >= required)
+    is_sun = quantity.light == "direct_sun"
+    hours = stamps * year.step_hours
+    return Counted("%", value, by_space, hours, drawn, bounds, not is_sun)
+
+
+def _mean_hours(quantity: Quantity, year: Year) -> Counted:
+    """Hours in which the mean of each space's points reaches the threshold, shade open [h]."""
+    limit, step, spaces = quantity.threshold, year.step_hours, list(year.spaces.values())
+    mean, error = (
+        np.stack([E[:, s].mean(axis=1, dtype=float) for s in spaces])
+        for E in (year.illuminance[f"total_open{suffix}"].values for suffix in ("", "_se"))
+    )
+    hours, low, high = (
+        step * np.count_nonzero(mean + f * error >= limit, axis=1)
+        for f in (0, -_factor(year), _factor(year))
+    )
+    drawn = None
+    if year.can_draw(quantity.light):
+        by_space = step * _drawn_means(year, limit)
+        drawn = Drawn(by_space.min(axis=0), by_space, None)
+    bounds = float(low.min()), float(high.min())
+    return Counted("h", float(hours.min()), hours, hours, drawn, bounds, True)
+
+
+def _drawn_means(year: Year, limit: float) -> np.ndarray:
+    """Time stamps at which the mean of each space reaches a limit, int, (space, draw)."""
+    assert year.replicates is not None
+    C, sky = year.replicates
+    is_open = C.open[[name for name in OF_MEAN if name in C.open]].map(luminance)
+    parts = [is_open.isel(sensor=s).mean("sensor", skipna=False) for s in year.spaces.values()]
+    means = xr.concat(parts, "sensor", coords="minimal", compat="override").map(
+        lambda v: v.transpose("replicate", "sensor", ..., missing_dims="ignore")
+    )
+    every = np.ones(len(year.at), bool)
+    unknown = np.zeros((len(year.at), len(parts)), np.float32)
+    state = State.of(means, sky, every, (unknown, unknown), ~every)
+    drawn = multipliers(C.open.sizes["replicate"], year.evidence.drawing["seed"])
+    sure, may = state.classes(limit, t_factor(len(drawn.replicates), 1 - 2 * BEYOND))
+    out = np.repeat(np.count_nonzero(sure, axis=0)[:, None], DRAWS, axis=1)
+    with threadpool_limits(1, user_api="blas"):  # as in `draw_autonomy`
+        replicates = state.replicates(np.arange(len(parts)))
+        for i in range(len(parts)):
+            time = np.flatnonzero(may[:, i] & ~sure[:, i])
+            passed = state.passes(replicates[:, :, i], i, time, drawn, limit)
+            out[i] += np.count_nonzero(passed, axis=0)
+    return out
+
+
+def _factor(year: Year) -> float:
+    """Standard errors of E in half of its interval."""
+    return float(year.illuminance.attrs.get("interval_factor", 1.96))

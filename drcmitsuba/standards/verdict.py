@@ -1,0 +1,238 @@
+"""Verdicts: which level of a standard is reached, by what margin, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from drcmitsuba.case.shading import AREA, THRESHOLD
+from drcmitsuba.metrics import Interval
+from drcmitsuba.standards.coverage import spacings
+from drcmitsuba.standards.deciding import Deciding, deciding
+from drcmitsuba.standards.quantities import Counted
+from drcmitsuba.standards.standard import Level, Limit, Standard
+from drcmitsuba.standards.year import Year
+
+TINY = 1e-9
+"""Difference that counts as a tie: mirror images of shares have errors of rounding."""
+ALIKE = 1.01
+"""Ratio up to which spacings count as equal."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far a quantity is from its limit."""
+
+    quantity: str
+    value: float
+    limit: float
+    """Value of the quantity, and where its limit lies [unit]."""
+    unit: str
+    space: str = ""
+    """Space that is furthest from the limit, where it is asked of each."""
+
+    @property
+    def distance(self) -> float:
+        """Value above the limit; negative where it fails [unit]."""
+        return self.value - self.limit
+
+    @property
+    def slack(self) -> float:
+        """Distance as a part of the limit where it fails, else of what is left to 100 %."""
+        room = 100.0 - self.limit if self.unit == "%" and self.distance >= 0 else self.limit
+        return self.distance / room if room > TINY else float(self.distance >= 0)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of one level."""
+
+    name: str
+    reached: bool
+    probability: float | None
+    """Probability that it is reached, from the draws; None without replicates."""
+    margin: Margin
+    """The limit with the least slack."""
+    spaces: dict[str, bool]
+    """Whether each space complies, where the limits are asked of each."""
+
+
+def likelihood(probability: float | None) -> str:
+    """Write a probability for people; one that holds in all draws is certain."""
+    if probability is None:
+        return "unknown"
+    if probability in (0.0, 1.0):
+        return "certain" if probability else "ruled out"
+    if not 0.01 <= probability <= 0.99:
+        return "< 1 %" if probability < 0.5 else "> 99 %"
+    return f"{100 * probability:.0f} %"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Verdict on a standard."""
+
+    standard: str
+    title: str
+    edition: str
+    level: str | None
+    """Highest level that is reached; None where none is, or none can be stated."""
+    probability: float | None
+    """Probability of this level, of the lowest one where none is reached; None where there is no
+    level, or there are no replicates."""
+    undecided: str | None
+    """Reason why no level can be stated."""
+    levels: tuple[Outcome, ...]
+    extras: tuple[Outcome, ...]
+    quantities: dict[str, Interval]
+    """Quantities with their 95 % intervals [% or h]."""
+    units: dict[str, str]
+    deciding: Deciding | None
+    """What decides the level that is nearest to change."""
+    duties: tuple[str, ...]
+    """Duties of spaces."""
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+    def stated(self) -> str:
+        """Level in words."""
+        if self.undecided is not None:
+            return f"cannot be decided: {self.undecided}"
+        return "not reached" if self.level is None else self.level
+
+
+def assess(name: str, standard: Standard, year: Year, counted: dict[str, Counted]) -> Verdict:
+    """Judge the hours of a standard by its levels.
+
+    `counted` holds its quantities, from `quantities.count`.
+    """
+    levels = tuple(outcome(level, counted, year) for level in standard.levels)
+    extras = tuple(outcome(level, counted, year) for level in standard.extras)
+    reached = [each for each in levels if each.reached]
+    shown = reached[-1] if reached else levels[0] if levels else None
+    decides = None
+    if levels:
+        level = standard.levels[_nearest(levels)]
+        limit, _ = _closest(level, counted, year)
+        decides = deciding(
+            limit.quantity, standard.quantities[limit.quantity], limit, counted[limit.quantity],
+            year, level.scope == "spaces",
+        )  # fmt: skip
+    return Verdict(
+        name, standard.title, standard.edition,
+        reached[-1].name if reached and standard.undecided is None else None,
+        None if shown is None else shown.probability,
+        standard.undecided, levels, extras,
+        {q: c.interval for q, c in counted.items()},
+        {q: c.unit for q, c in counted.items()},
+        decides, tuple(_duties(standard, counted, year)), tuple(_notes(standard, year)),
+    )  # fmt: skip
+
+
+def outcome(level: Level, counted: dict[str, Counted], year: Year) -> Outcome:
+    """Judge one level.
+
+    Its probability is the share of the draws that reach it, mean of the draws and of their mirror
+    images about the value: a draw of sDA holds the noise of the value a second time, as intervals
+    of sDA take into account.
+
+    Parameters
+    ----------
+    level : Level
+    counted : dict of str to Counted
+        Quantities of its limits, by name.
+    year : Year
+        Hours that were counted.
+    """
+    by_space = level.scope == "spaces"
+    sizes = np.bincount(year.space)
+    least = level.spaces * sizes.sum() - TINY
+
+    def holds(values: list[np.ndarray]) -> np.ndarray:
+        """Whether each space holds all limits, from the values of each limit's quantity."""
+        pairs = zip(values, level.limits, strict=True)
+        return np.logical_and.reduce([v >= limit.at_least - TINY for v, limit in pairs])
+
+    def passes(held: np.ndarray) -> np.ndarray:
+        """Whether the level is reached, from what each space holds (space, …)."""
+        return sizes @ held >= least if by_space else held[0]
+
+    used = [counted[limit.quantity] for limit in level.limits]
+    held = holds([c.by_space if by_space else np.array([c.value]) for c in used])
+    probability = None
+    if all(c.drawn is not None for c in used):
+        ways = zip(*(c.both_ways(by_space) for c in used), strict=True)
+        probability = float(np.mean([passes(holds(list(way))).mean() for way in ways]))
+    spaces = dict(zip(year.spaces, held.tolist(), strict=True)) if by_space else {}
+    return Outcome(
+        level.name, bool(passes(held)), probability, _closest(level, counted, year)[1], spaces
+    )
+
+
+def _closest(level: Level, counted: dict[str, Counted], year: Year) -> tuple[Limit, Margin]:
+    """Limit that fails by most, or holds by least, and its margin."""
+    margins = []
+    for limit in level.limits:
+        c = counted[limit.quantity]
+        value, space = c.value, ""
+        if level.scope == "spaces":
+            lowest = int(np.argmin(c.by_space))
+            value, space = float(c.by_space[lowest]), list(year.spaces)[lowest]
+        margins.append((limit, Margin(limit.quantity, value, limit.at_least, c.unit, space)))
+    return min(margins, key=lambda pair: pair[1].slack)
+
+
+def _nearest(levels: tuple[Outcome, ...]) -> int:
+    """Level in doubt; else the first that is not reached; else the highest."""
+
+    def doubt(level: Outcome) -> float:
+        p = level.probability
+        return 0.0 if p is None else min(p, 1 - p)
+
+    best = max(range(len(levels)), key=lambda i: doubt(levels[i]))
+    if doubt(levels[best]) > 0:
+        return best
+    return next((i for i, o in enumerate(levels) if not o.reached), len(levels) - 1)
+
+
+def _duties(standard: Standard, counted: dict[str, Counted], year: Year) -> list[str]:
+    out = []
+    for flag in standard.flags:
+        c = counted[flag.quantity]
+        above = np.flatnonzero(c.by_space > flag.above + TINY)
+        names = [list(year.spaces)[i] or "the room" for i in above]
+        if names:
+            shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if names[3:] else "")
+            most = c.by_space[above].max()
+            state = f"{flag.quantity} up to {most:.1f} {c.unit}, above {flag.above:g} {c.unit}"
+            out.append(f"{shown}: {state}: {flag.text}")
+    return out
+
+
+def _notes(standard: Standard, year: Year) -> list[str]:
+    """Notes on what the verdict presumes."""
+    notes, E = [], year.illuminance.attrs
+    if standard.shade and not year.has_shade:
+        notes.append("the case has no shade, which LM-83 wants before every window")
+    if standard.shade and year.has_shade:
+        rule = float(E.get("shade_threshold", THRESHOLD)), float(E.get("shade_area", AREA))
+        if rule != (THRESHOLD, AREA):
+            notes.append(
+                f"the shade closes at {rule[0]:g} lx on {100 * rule[1]:g} % of the points, "
+                f"by LM-83 at {THRESHOLD:g} lx on {100 * AREA:g} %"
+            )
+        if "schedule" in E:
+            notes.append("groups of panes follow a schedule, not the rule of LM-83")
+    if year.replicates is None:
+        notes.append("no probability: coefficients.zarr and sky.zarr hold the replicates")
+    elif standard.shade and year.varies:
+        notes.append("no probability: C on disk does not hold all states of the façade")
+    apart = list(spacings(year.evidence.illuminance).values())
+    if max(apart) > ALIKE * min(apart):
+        notes.append("spacings of the grids differ: shares are of points, not of area")
+    return notes + list(standard.notes)

@@ -1,0 +1,123 @@
+"""E at the hours that a standard counts, and its draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.groups import VARYING
+from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
+from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
+from drcmitsuba.metrics.intervals.facade_draws import Closures
+from drcmitsuba.metrics.intervals.sun import draw_sun
+from drcmitsuba.metrics.intervals.year_draws import YearDraws, open_state
+from drcmitsuba.schema import luminance
+from drcmitsuba.standards.evidence import Evidence
+
+OF_LIGHT = {"total": "total", "open": "total_open", "direct_sun": "direct_sun"}
+"""Variable of E of each light."""
+
+
+@dataclass(frozen=True)
+class Year:
+    """E at the hours of a standard."""
+
+    evidence: Evidence
+    at: np.ndarray
+    """Time stamps that count, indices."""
+
+    @cached_property
+    def illuminance(self) -> xr.Dataset:
+        """E at these hours, by luminance [lx]."""
+        E = self.evidence.illuminance
+        E = E if len(self.at) == E.sizes["time"] else E.isel(time=self.at)
+        used = [n + suffix for n in OF_LIGHT.values() for suffix in ("", "_se")]
+        by_luminance = {name: luminance(E[name]) for name in used}
+        groups = {"sun_group": E["sun_group"]} if "sun_group" in E else {}
+        return xr.Dataset({**by_luminance, **groups}, attrs=E.attrs)
+
+    @property
+    def step_hours(self) -> float:
+        """Length of the interval of a time stamp [h]."""
+        return float(self.illuminance.attrs.get("step_hours", 1.0))
+
+    @cached_property
+    def spaces(self) -> dict[str, np.ndarray]:
+        """Sensors of every space, by the name of its grid; "" without grids."""
+        every = np.arange(self.illuminance.sizes["sensor"])
+        return sensors_by_grid(self.illuminance) or {"": every}
+
+    @cached_property
+    def space(self) -> np.ndarray:
+        """Index of every sensor's space, shape (sensor,)."""
+        out = np.empty(self.illuminance.sizes["sensor"], np.int64)
+        for i, sensors in enumerate(self.spaces.values()):
+            out[sensors] = i
+        return out
+
+    @property
+    def has_shade(self) -> bool:
+        """Whether a shade may close."""
+        return bool(self.illuminance.attrs.get("has_shade", 1))
+
+    @cached_property
+    def varies(self) -> bool:
+        """Whether the façade takes more states than C holds, so that E alone knows them."""
+        C = self.evidence.coefficients
+        if C is None or VARYING in C.others or not self.has_shade:
+            return False
+        return VARYING in FacadeStates.of(C.attrs, self.illuminance).states
+
+    @cached_property
+    def replicates(self) -> tuple[Coefficients, xr.Dataset] | None:
+        """C, and the sky of these hours; None where there are none."""
+        C, sky = self.evidence.coefficients, self.evidence.sky
+        if C is None or sky is None:
+            return None
+        return C, sky if len(self.at) == sky.sizes["time"] else sky.isel(time=self.at)
+
+    def can_draw(self, light: str) -> bool:
+        """Whether there are replicates of a light."""
+        return self.replicates is not None and (light == "open" or not self.varies)
+
+    def tally(self, light: str, threshold: float, required: int) -> BootstrapCounts:
+        """Count, in every draw, the sensors that reach a threshold at `required` time stamps.
+
+        The threshold of `direct_sun` is that of LM-83.
+        """
+        needed = Needed.of_period(len(self.at), required, self.space)
+        if light == "direct_sun":
+            return self._in_use.exposure(threshold, needed)
+        if light == "total":
+            return self._in_use.autonomy(threshold, needed)
+        C, _ = self.replicates or _none()
+        states, shut = [self._open], Closures.never(len(self.at))
+        drawn = multipliers(C.open.sizes["replicate"], self.evidence.drawing["seed"])
+        return draw_autonomy(states, shut, threshold, needed, drawn)
+
+    @cached_property
+    def _in_use(self) -> YearDraws:
+        """Draws with the shade in use; those of the sun are made to the thresholds of LM-83."""
+        C, sky = self.replicates or _none()
+        E, of_lm83 = dict(self.illuminance.data_vars), Metrics().ase_threshold
+        mean, error = (E[f"direct_sun{suffix}"].values for suffix in ("", "_se"))
+        rays, seed = self.evidence.drawing["rays"], self.evidence.drawing["seed"]
+        sun = draw_sun(mean, error, (of_lm83, of_lm83), rays, seed)
+        shut = self.evidence.closures.at(self.at)
+        return YearDraws.of(C, sky, E, sun, shut, seed)
+
+    @cached_property
+    def _open(self) -> State:
+        C, sky = self.replicates or _none()
+        return open_state(C, sky, dict(self.illuminance.data_vars))
+
+
+def _none() -> tuple[Coefficients, xr.Dataset]:
+    raise AssertionError("no replicates")

@@ -1,0 +1,326 @@
+"""Standards as data, and their verdicts on years whose light is known."""
+
+import numpy as np
+import pytest
+
+from drcmitsuba import standards
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.standards.verdict import likelihood
+from tests.unit.standards.made_year import WHOLE, WORKING, evidence, median_reached
+
+NAMES = [
+    "breeam-hea01", "en-17037", "leed-v4.1", "leed-v5", "lm-83-12", "lm-83-23", "well-l01",
+    "well-l06",
+]  # fmt: skip
+
+
+def lit(share, count=100, times=WORKING, threshold=300.0, fraction=0.5, far=0.2):
+    """Points of which a share [%] reaches a threshold in a fraction of the hours, by ±20 %."""
+    enough = np.arange(count) < round(share * count / 100)
+    at_limit = threshold / median_reached(times, fraction)
+    return at_limit * np.where(enough, 1 + far, 1 - far)
+
+
+# ---- data -------------------------------------------------------------------------------------
+
+
+def test_the_standards_have_their_names():
+    assert standards.names() == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_number_has_a_source_and_says_how_sure_it_is(name):
+    standard = standards.read(name)
+    tables = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
+    assert all(table.source and table.sure for table in (standard, *tables))
+    certain = all(table.sure != "second-hand" for table in tables)
+    assert certain or standard.undecided is not None  # second-hand numbers decide nothing
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_levels_rise_and_the_sun_has_the_threshold_that_its_draws_are_made_for(name):
+    standard = standards.read(name)
+    for low, high in zip(standard.levels, standard.levels[1:], strict=False):
+        # A higher level asks for more of the area, or for more light.
+        assert all(a.at_least <= b.at_least for a, b in zip(low.limits, high.limits, strict=True))
+        of = [
+            [standard.quantities[limit.quantity].threshold for limit in level.limits]
+            for level in (low, high)
+        ]
+        assert low.limits != high.limits
+        assert of[0] <= of[1]
+    for quantity in standard.quantities.values():
+        assert quantity.light != "direct_sun" or quantity.threshold == 1000
+
+
+def test_an_unknown_standard_is_refused_with_the_nearest_name():
+    with pytest.raises(InputError, match=r'did you mean "leed-v4.1"'):
+        standards.read("leed-v4")
+
+
+# ---- levels -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("share", "points"),
+    [(39, None), (40, "1 point"), (54, "1 point"), (55, "2 points"), (75, "3 points")],
+)
+def test_leed_gives_points_by_the_share_of_the_area(share, points):
+    verdict = standards.verdict("leed-v4.1", evidence(lit(share), times=WORKING))
+    assert verdict.level == points
+    assert verdict.quantities["sDA"].value == share
+    assert verdict.probability == (1.0 if points else 0.0)  # no noise
+    reached = [outcome.reached for outcome in verdict.levels]
+    assert reached == [share >= limit for limit in (40, 55, 75)]
+    assert verdict.levels[1].margin.distance == pytest.approx(share - 55)
+
+
+def test_the_rule_of_every_space_is_asked_of_each_room():
+    rooms = [lit(90), lit(50), lit(90)]
+    verdict = standards.verdict(
+        "leed-v4.1", evidence(np.concatenate(rooms), times=WORKING, rooms=3)
+    )
+    assert verdict.level == "3 points"  # 76.7 % of the area
+    (every,) = verdict.extras
+    assert not every.reached
+    assert every.spaces == {"room 1": True, "room 2": False, "room 3": True}
+    assert (every.margin.space, every.margin.value) == ("room 2", 50)
+    rooms[1] = lit(55)
+    better = standards.verdict("leed-v4.1", evidence(np.concatenate(rooms), times=WORKING, rooms=3))
+    assert better.extras[0].reached
+
+
+@pytest.mark.parametrize(
+    ("target", "minimum", "level"),
+    [
+        (299, 299, None), (301, 99, None), (301, 101, "minimum"), (501, 301, "medium"),
+        (501, 299, "minimum"), (751, 499, "medium"), (751, 501, "high"),
+    ],
+)  # fmt: skip
+def test_en_17037_asks_for_both_illuminances(target, minimum, level):
+    """Half of the points have the target illuminance in half of the daylight hours, all the least.
+
+    The median of the 4380 daylight hours is the value that a quarter of the year reaches.
+    """
+    per_lux = 1 / median_reached(WHOLE, 0.25)
+    of_point = np.where(np.arange(100) < 50, target, minimum) * per_lux
+    verdict = standards.verdict("en-17037", evidence(of_point))
+    assert verdict.level == level
+
+
+def test_en_17037_leaves_five_of_100_points_dark():
+    per_lux = 1 / median_reached(WHOLE, 0.25)
+    of_point = np.full(100, 400 * per_lux)
+    of_point[:5] = 0
+    assert standards.verdict("en-17037", evidence(of_point)).level == "minimum"
+    of_point[5] = 0
+    assert standards.verdict("en-17037", evidence(of_point)).level is None
+
+
+def test_breeam_asks_for_mean_and_worst_point_on_80_percent_of_the_area():
+    enough = 2000 / 8760
+    per_lux = 1 / median_reached(WHOLE, enough)
+    good = np.append(np.full(99, 310 * per_lux), 91 * per_lux)
+    dim, dark = np.full(100, 299 * per_lux), np.append(np.full(99, 400 * per_lux), 89 * per_lux)
+    for rooms, level in (
+        ([good] * 5, "2 credits"), ([good] * 4 + [dim], "2 credits"),
+        ([good] * 4 + [dark], "2 credits"), ([good] * 3 + [dim, dark], None),
+    ):  # fmt: skip
+        verdict = standards.verdict("breeam-hea01", evidence(np.concatenate(rooms), rooms=5))
+        assert verdict.level == level
+    assert verdict.levels[0].spaces["room 4"] is False
+
+
+def test_well_counts_200_lx_in_40_percent_of_the_hours():
+    of_point = lit(30, threshold=200.0, fraction=0.4)
+    assert standards.verdict("well-l01", evidence(of_point, times=WORKING)).level == "met"
+    of_point[0] = 0
+    verdict = standards.verdict("well-l01", evidence(of_point, times=WORKING))
+    assert verdict.level is None
+    assert verdict.stated() == "not reached"
+
+
+@pytest.mark.parametrize("name", ["leed-v5", "lm-83-23"])
+def test_second_hand_levels_decide_nothing_but_show_the_numbers(name):
+    verdict = standards.verdict(name, evidence(lit(60), times=WORKING))
+    assert verdict.level is None
+    assert verdict.stated().startswith("cannot be decided: ")
+    assert verdict.quantities["sDA"].value == 60
+
+
+def test_spaces_in_the_sun_have_a_duty():
+    E = evidence(lit(60, rooms := 100), times=WORKING)
+    direct = E.illuminance["direct_sun"].copy(data=np.zeros((len(WORKING), rooms), np.float32))
+    direct[:250, :11] = 1000
+    E.illuminance["direct_sun"] = direct
+    verdict = standards.verdict("leed-v4.1", E)
+    assert verdict.quantities["ASE"].value == 11
+    (duty,) = verdict.duties
+    assert "ASE up to 11.0 %, above 10 %" in duty
+    direct[:250, 10] = 999
+    assert standards.verdict("leed-v4.1", E).duties == ()
+
+
+# ---- probability ------------------------------------------------------------------------------
+
+
+def test_a_metric_ten_sigma_from_its_threshold_is_certain():
+    for far, sign in ((0.2, 1), (-0.2, -1)):
+        of_point = np.full(100, (1 + far) * 300 / median_reached(WORKING))
+        verdict = standards.verdict("lm-83-12", evidence(of_point, 0.02, times=WORKING))
+        assert verdict.probability == (1.0 if sign > 0 else 0.0)
+        assert likelihood(verdict.probability) == ("certain" if sign > 0 else "ruled out")
+        i = verdict.quantities["sDA"]
+        assert i.low == i.value == i.high
+
+
+def test_points_on_the_threshold_leave_the_verdict_open():
+    """All points share one error: the room passes whole or not at all."""
+    of_point = np.full(64, 300 / median_reached(WORKING))
+    p = [
+        standards.verdict(
+            "lm-83-12", evidence(of_point, 0.05, times=WORKING, shared=1.0, seed=seed)
+        )
+        .levels[0]
+        .probability
+        for seed in range(12)
+    ]
+    assert 0.2 < np.mean(p) < 0.8
+    assert np.ptp(p) > 0.5
+
+
+def test_probabilities_come_true():
+    """The limit lies anywhere near the truth; 1,000 seeds are in tests/validation."""
+    from tests.validation.test_probability_of_passing import outcomes
+
+    p, passed = outcomes(range(24), 8)
+    likely, unlikely = p > 0.5, p < 0.5
+    assert passed[likely].mean() == pytest.approx(p[likely].mean(), abs=0.12)
+    assert passed[unlikely].mean() == pytest.approx(p[unlikely].mean(), abs=0.12)
+
+
+def test_without_replicates_there_are_bounds_and_no_probability():
+    of_point = np.full(64, 310 / median_reached(WORKING))
+    full = evidence(of_point, 0.05, times=WORKING)
+    bare = standards.Evidence(full.illuminance, None, None, full.drawing, "bare")
+    verdict = standards.verdict("lm-83-12", bare)
+    assert verdict.level == "preferred"
+    assert verdict.probability is None
+    assert likelihood(None) == "unknown"
+    i = verdict.quantities["sDA"]
+    assert i.low < 50 < i.high
+    assert any("no probability" in note for note in verdict.notes)
+    whole = standards.Evidence(evidence(of_point).illuminance, None, None, {}, "bare")
+    with pytest.raises(InputError, match=r"no sky\.zarr"):
+        standards.verdict("en-17037", whole)
+
+
+# ---- what decides -----------------------------------------------------------------------------
+
+
+def test_the_points_that_are_short_of_fewest_hours_decide():
+    of_point = lit(70)
+    of_point[[70, 80, 90, 95, 99]] *= 1.2  # dark points that are nearly bright enough
+    verdict = standards.verdict("lm-83-12", evidence(of_point, times=WORKING))
+    d = verdict.deciding
+    assert (d.quantity, d.holds, d.count, d.unit) == ("sDA", False, 5, "points")
+    assert sorted(p["sensor"] for p in d.points) == [70, 80, 90, 95, 99]
+    assert all(p["hours"] < 0 for p in d.points)
+    assert d.months[0] > d.months[6]  # it is darker in January
+    assert sum(d.months) == pytest.approx(sum(d.clock), rel=0.01)
+    assert "it wants 5 points more; the nearest" in d.text()
+
+
+def test_the_points_with_fewest_hours_to_spare_decide_what_holds():
+    of_point = lit(80)
+    of_point[:6] *= 0.9
+    d = standards.verdict("lm-83-12", evidence(of_point, times=WORKING)).deciding
+    assert (d.holds, d.count) == (True, 6)  # 80 − 75 may fail
+    assert sorted(p["sensor"] for p in d.points) == [0, 1, 2, 3, 4, 5]
+    assert "it fails where 6 points drop out" in d.text()
+
+
+# ---- refusals ---------------------------------------------------------------------------------
+
+
+def test_a_period_that_does_not_cover_the_hours_is_refused_with_what_would():
+    weekdays = WORKING[np.is_busday(WORKING.astype("datetime64[D]"))]
+    E = evidence(lit(60, times=weekdays), times=weekdays)
+    with pytest.raises(InputError, match=r"2610 of 3650 h .* calendar = \"LM-83\""):
+        standards.verdict("leed-v4.1", E)
+    with pytest.raises(InputError, match=r"2610 of 8760 h; .*hours = \[0, 24\]"):
+        standards.verdict("en-17037", E)
+    refusals = standards.verdicts(E)
+    assert all(isinstance(refusal, standards.Refusal) for refusal in refusals)
+    assert [refusal.standard for refusal in refusals] == NAMES
+
+
+def test_a_whole_year_serves_all_standards():
+    verdicts = standards.verdicts(evidence(lit(60)))
+    assert all(isinstance(verdict, standards.Verdict) for verdict in verdicts)
+    assert verdicts[2].quantities["sDA"].value == 60  # only the hours from 8 to 18 h count
+
+
+def test_hours_are_those_of_the_clock():
+    E = evidence(lit(60, far=0.01))
+    shifted = E.illuminance.assign_coords(clock=E.illuminance["time"] + np.timedelta64(2, "h"))
+    other = standards.Evidence(shifted, E.coefficients, E.sky, E.drawing, "clock")
+    verdict = standards.verdict("leed-v4.1", other)
+    assert verdict.quantities["sDA"].value != 60  # 6 to 16 h, standard time
+
+
+@pytest.mark.parametrize(
+    ("spacing", "found"), [(0.6, None), (0.6096, None), (0.62, "0.62 m"), (1.0, "1 m")]
+)
+def test_a_coarse_grid_has_no_verdict(spacing, found):
+    E = evidence(lit(60), times=WORKING, spacing=spacing)
+    if found is None:
+        assert standards.verdict("leed-v4.1", E).level == "2 points"
+        return
+    with pytest.raises(InputError, match=f"{found} between points; give at most 0.6096 m"):
+        standards.verdict("leed-v4.1", E)
+
+
+def test_a_grid_that_is_fine_in_one_direction_only_is_coarse():
+    E = evidence(lit(60), times=WORKING, spacing=0.3)
+    for wide, complaint in ((3.0, "3 m between points"), (300.0, "a line")):
+        wider = E.illuminance.assign_coords(x=E.illuminance["x"] / 0.3 * wide)
+        other = standards.Evidence(wider, E.coefficients, E.sky, E.drawing, "wide")
+        with pytest.raises(InputError, match=f"{complaint}|300 m between"):
+            standards.verdict("leed-v4.1", other)
+
+
+def test_points_that_do_not_face_up_are_refused():
+    E = evidence(lit(60), times=WORKING)
+    up = np.ones(100)
+    up[3] = 0
+    tilted = E.illuminance.assign_coords(nz=("sensor", up))
+    other = standards.Evidence(tilted, E.coefficients, E.sky, E.drawing, "tilted")
+    with pytest.raises(InputError, match="1 of 100 points do not face up"):
+        standards.verdict("leed-v4.1", other)
+
+
+def test_a_missing_state_is_refused():
+    E = evidence(lit(60), times=WORKING)
+    sun = E.illuminance["direct_sun"] + 5000.0 * (E.illuminance["total"] > 0)
+    shut = E.illuminance.assign(direct_sun=sun.astype(np.float32))
+    shut.attrs |= {"has_shade": 1, "shade_threshold": 1000.0, "shade_area": 0.02}
+    is_open = E.coefficients.open.assign_attrs(shut.attrs)
+    other = standards.Evidence(shut, type(E.coefficients)(is_open), E.sky, E.drawing, "shut")
+    with pytest.raises(InputError, match="coefficients: state: no 'shaded'"):
+        standards.verdict("leed-v4.1", other)
+
+
+def test_nan_is_refused():
+    E = evidence(lit(60), times=WORKING)
+    E.illuminance["total"][3, 4] = np.nan
+    with pytest.raises(InputError, match="NaN"):
+        standards.verdict("leed-v4.1", E)
+
+
+@pytest.mark.parametrize(
+    ("p", "text"),
+    [(1.0, "certain"), (0.0, "ruled out"), (0.995, "> 99 %"), (0.002, "< 1 %"), (0.734, "73 %")],
+)
+def test_probabilities_in_words(p, text):
+    assert likelihood(p) == text
