@@ -345,7 +345,8 @@ def with_files(case: Case) -> Case:
         for layer in case.building.layers:  # strips and panes name their materials alike
             if layer.role == "pane" and not isinstance(layer.material, Lambertian):
                 case.materials.setdefault(layer.name, layer.material)
-            for state in layer.states[1:] if layer.group in case.groups else ():
+            is_taken = layer.role == "pane" and layer.group in case.groups
+            for state in layer.states[1:] if is_taken else ():
                 if state.material is not None and not isinstance(state.material, Lambertian):
                     case.materials.setdefault(state.name, state.material)
     return case

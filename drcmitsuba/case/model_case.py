@@ -49,7 +49,7 @@ def notes_on_groups(building: Model, groups: Collection[str]) -> list[str]:
     """Note the groups of a model with several states that the case leaves in the first one."""
     states: dict[str, int] = {}
     for layer in building.layers:
-        if layer.role == "pane" and layer.group not in groups and len(layer.states) > 1:
+        if layer.group not in groups and len(layer.states) > 1:
             states[layer.group] = max(states.get(layer.group, 0), len(layer.states))
     if not states:
         return []

@@ -135,7 +135,8 @@ def _panes_by_group(case: Case) -> list[Drawn]:
     drawn = []
     names = zip(groups.states.names, groups.states.states, strict=True)
     for g, (name, states) in enumerate(names):
-        quads = np.concatenate([panes.quads for panes in every if panes.group == g])
+        mine = [panes.quads for panes in every if panes.group == g]
+        quads = np.concatenate([np.zeros((0, 4, 3)), *mine])
         line = f"{name}: {areas(quads).sum():.2f} m², {', '.join(states)}"
         drawn += [Drawn("pane", quads, line)] * (name != OTHERS)
     return drawn

@@ -81,6 +81,16 @@ class Layer:
         """Whether the layer is a mirror or a clear solid: photons follow its light."""
         return isinstance(self.material, MirrorMaterial | DielectricMaterial)
 
+    @property
+    def materials(self) -> tuple[SurfaceMaterial | None, ...]:
+        """Materials that the layer may take: its own, then those of further states."""
+        return self.material, *(state.material for state in self.states[1:])
+
+    @property
+    def added(self) -> tuple[Layer, ...]:
+        """Surfaces that stand in further states."""
+        return tuple(shade for state in self.states[1:] for shade in state.shades)
+
     def place(self, quad: int) -> str:
         """Where a quad stands in the source."""
         return self.places[min(int(self.polygon[quad]), len(self.places) - 1)]

@@ -37,7 +37,8 @@ def used(case: Case) -> dict[str, tuple[str, ...]]:
     ):
         taken = [names[id(material)] for material in materials]
         if not materials:  # the states of the model's own group
-            states = (s for x in case.building.layers if x.group == group for s in x.states[1:])
+            layers = [x for x in case.building.layers if x.group == group and x.role == "pane"]
+            states = (state for layer in layers for state in layer.states[1:])
             taken = ["open" if state.material is None else state.name for state in states]
         for name in taken:
             sides_of[name] = tuple(dict.fromkeys((*sides_of.get(name, ()), *sides)))
@@ -66,8 +67,10 @@ def most_reflecting(
             if facade.frame > 0:
                 reflectances.append((max_reflectance(facade.frame_reflectance), f"frames {side}"))
     for layer in case.building.layers:
-        if layer.role == "surface" or (layer.role == "context" and beyond):
-            reflectances.append((albedo(layer.material), layer.name))
+        for part in (layer, *layer.added):
+            if part.role == "surface" or (part.role == "context" and beyond):
+                materials = [m for m in part.materials if m is not None]
+                reflectances.append((max(map(albedo, materials), default=0.0), part.name))
     left_out = [] if beyond else outside(case)
     for piece in case.furniture:
         if piece not in left_out:

@@ -14,7 +14,12 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import BLOCKED, HIDDEN, OPEN, OTHERS, RESERVED, SHADED, GroupStates
-from drcmitsuba.model.materials import Lambertian, SurfaceMaterial
+from drcmitsuba.model.materials import (
+    DielectricMaterial,
+    Lambertian,
+    MirrorMaterial,
+    SurfaceMaterial,
+)
 from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import shortened
@@ -183,6 +188,12 @@ def _meant(case: Case, name: str, every: list[_Panes]) -> list[_Panes]:
         mine = [p for p in every if p.layer >= 0 and layers[p.layer].group == name]
         got = f"no group {shortened(name)} of panes to the outside in the model"
     mine = [panes for panes in mine if group.facing in (None, panes.facing)]
+    if not mine and not group.panes and any(layer.group == name for layer in layers):
+        if group.schedule is None or group.states:  # a shelf, the ground, or a tree
+            got = "no pane to the outside, by which the sun could close it"
+            remedy = "give it a schedule of the model's states, and no others"
+            raise InputError(case.source, f"groups.{name}", got, remedy)
+        return mine
     if not mine:
         known = list(dict.fromkeys(map(str, every)))[:8]
         remedy = f"name some of the panes: {', '.join(known) or 'there are none'}"
@@ -196,7 +207,10 @@ def _further_states(
     """Names of a group's states after the first, and their materials; none for the model's own."""
     group = case.groups[name]
     if not group.panes and not group.states:
-        of_layers = [case.building.layers[panes.layer].states for panes in mine]
+        layers = [layer for layer in case.building.layers if layer.group == name]
+        _refuse_mirrors(case, name, layers)
+        of_panes = [case.building.layers[panes.layer].states for panes in mine]
+        of_layers = of_panes or [layer.states for layer in layers]
         names = tuple(state.name for state in max(of_layers, key=len)[1:])
         materials: tuple[SurfaceMaterial | None, ...] = ()
     else:
@@ -207,6 +221,15 @@ def _further_states(
         remedy = "name materials in its states, or a material in [shading]"
         raise InputError(case.source, f"groups.{name}.states", got, remedy)
     return names, materials
+
+
+def _refuse_mirrors(case: Case, group: str, layers: list[Layer]) -> None:
+    """Refuse mirrors and clear solids in the states of layers: photons start at fixed places."""
+    for part in (part for layer in layers for part in (layer, *layer.added)):
+        if any(isinstance(m, MirrorMaterial | DielectricMaterial) for m in part.materials):
+            got = f"{shortened(part.name)} is a mirror or a clear solid in some state"
+            remedy = "give it a diffuse reflectance in model.reflectances"
+            raise InputError(case.source, f"groups.{group}.states", got, remedy)
 
 
 def _with_others(

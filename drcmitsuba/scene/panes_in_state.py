@@ -64,6 +64,20 @@ class PanesInState:
         material = self.groups.material(own, group, index, layer)
         return self._enabled(material, material is None and index != HIDDEN)
 
+    def rest(self, layer: Layer) -> SurfaceMaterial | None:
+        """Material of what is no pane to the outside in a layer of a model; None leaves it out.
+
+        It follows the model's states of its group, where the case takes these.
+        """
+        index, is_pane = self.index_of(layer.group), layer.role == "pane"
+        material: SurfaceMaterial | None
+        if index > 0 and self.follows_model(layer.group):
+            material = layer.states[min(index, len(layer.states) - 1)].material
+        else:
+            material = self.case.materials.get(layer.name) if is_pane else None
+            material = material or layer.material
+        return self._enabled(material, material is None) if is_pane else material
+
     def _of(self, group: int, index: int | None) -> int:
         """Index of a state, by default that of the façade."""
         if index is not None or group == NO_GROUP:
@@ -82,6 +96,18 @@ class PanesInState:
             or (isinstance(material, BsdfMaterial) and not effects.films)
         )
         return Lambertian(0.0) if out else material
+
+
+def groups_with_surfaces(case: Case) -> list[str]:
+    """Groups of a case whose states change more than panes to the outside."""
+    groups = PaneGroups.of(case)
+    return [
+        layer.group
+        for layer, of_quads in zip(case.building.layers, groups.of_quads, strict=True)
+        if layer.group in case.groups
+        and not groups.materials[groups.states.names.index(layer.group)]
+        and ((of_quads == NO_GROUP).any() or any(state.shades for state in layer.states))
+    ]
 
 
 @dataclass(frozen=True, eq=False)

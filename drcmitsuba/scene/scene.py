@@ -169,7 +169,8 @@ def channels_of(case: Case, effects: EnabledEffects) -> tuple[int, ...]:
 def is_coloured(case: Case) -> bool:
     """Whether any reflectance differs between colour channels, or a film is coloured."""
     values = [f.reflectance for f in case.furniture]
-    of_model = (layer.material for layer in case.building.layers)
+    layers = [part for layer in case.building.layers for part in (layer, *layer.added)]
+    of_model = (material for layer in layers for material in layer.materials)
     values += [m.reflectance for m in of_model if isinstance(m, Lambertian | PorousMaterial)]
     if case.room is not None:
         values += [case.room.floor, case.room.ceiling, case.room.walls]

@@ -106,15 +106,24 @@ class SunVisibility:
         solids = [_around(x.quads) for x in layers if isinstance(x.material, DielectricMaterial)]
         frames = np.concatenate([reversed_quads(panes.frame[panes.outside]), *solids])
         openings = (frames - start) @ turn
-        opaque = [layer for layer in layers if not lets_through(layer.material)]
-        context = [layer.quads for layer in opaque if layer.role == "context"]
+        always = [layer for layer in layers if layer.role == "context" and not layer.stands_in]
+        context = [
+            layer.quads
+            for layer in always
+            if all(m is not None and not lets_through(m) for m in layer.materials)
+        ]
         blockers = np.concatenate([np.zeros((0, 4, 3)), *context])
         blockers = blockers[~is_triangle(blockers)] if len(blockers) else blockers
         order = np.argsort(-areas(blockers), kind="stable")[:MOST_BLOCKERS]
         blockers = (blockers[order] - start) @ turn
-        if sum(len(layer.quads) for layer in layers) > MOST_FACES:
+        every = [*layers, *(shade for layer in layers for shade in layer.added)]
+        if sum(len(layer.quads) for layer in every) > MOST_FACES:
             return cls(openings, np.zeros((0, 3)), blockers, everything=True)
-        bright = [layer.quads for layer in layers if albedo(layer.material) > 0]
+        bright = [
+            layer.quads
+            for layer in every
+            if any(m is not None and albedo(m) > 0 for m in layer.materials)
+        ]
         faces = np.concatenate([np.zeros((0, 4, 3)), *bright])
         return cls(openings, _relays((faces - start) @ turn, openings), blockers)
 

@@ -37,6 +37,7 @@ from drcmitsuba.scene.geometry import (
     wall,
 )
 from drcmitsuba.scene.materials import lets_through
+from drcmitsuba.scene.pane_groups import NO_GROUP
 from drcmitsuba.scene.panes_in_state import PanesInState
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import reaches_in
@@ -144,9 +145,8 @@ def _model_surfaces(case: Case, front: PanesInState) -> list[Surface]:
             continue
         groups = front.groups.of_quads[i]
         for group in np.unique(groups):
-            material: SurfaceMaterial | None = layer.material
-            if layer.role == "pane":
-                material = front.layer(layer, group)
+            is_grouped = group != NO_GROUP
+            material = front.layer(layer, group) if is_grouped else front.rest(layer)
             if material is not None:
                 made.append(Surface(layer.name, material, quads[groups == group] - start))
     for layer in layers:

@@ -33,7 +33,7 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import normals as unit_normals
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.panes_in_state import GroupedPanes, grouped_panes
+from drcmitsuba.scene.panes_in_state import GroupedPanes, grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import Replicate
@@ -175,12 +175,11 @@ def _sources(
 
 
 def _refuse_own_shades(case: Case) -> None:
-    """Refuse groups of a model of which a state has surfaces that stand in no other."""
-    for layer in case.building.layers:
-        if layer.group in case.groups and any(state.shades for state in layer.states):
-            got = "its states have surfaces of their own"
-            remedy = "take fewer states, which are simulated one by one"
-            raise InputError(case.source, f"groups.{layer.group}", got, remedy)
+    """Refuse groups of a model whose states change more than panes to the outside."""
+    for group in groups_with_surfaces(case)[:1]:
+        got = "its states have surfaces of their own"
+        remedy = "take fewer states, which are simulated one by one"
+        raise InputError(case.source, f"groups.{group}", got, remedy)
 
 
 def _from_outside(

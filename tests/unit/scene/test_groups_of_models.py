@@ -1,0 +1,122 @@
+"""Dynamic groups of a Honeybee model: their panes, and what else changes with them."""
+
+import numpy as np
+import pytest
+
+from drcmitsuba.case.case import load_case
+from drcmitsuba.case.model_case import notes_on_groups
+from drcmitsuba.case.schedule import HOURS
+from drcmitsuba.model.materials import Lambertian
+from drcmitsuba.plan.panes import most_reflecting
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.components import place
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.panes_in_state import groups_with_surfaces
+from drcmitsuba.scene.sun_visibility import SunVisibility
+from drcmitsuba.scene.surfaces import surfaces_of
+from tests.unit.model import box_room as box
+
+SUN = np.array([[0, -0.9, np.sqrt(1 - 0.81)]])
+
+
+@pytest.fixture(autouse=True)
+def variant():
+    backend.select()
+
+
+def states(group, *modifiers):
+    taken = [{"modifier": name} for name in modifiers]
+    return {"dynamic_group_identifier": group, "states": taken}
+
+
+def case(tmp_path, tables, tree=("summer", "winter"), shelf=("dull", "bright")):
+    """Room with a pane and a shelf of the group south; a tree of its own group hides the sun."""
+    room = box.room()
+    window = room["faces"][1]["apertures"][0]
+    window["properties"]["radiance"] = states("south", "clear", "dark")
+    corners = [[1, 0.1, 1.5], [3, 0.1, 1.5], [3, 0.6, 1.5], [1, 0.6, 1.5]]
+    window["indoor_shades"] = [
+        box.element("Shade", "shelf", corners, radiance=states("south", *shelf))
+    ]
+    crown = [[-9, -2, -9], [13, -2, -9], [13, -2, 9], [-9, -2, 9]]
+    trees = [box.element("Shade", "oak", crown, radiance=states("tree", *tree))]
+    glass = [
+        {"type": "Glass", "identifier": name} | {f"{c}_transmissivity": t for c in "rgb"}
+        for name, t in (("clear", 0.9), ("dark", 0.1))
+    ]
+    matt = {"dull": 0.2, "bright": 0.95, "summer": 0.3, "black": 0.0, "soot": 0.0}
+    modifiers = [*glass, *(box.plastic(name, r, r, r) for name, r in matt.items())]
+    # Bare branches let 0.6 of the light straight through.
+    modifiers.append(
+        box.plastic("winter", 0.7, 0.7, 0.7, type="Trans", transmitted_diff=0.6 / 0.7)
+        | {"transmitted_spec": 1.0}
+    )
+    modifiers.append({"type": "Mirror", "identifier": "mirror"} | dict.fromkeys(
+        ("r_reflectance", "g_reflectance", "b_reflectance"), 0.9
+    ))  # fmt: skip
+    model = box.model(room, orphaned_shades=trees, radiance={"modifiers": modifiers})
+    box.written(tmp_path, model)
+    file = tmp_path / "case.toml"
+    sensors = "[sensors]\ncorner = [1, 1, 0.8]\ncount = [2, 2]\nspacing = 1.0\n"
+    file.write_text(f'[model]\nfiles = ["box.hbjson"]\n{sensors}{tables}')
+    (tmp_path / "tree.csv").write_text("tree\n" + "0\n" * (HOURS // 2) + "winter\n" * (HOURS // 2))
+    return load_case(file)
+
+
+TREE = '[groups.tree]\nschedule = "tree.csv"\n'
+
+
+def made_of(case, state):
+    return {surface.name: surface.material for surface in surfaces_of(case, state)}
+
+
+def test_a_shelf_changes_with_the_panes_of_its_group(tmp_path):
+    one = case(tmp_path, "[groups.south]\n")
+    assert PaneGroups.of(one).states.states == (("open", "dark"),)
+    is_open, shut = made_of(one, "open"), made_of(one, "shaded")
+    assert is_open["dull"] == Lambertian(0.2)
+    assert shut["dull"] == Lambertian(0.95)
+    assert shut["clear"].transmittance < 0.1 < is_open["clear"].transmittance
+    assert shut["summer"] == is_open["summer"] == Lambertian(0.3)
+    assert groups_with_surfaces(one) == ["south"]  # no sum knows the shelf
+    assert most_reflecting(one, (), beyond=True) == (0.95, "dull")
+
+
+def test_a_tree_follows_its_schedule(tmp_path):
+    one = case(tmp_path, f"[groups.south]\n{TREE}")
+    groups = PaneGroups.of(one).states
+    assert groups.names == ("south", "tree")
+    assert groups.states[1] == ("open", "winter")
+    bare = made_of(one, "open/winter")
+    assert bare["summer"].porosity == pytest.approx(0.6)
+    assert bare["dull"] == Lambertian(0.2)
+
+
+def test_a_sun_behind_a_tree_with_bare_states_lights_the_room(tmp_path):
+    masks = []
+    for tree in (("black", "winter"), ("black", "soot")):
+        one = case(tmp_path, TREE, tree)
+        masks.append(SunVisibility.of(one, place(one)).visible(SUN, 0.5).mask.item())
+    assert masks == [True, False]
+
+
+def test_groups_that_stay_in_their_first_state_are_told(tmp_path):
+    one = case(tmp_path, TREE)
+    (note,) = notes_on_groups(one.building, one.groups)
+    assert note.endswith("without a table [groups.NAME]: south (2 states)")
+    assert "tree (2 states)" in notes_on_groups(one.building, ())[0]
+
+
+@pytest.mark.parametrize(
+    ("tables", "shelf", "message"),
+    [
+        ("[groups.tree]\n", ("dull", "bright"), "groups.tree: no pane to the outside"),
+        (f'{TREE}states = ["fabric"]\n', ("dull", "bright"), "groups.tree.states"),
+        ("[groups.south]\n", ("dull", "mirror"), '"dull" is a mirror or a clear solid'),
+    ],
+)
+def test_unfit_groups_of_a_model_are_one_line(tmp_path, tables, shelf, message):
+    with pytest.raises(InputError, match=message) as caught:
+        PaneGroups.of(case(tmp_path, tables, shelf=shelf))
+    assert "\n" not in str(caught.value)
