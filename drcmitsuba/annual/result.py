@@ -36,7 +36,8 @@ from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metri
 from drcmitsuba.plan import Plan, notes, photon_notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast
 from drcmitsuba.runtime import backend, storage
-from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.background import beside
+from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.daylight import Daylight, daylight, luminances, save_luminances
@@ -97,14 +98,15 @@ class Result:
         """
         folder = Path(folder)
         start = time.perf_counter()
+        folder.mkdir(parents=True, exist_ok=True)
+        E, C = self.illuminance, self.by_state
         with stage("writing") as done:
-            storage.save_netcdf(self.illuminance, folder / "illuminance.nc")
-            done(0.2)
-            storage.save_zarr(self.by_state.parts(), folder / "coefficients.zarr", along="state")
-            done(0.5)
-            save_luminances(self.daylight, folder / "sky.zarr", self.illuminance.get("channel"))
-            done(0.6)
-            pictures = self._save_pictures(folder)
+            with beside(
+                lambda: storage.save_netcdf(E, folder / "illuminance.nc"),
+                lambda: storage.save_zarr(C.parts(), folder / "coefficients.zarr", along="state"),
+                lambda: save_luminances(self.daylight, folder / "sky.zarr", E.get("channel")),
+            ):
+                pictures = self._save_pictures(folder, part(done, 0.0, 0.9))
             elapsed = round(time.perf_counter() - start, 3)
             seconds = self.metrics["seconds"] | {"writing": elapsed}
             metrics = self.metrics | {"seconds": seconds, "peak_memory_bytes": peak_memory()}
@@ -116,15 +118,16 @@ class Result:
             storage.save_json(saved.plan, folder / "plan.json")
         return saved
 
-    def _save_pictures(self, folder: Path) -> list[str]:
+    def _save_pictures(self, folder: Path, progress: Progress) -> list[str]:
         """Draw the plots, remove those of an earlier evaluation, and return the file names."""
         drawn = {}
         if self.enabled_effects.pictures:
             from drcmitsuba.report import figures, plots
 
             drawn = figures.pictures(self.case, self.illuminance, self.metrics)
-            for name, figure in drawn.items():
+            for i, (name, figure) in enumerate(drawn.items(), start=1):
                 plots.save(figure, folder / name)
+                progress(i / len(drawn))
         for old in [*folder.glob("*_plan.png"), folder / "monthly.png"]:
             if old.name not in drawn:
                 old.unlink(missing_ok=True)

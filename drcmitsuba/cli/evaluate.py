@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
+from drcmitsuba.cli.startup import FOR_FILES, FOR_METRICS, importing
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
@@ -103,7 +104,7 @@ def evaluate(
         known = stored_arrays.open_dataset(coefficients, "replicates", "straight", "state")
         known = stored_arrays.loaded(coefficients, known)
     with stages() as stage:
-        result = run(loaded, stage, known)
+        result = run(loaded, importing(stage, *FOR_METRICS, *FOR_FILES), known)
         result.save(output, stage)
     _show_result(result, output)
 

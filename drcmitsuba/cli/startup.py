@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
 from drcmitsuba.runtime import interruption
+from drcmitsuba.runtime.progress import Progress, Stage
+
+WHILE = "open façade"
+"""Stage in which kernels leave Python idle."""
+FOR_METRICS = ("scipy.special", "scipy.sparse")
+FOR_FILES = ("h5netcdf", "numcodecs", "drcmitsuba.report.figures", "scipy.spatial")
+"""Modules that a year's metrics and files need."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -46,10 +55,34 @@ def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
     @wraps(command)
     def run(*arguments: P.args, **options: P.kwargs) -> T:
         if "mitsuba" not in sys.modules:
+            gc.disable()  # modules and their classes are no garbage
             with _native_code_unheard():  # waits for the thread in which Dr.Jit looks for LLVM
                 importlib.import_module("drcmitsuba.runtime.backend").llvm_version()
-        importlib.import_module("drcmitsuba.annual.result")
+            importlib.import_module("drcmitsuba.annual.result")
+            gc.freeze()
+            gc.enable()
         with interruption.raised():
             return command(*arguments, **options)
 
     return run
+
+
+def importing(stage: Stage, *modules: str) -> Stage:
+    """Stages of an evaluation, which import modules in a thread while the kernels of `WHILE` run.
+
+    What cannot be imported fails where it is used.
+    """
+
+    def work() -> None:
+        with suppress(Exception):
+            for name in modules:
+                importlib.import_module(name)
+
+    @contextmanager
+    def opened(name: str) -> Iterator[Progress]:
+        if name == WHILE:
+            threading.Thread(target=work, name="imports", daemon=True).start()
+        with stage(name) as done:
+            yield done
+
+    return opened

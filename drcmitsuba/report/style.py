@@ -47,7 +47,7 @@ def write(figure: Figure, file: Path | IO[bytes], dpi: int) -> None:
     """Write a figure as PNG; characters of a case's name that the font lacks become boxes."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph", UserWarning)
-        figure.savefig(file, format="png", dpi=dpi)
+        figure.savefig(file, format="png", dpi=dpi, pil_kwargs={"compress_level": 3})
 
 
 def png(figure: Figure) -> bytes:

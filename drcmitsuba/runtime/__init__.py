@@ -12,8 +12,10 @@ progress
     Progress of long work.
 flat_arrays
     NumPy arrays on the device.
-storage
-    Files of results, written whole or not at all.
+storage, zarr_folder
+    Files of results, written whole or not at all; arrays in chunks.
+background
+    Jobs in a thread beside the main one.
 process
     A job in a process of its own.
 ray_counter

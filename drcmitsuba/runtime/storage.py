@@ -14,6 +14,7 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
+from drcmitsuba.runtime import zarr_folder
 from drcmitsuba.runtime.errors import InputError
 
 SPARE = 1 << 20
@@ -35,6 +36,10 @@ def _whole(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         _replace(temporary, path)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path.parent)) from None
     finally:
         if temporary.is_dir():
             shutil.rmtree(temporary, ignore_errors=True)
@@ -50,8 +55,6 @@ def _refuse_full_disk(path: Path, size: int) -> None:
                 os.posix_fallocate(file.fileno(), 0, size)
             elif shutil.disk_usage(path.parent).free < size:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path.parent)) from None
     finally:
         path.unlink(missing_ok=True)
 
@@ -75,10 +78,7 @@ def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path, along: str = 
     warns where the file has them, and where it has not.
     """
     with _whole(path) as temporary:
-        parts = iter([data] if isinstance(data, xr.Dataset) else data)
-        next(parts).to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
-        for part in parts:
-            part.to_zarr(temporary, append_dim=along, zarr_format=2, consolidated=True)
+        zarr_folder.write([data] if isinstance(data, xr.Dataset) else data, temporary, along)
 
 
 def save_json(data: object, path: Path) -> None:

@@ -319,7 +319,10 @@ def test_ctrl_c_leaves_one_line_and_whole_files(tmp_path, case, module, name, de
     assert not any(file.startswith(".") for file in left)
     assert written <= left < RESULTS
     for file in left:
-        stored_arrays.open_dataset(folder / file).load()
+        if file.endswith(".png"):
+            assert (folder / file).read_bytes().endswith(b"IEND\xaeB`\x82")
+        else:
+            stored_arrays.open_dataset(folder / file).load()
 
 
 # ---- what works -------------------------------------------------------------------------------

@@ -72,8 +72,13 @@ def test_saving_again_replaces_all_of_it(tmp_path, save, name):
 def test_an_interrupted_save_keeps_what_was_there(tmp_path, monkeypatch, save, name, stage, stop):
     save(dataset(), tmp_path / name)
 
-    def write_half_and_stop(self, target, **options):
-        writer(self, target, **options)
+    room, function = (xr.Dataset, "to_netcdf")
+    if name.endswith("zarr"):
+        room, function = (storage.zarr_folder, "write")
+    writer = getattr(room, function)
+
+    def write_half_and_stop(*arguments, **options):
+        writer(*arguments, **options)
         raise stop
 
     def stop_at_once(*paths):
@@ -81,9 +86,7 @@ def test_an_interrupted_save_keeps_what_was_there(tmp_path, monkeypatch, save, n
 
     with monkeypatch.context() as patch:
         if stage == "write":
-            method = "to_zarr" if name.endswith("zarr") else "to_netcdf"
-            writer = getattr(xr.Dataset, method)
-            patch.setattr(xr.Dataset, method, write_half_and_stop)
+            patch.setattr(room, function, write_half_and_stop)
         else:
             patch.setattr(storage, "_replace", stop_at_once)
         with pytest.raises(stop):
