@@ -4,6 +4,8 @@ load_case, evaluate
     From a case file to a `Result` with metrics, illuminance and coefficients.
 metrics
     sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor).
+controls
+    States of groups of panes by E, weather and time; electric light that daylight saves.
 standards
     Verdicts on LM-83, LEED, EN 17037, BREEAM and WELL, with their probability.
 sky, weather, period
@@ -12,6 +14,8 @@ coefficients, accumulate
     C = D + G·D and E = C·L.
 group_coefficients
     C by group of panes and state, for E of any states, hour by hour.
+controlled
+    E of a year whose groups follow a control.
 bsdf, goniophotometer, design, report, ...
     The other rooms of the package, imported when they are first asked for.
 
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
     from drcmitsuba import metrics as metrics
     from drcmitsuba import schema as schema
     from drcmitsuba import sky as sky
+    from drcmitsuba.annual.controlled import controlled as controlled
     from drcmitsuba.annual.group_coefficients import group_coefficients as group_coefficients
     from drcmitsuba.annual.result import Result as Result
     from drcmitsuba.annual.result import evaluate as evaluate
@@ -50,6 +55,7 @@ _NAMES = {
     "accumulate": "metrics.accumulate",
     "backend": "runtime.backend",
     "coefficients": "transport.coefficients",
+    "controlled": "annual.controlled:controlled",
     "evaluate": "annual.result:evaluate",
     "group_coefficients": "annual.group_coefficients:group_coefficients",
     "load_case": "case.case:load_case",
@@ -58,8 +64,8 @@ _NAMES = {
     "weather": "sky.weather",
 }
 _ROOMS = (
-    "annual", "bsdf", "case", "design", "export", "goniophotometer", "metrics", "model", "plan",
-    "report", "runtime", "scene", "schema", "sky", "standards", "transport",
+    "annual", "bsdf", "case", "controls", "design", "export", "goniophotometer", "metrics", "model",
+    "plan", "report", "runtime", "scene", "schema", "sky", "standards", "transport",
 )  # fmt: skip
 
 registration.register_plugins()

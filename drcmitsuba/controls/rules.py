@@ -1,0 +1,78 @@
+"""Rules of others: LM-83's rule of the shade, and schedules."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.schedule import HOURS, Schedule
+from drcmitsuba.case.shading import AREA, THRESHOLD
+from drcmitsuba.controls.control import states_of
+from drcmitsuba.metrics.facade_states import ShadeRule, sunlit
+from drcmitsuba.metrics.grids import grid_of_sensors
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import choose
+
+
+def lm83(
+    E: xr.Dataset, weather: xr.Dataset, time: xr.DataArray, *, groups: GroupStates,
+    threshold: float = THRESHOLD, area: float = AREA,
+) -> xr.DataArray:  # fmt: skip
+    """Rule of IES LM-83: groups close until less than 2 % of a grid's points are in the sun.
+
+    It is that of `[shading]`; see `metrics.facade_states.ShadeRule`.
+
+    Parameters
+    ----------
+    E : xr.Dataset
+        `direct_sun` (time, sensor) [lx], all groups open; with several groups `sun_group`, too.
+    weather : xr.Dataset
+        Not used.
+    time : xr.DataArray (time,)
+    groups : GroupStates
+    threshold, area : float
+        Direct sun from which on a point counts [lx], and fraction of the points [–].
+
+    Returns
+    -------
+    xr.DataArray of int, dims (time, group)
+        The last state of closed groups, 0 of the others.
+    """
+    rule = ShadeRule(groups, threshold, area, Schedule({}, len(groups)))
+    closed = rule.closed(sunlit(E, rule), np.bincount(grid_of_sensors(E)))
+    return states_of(rule.indices(closed, time), time, groups, "lm83")
+
+
+def scheduled(
+    E: xr.Dataset, weather: xr.Dataset, time: xr.DataArray, *, groups: GroupStates,
+    of_group: Mapping[str, np.ndarray],
+) -> xr.DataArray:  # fmt: skip
+    """States by a schedule, as `case.schedule.read_schedule` reads it from CSV.
+
+    Parameters
+    ----------
+    E, weather : xr.Dataset
+        Not used.
+    time : xr.DataArray (time,)
+    groups : GroupStates
+    of_group : mapping of str to np.ndarray of int, shape (8760,)
+        Index of the state of a group in every hour of the year; other groups stay open.
+
+    Raises
+    ------
+    InputError
+        An unknown group, another number of hours, a state that the group does not have.
+    """
+    numbers = {}
+    for name, states in of_group.items():
+        if name not in groups.names:
+            got = f"no group {name!r}"
+            raise InputError("schedule", "group", got, choose(name, groups.names))
+        if np.shape(states) != (HOURS,):
+            got = f"{np.shape(states)} for group {name!r}"
+            raise InputError("schedule", "hours", got, f"give {HOURS} states")
+        numbers[groups.names.index(name)] = np.asarray(states)
+    return states_of(Schedule(numbers, len(groups)).indices(time), time, groups, "schedule")
