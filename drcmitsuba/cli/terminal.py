@@ -15,8 +15,8 @@ from drcmitsuba.runtime import progress
 from drcmitsuba.runtime.errors import printable
 from drcmitsuba.runtime.progress import Stage
 
-COMPILING = ("open façade", "shaded façade", "façade basis", "rays", "search")
-"""Stages that begin by compiling kernels."""
+COMPILING = ("forecast", "open façade", "shaded façade", "façade basis", "rays", "search")
+"""Stages that begin by compiling kernels, unless earlier runs have."""
 
 
 class _Share(TaskProgressColumn):
@@ -32,8 +32,11 @@ class _Share(TaskProgressColumn):
 def stages() -> Iterator[Stage]:
     """Progress bars on a terminal: yields a function that opens a stage by its name.
 
-    The bars vanish where the work fails or is stopped; the line with the reason remains.
+    The bars vanish where the work fails or is stopped; the line with the reason remains. Below the
+    bars stands what was compiled, as in the first run after installation.
     """
+    from drcmitsuba.runtime.compilation import recorded
+
     columns = (TextColumn("{task.description:<24}"), BarColumn(), _Share())
     console = Console(stderr=True)
     with Progress(
@@ -50,10 +53,16 @@ def stages() -> Iterator[Stage]:
             bar.update(task, completed=1.0)
 
         try:
-            yield stage
+            if not console.is_interactive:
+                yield stage
+                return
+            with recorded(stage) as (known, compilation):
+                yield known
         except BaseException:
             bar.live.transient = True
             raise
+    if compilation.line():
+        console.print(compilation.line(), highlight=False)
 
 
 def show(*tables: Table) -> None:

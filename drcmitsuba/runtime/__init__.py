@@ -6,6 +6,8 @@ toml
     Reading and checking of the tables of a file.
 backend
     The compiler backend: LLVM on the processor, CUDA on a GPU.
+compilation
+    What a run compiled, and how long that took.
 machine_speed
     Speed of this machine relative to the one on which costs were measured.
 progress
