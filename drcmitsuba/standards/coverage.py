@@ -88,8 +88,16 @@ def spacings(illuminance: xr.Dataset) -> dict[str, float]:
 
     It is the median over the points of the distance to the nearest point that lies in another
     direction than the very nearest; infinite for points in a line.
+
+    Raises
+    ------
+    InputError
+        A place is not finite.
     """
     points = np.stack([illuminance[axis].values for axis in "xyz"], axis=1)
+    if not np.isfinite(points).all():
+        got = "places that are not finite"
+        raise InputError("illuminance", "x, y, z", got, "compute the illuminance anew")
     grids = sensors_by_grid(illuminance) or {"": np.arange(len(points))}
     return {name: _spacing(points[sensors]) for name, sensors in grids.items()}
 

@@ -13,10 +13,12 @@ import xarray as xr
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.stored_arrays import loaded, open_dataset
 from drcmitsuba.case.case import Case
-from drcmitsuba.metrics import intervals
+from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import drawing, rules_of, settings_of
-from drcmitsuba.metrics.intervals import Closures
+from drcmitsuba.metrics.intervals import Closures, Rules
+from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
+from drcmitsuba.metrics.intervals.year_draws import closures_of
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import luminance
@@ -47,6 +49,33 @@ class Evidence:
     """Folder or case that the evidence comes from."""
 
     @cached_property
+    def _rules(self) -> Rules:
+        """Rules of the evaluation, to which its own draws were made."""
+        return rules_of(self.illuminance.attrs, self.source, {})
+
+    @cached_property
+    def _direct(self) -> xr.Dataset:
+        """Direct sun by luminance [lx]."""
+        names = ("direct_sun", "direct_sun_se", "sun_group")
+        return self.illuminance[[n for n in names if n in self.illuminance]].map(luminance)
+
+    @cached_property
+    def _sun(self) -> SunDraws:
+        """Draws of the direct sun, the same as those of the evaluation."""
+        return self._sun_to(self._rules.metrics.ase_threshold)
+
+    def _sun_to(self, threshold: float) -> SunDraws:
+        mean, error = (self._direct[f"direct_sun{suffix}"].values for suffix in ("", "_se"))
+        limits = threshold, self._rules.shade_threshold
+        return draw_sun(mean, error, limits, self.drawing["rays"], self.drawing["seed"])
+
+    @cached_property
+    def sun(self) -> SunDraws:
+        """Draws of the direct sun at all time stamps, to the threshold of LM-83."""
+        wanted = Metrics().ase_threshold
+        return self._sun if self._rules.metrics.ase_threshold == wanted else self._sun_to(wanted)
+
+    @cached_property
     def closures(self) -> Closures:
         """Draws of the façade's states at all time stamps, the same as those of the evaluation.
 
@@ -55,9 +84,7 @@ class Evidence:
         E = self.illuminance
         if not E.attrs.get("has_shade", 1):
             return Closures.never(E.sizes["time"])
-        names = [name for name in ("direct_sun", "direct_sun_se", "sun_group") if name in E]
-        direct = E[names].map(luminance)
-        return intervals.closures(direct, rules_of(E.attrs, self.source, {}), **self.drawing)
+        return closures_of(self._direct, self._sun, self._rules)
 
     @classmethod
     def of_result(cls, result: Result) -> Evidence:
@@ -89,9 +116,9 @@ class Evidence:
 
 def _check_version(path: Path, attributes: dict[Any, Any]) -> None:
     """Refuse results of another version: its metrics may have been others."""
-    ours, theirs = version("drcmitsuba"), attributes.get("version")
+    ours, theirs = version("drcmitsuba"), str(attributes.get("version", "unknown"))
     if theirs != ours:
-        got = "unknown" if theirs is None else f"{theirs}, but this is {ours}"
+        got = f"{theirs}, but this is {ours}"
         raise InputError(path, "version", got, "evaluate the case again")
 
 
@@ -101,7 +128,8 @@ def _coefficients(path: Path, E: xr.Dataset) -> Coefficients | None:
         return None
     C = open_dataset(path, "replicates", "straight", "straight_se", "state", "bin", *"xyz")
     C = loaded(path, C[[name for name in OF_C if name in C]])
-    if C.attrs.get("settings") != E.attrs.get("settings") or C.sizes["sensor"] != E.sizes["sensor"]:
+    ours, theirs = (str(data.attrs.get("settings")) for data in (C, E))
+    if ours != theirs or C.sizes["sensor"] != E.sizes["sensor"]:
         got = "they are of another evaluation than illuminance.nc"
         raise InputError(path, "settings", got, "evaluate the case again")
     return Coefficients.of(C)

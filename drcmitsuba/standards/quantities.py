@@ -17,9 +17,7 @@ from drcmitsuba.schema import luminance
 from drcmitsuba.standards.standard import Quantity
 from drcmitsuba.standards.year import OF_LIGHT, Year
 
-OF_MEAN = (
-    "replicates", "straight", "straight_se", "sun_straight", "sun_straight_se", "mesh_error",
-)  # fmt: skip
+OF_MEAN = ("replicates", "sun_straight", "sun_straight_se", "mesh_error")
 """Coefficients that the mean of a space's points follows from."""
 
 

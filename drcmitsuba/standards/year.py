@@ -9,14 +9,12 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.groups import VARYING
-from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.intervals.autonomy import State, draw_autonomy, multipliers
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.facade_draws import Closures
-from drcmitsuba.metrics.intervals.sun import draw_sun
 from drcmitsuba.metrics.intervals.year_draws import YearDraws, open_state
 from drcmitsuba.schema import luminance
 from drcmitsuba.standards.evidence import Evidence
@@ -104,13 +102,10 @@ class Year:
 
     @cached_property
     def _in_use(self) -> YearDraws:
-        """Draws with the shade in use; those of the sun are made to the thresholds of LM-83."""
+        """Draws with the shade in use."""
         C, sky = self.replicates or _none()
-        E, of_lm83 = dict(self.illuminance.data_vars), Metrics().ase_threshold
-        mean, error = (E[f"direct_sun{suffix}"].values for suffix in ("", "_se"))
-        rays, seed = self.evidence.drawing["rays"], self.evidence.drawing["seed"]
-        sun = draw_sun(mean, error, (of_lm83, of_lm83), rays, seed)
-        shut = self.evidence.closures.at(self.at)
+        E, seed = dict(self.illuminance.data_vars), self.evidence.drawing["seed"]
+        sun, shut = self.evidence.sun.at(self.at), self.evidence.closures.at(self.at)
         return YearDraws.of(C, sky, E, sun, shut, seed)
 
     @cached_property

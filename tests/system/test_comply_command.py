@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -93,6 +94,28 @@ def test_other_versions_missing_files_and_mixed_results_are_refused(refused, cop
     assert "other time stamps" in refused("comply", copied, "--standard", "leed-v4.1")
     E.drop_vars("total_open").to_netcdf(path, engine="h5netcdf")
     assert "has no 'total_open'" in refused("comply", copied, "--standard", "leed-v4.1")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda E: E.assign_attrs(version=[0, 1]),
+        lambda E: E.assign_attrs(step_hours=-1.0),
+        lambda E: E.assign_attrs(settings="{"),
+        lambda E: E.assign_attrs(settings='{"accuracy": {"replicates": "many"}}'),
+        lambda E: E.assign_attrs(groups="[]"),
+        lambda E: E.assign_attrs(shade_area=50.0),
+        lambda E: E.assign_coords(x=E["x"] * np.nan),
+        lambda E: E.assign(total=E["total"] * np.nan),
+    ],
+)
+def test_damaged_results_end_in_one_line(refused, copied, change):
+    path = copied / "illuminance.nc"
+    with xr.open_dataset(path, engine="h5netcdf") as data:
+        E = data.load()
+    change(E).to_netcdf(path, engine="h5netcdf")
+    for name in ("leed-v4.1", "lm-83-12"):
+        refused("comply", copied, "--standard", name)
 
 
 def test_without_coefficients_the_probability_is_unknown(run, copied):

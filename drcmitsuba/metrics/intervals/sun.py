@@ -58,6 +58,12 @@ class SunDraws:
     closing: np.ndarray
     """Whether they reach the threshold of ASE, and that of the shade, shape (entry, draw)."""
 
+    def at(self, hours: np.ndarray) -> SunDraws:
+        """Entries of some time stamps, indices in rising order, int, shape (chosen,)."""
+        kept = np.isin(self.time, hours)
+        time = np.searchsorted(hours, self.time[kept])
+        return SunDraws(time, self.sensor[kept], self.exposed[kept], self.closing[kept])
+
 
 def draw_sun(
     mean: np.ndarray, error: np.ndarray, limits: tuple[float, float], rays: int | None, seed: int
