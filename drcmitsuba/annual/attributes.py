@@ -10,7 +10,7 @@ from typing import Any
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
-from drcmitsuba.case.schedule import Schedule, read_schedule
+from drcmitsuba.case.schedule import schedule_of
 from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.model.materials import BsdfMaterial
@@ -88,15 +88,10 @@ def _of_shade(case: Case, enabled_effects: EnabledEffects) -> dict[str, Any]:
     if not enabled_effects.shade or len(groups) == 0:
         return {"has_shade": 0}
     threshold, area = case.shade_rule
-    of_group = {
-        groups.names.index(name): read_schedule(group.schedule, name, groups.states[i])
-        for i, (name, group) in enumerate(case.groups.items())
-        if group.schedule is not None
-    }
     return {
         "has_shade": 1,
         "shade_threshold": threshold,
         "shade_area": area,
         **groups.attributes(),
-        **Schedule(of_group, len(groups)).attributes(),
+        **schedule_of(case.groups, groups).attributes(),
     }

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.groups import Group, GroupStates
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
 
@@ -72,6 +72,22 @@ class Schedule:
         for group, states in self.of_group.items():
             out[:, group] = states[hour]
         return out
+
+
+def schedule_of(groups: Mapping[str, Group], states: GroupStates) -> Schedule:
+    """Read the schedules of the groups of a case; `states` are those of all its groups.
+
+    Raises
+    ------
+    InputError
+        As `read_schedule`.
+    """
+    of_group = {
+        states.names.index(name): read_schedule(group.schedule, name, states.states[i])
+        for i, (name, group) in enumerate(groups.items())
+        if group.schedule is not None
+    }
+    return Schedule(of_group, len(states))
 
 
 def _unpacked(text: str) -> np.ndarray:

@@ -3,7 +3,7 @@
 pilot
     Transport itself on few sensors, suns and photons, with its rays counted.
 work
-    Amounts of work by effect and unit.
+    Amounts of work by effect and unit; `summed` where a year is a sum over groups of panes.
 cost
     Seconds of a unit of work, and the forecast.
 size

@@ -9,6 +9,7 @@ from typing import Any
 
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast import size
+from drcmitsuba.plan.forecast.summed import states_of_year
 from drcmitsuba.plan.forecast.work import work
 from drcmitsuba.runtime import machine_speed
 from drcmitsuba.runtime.machine_speed import Speed
@@ -64,6 +65,9 @@ class Forecast:
     shares: dict[str, float]
     """Shares of the seconds by effect [–]; "rest" is the share that no effect saves. All work for
     the closed shade is "shaded_state", all work for the second and third channel "colour"."""
+    summed_states: int = 0
+    """Number of states of the façade, roughly, where they are so many that E is a sum over groups
+    of panes; else 0."""
 
     def beside(self, effects: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
         """Entries of plan.json: the effects with their shares, and "cost" with the forecast."""
@@ -72,7 +76,11 @@ class Forecast:
         values["seconds"] = round(self.seconds, 3)
         shares = {name: round(share, 4) for name, share in self.shares.items()}
         cost = {"on": True, "reason": f"forecast {self}", "share": shares[REST], "forecast": values}
-        return {n: {**e, "share": shares[n]} for n, e in effects.items()} | {"cost": cost}
+        entries = {n: {**e, "share": shares[n]} for n, e in effects.items()} | {"cost": cost}
+        if self.summed_states:
+            many = f"; about {self.summed_states} states of the façade"
+            entries["shaded_state"]["reason"] += f"{many}: E is a sum over groups of panes"
+        return entries
 
     def __str__(self) -> str:
         return (
@@ -125,4 +133,5 @@ def forecast(plan: Plan, on: Speed | None = None) -> Forecast:
         items=dict(items),
         files=files,
         shares={name: seconds[name] / whole for name in (*plan.effects, REST)},
+        summed_states=states_of_year(plan) if counted.summed is not None else 0,
     )

@@ -23,7 +23,7 @@ BASE, PHOTONS = 290 << 20, 135 << 20
 """Bytes of the program with libraries, kernels and weather; of the photons of one launch."""
 HELD = {
     "vertices": 4.0, "deposit": 1.8, "films": 2.5, "landed": 3.5, "coefficients": 1.6,
-    "luminance": 2.0, "illuminance": 1.5,
+    "luminance": 2.0, "illuminance": 1.5, "groups": 1.0, "matrix": 1.0, "years": 1.0,
 }  # fmt: skip
 """Number of times that memory holds each array at its peak, with copies and freed memory that is
 not returned; fitted to the shipped cases, a coloured one, and one of 5184 sensors."""
@@ -32,7 +32,8 @@ not returned; fitted to the shipped cases, a coloured one, and one of 5184 senso
 def disk(counted: Work) -> dict[str, int]:
     """Number of bytes of the files that an evaluation writes, by name."""
     stamps, channels = counted.plan.facts.hours, counted.channels
-    coefficients = sum(_numbers(pilot) for pilot in counted.pilots.values())
+    written = [OPEN] if counted.summed is not None else list(counted.pilots)
+    coefficients = sum(_numbers(counted.pilots[state]) for state in written)
     files = {
         "illuminance.nc": VARIABLES * FLOAT * counted.entries + LABEL * stamps,
         "coefficients.zarr": KEPT * FLOAT * channels * coefficients,
@@ -79,5 +80,9 @@ def memory(counted: Work) -> int:
         "luminance": DOUBLE * numbers * a.replicates * (counted.channels > 1),
         "illuminance": FLOAT * VARIABLES * counted.entries,
     }
+    if (groups := counted.summed) is not None:
+        held["groups"] = FLOAT * counted.channels * groups.numbers
+        held["matrix"] = (FLOAT + DOUBLE) * groups.receivers * groups.panes_open.cells
+        held["years"] = FLOAT * a.replicates * counted.entries
     most = sum(HELD[name] * size for name, size in held.items())
     return round(BASE + PHOTONS * any(p.scene.followed for p in pilots) + most)

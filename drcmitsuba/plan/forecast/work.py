@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from drcmitsuba_plugins.patches import Patches
 
@@ -12,6 +13,7 @@ from drcmitsuba.case.groups import OPEN, SHADED, State
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Amount, Pilot, spread
+from drcmitsuba.plan.forecast.summed import GroupSum, is_summed, states_of_year
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import sources
@@ -46,6 +48,13 @@ class Work:
             sums[unit] += amount
         return sums
 
+    @cached_property
+    def summed(self) -> GroupSum | None:
+        """Sum over groups of panes, where the façade takes more states than are simulated."""
+        if SHADED not in self.pilots or not is_summed(self.plan):
+            return None
+        return GroupSum.of(self.plan, self.pilots[OPEN], self.pilots[SHADED])
+
     @property
     def channels(self) -> int:
         """Number of colour channels that are simulated."""
@@ -78,7 +87,9 @@ def work(plan: Plan) -> Work:
         amounts = [*_transport(pilot)]
         if isinstance(plan.facts.case.sun, Adaptive):
             amounts += _adaptive(plan, pilot, state, suns.where(plan.scope.enabled_suns(suns)))
-        if state == SHADED and (more := _more_states(plan)):
+        if state == SHADED and counted.summed is not None:
+            amounts = [*counted.summed.amounts()]
+        elif state == SHADED and (more := states_of_year(plan) - 2) > 0:
             of_sky = Pilot.of(plan, state, suns.only(()))
             amounts += [(name, unit, more * amount) for name, unit, amount in _transport(of_sky)]
         behind = "shaded_state" if state == SHADED else None
@@ -88,15 +99,6 @@ def work(plan: Plan) -> Work:
     counted.add([("rest", "evaluation", 1), ("rest", "illuminance", entries)])
     counted.add([("pictures", "picture", plan.scope.pictures)])
     return counted
-
-
-def _more_states(plan: Plan) -> int:
-    """Number of states beside `open` and `shaded` that groups of panes take, roughly.
-
-    The sun shines on one façade or on two: n groups that close by its rule take 2 n states.
-    """
-    groups = sum(PaneGroups.of(plan.simulated).states.closable)
-    return max(0, min(2**groups - 1, 2 * groups) - 1)
 
 
 def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:

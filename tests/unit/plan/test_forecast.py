@@ -13,10 +13,12 @@ from drcmitsuba import evaluate, load_case
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulation import coefficients
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.plan import plan
 from drcmitsuba.plan.forecast import forecast, work
 from drcmitsuba.plan.forecast.cost import KERNELS
+from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.machine_speed import REFERENCE, Speed, speed
 from drcmitsuba.runtime.ray_counter import KINDS
@@ -254,6 +256,7 @@ NOT_LOADED = """
 import sys
 from drcmitsuba import evaluate, load_case
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.schedule import HOURS
 case = Case.model_validate({case!r})
 evaluate(case).save({folder!r})
 unwanted = ("matplotlib", "drcmitsuba.report.plots", "drcmitsuba.report.figures")
@@ -276,3 +279,55 @@ def test_matplotlib_is_loaded_where_pictures_are_drawn(pictures, loaded, tmp_pat
     )  # fmt: skip
     assert completed.stdout.split(" ")[0].strip() == loaded
     assert bool(list(tmp_path.glob("*.png"))) == (pictures == "auto")
+
+
+SIDES = ("north", "east", "south", "west")
+
+
+def with_groups(*materials, schedule=None, **changes):
+    """Plan of a room with windows in four sides, each strip a group of its own."""
+    groups = {
+        f"{side} {name}": {"panes": [name], "facing": side, "states": ["milky"]}
+        for side in SIDES
+        for name in materials
+    }
+    if schedule is not None:
+        groups = {name: {**group, "schedule": schedule} for name, group in groups.items()}
+    facade = {k: v for side in SIDES for k, v in windows(side, *materials).items()}
+    kinds = dict.fromkeys(materials, GLASS) | {"milky": MILKY}
+    return planned(facade=facade, materials=kinds, groups=groups, **changes)
+
+
+def test_states_are_those_that_one_sun_may_close():
+    """In June the sun shines on one side or on two that meet: open, four and four."""
+    assert states_of_year(with_groups("glass")) == 9
+    assert not is_summed(with_groups("glass"))
+    # Two groups a side: 1 + 4 · (2² − 1) + 4 · (2² − 1)².
+    assert states_of_year(with_groups("low", "high")) == 49
+    assert is_summed(with_groups("low", "high"))
+
+
+def test_scheduled_states_are_counted_as_they_come(tmp_path):
+    names = [f"{side} glass" for side in SIDES]
+    rows = [[hour >> g & 1 for g in range(4)] for hour in range(16)] * (HOURS // 16 + 1)
+    lines = [",".join(map(str, row)) for row in rows[:HOURS]]
+    (tmp_path / "s.csv").write_text("\n".join([",".join(names), *lines]) + "\n")
+    scheduled = with_groups("glass", schedule=tmp_path / "s.csv")
+    stamps = scheduled.facts.hours
+    assert states_of_year(scheduled) == min(16, stamps)
+    assert is_summed(scheduled)
+
+
+def test_a_year_of_many_states_is_forecast_as_a_sum():
+    few, many = with_groups("glass"), with_groups("low", "high")
+    counted = work(many)
+    assert counted.summed is not None
+    assert work(few).summed is None
+    # 16 elements and the light besides; each sun shines on some of the groups.
+    bins, (patches, suns) = counted.summed.bins, counted.summed.panes_open.bins
+    assert 17 * patches + suns < bins < 17 * (patches + suns)
+    here, there = forecast(few), forecast(many)
+    assert there.memory_bytes > here.memory_bytes
+    assert there.summed_states == 49
+    assert "sum over groups" in there.beside(many.to_dict())["shaded_state"]["reason"]
+    assert "sum over groups" not in here.beside(few.to_dict())["shaded_state"]["reason"]
