@@ -59,7 +59,7 @@ def continuous_dimming(
     daylight: xr.DataArray, set_point: float = 500.0, least_light: float = 0.2,
     least_power: float = 0.3,
 ) -> xr.DataArray:  # fmt: skip
-    """Power of lamps that are dimmed to a set point, and stay on at their least [1]_.
+    """Power of lamps that are dimmed to a set point, and stay on at their least [1].
 
     f = max(0, 1 − E / set point) of the light is wanted; the power falls linearly from 1 at f = 1
     to `least_power` at f = `least_light`, and no further.
@@ -95,7 +95,7 @@ def dimming_to_off(
     daylight: xr.DataArray, set_point: float = 500.0, least_light: float = 0.2,
     least_power: float = 0.3,
 ) -> xr.DataArray:  # fmt: skip
-    """Power as by `continuous_dimming`, but off where daylight alone reaches the set point [1]_.
+    """Power as by `continuous_dimming`, but off where daylight alone reaches the set point [1].
 
     Parameters, errors and result are those of `continuous_dimming`.
     """
@@ -106,7 +106,7 @@ def dimming_to_off(
 def stepped_dimming(
     daylight: xr.DataArray, set_point: float = 500.0, steps: int = 2
 ) -> xr.DataArray:
-    """Power of lamps that are switched in equal steps [1]_.
+    """Power of lamps that are switched in equal steps [1].
 
     ⌈f · steps⌉ / steps with f = max(0, 1 − E / set point): one step is a switch.
 

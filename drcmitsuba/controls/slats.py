@@ -45,7 +45,7 @@ def cut_off_angle(profile: np.ndarray, spacing: float, width: float) -> np.ndarr
     """Tilt from which on slats of no thickness let no direct sun through.
 
     Slats at the distance s with the width w and the tilt β, outer edge down, cut the sun of the
-    profile angle d off where w sin(β + d) ≥ s cos d: β = arcsin(s cos d / w) − d [1]_.
+    profile angle d off where w sin(β + d) ≥ s cos d: β = arcsin(s cos d / w) − d [1].
 
     Parameters
     ----------

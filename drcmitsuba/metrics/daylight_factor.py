@@ -17,7 +17,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import UnknownLabelsError, positions
 
 OVERCAST = (1, 16)
-"""Types of [1]_ that are the same in every direction of the compass."""
+"""Types of [1] that are the same in every direction of the compass."""
 LARGEST = 6
 """Largest subdivision of the sky."""
 
@@ -34,7 +34,7 @@ def overcast_luminances(
     ground_reflectance : float
         ρ of the ground, whose luminance is ρ/π · 1 lx [–].
     kind : int
-        1, the standard overcast sky, or 16, the traditional one [1]_.
+        1, the standard overcast sky, or 16, the traditional one [1].
 
     Returns
     -------

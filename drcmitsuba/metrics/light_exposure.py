@@ -17,7 +17,7 @@ from drcmitsuba.runtime.errors import InputError
 
 
 def light_exposure(illuminance: xr.DataArray, step_hours: float = 1.0) -> xr.DataArray:
-    """Light exposure H_j = Σ_t E_tj · step, annual where E covers a year [1]_.
+    """Light exposure H_j = Σ_t E_tj · step, annual where E covers a year [1].
 
     It is linear in E: its own smooth twin.
 
@@ -73,7 +73,7 @@ def uniformity(illuminance: xr.DataArray) -> xr.DataArray:
 def sunlight_hours(
     direct: xr.DataArray, threshold: float = 1.0, step_hours: float = 1.0
 ) -> xr.DataArray:
-    """Hours in direct sun on every day, of the sun that comes straight [2]_.
+    """Hours in direct sun on every day, of the sun that comes straight [2].
 
     A cloudless day in the sense of the standard has to be among the days: a sky of sunshine, or
     the coefficients `straight` of the suns in place of `direct`, with a threshold of their own.

@@ -19,7 +19,7 @@ from drcmitsuba.metrics import smooth_step, thresholds
 def mean_hours(
     illuminance: xr.DataArray, threshold: float = 300.0, step_hours: float = 1.0
 ) -> float:
-    """Hours in which the mean illuminance of all points reaches a threshold [1]_.
+    """Hours in which the mean illuminance of all points reaches a threshold [1].
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def mean_hours(
 def worst_point_hours(
     illuminance: xr.DataArray, threshold: float = 90.0, step_hours: float = 1.0
 ) -> float:
-    """Hours in which the point that is lit for the fewest hours reaches a threshold [1]_.
+    """Hours in which the point that is lit for the fewest hours reaches a threshold [1].
 
     Parameters and errors are those of `mean_hours`.
 

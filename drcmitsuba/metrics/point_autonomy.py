@@ -20,7 +20,7 @@ from drcmitsuba.runtime.errors import InputError
 
 
 def da(illuminance: xr.DataArray, threshold: float = 300.0) -> xr.DataArray:
-    """Daylight autonomy, the share of the time stamps at which a point has enough daylight [1]_.
+    """Daylight autonomy, the share of the time stamps at which a point has enough daylight [1].
 
     DA_j = #{t : E_tj ≥ E₀} / T.
 
@@ -47,7 +47,7 @@ def da(illuminance: xr.DataArray, threshold: float = 300.0) -> xr.DataArray:
 
 
 def cda(illuminance: xr.DataArray, threshold: float = 300.0) -> xr.DataArray:
-    """Continuous daylight autonomy: an hour with half of the threshold counts for one half [2]_.
+    """Continuous daylight autonomy: an hour with half of the threshold counts for one half [2].
 
     cDA_j = mean_t min(E_tj / E₀, 1).
 

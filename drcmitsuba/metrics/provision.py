@@ -24,7 +24,7 @@ DAYLIGHT_HOURS = 4380.0
 def daylight_hours(
     diffuse: xr.DataArray, hours: float = DAYLIGHT_HOURS, step_hours: float = 1.0
 ) -> xr.DataArray:
-    """Daylight hours, those of the year with the highest diffuse horizontal illuminance [1]_.
+    """Daylight hours, those of the year with the highest diffuse horizontal illuminance [1].
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def median_illuminance(illuminance: xr.DataArray, fraction: float = 0.5) -> xr.D
 
 
 def provision(illuminance: xr.DataArray, area: float = 0.5, fraction: float = 0.5) -> float:
-    """Illuminance that a share of the points reaches in a fraction of the time stamps [1]_.
+    """Illuminance that a share of the points reaches in a fraction of the time stamps [1].
 
     EN 17037 asks of `provision(E, 0.5)` 300, 500 or 750 lx and of `provision(E, 0.95)` 100, 300 or
     500 lx, for its levels minimum, medium and high.

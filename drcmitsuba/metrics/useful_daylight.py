@@ -26,7 +26,7 @@ LIMITS = (100.0, 300.0, 3000.0)
 
 
 def udi(illuminance: xr.DataArray, limits: Sequence[float] = LIMITS) -> xr.DataArray:
-    """Useful daylight illuminance, the share of the time stamps in each range of illuminance [1]_.
+    """Useful daylight illuminance, the share of the time stamps in each range of illuminance [1].
 
     The ranges are E < 100 lx, 100 lx ≤ E < 300 lx, 300 lx ≤ E ≤ 3000 lx and E > 3000 lx: a tie
     passes to the useful side. The sum of `supplementary` and `autonomous` is UDI combined.

@@ -10,7 +10,7 @@ import numpy as np
 
 from drcmitsuba.metrics import thresholds
 from drcmitsuba.metrics.intervals.rules import TAIL
-from drcmitsuba.standards.quantities import Counted, stamps_needed
+from drcmitsuba.standards.quantities import Counted
 from drcmitsuba.standards.standard import Limit, Quantity
 from drcmitsuba.standards.year import OF_LIGHT, Year
 
@@ -73,25 +73,32 @@ def _largest(values: list[float]) -> list[int]:
 
 
 def deciding(
-    name: str, quantity: Quantity, limit: Limit, counted: Counted, year: Year, by_space: bool
+    limit: Limit, quantity: Quantity, counted: Counted, year: Year, space: int | None
 ) -> Deciding:
-    """Find what decides a limit, in the space that is furthest from it where it is asked of each.
+    """Find what decides a limit of a quantity.
 
-    `counted` is from `quantities.count` of the same quantity and year.
+    Parameters
+    ----------
+    limit : Limit
+    quantity : Quantity
+    counted : Counted
+        From `quantities.count` of the same quantity and year.
+    year : Year
+    space : int, optional
+        Index of the space that it is asked of; by default all points together.
     """
-    worst = int(np.argmin(counted.by_space)) if by_space or quantity.of == "mean" else None
-    value = counted.value if worst is None else float(counted.by_space[worst])
-    holds = value >= limit.at_least
+    value = counted.value if space is None else float(counted.by_space[space])
+    holds, needed = value >= limit.at_least, counted.needed_hours
     if quantity.of == "mean":
-        assert worst is not None
-        E = _mean_of_space(year, worst)[:, None]
+        lowest = int(np.argmin(counted.by_space)) if space is None else space
         gap = abs(value - limit.at_least) / year.step_hours
-        number, chosen = math.floor(gap) + 1 if holds else math.ceil(gap), np.zeros(1, int)
-        months, clock = _below(E, quantity.threshold, chosen, year)
-        hours = math.ceil(number * year.step_hours)
-        return Deciding(name, holds, hours, "h", [], 0, months, clock)
-    sensors = np.arange(len(year.space)) if worst is None else np.flatnonzero(year.space == worst)
-    margin = counted.hours[sensors] - stamps_needed(quantity, year) * year.step_hours
+        stamps = math.floor(gap) + 1 if holds else math.ceil(gap)
+        E = _mean_of_space(year, lowest)[:, None]
+        months, clock = _below(E, quantity.threshold, np.zeros(1, int), year)
+        hours = math.ceil(stamps * year.step_hours)
+        return Deciding(limit.quantity, holds, hours, "h", [], 0, months, clock)
+    sensors = np.arange(len(year.space)) if space is None else counted.of_space(space)
+    margin = counted.hours[sensors] - needed
     required = math.ceil(thresholds.exact(limit.at_least) * len(sensors) / 100)
     passed = int((margin >= 0).sum())
     number = passed - required + 1 if holds else required - passed
@@ -101,8 +108,8 @@ def deciding(
     months, clock = _below(E, quantity.threshold, chosen, year)
     p = None if counted.drawn is None else counted.drawn.passing
     undecided = 0 if p is None else int(((p > TAIL) & (p < 1 - TAIL))[sensors].sum())
-    listed = [_point(year, s, float(counted.hours[s]), quantity) for s in chosen[:MOST_POINTS]]
-    return Deciding(name, holds, number, "points", listed, undecided, months, clock)
+    listed = [_point(year, s, float(counted.hours[s]) - needed) for s in chosen[:MOST_POINTS]]
+    return Deciding(limit.quantity, holds, number, "points", listed, undecided, months, clock)
 
 
 def _mean_of_space(year: Year, space: int) -> np.ndarray:
@@ -124,10 +131,9 @@ def _below(
     return by_month.round(1).tolist(), by_hour.round(1).tolist()
 
 
-def _point(year: Year, sensor: int, hours: float, quantity: Quantity) -> dict[str, Any]:
+def _point(year: Year, sensor: int, more: float) -> dict[str, Any]:
     """Place of a point, and the hours that it has more than needed."""
     E = year.illuminance
     place = {axis: round(float(E[axis].values[sensor]), 4) for axis in "xyz"}
     grid = {"grid": str(E["grid"].values[sensor])} if "grid" in E.coords else {}
-    more = hours - stamps_needed(quantity, year) * year.step_hours
     return {"sensor": int(sensor), **place, **grid, "hours": round(more, 6)}

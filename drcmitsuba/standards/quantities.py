@@ -50,6 +50,14 @@ class Counted:
     """Where it stands with all errors of E in one direction, and in the other [% or h]."""
     mirrored: bool
     """Whether the draws hold the noise of the value twice, as those of sDA do."""
+    needed_hours: float
+    """Hours of the threshold that each point needs [h]."""
+    space: np.ndarray
+    """Index of the space that each of `hours` belongs to, int, (point or space,)."""
+
+    def of_space(self, space: int) -> np.ndarray:
+        """Points of a space, indices."""
+        return np.flatnonzero(self.space == space)
 
     @property
     def interval(self) -> Interval:
@@ -112,7 +120,8 @@ def _points(quantity: Quantity, year: Year) -> Counted:
         bounds = thresholds.share(low >= required), thresholds.share(high >= required)
     is_sun = quantity.light == "direct_sun"
     hours = stamps * year.step_hours
-    return Counted("%", value, by_space, hours, drawn, bounds, not is_sun)
+    needed = required * year.step_hours
+    return Counted("%", value, by_space, hours, drawn, bounds, not is_sun, needed, year.space)
 
 
 def _mean_hours(quantity: Quantity, year: Year) -> Counted:
@@ -131,7 +140,8 @@ def _mean_hours(quantity: Quantity, year: Year) -> Counted:
         by_space = step * _drawn_means(year, limit)
         drawn = Drawn(by_space.min(axis=0), by_space, None)
     bounds = float(low.min()), float(high.min())
-    return Counted("h", float(hours.min()), hours, hours, drawn, bounds, True)
+    each, needed = np.arange(len(spaces)), stamps_needed(quantity, year) * step
+    return Counted("h", float(hours.min()), hours, hours, drawn, bounds, True, needed, each)
 
 
 def _drawn_means(year: Year, limit: float) -> np.ndarray:

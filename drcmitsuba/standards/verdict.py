@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ class Margin:
     """Value of the quantity, and where its limit lies [unit]."""
     unit: str
     space: str = ""
-    """Space that is furthest from the limit, where it is asked of each."""
+    """Space that decides, where the limit is asked of each."""
 
     @property
     def distance(self) -> float:
@@ -118,11 +118,9 @@ def assess(name: str, standard: Standard, year: Year, counted: dict[str, Counted
     decides = None
     if levels:
         level = standard.levels[_nearest(levels)]
-        limit, _ = _closest(level, counted, year)
-        decides = deciding(
-            limit.quantity, standard.quantities[limit.quantity], limit, counted[limit.quantity],
-            year, level.scope == "spaces",
-        )  # fmt: skip
+        limit, _, space = _closest(level, counted, year)
+        quantity = standard.quantities[limit.quantity]
+        decides = deciding(limit, quantity, counted[limit.quantity], year, space)
     return Verdict(
         name, standard.title, standard.edition,
         reached[-1].name if reached and standard.undecided is None else None,
@@ -170,21 +168,50 @@ def outcome(level: Level, counted: dict[str, Counted], year: Year) -> Outcome:
         probability = float(np.mean([passes(holds(list(way))).mean() for way in ways]))
     spaces = dict(zip(year.spaces, held.tolist(), strict=True)) if by_space else {}
     return Outcome(
-        level.name, bool(passes(held)), probability, _closest(level, counted, year)[1], spaces
+        level.name, bool(passes(held)), probability, _closest(level, counted, year).margin, spaces
     )
 
 
-def _closest(level: Level, counted: dict[str, Counted], year: Year) -> tuple[Limit, Margin]:
-    """Limit that fails by most, or holds by least, and its margin."""
-    margins = []
-    for limit in level.limits:
-        c = counted[limit.quantity]
-        value, space = c.value, ""
-        if level.scope == "spaces":
-            lowest = int(np.argmin(c.by_space))
-            value, space = float(c.by_space[lowest]), list(year.spaces)[lowest]
-        margins.append((limit, Margin(limit.quantity, value, limit.at_least, c.unit, space)))
-    return min(margins, key=lambda pair: pair[1].slack)
+class _Closest(NamedTuple):
+    """Limit that decides a level."""
+
+    limit: Limit
+    margin: Margin
+    space: int | None
+    """Space whose limit it is, where the limits are asked of each."""
+
+
+def _closest(level: Level, counted: dict[str, Counted], year: Year) -> _Closest:
+    """Limit that fails by most, or holds by least.
+
+    Where a share of the area has to hold the limits, it is that of the space with which this share
+    is complete when spaces are taken from the best one on: the level is reached where it holds.
+    """
+    if level.scope == "area":
+        return min((_margin(limit, counted, None, "") for limit in level.limits), key=_slack)
+    of_spaces = [
+        min((_margin(limit, counted, i, name) for limit in level.limits), key=_slack)
+        for i, name in enumerate(year.spaces)
+    ]
+    of_spaces.sort(key=_slack, reverse=True)
+    sizes = np.bincount(year.space)
+    area = np.cumsum([sizes[closest.space] for closest in of_spaces])
+    return of_spaces[int(np.searchsorted(area, level.spaces * area[-1] - TINY))]
+
+
+def _slack(closest: _Closest) -> float:
+    return closest.margin.slack
+
+
+def _margin(limit: Limit, counted: dict[str, Counted], space: int | None, name: str) -> _Closest:
+    """Margin of a limit; where all points have to pass, that of the hours of the worst point."""
+    c = counted[limit.quantity]
+    value = c.value if space is None else float(c.by_space[space])
+    asked, unit = limit.at_least, c.unit
+    if c.unit == "%" and limit.at_least == 100.0:
+        mine = slice(None) if space is None else c.of_space(space)
+        value, asked, unit = float(c.hours[mine].min()), c.needed_hours, "h"
+    return _Closest(limit, Margin(limit.quantity, value, asked, unit, name), space)
 
 
 def _nearest(levels: tuple[Outcome, ...]) -> int:

@@ -128,7 +128,11 @@ def test_breeam_asks_for_mean_and_worst_point_on_80_percent_of_the_area():
     ):  # fmt: skip
         verdict = standards.verdict("breeam-hea01", evidence(np.concatenate(rooms), rooms=5))
         assert verdict.level == level
+        margin = verdict.levels[0].margin
+        assert (margin.distance >= 0) == (level is not None)
+        assert (margin.limit, margin.unit) == (2000, "h")
     assert verdict.levels[0].spaces["room 4"] is False
+    assert (margin.space, margin.quantity) == ("room 4", "mean")
 
 
 def test_well_counts_200_lx_in_40_percent_of_the_hours():
