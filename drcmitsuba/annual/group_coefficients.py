@@ -13,7 +13,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case, load_case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.sun import Adaptive
-from drcmitsuba.metrics.accumulate import source_luminances
+from drcmitsuba.metrics.bin_luminances import source_luminances
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError

@@ -15,7 +15,7 @@ import xarray as xr
 from scipy.sparse import csr_matrix, diags, hstack
 
 from drcmitsuba.export.mtx import write_mtx
-from drcmitsuba.metrics.accumulate import factors
+from drcmitsuba.metrics.bin_luminances import factors
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.metrics.illuminance import check_suns, direct_sun

@@ -17,7 +17,7 @@ from drcmitsuba.export.primitives import GLAZING, GLAZING_FILE, identifier
 from drcmitsuba.export.scene_files import scene_files
 from drcmitsuba.export.script import Simulation, script
 from drcmitsuba.export.sources import SKY, SUN_RADIANCE, sun_modifiers, sun_text
-from drcmitsuba.metrics.accumulate import source_luminances
+from drcmitsuba.metrics.bin_luminances import source_luminances
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin

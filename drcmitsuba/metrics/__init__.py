@@ -24,8 +24,8 @@ confidence
     `Interval`, a value with its 95 % interval.
 coefficients_by_state
     `Coefficients`: C of the open and the shaded state.
-accumulate
-    E from coefficients C and luminances L.
+bin_luminances, accumulate
+    Luminances L of the bins of C; E from both.
 illuminance
     E of a case's period, the shade applied.
 intervals

@@ -1,103 +1,29 @@
 """Coefficients × luminances = illuminance: E[time, sensor] = Σ_bin C[sensor, bin] · L[time, bin].
 
-Bins are matched by label, exactly. The sun of a time stamp is one bin, or a few bins that stand for
-it: the sun's part of the sum is a sparse product, the sky's a dense one. Every replicate of C gives
-its own E; their scatter is the standard error of E, as the entries of C share samples.
+The sun of a time stamp is one bin, or a few bins that stand for it: the sun's part of the sum is a
+sparse product, the sky's a dense one. Every replicate of C gives its own E; their scatter is the
+standard error of E, as the entries of C share samples.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
-from drcmitsuba.runtime import lazy
+from drcmitsuba.metrics.bin_luminances import (
+    SAME_SUBDIVISION,
+    own_suns,
+    positions_of,
+    sun_luminances,
+)
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.schema import UnknownLabelsError, describe, positions
-from drcmitsuba.sky.sun_models import Blend, mesh
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
-
-sparse = lazy.module("scipy.sparse")
+from drcmitsuba.schema import describe
 
 BLOCK = 1 << 16
 """Number of entries (time, sensor) in a block: they stay in the cache from sum to sum."""
-SAME_SUBDIVISION = "compute sky and coefficients with the same subdivision"
-
-
-def _positions(coefficients: xr.Dataset, labels: np.ndarray, remedy: str) -> np.ndarray:
-    """Positions of bins by label; InputError where one is not among the coefficients' bins."""
-    try:
-        return positions(labels, coefficients["bin"].values)
-    except UnknownLabelsError as error:
-        got = f"no {error.labels[0]!r} ({len(error.labels)} bins missing)"
-        raise InputError("coefficients", "bin", got, remedy) from None
-
-
-def _suns(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
-    """Luminances (time, bin) [cd/m²] of the bins that stand for the sun in the sky's sun model."""
-    times = np.flatnonzero(sky["sun"].values > 0)
-    known = list(map(str, coefficients["bin"].values))
-    if sky.attrs.get("sun_model") == "adaptive":
-        directions = sky["sun_direction"].values[times]
-        blend = mesh.blend(directions, np.ones(len(times), bool), known)
-        lost = int((blend.weights.sum(axis=1) < 0.5).sum())
-        if lost:
-            raise InputError(
-                "coefficients", "bin", f"no mesh of suns about {lost} of the sky's suns",
-                "compute coefficients with the adaptive sun model",
-            )  # fmt: skip
-    elif "blend_bin" in sky:
-        blend = Blend(sky["blend_bin"].values[times], sky["blend_weight"].values[times])
-    else:
-        blend = Blend.own(sky["sun_bin"].values[times])
-    rows, k = np.nonzero(blend.weights)
-    remedy = "compute coefficients for the time stamps and the sun model of this sky"
-    bins = _positions(coefficients, blend.bins[rows, k], remedy)
-    values = blend.weights[rows, k] * sky["sun"].values[times[rows]]
-    shape = (sky.sizes["time"], len(known))
-    return sparse.csr_matrix((values.astype(np.float32), (times[rows], bins)), shape)
-
-
-def source_luminances(coefficients: xr.Dataset, sky: xr.Dataset) -> csr_matrix:
-    """Luminances L (time, bin) [cd/m²] of the bins of C: sky, ground, and suns of the sun model."""
-    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
-    chosen = np.ones(len(patches), np.float32), (np.arange(len(patches)), patches)
-    at_bins = sparse.csr_matrix(chosen, (len(patches), coefficients.sizes["bin"]))
-    by_patch = sparse.csr_matrix(sky["sky"].values.astype(np.float32))
-    return by_patch @ at_bins + _suns(coefficients, sky)
-
-
-def factors(coefficients: xr.Dataset, sky: xr.Dataset) -> list[tuple[xr.DataArray, csr_matrix]]:
-    """Factors of E = Σ C·L, by which other programs multiply.
-
-    Parameters
-    ----------
-    coefficients, sky : xr.Dataset
-        As for `by_source`; the coefficients may have a dim `channel`.
-
-    Returns
-    -------
-    list of (xr.DataArray, csr_matrix)
-        Mean C (sensor, bin) [sr] and L (time, bin) [cd/m²]; a second pair for the straight light
-        of an adaptive sun, whose bins are the time stamps' own suns.
-    """
-    pairs = [(coefficients["replicates"].mean("replicate"), source_luminances(coefficients, sky))]
-    if "sun_straight" in coefficients:
-        own, shining = _own_suns(coefficients, sky)
-        pairs.append((own["straight"], _suns(own, shining)))
-    return pairs
-
-
-def _own_suns(coefficients: xr.Dataset, sky: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-    """Straight C of the time stamps' own suns, beside those of the mesh, and the sky with them."""
-    own = coefficients[["sun_straight", "sun_straight_se"]]
-    own = own.rename(sun="bin", sun_straight="straight", sun_straight_se="straight_se")
-    return own, sky.assign_attrs(sun_model="true_sun")
 
 
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
@@ -132,8 +58,8 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
         `direct_sun` and `direct_sun_se`, dims (time, sensor) [lx].
     """
     if "sun_straight" in coefficients:
-        coefficients, sky = _own_suns(coefficients, sky)
-    suns = _suns(coefficients, sky)
+        coefficients, sky = own_suns(coefficients, sky)
+    suns = sun_luminances(coefficients, sky)
     out = {}
     for name in ("straight", "straight_se"):
         values = suns @ coefficients[name].values.T
@@ -155,9 +81,9 @@ def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
     """
     if "sun_straight" in coefficients:
         groups = coefficients["pane_group"].rename(sun="bin")
-        coefficients, sky = _own_suns(coefficients, sky)
+        coefficients, sky = own_suns(coefficients, sky)
         coefficients = coefficients.assign(pane_group=groups)
-    suns, straight = _suns(coefficients, sky), coefficients["straight"].values
+    suns, straight = sun_luminances(coefficients, sky), coefficients["straight"].values
     group = coefficients["pane_group"].values
     shape = (sky.sizes["time"], straight.shape[0])
     most, nearest = np.zeros(shape, np.float32), np.full(shape, -1, np.int16)
@@ -214,8 +140,8 @@ def by_source(
     if "illuminance" in coefficients:
         mean, error = _mean_and_error(list(_known(coefficients, sky)))
         return xr.Dataset({"total": _array(sky, mean), "total_se": _array(sky, error)})
-    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
-    suns = _suns(coefficients, sky)
+    patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    suns = sun_luminances(coefficients, sky)
     by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
     by_patch = [c[patches] for c in by_bin]
     L = sky["sky"].values.astype(np.float32)
@@ -276,8 +202,8 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
     """
     if "illuminance" in coefficients:
         return _known(coefficients, sky)[:, :, sensors]
-    patches = _positions(coefficients, sky["bin"].values, SAME_SUBDIVISION)
-    suns, L = _suns(coefficients, sky), sky["sky"].values.astype(np.float32)
+    patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    suns, L = sun_luminances(coefficients, sky), sky["sky"].values.astype(np.float32)
     by_bin = [c[sensors].T for c in coefficients["replicates"].values]
     total = np.stack([L @ c[patches] + suns @ c for c in by_bin])
     if "sun_straight" in coefficients:
