@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from drcmitsuba.annual.result import Result as Result
     from drcmitsuba.annual.result import evaluate as evaluate
     from drcmitsuba.case.case import Case as Case
-    from drcmitsuba.case.case import load_case as load_case
+    from drcmitsuba.case.reading import load_case as load_case
     from drcmitsuba.case.shipped import shipped_cases as shipped_cases
     from drcmitsuba.metrics import accumulate as accumulate
     from drcmitsuba.runtime import backend as backend
@@ -58,7 +58,7 @@ _NAMES = {
     "controlled": "annual.controlled:controlled",
     "evaluate": "annual.result:evaluate",
     "group_coefficients": "annual.group_coefficients:group_coefficients",
-    "load_case": "case.case:load_case",
+    "load_case": "case.reading:load_case",
     "period": "sky.period",
     "shipped_cases": "case.shipped:shipped_cases",
     "weather": "sky.weather",

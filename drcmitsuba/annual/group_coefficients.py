@@ -10,8 +10,9 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.run import Run
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics.bin_luminances import source_luminances
 from drcmitsuba.plan import plan

@@ -30,7 +30,8 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.attributes import settings as settings_of_case
 from drcmitsuba.annual.run import Run
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, photon_notes, plan

@@ -13,8 +13,9 @@ import xarray as xr
 from drcmitsuba.annual.attributes import attributes
 from drcmitsuba.annual.result import Result, summed_up
 from drcmitsuba.annual.run import Run
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import SHADED
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients

@@ -1,7 +1,7 @@
 """Case file: the simulated room, façade, sky and accuracy, checked before anything runs.
 
-case
-    `Case`: all tables together; `load_case`.
+case, reading
+    `Case`: all tables together; `load_case`: from a file to a case.
 unit_check
     Refusal of lengths that look like millimetres.
 weather, sky, sun

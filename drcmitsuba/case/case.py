@@ -16,7 +16,6 @@ from pydantic import Field, PrivateAttr, model_validator
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.components import (
     Component,
-    MeshComponent,
     StructureComponent,
     check_components,
 )
@@ -26,21 +25,17 @@ from drcmitsuba.case.facade import Facade, check_names
 from drcmitsuba.case.furniture import Furniture, check_furniture
 from drcmitsuba.case.groups import OTHERS, Group
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.case.model import ENDINGS, ModelTable
-from drcmitsuba.case.model_case import tables_of, usual_sensors
+from drcmitsuba.case.model import ModelTable
 from drcmitsuba.case.room import Room
-from drcmitsuba.case.sensors import AnySensors, FloorSensors, PointSensors, Sensors
+from drcmitsuba.case.sensors import AnySensors, FloorSensors, Sensors
 from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
-from drcmitsuba.case.shipped import locate_case
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
 from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
 from drcmitsuba.model.materials import (
-    BsdfMaterial,
     DielectricMaterial,
     GlazingMaterial,
-    Lambertian,
     Material,
     MirrorMaterial,
     PorousMaterial,
@@ -51,16 +46,10 @@ from drcmitsuba.runtime.toml import (
     Name,
     Side,
     Table,
-    checked,
     choose,
-    is_file,
     named_of_kind,
-    read_toml,
     shortened,
 )
-
-MAX_BYTES = 1 << 20
-"""Largest size of a case file [bytes]."""
 
 
 class Case(Table):
@@ -277,76 +266,3 @@ class Case(Table):
         if file is None:
             return self
         return self.with_tables(weather=WeatherFile(file=Path(file).absolute()))
-
-
-def load_case(path: str | Path) -> Case:
-    """Read and check a case file.
-
-    Parameters
-    ----------
-    path : str or Path
-        A TOML file, a file of a model, or the name of a shipped case (`classroom/existing`).
-
-    Returns
-    -------
-    Case
-
-    Raises
-    ------
-    InputError
-        The file is missing or no TOML, or has an unknown key or a value out of its range.
-    """
-    file = locate_case(path)
-    is_model = file.suffix.lower() in ENDINGS
-    data = tables_of(file) if is_model else read_toml(file, MAX_BYTES)
-    case = checked(Case, data, file)
-    case._source, case._folder = str(file), file.parent
-    case = with_files(case)
-    if is_model:
-        case = case.with_tables(sensors=usual_sensors(case.source, case.building))
-    return case
-
-
-def with_files(case: Case) -> Case:
-    """Make the paths of materials and components absolute, and read the model.
-
-    A missing file, or an unfit one of the model, raises InputError.
-    """
-
-    def resolved(file: Path, field: str) -> Path:
-        path = case.path(file)
-        if not is_file(path, case.source, field):
-            remedy = "give its path relative to the case file"
-            raise InputError(case.source, field, f"{file}: no such file", remedy)
-        return path
-
-    for name, material in case.materials.items():
-        if isinstance(material, BsdfMaterial):
-            path = resolved(material.file, f"materials.{name}.file")
-            case.materials[name] = material.model_copy(update={"file": path})
-    for name, component in case.components.items():
-        if isinstance(component, StructureComponent | MeshComponent):
-            key = "recipe" if isinstance(component, StructureComponent) else "file"
-            path = resolved(getattr(component, key), f"components.{name}.{key}")
-            case.components[name] = component.model_copy(update={key: path})
-    for name, group in case.groups.items():
-        if group.schedule is not None:
-            path = resolved(group.schedule, f"groups.{name}.schedule")
-            case.groups[name] = group.model_copy(update={"schedule": path})
-    sensors, table = case.sensors, case.model
-    if isinstance(sensors, PointSensors) and sensors.points is not None:
-        points = resolved(sensors.points, "sensors.points")
-        case = case.with_tables(sensors=sensors.model_copy(update={"points": points}))
-    if table is not None:
-        files = tuple(resolved(f, f"model.files.{i}") for i, f in enumerate(table.files))
-        case = case.with_tables(model=table.model_copy(update={"files": files}))
-        case._building = table.read(case.source, files, case.materials)
-        check_sun(case.sun, case.effects, bool(case.standing))
-        for layer in case.building.layers:  # strips and panes name their materials alike
-            if layer.role == "pane" and not isinstance(layer.material, Lambertian):
-                case.materials.setdefault(layer.name, layer.material)
-            is_taken = layer.role == "pane" and layer.group in case.groups
-            for state in layer.states[1:] if is_taken else ():
-                if state.material is not None and not isinstance(state.material, Lambertian):
-                    case.materials.setdefault(state.name, state.material)
-    return case

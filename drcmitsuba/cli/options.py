@@ -109,7 +109,7 @@ def film_path(path: Path | None) -> Path:
 
 def load(case: str, weather: Path | None) -> Case:
     """Load a case; `weather`, where it is given, replaces the case's weather file."""
-    from drcmitsuba.case.case import load_case
+    from drcmitsuba.case.reading import load_case
     from drcmitsuba.runtime.toml import is_file
 
     if weather is not None and not (weather.is_dir() or is_file(weather, weather, "file")):

@@ -109,7 +109,8 @@ def plot(
 ) -> None:
     """Draw the plots of an evaluation again."""
     from drcmitsuba.annual import stored_arrays
-    from drcmitsuba.case.case import Case, with_files
+    from drcmitsuba.case.case import Case
+    from drcmitsuba.case.reading import with_files
     from drcmitsuba.report import figures, plots
     from drcmitsuba.runtime import backend
     from drcmitsuba.runtime.errors import InputError

@@ -14,7 +14,8 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of

@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns

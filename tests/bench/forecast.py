@@ -31,8 +31,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from drcmitsuba.annual.result import evaluate
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.effects import Effects
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shading import Shading
 from drcmitsuba.case.shipped import shipped_cases
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian

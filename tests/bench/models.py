@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.export.radiance import save_radiance
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend

@@ -17,7 +17,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, ThreePhase, TrueSun
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.metrics import accumulate

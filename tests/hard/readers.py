@@ -10,7 +10,7 @@ import numpy as np
 from drcmitsuba import bsdf
 from drcmitsuba.bsdf import check
 from drcmitsuba.bsdf.measured import from_measurements
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.model import honeybee, mesh, radiance
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian
 from drcmitsuba.model.model import Model, with_printable_names

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from hypothesis import given, settings
 
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shipped import shipped_folder
 from tests.hard.command_line import GIB, no_more_than
 from tests.hard.generated_cases import TINY, cases, furnish, shipped

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from drcmitsuba.annual import simulation
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene import scene

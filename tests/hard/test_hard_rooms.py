@@ -10,7 +10,8 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 import drcmitsuba
 from drcmitsuba.annual import simulation
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime import backend

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import drcmitsuba
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.runtime import backend
 
 MIB = 2**20
@@ -48,7 +48,7 @@ import json
 import sys
 import numpy as np
 import drcmitsuba
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.annual.result import peak_memory
 
 result = drcmitsuba.evaluate(load_case(sys.argv[1]))
@@ -64,7 +64,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba.scene import scene
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.annual.result import peak_memory
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba import backend

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sensors import FloorSensors
 from drcmitsuba.model.materials import Lambertian
 from tests import ROOT

@@ -24,7 +24,7 @@ import pytest
 from drcmitsuba_plugins import bsdf_file
 
 from drcmitsuba.annual import simulation
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.export.primitives import GLAZING, GLAZING_FILE, polygon, polygons, twin
 from drcmitsuba.export.radiance import save_radiance
 from drcmitsuba.export.sources import SKY, SUN_RADIANCE, sun_text

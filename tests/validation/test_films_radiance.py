@@ -40,7 +40,8 @@ from drcmitsuba_plugins import bsdf_file
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene

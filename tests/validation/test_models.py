@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from drcmitsuba.annual.simulation import transport
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.export.radiance import save_radiance
 from drcmitsuba.model.materials import (

@@ -27,7 +27,8 @@ import numpy as np
 import pytest
 
 from drcmitsuba.annual import simulation
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.export.radiance import save_radiance
 from drcmitsuba.export.sources import SUN_RADIANCE
 from drcmitsuba.model.radiance import read

@@ -26,7 +26,8 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba import sky
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.model.materials import GlazingMaterial
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene

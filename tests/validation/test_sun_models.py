@@ -23,7 +23,8 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba import sky
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene

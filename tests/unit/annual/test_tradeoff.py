@@ -36,8 +36,9 @@ from drcmitsuba.annual.tradeoff.settings import (
 from drcmitsuba.annual.tradeoff.table import frontier, pareto
 from drcmitsuba.bsdf.merge import merge
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case, load_case
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.runtime import backend, process
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import film

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drcmitsuba.case.case import MAX_BYTES, Case, load_case
+from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.reading import MAX_BYTES, load_case
 from drcmitsuba.case.shipped import shipped_cases
 from drcmitsuba.runtime.errors import InputError
 

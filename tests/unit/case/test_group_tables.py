@@ -2,7 +2,7 @@
 
 import pytest
 
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.schedule import HOURS, read_schedule
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from drcmitsuba.case.case import load_case
 from drcmitsuba.case.model_case import listing
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.model import glass, honeybee
 from drcmitsuba.model.honeybee.modifiers import DEFAULT_SET, GLASS, PLASTIC
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, MirrorMaterial

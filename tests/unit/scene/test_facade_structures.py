@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba import plan
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.shipped import shipped_cases, shipped_folder, shipped_recipes
 from drcmitsuba.goniophotometer.trace import follow, prepare
 from drcmitsuba.runtime import backend

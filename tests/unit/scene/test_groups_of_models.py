@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drcmitsuba.case.case import load_case
 from drcmitsuba.case.model_case import notes_on_groups
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.plan.panes import most_reflecting

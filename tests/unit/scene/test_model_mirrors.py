@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from drcmitsuba.case.case import load_case
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.model.materials import DielectricMaterial, MirrorMaterial
 from drcmitsuba.model.radiance import bodies
 from drcmitsuba.plan.planning import plan

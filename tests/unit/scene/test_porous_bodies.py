@@ -5,8 +5,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba.case.case import load_case
 from drcmitsuba.case.model_case import listing
+from drcmitsuba.case.reading import load_case
 from drcmitsuba.export.primitives import twin
 from drcmitsuba.model.materials import Lambertian, PorousMaterial
 from drcmitsuba.model.radiance import read
