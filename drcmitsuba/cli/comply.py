@@ -64,16 +64,18 @@ def comply(
 
 
 def _evaluated(case: str, names: list[str], weather: Path | None, output: Path | None) -> Evidence:
-    """Evaluate a case; a period that does not cover the named standards is refused before."""
+    """Evaluate a case whose period covers the named standards, or else any of them."""
     from drcmitsuba import evaluate, standards
     from drcmitsuba.sky.daylight import daylight
-    from drcmitsuba.standards.coverage import hours_of
 
     loaded = load(case, weather)
-    if names:
-        light = daylight(loaded)
-        for name in names:
-            hours_of(standards.read(name), light.sky, light.step_hours, loaded.source, light.sky)
+    light = daylight(loaded)
+    refusals = standards.not_covered(light.sky, light.step_hours, loaded.source)
+    wanted = [refusals[name] for name in names if name in refusals]
+    if not names and len(refusals) == len(standards.names()):
+        wanted = [*refusals.values()]
+    if wanted:
+        raise wanted[-1]
     with stages() as stage:
         result = evaluate(loaded, stage)
         if output is not None:

@@ -14,11 +14,11 @@ deciding
 verdict
     `Verdict`: level, margin, probability.
 judgement
-    `verdict` on one standard, `each` of several, `verdicts` on all.
+    `verdict` on one standard, `each` of several, `verdicts` on all; those that are `not_covered`.
 """
 
 from drcmitsuba.standards.evidence import Evidence
-from drcmitsuba.standards.judgement import Refusal, each, verdict, verdicts
+from drcmitsuba.standards.judgement import Refusal, each, not_covered, verdict, verdicts
 from drcmitsuba.standards.standard import Standard, names, read
 from drcmitsuba.standards.verdict import Verdict
 
@@ -29,6 +29,7 @@ __all__ = [
     "Verdict",
     "each",
     "names",
+    "not_covered",
     "read",
     "verdict",
     "verdicts",

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+import xarray as xr
+
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards.coverage import check_facing, check_spacing, hours_of
 from drcmitsuba.standards.evidence import Evidence
@@ -86,6 +88,21 @@ def each(standards: Iterable[str], evidence: Evidence) -> list[Verdict]:
     """Verdicts on several standards, which share what they count; errors as for `verdict`."""
     judge = _Judge(evidence)
     return [judge.verdict(name) for name in standards]
+
+
+def not_covered(sky: xr.Dataset, step_hours: float, source: object) -> dict[str, InputError]:
+    """Standards whose hours the time stamps of a sky do not cover, and why, by name.
+
+    `sky` is `Daylight.sky` of a case, `step_hours` the length of its intervals [h], `source` the
+    case's file, for the messages.
+    """
+    refusals = {}
+    for name in names():
+        try:
+            hours_of(read(name), sky, step_hours, source, sky)
+        except InputError as error:
+            refusals[name] = error
+    return refusals
 
 
 def verdicts(evidence: Evidence) -> list[Verdict | Refusal]:

@@ -77,6 +77,7 @@ def test_a_period_that_does_not_fit_is_refused_before_the_simulation(refused, tm
     line = refused("comply", tmp_path / "case.toml", "--standard", "leed-v4.1")
     assert "440 of 3650 h from 8 to 18 h" in line
     assert 'calendar = "LM-83"' in line
+    assert "of 3650 h" in refused("comply", tmp_path / "case.toml")  # no standard is covered
 
 
 def test_other_versions_missing_files_and_mixed_results_are_refused(refused, copied, tmp_path):
