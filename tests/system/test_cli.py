@@ -189,6 +189,22 @@ def test_a_full_disk_gives_one_line(refused, case, tmp_path, monkeypatch):
     stored_arrays.open_dataset(folder / "coefficients.zarr", "replicates").load()
 
 
+def test_a_disk_that_fills_up_beside_the_pictures_gives_one_line(
+    refused, case, tmp_path, monkeypatch
+):
+    def full(parts, folder, along):
+        folder.mkdir()
+        (folder / "half").write_bytes(b"")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("drcmitsuba.runtime.zarr_folder.write", full)
+    line = refused("evaluate", case, "-o", tmp_path / "r")
+    assert line.startswith(f"{tmp_path / 'r'}: file: No space left on device; ")
+    left = {p.name for p in (tmp_path / "r").iterdir()}
+    assert "illuminance.nc" in left
+    assert {name for name in left if not name.endswith(".png")} == {"illuminance.nc"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
