@@ -65,7 +65,7 @@ _NAMES = {
 }
 _ROOMS = (
     "annual", "bsdf", "case", "controls", "design", "export", "goniophotometer", "metrics", "model",
-    "plan", "report", "runtime", "scene", "schema", "sky", "standards", "transport",
+    "picture", "plan", "report", "runtime", "scene", "schema", "sky", "standards", "transport",
 )  # fmt: skip
 
 registration.register_plugins()

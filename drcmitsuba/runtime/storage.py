@@ -29,7 +29,7 @@ def _replace(temporary: Path, path: Path) -> None:
 
 
 @contextmanager
-def _whole(path: Path) -> Iterator[Path]:
+def whole(path: Path) -> Iterator[Path]:
     """Temporary path that takes the place of `path` where the block ends without an error."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
@@ -64,7 +64,7 @@ def save_netcdf(data: xr.Dataset, path: Path) -> None:
 
     The file is not compressed: compression takes ten times as long and saves a third.
     """
-    with _whole(path) as temporary:
+    with whole(path) as temporary:
         _refuse_full_disk(temporary, data.nbytes + data.nbytes // 20 + SPARE)
         data.to_netcdf(temporary, engine="h5netcdf")
 
@@ -77,7 +77,7 @@ def save_zarr(data: xr.Dataset | Iterable[xr.Dataset], path: Path, along: str = 
     The format is zarr 2, whose consolidated metadata and strings are standard; with format 3 xarray
     warns where the file has them, and where it has not.
     """
-    with _whole(path) as temporary:
+    with whole(path) as temporary:
         zarr_folder.write([data] if isinstance(data, xr.Dataset) else data, temporary, along)
 
 
@@ -99,7 +99,7 @@ def save_text(text: str, path: Path) -> None:
 
 def save_lines(lines: Iterable[str], path: Path) -> None:
     """Write lines of text one after another; never leaves half a file at `path`."""
-    with _whole(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+    with whole(path) as temporary, temporary.open("w", encoding="utf-8") as file:
         file.writelines(lines)
 
 

@@ -13,7 +13,8 @@ from tests import ROOT
 
 ROOMS = [
     "schema", "runtime", "model", "case", "sky", "bsdf", "scene", "goniophotometer", "transport",
-    "metrics", "controls", "report", "export", "plan", "annual", "standards", "design", "cli",
+    "metrics", "controls", "report", "picture", "export", "plan", "annual", "standards", "design",
+    "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

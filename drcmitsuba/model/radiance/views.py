@@ -65,15 +65,33 @@ def read_views(path: Path) -> tuple[View, ...]:
     return tuple(views)
 
 
-def _view(line: str, name: str, place: Place) -> View:
-    """View that a line states."""
+def view_options(line: str, place: Place) -> dict[str, Any]:
+    """Options of a view in a line by their name; those left out have Radiance's defaults.
+
+    Parameters
+    ----------
+    line : str
+        Options of `rview`; other words and options are passed over.
+    place : Place
+        Line of a file, for messages.
+
+    Returns
+    -------
+    dict of str to str or tuple of float
+        Letter of `-vt`, and the numbers of the other options.
+
+    Raises
+    ------
+    InputError
+        An option is unknown, or a value is unfit.
+    """
     try:
         words = shlex.split(line)
     except ValueError as error:
         raise place.error("view", str(error), "close the quotes") from None
     given: dict[str, Any] = {
         "-vt": "v", "-vp": (0, 0, 0), "-vd": (0, 1, 0), "-vu": (0, 0, 1),
-        "-vh": (45,), "-vv": (45,),
+        "-vh": (45,), "-vv": (45,), "-vs": (0,), "-vl": (0,),
     }  # fmt: skip
     at = 0
     while at < len(words):
@@ -103,6 +121,13 @@ def _view(line: str, name: str, place: Place) -> View:
     angles = (*given["-vh"], *given["-vv"])
     if not min(angles) > 0:
         raise place.error("view", f"-vh {angles[0]:g} -vv {angles[1]:g}", "give sizes above 0")
+    return given
+
+
+def _view(line: str, name: str, place: Place) -> View:
+    """View that a line states."""
+    given = view_options(line, place)
+    angles = (*given["-vh"], *given["-vv"])
     return View(
         name=name, kind=given["-vt"], position=tuple(map(float, given["-vp"])),  # type: ignore[arg-type]
         direction=tuple(map(float, given["-vd"])), up=tuple(map(float, given["-vu"])),  # type: ignore[arg-type]

@@ -1,0 +1,19 @@
+"""Pictures: files, views, glare, and how they look on a screen.
+
+picture
+    `Picture`: radiance of the pixels in units of luminance, with view.
+view, projection
+    `PictureView`: directions of pixels and the solid angles that they cover.
+files
+    `read`, `save`: Radiance (`.hdr`) and OpenEXR (`.exr`).
+hdr, hdr_header, rgbe
+    Radiance's pictures.
+exr, exr_header
+    OpenEXR pictures.
+"""
+
+from drcmitsuba.picture.files import read, save
+from drcmitsuba.picture.picture import Picture
+from drcmitsuba.picture.view import PictureView
+
+__all__ = ["Picture", "PictureView", "read", "save"]
