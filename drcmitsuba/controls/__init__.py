@@ -14,6 +14,8 @@ best
     `best_state` of every hour by an objective.
 outside
     Weather that controls see.
+schedule_file
+    States as a schedule of the case.
 electric_light
     Dimming to a set point, and its energy.
 """
@@ -35,6 +37,7 @@ from drcmitsuba.controls.hysteresis import (
 )
 from drcmitsuba.controls.outside import outside
 from drcmitsuba.controls.rules import lm83, scheduled
+from drcmitsuba.controls.schedule_file import groups_of, save_schedule
 from drcmitsuba.controls.slats import cut_off, cut_off_angle, profile_angle
 
 __all__ = [
@@ -47,10 +50,12 @@ __all__ = [
     "cut_off_angle",
     "dimming_to_off",
     "facade_irradiance",
+    "groups_of",
     "lighting_energy",
     "lm83",
     "outside",
     "profile_angle",
+    "save_schedule",
     "scheduled",
     "seasonal",
     "states_of",
