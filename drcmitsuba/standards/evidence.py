@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.result import Result
@@ -140,7 +141,11 @@ def _sky(path: Path, E: xr.Dataset) -> xr.Dataset | None:
     if not path.exists():
         return None
     L = open_dataset(path, "L", "bin", "sun", "sun_bin", "clock")
-    L = loaded(path, L.isel(channel=0) if "channel" in L.dims else L)
+    L = L.isel(channel=0) if "channel" in L.dims else L
+    suns = np.array([str(label).startswith("sun_") for label in L["bin"].values])
+    if not suns[: np.count_nonzero(~suns)].any():  # suns come last; `sun` has their luminance
+        L = L.isel(bin=slice(np.count_nonzero(~suns)))
+    L = loaded(path, L)
     if L.sizes["time"] != E.sizes["time"] or (L["time"].values != E["time"].values).any():
         got = "other time stamps than those of illuminance.nc"
         raise InputError(path, "time", got, "evaluate the case again")
