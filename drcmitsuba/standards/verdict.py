@@ -54,7 +54,7 @@ class Outcome:
     probability: float | None
     """Probability that it is reached, from the draws; None without replicates."""
     margin: Margin
-    """The limit with the least slack."""
+    """The limit that is likeliest to fail."""
     spaces: dict[str, bool]
     """Whether each space complies, where the limits are asked of each."""
 
@@ -182,25 +182,39 @@ class _Closest(NamedTuple):
 
 
 def _closest(level: Level, counted: dict[str, Counted], year: Year) -> _Closest:
-    """Limit that fails by most, or holds by least.
+    """Limit that is likeliest to fail.
 
     Where a share of the area has to hold the limits, it is that of the space with which this share
-    is complete when spaces are taken from the best one on: the level is reached where it holds.
+    is complete when spaces are taken from the best one on: the level is reached where that one
+    holds them.
     """
     if level.scope == "area":
-        return min((_margin(limit, counted, None, "") for limit in level.limits), key=_slack)
-    of_spaces = [
-        min((_margin(limit, counted, i, name) for limit in level.limits), key=_slack)
-        for i, name in enumerate(year.spaces)
+        return _likeliest_to_fail(level, counted, None, "")
+    spaces = list(year.spaces)
+    slack = [
+        min(_margin(limit, counted, i, name).margin.slack for limit in level.limits)
+        for i, name in enumerate(spaces)
     ]
-    of_spaces.sort(key=_slack, reverse=True)
-    sizes = np.bincount(year.space)
-    area = np.cumsum([sizes[closest.space] for closest in of_spaces])
-    return of_spaces[int(np.searchsorted(area, level.spaces * area[-1] - TINY))]
+    order = np.argsort(np.negative(slack), kind="stable")
+    area = np.cumsum(np.bincount(year.space)[order])
+    last = int(order[np.searchsorted(area, level.spaces * area[-1] - TINY)])
+    return _likeliest_to_fail(level, counted, last, spaces[last])
 
 
-def _slack(closest: _Closest) -> float:
-    return closest.margin.slack
+def _likeliest_to_fail(
+    level: Level, counted: dict[str, Counted], space: int | None, name: str
+) -> _Closest:
+    """Limit that holds in the fewest draws; of those with as many, that with the least slack."""
+
+    def holds(closest: _Closest) -> tuple[float, float]:
+        limit, c = closest.limit, counted[closest.limit.quantity]
+        if c.drawn is None:
+            return 0.0, closest.margin.slack
+        ways = (way[space or 0] for way in c.both_ways(space is not None))
+        p = np.mean([np.mean(way >= limit.at_least - TINY) for way in ways])
+        return float(p), closest.margin.slack
+
+    return min((_margin(limit, counted, space, name) for limit in level.limits), key=holds)
 
 
 def _margin(limit: Limit, counted: dict[str, Counted], space: int | None, name: str) -> _Closest:

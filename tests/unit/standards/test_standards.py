@@ -108,6 +108,17 @@ def test_en_17037_asks_for_both_illuminances(target, minimum, level):
     assert verdict.level == level
 
 
+def test_the_limit_that_is_likeliest_to_fail_decides():
+    """Six dark points near 100 lx are in doubt; the target holds by far."""
+    per_lux = 1 / median_reached(WHOLE, 0.25)
+    of_point = np.full(100, 400 * per_lux)
+    of_point[:6] = 102 * per_lux
+    verdict = standards.verdict("en-17037", evidence(of_point, 0.02))
+    (minimum, *_) = verdict.levels
+    assert 0.5 < minimum.probability < 1
+    assert minimum.margin.quantity == verdict.deciding.quantity == "area at 100 lx"
+
+
 def test_en_17037_leaves_five_of_100_points_dark():
     per_lux = 1 / median_reached(WHOLE, 0.25)
     of_point = np.full(100, 400 * per_lux)
