@@ -8,8 +8,6 @@ sample_accumulator, adaptive_sampling
     Coefficients to which samples are added, until the intervals are as narrow as the target.
 result
     `evaluate`, `Result`: from a case to numbers, files and pictures; the data flow in ten lines.
-stored_arrays
-    Reading of earlier results, as untrusted input.
 variants, season
     Several façades of one room; monthly values relative to an open window.
 tradeoff

@@ -96,7 +96,7 @@ def evaluate(
         _evaluate_variants(case, variants.split(","), output, weather)
         return
     from drcmitsuba import evaluate as run
-    from drcmitsuba.annual import stored_arrays
+    from drcmitsuba.metrics import stored_arrays
 
     loaded = load(case, weather)
     known = None

@@ -62,9 +62,9 @@ def _export_case(source: str, folder: Path, weather: Path | None, state: str) ->
 def _export_results(
     results: Path, matrices: Path | None, ill: Path | None, csv: Path | None
 ) -> None:
-    from drcmitsuba.annual import stored_arrays
     from drcmitsuba.export import tables
     from drcmitsuba.export.matrices import save_matrices
+    from drcmitsuba.metrics import stored_arrays
 
     if matrices is not None:
         with stages() as stage, stage("writing"):

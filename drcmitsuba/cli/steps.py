@@ -52,7 +52,7 @@ def illuminance(
     output: Output = Path("results"),
 ) -> None:
     """Compute the illuminance E = C·L: illuminance.nc."""
-    from drcmitsuba.annual import stored_arrays
+    from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.metrics.illuminance import illuminance as accumulated
     from drcmitsuba.runtime import storage
 
@@ -78,8 +78,7 @@ def metrics(
     The intervals are wider than those of evaluate: the file holds the error of every illuminance,
     but not the correlation of these errors.
     """
-    from drcmitsuba.annual import stored_arrays
-    from drcmitsuba.metrics import evaluate_metrics
+    from drcmitsuba.metrics import evaluate_metrics, stored_arrays
     from drcmitsuba.runtime import storage
 
     thresholds = {
@@ -108,9 +107,9 @@ def plot(
     folder: Annotated[Path, argument("FOLDER", "Folder of an evaluation.")],
 ) -> None:
     """Draw the plots of an evaluation again."""
-    from drcmitsuba.annual import stored_arrays
     from drcmitsuba.case.case import Case
     from drcmitsuba.case.reading import with_files
+    from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.report import figures, plots
     from drcmitsuba.runtime import backend
     from drcmitsuba.runtime.errors import InputError

@@ -32,6 +32,8 @@ intervals
     95 % intervals of the metrics.
 evaluate_metrics
     From coefficients to illuminance, metrics and their intervals.
+stored_arrays
+    Reading of earlier results, as untrusted input.
 
 References
 ----------

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.annual.result import Result
-from drcmitsuba.annual.stored_arrays import loaded, open_dataset
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -20,10 +18,11 @@ from drcmitsuba.metrics.evaluate_metrics import drawing, rules_of, settings_of
 from drcmitsuba.metrics.intervals import Closures, Rules
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.intervals.year_draws import closures_of
+from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import luminance
-from drcmitsuba.sky.daylight import from_luminances
+from drcmitsuba.sky.daylight import Daylight, from_luminances
 
 OF_E = ("total", "total_open", "direct_sun")
 """Illuminances that standards ask for; each has its standard error."""
@@ -32,6 +31,26 @@ OF_C = (
     "mesh_error",
 )  # fmt: skip
 """Coefficients from which the draws are made."""
+
+
+class Evaluated(Protocol):
+    """Result of an evaluation in memory, as `annual.result.Result` is."""
+
+    @property
+    def case(self) -> Case:
+        """Case that was evaluated."""
+
+    @property
+    def illuminance(self) -> xr.Dataset:
+        """E[time, sensor] [lx]."""
+
+    @property
+    def by_state(self) -> Coefficients:
+        """C of all states of the façade [sr]."""
+
+    @property
+    def daylight(self) -> Daylight:
+        """Sky and suns."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +107,7 @@ class Evidence:
         return closures_of(self._direct, self._sun, self._rules)
 
     @classmethod
-    def of_result(cls, result: Result) -> Evidence:
+    def of_result(cls, result: Evaluated) -> Evidence:
         """Take the arrays of a result in memory."""
         sky, case = result.daylight.sky, result.case
         return cls(result.illuminance, result.by_state, sky, drawing(case), case.source)

@@ -12,7 +12,7 @@ import xarray as xr
 from hypothesis import given, settings
 
 from drcmitsuba import InputError
-from drcmitsuba.annual import stored_arrays
+from drcmitsuba.metrics import stored_arrays
 from tests import ROOT
 from tests.hard import generated_files, generated_models
 from tests.hard import generated_results as results

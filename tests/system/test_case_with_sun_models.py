@@ -6,8 +6,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
-from drcmitsuba.annual import stored_arrays
-from drcmitsuba.metrics import evaluate_metrics, illuminance
+from drcmitsuba.metrics import evaluate_metrics, illuminance, stored_arrays
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError

@@ -10,9 +10,9 @@ import pvlib
 import pytest
 
 import drcmitsuba
-from drcmitsuba.annual import stored_arrays
 from drcmitsuba.case.case import Case
 from drcmitsuba.cli import main
+from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.report import plots
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import BackendError

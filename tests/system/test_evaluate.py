@@ -8,10 +8,10 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case, metrics
-from drcmitsuba.annual import simulation, stored_arrays
+from drcmitsuba.annual import simulation
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
-from drcmitsuba.metrics import accumulate, evaluate_metrics, illuminance
+from drcmitsuba.metrics import accumulate, evaluate_metrics, illuminance, stored_arrays
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module

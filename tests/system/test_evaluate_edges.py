@@ -8,7 +8,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case, metrics, schema
-from drcmitsuba.annual import stored_arrays
+from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
 from drcmitsuba.sky.sun_models import Suns

@@ -13,7 +13,7 @@ from tests import ROOT
 
 ROOMS = [
     "schema", "runtime", "model", "case", "sky", "bsdf", "scene", "goniophotometer", "transport",
-    "metrics", "controls", "report", "picture", "export", "plan", "annual", "standards", "design",
+    "metrics", "controls", "standards", "report", "picture", "export", "plan", "annual", "design",
     "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10

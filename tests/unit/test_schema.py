@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from drcmitsuba import schema
-from drcmitsuba.annual import stored_arrays
+from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
