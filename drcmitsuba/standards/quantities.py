@@ -149,7 +149,9 @@ def _drawn_means(year: Year, limit: float) -> np.ndarray:
     assert year.replicates is not None
     C, sky = year.replicates
     is_open = C.open[[name for name in OF_MEAN if name in C.open]].map(luminance)
-    parts = [is_open.isel(sensor=s).mean("sensor", skipna=False) for s in year.spaces.values()]
+    spaces = year.spaces.values()
+    of_spaces = [is_open] if len(spaces) == 1 else (is_open.isel(sensor=s) for s in spaces)
+    parts = [of_space.mean("sensor", skipna=False) for of_space in of_spaces]
     means = xr.concat(parts, "sensor", coords="minimal", compat="override").map(
         lambda v: v.transpose("replicate", "sensor", ..., missing_dims="ignore")
     )

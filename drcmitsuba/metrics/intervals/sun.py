@@ -61,8 +61,9 @@ class SunDraws:
     def at(self, hours: np.ndarray) -> SunDraws:
         """Entries of some time stamps, indices in rising order, int, shape (chosen,)."""
         kept = np.isin(self.time, hours)
-        time = np.searchsorted(hours, self.time[kept])
-        return SunDraws(time, self.sensor[kept], self.exposed[kept], self.closing[kept])
+        time, exposed = np.searchsorted(hours, self.time[kept]), self.exposed[kept]
+        closing = exposed if self.closing is self.exposed else self.closing[kept]
+        return SunDraws(time, self.sensor[kept], exposed, closing)
 
 
 def draw_sun(
@@ -76,31 +77,31 @@ def draw_sun(
     rng = np.random.default_rng([seed, 1])
     lit = np.nonzero(mean > 0)
     mu, s = mean[lit], error[lit]
-    p = np.stack([_exceeds(mu, s, limit) for limit in limits])
+    different = list(dict.fromkeys(limits))  # those of LM-83 are the same: one array serves both
+    p = np.stack([_exceeds(mu, s, limit) for limit in different])
     doubtful = ((p > BEYOND) & (p < 1 - BEYOND)).any(axis=0)
     time, sensor, p = lit[0][doubtful], lit[1][doubtful], p[:, doubtful]
-    exposed, closing = (np.empty((len(time), DRAWS), bool) for _ in limits)
+    passed = [np.empty((len(time), DRAWS), bool) for _ in different]
     for start in range(0, len(time), BLOCK):
         here = slice(start, start + BLOCK)
-        u = rng.random(exposed[here].shape, np.float32)
-        exposed[here], closing[here] = (u < row[here, None] for row in p)
+        u = rng.random(passed[0][here].shape, np.float32)
+        for out, row in zip(passed, p, strict=True):
+            out[here] = u < row[here, None]
     # One miss makes s = μ / rays; the height of the sun within its disk makes far less of it.
     dark = None
     if rays is not None:
-        dark = _hidden(mean, limits, rays, int((mu < 1.2 * rays * s).sum()), rng)
+        dark = _hidden(mean, different, rays, int((mu < 1.2 * rays * s).sum()), rng)
     if dark is not None:
         hidden_time, hidden_sensor, hidden = dark
         time, sensor = np.append(time, hidden_time), np.append(sensor, hidden_sensor)
-        exposed, closing = (
-            np.vstack(pair) for pair in zip((exposed, closing), hidden, strict=True)
-        )
+        passed = [np.vstack(pair) for pair in zip(passed, hidden, strict=True)]
+    exposed, closing = (passed[different.index(limit)] for limit in limits)
     return SunDraws(time, sensor, exposed, closing)
 
 
 def _hidden(
-    mean: np.ndarray, limits: tuple[float, float], rays: int, edges: int,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]] | None:  # fmt: skip
+    mean: np.ndarray, limits: list[float], rays: int, edges: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]] | None:
     """Draw pairs without a hit that hide a part of the sun: any that are dark in a sunny hour."""
     dark = np.argwhere((mean == 0) & (mean > 0).any(axis=1, keepdims=True))
     expected = edges * hidden_share(rays)
@@ -109,7 +110,7 @@ def _hidden(
     full = mean.max(axis=1)
     # The part that a pair hides is drawn by its tail: u < p(limit), as for the others.
     tails = [special.gammaincc(EDGE, limit * rays / np.maximum(full, 1e-9)) for limit in limits]
-    largest_tail = np.maximum(*tails)[dark[:, 0]]
+    largest_tail = np.max(tails, axis=0)[dark[:, 0]]
     total = np.cumsum(largest_tail)
     counts = rng.poisson(expected * total[-1] / len(dark), DRAWS)
     if counts.sum() == 0:
@@ -123,4 +124,4 @@ def _hidden(
         out = np.zeros((len(entries), DRAWS), bool)
         out[row, in_draw] = u < tail[dark[picked, 0]]
         passed.append(out)
-    return dark[entries, 0], dark[entries, 1], (passed[0], passed[1])
+    return dark[entries, 0], dark[entries, 1], passed
