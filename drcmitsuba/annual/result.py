@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
@@ -42,6 +42,9 @@ from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.daylight import Daylight, daylight, luminances, save_luminances
+
+if TYPE_CHECKING:
+    from drcmitsuba.report.document import Report
 
 
 @dataclass(frozen=True, repr=False)
@@ -118,6 +121,18 @@ class Result:
             saved = replace(self, metrics=metrics, plan=self.plan | {"cost": cost})
             storage.save_json(saved.plan, folder / "plan.json")
         return saved
+
+    def report(self) -> Report:
+        """Report of this result, which shows itself in Jupyter and has `save(path)`.
+
+        Returns
+        -------
+        Report
+            Verdicts on standards, plans, months, hours: one page of HTML.
+        """
+        from drcmitsuba.report.document import Facade, Report
+
+        return Report([Facade.of_result(self, self.metrics, self.plan)])
 
     def _save_pictures(self, folder: Path, progress: Progress) -> list[str]:
         """Draw the plots, remove those of an earlier evaluation, and return the file names."""

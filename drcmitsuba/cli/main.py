@@ -22,6 +22,7 @@ from drcmitsuba.cli import (
     information,
     optimise,
     plan,
+    report,
     season,
     steps,
     tradeoff,
@@ -43,7 +44,7 @@ app = typer.Typer(
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
     season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
-    export.export,
+    export.export, report.report,
     films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information.schema)

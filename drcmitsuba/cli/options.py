@@ -91,6 +91,11 @@ JSON_FOLDER = "Folder for the JSON file; without it, nothing is written."
 OptionalOutput = Annotated[Path | None, _output("FOLDER", JSON_FOLDER, is_folder=True)]
 ANY_FOLDER = "Folder for pictures and JSON; with measurements, the film's .xml."
 AnyOutput = Annotated[Path | None, _output("NAME", ANY_FOLDER)]
+REPORT = "The report, .html, .md or .csv; by default report.html in the first folder."
+ReportOutput = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="FILE", parser=named, callback=_file, help=REPORT),
+]
 FilmOutput = Annotated[Path | None, _output("FILE", "The film's .xml.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON in place of the table.")]
 Depth = Annotated[int, option("NUMBER", "Levels of the tensor tree.")]

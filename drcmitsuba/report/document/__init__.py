@@ -1,0 +1,22 @@
+"""The report that a client reads: one page of HTML, Markdown or CSV, from finished evaluations.
+
+report
+    `Report`: façades side by side, and their formats.
+facade
+    `Facade`: one evaluation, from a folder or a result in memory.
+tables, verdicts, record
+    Tables: what was asked, metrics, months, spaces; verdicts on standards; plan and versions.
+charts
+    The months as shapes of SVG.
+plans, hours
+    Points, counts and hourly illuminances for the page's script.
+packing
+    Arrays as text that browsers decompress.
+table, labels
+    Tables of any content; the words of the report, to translate.
+"""
+
+from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.report import Report
+
+__all__ = ["Facade", "Report"]

@@ -1,0 +1,141 @@
+"""What the report shows of one façade: an evaluation from a folder, or a result in memory."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import standards
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import with_files
+from drcmitsuba.metrics.evaluate_metrics import settings_of
+from drcmitsuba.report.figures import read_numbers
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.toml import checked
+from drcmitsuba.schema import luminance
+from drcmitsuba.standards import Evidence, Refusal, Verdict
+from drcmitsuba.standards.evidence import Evaluated
+
+LARGEST_PLAN = 1 << 20
+"""Largest `plan.json` that is read [bytes]."""
+MOST_EFFECTS = 60
+"""Largest number of effects that are shown."""
+OF_METRICS = ("metrics", "variant", "notes")
+"""Settings in which metrics.json may differ from the illuminance: thresholds are chosen anew."""
+
+
+@dataclass(frozen=True, eq=False)
+class Facade:
+    """Evaluation of one façade, as the report shows it."""
+
+    case: Case
+    illuminance: xr.Dataset
+    """E by luminance, `total` and `direct_sun` (time, sensor) [lx], with all coordinates."""
+    numbers: dict[str, Any]
+    """Content of `metrics.json`."""
+    plan: dict[str, dict[str, Any]]
+    """Content of `plan.json`; empty where the steps were run one by one."""
+    verdicts: list[Verdict | Refusal]
+    notes: tuple[str, ...] = ()
+    """Remarks on what the report cannot show."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Origin of the result: its case, weather, notes."""
+        return dict(self.numbers["settings"])
+
+    @property
+    def step_hours(self) -> float:
+        """Length of the interval of a time stamp [h]."""
+        return float(self.illuminance.attrs.get("step_hours", 1.0))
+
+    @classmethod
+    def of_folder(cls, folder: str | Path) -> Facade:
+        """Read the files of `evaluate -o FOLDER`; C, L and the plan may be missing.
+
+        Raises
+        ------
+        InputError
+            A file is missing or damaged, of another version, or of another evaluation.
+        """
+        folder = Path(folder)
+        if not folder.is_dir():
+            got = "no such folder"
+            raise InputError(folder, "results", got, "give a folder of drcmitsuba evaluate -o")
+        evidence = Evidence.of_folder(folder)
+        path = folder / "metrics.json"
+        numbers = read_numbers(path, evidence.illuminance.sizes["sensor"])
+        known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
+        case = checked(Case, known, path)
+        _check_same(path, numbers["settings"], evidence, case)
+        notes: tuple[str, ...] = ()
+        if case.model is not None:
+            try:
+                case = with_files(case)
+                backend.select()
+            except InputError as error:
+                notes = (f"the plans have no rooms, since the model cannot be read: {error}",)
+        return cls._judged(case, evidence, numbers, _plan(folder / "plan.json"), notes)
+
+    @classmethod
+    def of_result(cls, result: Evaluated, numbers: dict[str, Any], plan: dict[str, Any]) -> Facade:
+        """Take a result in memory, with its metrics and its plan."""
+        evidence = Evidence.of_result(result)
+        plain = json.loads(json.dumps([numbers, plan], default=str))
+        return cls._judged(result.case, evidence, plain[0], _effects(plain[1]))
+
+    @classmethod
+    def _judged(
+        cls, case: Case, evidence: Evidence, numbers: dict[str, Any],
+        plan: dict[str, dict[str, Any]], notes: tuple[str, ...] = (),
+    ) -> Facade:  # fmt: skip
+        E = evidence.illuminance
+        seen = E[["total", "direct_sun"]].map(luminance, keep_attrs=True).assign_attrs(E.attrs)
+        for name, values in seen.data_vars.items():
+            if np.isnan(values.values).any():
+                got = f"{name} is not known everywhere"
+                raise InputError(evidence.source, "illuminance", got, "evaluate the case again")
+        return cls(case, seen, numbers, plan, standards.verdicts(evidence), notes)
+
+
+def _check_same(path: Path, settings: dict[str, Any], evidence: Evidence, case: Case) -> None:
+    """Refuse metrics of another evaluation than that of the illuminance."""
+    of_light = settings_of(evidence.illuminance.attrs, evidence.source, case.metrics)
+    for key, value in of_light.items():
+        if key not in OF_METRICS and settings.get(key) != value:
+            got = "it is of another evaluation than illuminance.nc"
+            raise InputError(path, f"settings, {key}", got, "evaluate the case again")
+
+
+def _plan(path: Path) -> dict[str, dict[str, Any]]:
+    """Read `plan.json`; empty where there is none.
+
+    Raises
+    ------
+    InputError
+        It is no JSON object of effects, or too large.
+    """
+    if not path.exists():
+        return {}
+    remedy = "run evaluate again"
+    try:
+        if not (path.is_file() and path.stat().st_size <= LARGEST_PLAN):
+            raise InputError(path, "plan", "no plain file, or too large a one", remedy)
+        plan = json.loads(path.read_text(encoding="utf-8"))
+    except InputError:
+        raise
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(path, "plan", str(error)[:120], remedy) from None
+    if not (isinstance(plan, dict) and all(isinstance(e, dict) for e in plan.values())):
+        raise InputError(path, "plan", "no table of effects", remedy)
+    return _effects(plan)
+
+
+def _effects(plan: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return dict(list(plan.items())[:MOST_EFFECTS])

@@ -1,0 +1,189 @@
+"""The report: one page of HTML that needs no network, Markdown, or CSV."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import hashlib
+import io
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from drcmitsuba.report.document import charts, record, tables, verdicts
+from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.hours import Hours
+from drcmitsuba.report.document.labels import labels
+from drcmitsuba.report.document.plans import MOST_POINTS, plans, shown_points
+from drcmitsuba.report.document.table import Number, Table, text
+from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.errors import InputError
+
+MOST_FACADES = 12
+"""Largest number of façades of a report."""
+LARGEST_PAGE = 2_000_000
+"""Largest size of a page [bytes]."""
+MARGIN = 20_000
+"""Part of it that is left free: characters of more than one byte, braces and keys [bytes]."""
+MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""First characters of cells that spreadsheets would compute."""
+
+
+def _environment() -> Environment:
+    env = Environment(
+        loader=PackageLoader("drcmitsuba.report.document"),
+        autoescape=lambda name: bool(name and name.endswith(".html")),
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    env.tests["exact"] = lambda part: isinstance(part, Number)
+    env.filters["markdown"] = lambda cell: "".join(str(p).translate(MARKDOWN) for p in cell)
+    env.filters["words"] = lambda words: str(words).translate(MARKDOWN)
+    return env
+
+
+def _file(name: str) -> str:
+    folder = resources.files("drcmitsuba.report.document").joinpath("templates")
+    return folder.joinpath(name).read_text(encoding="utf-8")
+
+
+def _digest(content: str) -> str:
+    """Hash by which a page allows its own script and style, and no others."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """Report on one or several façades; shows itself in Jupyter."""
+
+    facades: list[Facade]
+
+    @classmethod
+    def of_folders(cls, folders: Iterable[str | Path]) -> Report:
+        """Read folders that `evaluate -o FOLDER` wrote.
+
+        Raises
+        ------
+        InputError
+            A file is missing or damaged, or of another version; there are too many folders.
+        """
+        folders = list(folders)
+        if not 0 < len(folders) <= MOST_FACADES:
+            remedy = f"give 1 to {MOST_FACADES}"
+            raise InputError("report", "folders", str(len(folders)), remedy)
+        return cls([Facade.of_folder(folder) for folder in folders])
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of the façades; equal ones have a number."""
+        names = [text(f.case.name) or "–" for f in self.facades]
+        count, so_far = Counter(names), Counter[str]()
+        for i, name in enumerate(names):
+            so_far[name] += 1
+            if count[name] > 1:
+                names[i] = f"{name} ({so_far[name]})"
+        return names
+
+    @cached_property
+    def _each(self) -> list[tuple[Facade, str]]:
+        return list(zip(self.facades, self.names, strict=True))
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
+        """Content of the templates without what the script draws."""
+
+        def known(every: Iterable[Table | None]) -> list[Table]:
+            return [table for table in every if table is not None]
+
+        return {
+            "t": labels(),
+            "names": self.names,
+            "asked": tables.asked(self.facades, self.names),
+            "metrics": tables.metrics(self.facades, self.names),
+            "months": [tables.months(*each) for each in self._each],
+            "charts": [charts.months(*each) for each in self._each],
+            "spaces": known(tables.spaces(*each) for each in self._each),
+            "groups": known(tables.groups(*each) for each in self._each),
+            "verdicts": verdicts.overview(self.facades, self.names),
+            "judgements": [verdicts.judgements(*each) for each in self._each],
+            "plan": known(record.plan(*each) for each in self._each),
+            "versions": record.versions(self.facades, self.names),
+            "notes": [(name, record.notes(facade)) for facade, name in self._each],
+            "validation": record.validation(),
+        }
+
+    def html(self) -> str:
+        """One page of HTML, at most about 2 MB, with its own script, style and arrays."""
+        style, script = _file("page.css"), _file("page.js")
+        shown = [shown_points(f, MOST_POINTS // len(self.facades)) for f in self.facades]
+        facades = [
+            {"name": name, "count": facade.illuminance.sizes["sensor"], **plans(facade, points)}
+            for (facade, name), points in zip(self._each, shown, strict=True)
+        ]
+        page = _environment().get_template("page.html")
+        content = {
+            **self._content, "style": style, "script": script,
+            "style_digest": _digest(style), "script_digest": _digest(script),
+        }  # fmt: skip
+        drawn = {"labels": labels(), "facades": facades}
+        size = len(page.render(content, drawn=drawn).encode()) + MARGIN
+        for i, (facade, points) in enumerate(zip(self.facades, shown, strict=True)):
+            most = (LARGEST_PAGE - size) // (len(facades) - i)
+            hours = Hours(facade, points).to_dict(most)
+            facades[i]["hours"] = hours
+            size += len(json.dumps(hours))
+        return page.render(content, drawn=drawn)
+
+    def markdown(self) -> str:
+        """Tables of the report as Markdown."""
+        return _environment().get_template("page.md").render(self._content)
+
+    def csv(self) -> str:
+        """Metrics with all their digits as CSV: one row for each number."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(["facade", "space", "month", "metric", "value", "low", "high", "unit"])
+        for facade, name in self._each:
+            for row in _numbers(facade):
+                writer.writerow([_inert(name), *row, "%"])
+        return out.getvalue()
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page to a file, whole or not at all; `.md` and `.csv` choose their format."""
+        path = Path(path)
+        made = {".md": self.markdown, ".csv": self.csv}.get(path.suffix.lower(), self.html)
+        storage.save_text(made(), path)
+        return path
+
+    def _repr_html_(self) -> str:
+        """Page in a frame of its own, which has no access to the notebook."""
+        page = escape(self.html(), quote=True)
+        frame = 'sandbox="allow-scripts" width="100%" height="900"'
+        return f'<iframe title="{escape(labels()["title"])}" {frame} srcdoc="{page}"></iframe>'
+
+
+def _numbers(facade: Facade) -> Iterator[list[Any]]:
+    """Space, month, metric, value, low and high of every number [%]."""
+    keys = ("value", "low", "high")
+    for metric in ("sDA", "ASE", "shade_closed"):
+        yield ["", "", metric, *(facade.numbers[metric][key] for key in keys)]
+    for metric in tables.MONTHLY:
+        for month, number in enumerate(facade.numbers[metric], start=1):
+            if number is not None:
+                yield ["", month, metric, *(number[key] for key in keys)]
+    for grid, numbers in facade.numbers.get("grids", {}).items():
+        for metric in ("sDA", "ASE"):
+            yield [_inert(text(grid)), "", metric, *(numbers[metric][key] for key in keys)]
+
+
+def _inert(name: str) -> str:
+    """Name that a spreadsheet does not take for a formula."""
+    return f"'{name}" if name.startswith(FORMULA) else name

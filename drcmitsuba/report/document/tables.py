@@ -1,0 +1,134 @@
+"""Tables of the report: what was asked, metrics, months, spaces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.report.captions import month_names, period_text
+from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.labels import labels
+from drcmitsuba.report.document.table import NONE, Cell, Table, in_columns, interval, plain, text
+
+MOST_GRIDS = 40
+"""Largest number of spaces of a façade in the table."""
+MOST_NAMES = 12
+"""Largest number of materials or states that are listed."""
+MONTHLY = ("msDA", "MSE", "shade_closed_monthly")
+
+
+def asked(facades: list[Facade], names: list[str]) -> Table:
+    """Table of what was asked: place, period, façade, points, thresholds."""
+    t = labels()
+    of = {
+        t["case"]: lambda f: text(f.settings.get("case") or f.case.name),
+        t["weather"]: lambda f: text(Path(str(f.settings.get("weather_source", ""))).name or NONE),
+        t["place"]: _place,
+        t["period"]: lambda f: period_text(f.case, f.illuminance),
+        t["building"]: _building,
+        t["materials"]: _materials,
+        t["shading"]: _shading,
+        t["points"]: _points,
+        t["asked_sda"]: lambda f: t["asked_sda_text"].format(
+            threshold=f"{f.case.metrics.sda_threshold:g}",
+            share=f"{100 * f.case.metrics.sda_fraction:g}",
+        ),
+        t["asked_ase"]: lambda f: t["asked_ase_text"].format(
+            threshold=f"{f.case.metrics.ase_threshold:g}", hours=f"{f.case.metrics.ase_hours:g}"
+        ),
+    }
+    rows = {name: [plain(say(f)) for f in facades] for name, say in of.items()}
+    return in_columns(t["asked"], t["what"], names, rows)
+
+
+def _place(facade: Facade) -> str:
+    at = [facade.illuminance.attrs.get(name) for name in ("latitude", "longitude")]
+    if None in at:
+        return NONE
+    return "{:.2f}°, {:.2f}°".format(*(float(v) for v in at if v is not None))
+
+
+def _building(facade: Facade) -> str:
+    case = facade.case
+    if case.room is not None:
+        return " × ".join(f"{length:g}" for length in case.room.size) + " m"
+    if case.model is not None:
+        return ", ".join(text(Path(file).name) for file in case.model.files[:MOST_NAMES])
+    return NONE
+
+
+def _materials(facade: Facade) -> str:
+    of_case = facade.case.materials.items()
+    every = [f"{text(name)} ({text(getattr(m, 'type', ''))})" for name, m in of_case]
+    more = [f"+ {len(every) - MOST_NAMES}"] if len(every) > MOST_NAMES else []
+    return ", ".join(every[:MOST_NAMES] + more) or NONE
+
+
+def _shading(facade: Facade) -> str:
+    t, E = labels(), facade.illuminance.attrs
+    if not E.get("has_shade", 0):
+        return t["no_shade"]
+    if "schedule" in E:
+        return t["shade_schedule"]
+    threshold, area = (float(E.get(f"shade_{n}", 0)) for n in ("threshold", "area"))
+    return t["shade_rule"].format(threshold=f"{threshold:g}", area=f"{100 * area:g}")
+
+
+def _points(facade: Facade) -> str:
+    t, E = labels(), facade.illuminance
+    grids = len(sensors_by_grid(E))
+    low, high = (float(f(E["z"].values)) for f in (min, max))
+    heights = f"{low:.2f} m" if high - low < 0.005 else f"{low:.2f} … {high:.2f} m"
+    words = t["points_text"].format(count=E.sizes["sensor"], heights=heights)
+    return words + (t["points_grids"].format(count=grids) if grids else "")
+
+
+def metrics(facades: list[Facade], names: list[str]) -> Table:
+    """Table of the metrics of the period."""
+    t = labels()
+    of = ["sDA", "ASE"] + ["shade_closed"] * any(has_shade(f) for f in facades)
+    rows = {t[name]: [interval(f.numbers[name]) for f in facades] for name in of}
+    return in_columns(t["metrics"], t["metric"], names, rows, t["metrics_note"])
+
+
+def has_shade(facade: Facade) -> bool:
+    """Whether a shade may close."""
+    return bool(facade.illuminance.attrs.get("has_shade", 0))
+
+
+def months(facade: Facade, name: str) -> Table:
+    """Table of the metrics of one façade by month."""
+    t, shown = labels(), MONTHLY if has_shade(facade) else MONTHLY[:2]
+    rows = tuple(
+        (plain(month_names((month,))), *(interval(facade.numbers[n][month - 1]) for n in shown))
+        for month in range(1, 13)
+    )
+    return Table(name, (t["month"], *(t[n] for n in shown)), rows)
+
+
+def spaces(facade: Facade, name: str) -> Table | None:
+    """Table of the grids of one façade; None where there are no grids."""
+    t, grids = labels(), facade.numbers.get("grids", {})
+    if not grids:
+        return None
+    rows: list[tuple[Cell, ...]] = []
+    sizes = {n: len(sensors) for n, sensors in sensors_by_grid(facade.illuminance).items()}
+    for grid, numbers in list(grids.items())[:MOST_GRIDS]:
+        shares = (interval(numbers[metric]) for metric in ("sDA", "ASE"))
+        rows.append((plain(grid), plain(sizes.get(grid, NONE)), *shares))
+    left = len(grids) - MOST_GRIDS
+    note = t["more_spaces"].format(count=left) if left > 0 else ""
+    return Table(name, (t["space"], t["point_count"], t["sDA"], t["ASE"]), tuple(rows), note)
+
+
+def groups(facade: Facade, name: str) -> Table | None:
+    """Table of the hours that groups of panes are in each state; None without such groups."""
+    t, told = labels(), facade.numbers.get("groups")
+    if not isinstance(told, dict) or not told:
+        return None
+    rows: list[tuple[Cell, ...]] = []
+    for group, shares in list(told.items())[:MOST_GRIDS]:
+        states = shares.items() if isinstance(shares, dict) else ()
+        known = (f"{text(s)} {v:.1f} %" for s, v in states if isinstance(v, int | float))
+        rows.append((plain(group), plain(", ".join(known))))
+    return Table(name, (t["group"], t["states"]), tuple(rows))

@@ -1,0 +1,113 @@
+"""Tables of the verdicts on standards, with probabilities, and what decides them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drcmitsuba import standards
+from drcmitsuba.report.document.facade import Facade
+from drcmitsuba.report.document.labels import labels
+from drcmitsuba.report.document.table import Cell, Number, Table, interval, plain, text
+from drcmitsuba.standards import Refusal, Verdict
+from drcmitsuba.standards.verdict import Margin, Outcome, likelihood
+
+YES, NO, OPEN = "✓ ", "✗ ", "? "
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One verdict in full, for a façade."""
+
+    facade: str
+    title: str
+    stated: str
+    tables: tuple[Table, ...]
+    remarks: tuple[str, ...]
+
+
+def overview(facades: list[Facade], names: list[str]) -> Table:
+    """Table with a row for each standard and a column for each façade."""
+    t = labels()
+    rows = []
+    for verdicts in zip(*(f.verdicts for f in facades), strict=True):
+        title = _title(verdicts[0])
+        rows.append((plain(title), *(_short(verdict) for verdict in verdicts)))
+    return Table(t["verdicts"], (t["standard"], *names), tuple(rows), t["verdicts_note"])
+
+
+def _title(verdict: Verdict | Refusal) -> str:
+    return text(f"{verdict.title} ({standards.read(verdict.standard).edition})")
+
+
+def _short(verdict: Verdict | Refusal) -> Cell:
+    """Level and probability in words."""
+    t = labels()
+    if isinstance(verdict, Refusal):
+        return (OPEN + t["no_verdict"],)
+    if verdict.undecided is not None:
+        return (OPEN + t["undecided"],)
+    reached = likelihood(verdict.probability)
+    if verdict.level is None:
+        lowest = text(verdict.levels[0].name)
+        return (NO + t["not_reached"].format(level=lowest, probability=reached),)
+    return (YES + t["reached"].format(level=text(verdict.level), probability=reached),)
+
+
+def judgements(facade: Facade, name: str) -> list[Judgement]:
+    """Verdicts of a façade in full: quantities, levels, margins, what decides, sources."""
+    return [
+        _refused(verdict, name) if isinstance(verdict, Refusal) else _judged(verdict, name)
+        for verdict in facade.verdicts
+    ]
+
+
+def _refused(refusal: Refusal, name: str) -> Judgement:
+    reason = f"{refusal.reason.got}; {refusal.reason.remedy}"
+    stated = str(_short(refusal)[0])
+    return Judgement(name, _title(refusal), stated, (), (text(reason),))
+
+
+def _judged(verdict: Verdict, name: str) -> Judgement:
+    t, standard = labels(), standards.read(verdict.standard)
+    rows = tuple(
+        (plain(q), _quantity(verdict, q), plain(quantity.meaning))
+        for q, quantity in standard.quantities.items()
+    )
+    tables = [Table(t["quantities"], (t["quantity"], t["value"], t["meaning"]), rows)]
+    outcomes = (*verdict.levels, *verdict.extras)
+    if outcomes:
+        head = (t["level"], t["is_reached"], t["probability"], t["nearest_limit"])
+        tables.append(Table(t["levels"], head, tuple(_row(outcome) for outcome in outcomes)))
+    remarks = [] if verdict.undecided is None else [verdict.undecided]
+    if verdict.deciding is not None:
+        remarks.append(t["decides"].format(text=verdict.deciding.text()))
+    remarks += [t["duty"].format(text=duty) for duty in verdict.duties]
+    remarks += verdict.notes
+    parts = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
+    remarks += dict.fromkeys(t["source"].format(sure=p.sure, text=p.source) for p in parts)
+    stated = str(_short(verdict)[0])
+    return Judgement(name, _title(verdict), stated, tuple(tables), tuple(map(text, remarks)))
+
+
+def _quantity(verdict: Verdict, name: str) -> Cell:
+    i, unit = verdict.quantities[name], verdict.units[name]
+    return interval(i.to_dict(), unit, digits=1 if unit == "%" else 0)
+
+
+def _row(outcome: Outcome) -> tuple[Cell, ...]:
+    t = labels()
+    reached = YES + t["yes"] if outcome.reached else NO + t["no"]
+    failing = sum(not held for held in outcome.spaces.values())
+    if len(outcome.spaces) > 1 and failing:
+        reached += t["spaces_fail"].format(failing=failing, count=len(outcome.spaces))
+    probability = likelihood(outcome.probability)
+    return plain(outcome.name), (reached,), (probability,), _margin(outcome.margin)
+
+
+def _margin(margin: Margin) -> Cell:
+    """Value, limit and distance: "sDA 71.2 % of 75 % (−3.8)"."""
+    t, digits = labels(), 1 if margin.unit == "%" else 0
+    value, distance = Number(margin.value, digits), Number(margin.distance, digits, signed=True)
+    limit = f" {margin.unit} {t['of']} {margin.limit:g} {margin.unit} ("
+    space = f" {t['in']} {text(margin.space)}" if margin.space else ""
+    return f"{margin.quantity} ", value, limit, distance, f"){space}"
