@@ -12,10 +12,8 @@ sky, weather, period
     Luminances L of the sky and the suns.
 coefficients, accumulate
     C = D + G·D and E = C·L.
-group_coefficients
-    C by group of panes and state, for E of any states, hour by hour.
-controlled
-    E of a year whose groups follow a control.
+group_coefficients, controlled
+    C by group of panes and state; E of any states, hour by hour, and of those that a control takes.
 bsdf, goniophotometer, design, report, ...
     The other rooms of the package, imported when they are first asked for.
 

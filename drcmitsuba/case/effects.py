@@ -38,6 +38,8 @@ class Effects(Table):
     """Coefficients with the shade closed."""
     interreflection: Choice = "auto"
     """Light that met diffuse surfaces; "all": to any depth; "off": none."""
+    solved_cells: Choice = "auto"
+    """Light between surfaces solved on cells; "off": on paths from the sensors."""
     colour: Choice = "auto"
     """Three channels (red, green, blue) in place of one (luminance)."""
     pictures: Choice = "auto"

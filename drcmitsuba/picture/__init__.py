@@ -10,8 +10,6 @@ hdr, hdr_header, rgbe
     Radiance's pictures.
 exr, exr_header
     OpenEXR pictures.
-glare, glare_sources, position_index
-    `glare`: DGP, UGR and DGI of a picture from its glare sources.
 """
 
 from drcmitsuba.picture.files import read, save

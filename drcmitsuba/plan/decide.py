@@ -17,11 +17,21 @@ from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, film, lets_through
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import is_coloured
+from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns, outside
+from drcmitsuba.scene.surfaces import bounds_of_rooms
 from drcmitsuba.sky.daylight import Daylight
 
 NEGLIGIBLE = 1e-3
 """Part of the light in a room that may be lost by cutting paths, where the case has no target."""
+FINEST_TARGET = 0.5
+"""Half width of the interval of the mean illuminance below which cells are not enough [%]."""
+CELLS_OF_SENSOR = 50
+"""Number of cells for each sensor above which paths from the sensors cost less."""
+RAY_BYTES = 24
+"""Memory of a ray from cell to cell [bytes]."""
+MOST_BYTES = 4 << 30
+"""Largest memory of all of them [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -313,6 +323,42 @@ def interreflection(facts: Facts) -> tuple[Effect, int | None]:
         f": over {most} surfaces, after which less than {100 * part:.2g} % of the light is left"
     )
     return Effect(True, reason, quantities), most
+
+
+def solved_cells(facts: Facts, depth: int | None) -> Effect:
+    """Light between surfaces solved on cells, instead of paths that follow all bounces.
+
+    `depth` is that of `interreflection`.
+    """
+    case, a = facts.case, facts.case.accuracy
+    if depth == 0:
+        return Effect(False, "every surface is black")
+    goal = a.goal
+    if goal is not None and goal.unit == "%" and goal.value < FINEST_TARGET:
+        got = f"the target, {goal.value:g} % of the mean, is near the bias of cells"
+        return Effect(False, f"{got}: on paths", {"target": goal.value})
+    extent = _extent(case)
+    if extent is None:
+        return Effect(False, "no room encloses the sensors: on paths")
+    x, y, z = extent
+    cells, sensors = 2 * (x * y + y * z + z * x) / a.cell_size**2, len(sensor_points(case)[0])
+    quantities = {"cells": round(cells), "sensors": sensors}
+    if sensors < cells / CELLS_OF_SENSOR:
+        return Effect(False, f"{sensors} sensors and some {cells:.0f} cells: on paths", quantities)
+    size = RAY_BYTES * a.replicates * a.cell_paths * cells
+    if size > MOST_BYTES:
+        got = f"the transfer between some {cells:.0f} cells takes {size / 2**30:.1f} GiB"
+        return Effect(False, f"{got}: on paths", quantities)
+    reason = f"{sensors} sensors share the light between some {cells:.0f} cells"
+    return Effect(True, reason, quantities)
+
+
+def _extent(case: Case) -> np.ndarray | None:
+    """Extent of the rooms [m], shape (3,); None without any."""
+    if case.room is not None:
+        return np.array(case.room.size)
+    bounds = bounds_of_rooms(case)
+    return None if bounds is None else bounds[1] - bounds[0]
 
 
 def colour(facts: Facts) -> Effect:

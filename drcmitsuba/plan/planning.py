@@ -93,6 +93,7 @@ def plan(case: Case, light: Daylight) -> Plan:
         "obstructions": decide.obstructions(facts),
         "shaded_state": decide.shaded_state(facts),
         "interreflection": interreflection,
+        "solved_cells": decide.solved_cells(facts, depth),
         "colour": decide.colour(facts),
         "pictures": decide.pictures(facts),
         "gradients": decide.gradients(facts),
@@ -115,7 +116,7 @@ def _scope(
     def forced(name: str) -> bool:
         return chosen[name] == "all"
 
-    limits = {"auto": depth, "all": None, "off": 0}
+    most = {"auto": depth, "all": None, "off": 0}[chosen["interreflection"]]
     overruled_view = effects["straight_through"].overruled
     return EnabledEffects(
         sky=on("sky"),
@@ -133,7 +134,8 @@ def _scope(
         beyond=on("obstructions") or bool(facts.case.standing or facts.case.building.layers),
         shade=on("shaded_state"),
         every_shade=forced("shaded_state"),
-        depth=limits[chosen["interreflection"]],
+        depth=most,
+        solved_cells=on("solved_cells") and most != 0,
         channels=on("colour"),
         pictures=on("pictures"),
     )

@@ -7,15 +7,28 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike
 
+ALIGNMENT = 64
+"""Bytes to a multiple of which arrays begin: kernels are compiled for the alignment of an array."""
+
 
 def flat(a: ArrayLike) -> mi.Float:
     """Numbers in single precision."""
-    return mi.Float(np.ascontiguousarray(a, np.float32).ravel())
+    return mi.Float(_aligned(a, np.float32))
 
 
 def flat_indices(a: ArrayLike) -> mi.UInt32:
     """Whole numbers from 0."""
-    return mi.UInt32(np.ascontiguousarray(a, np.uint32).ravel())
+    return mi.UInt32(_aligned(a, np.uint32))
+
+
+def _aligned(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
+    """Copy an array to a flat one that begins at a multiple of `ALIGNMENT`."""
+    values = np.asarray(a)
+    memory = np.empty(values.size * np.dtype(dtype).itemsize + ALIGNMENT, np.uint8)
+    start = -memory.ctypes.data % ALIGNMENT
+    out: np.ndarray = memory[start : start + memory.size - ALIGNMENT].view(dtype)
+    out[:] = values.ravel()
+    return out
 
 
 def first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:

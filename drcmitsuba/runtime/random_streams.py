@@ -40,6 +40,8 @@ class Stream(Enum):
     """Directions on suns that a shadow's edge crosses; replicate."""
     PHOTONS = (_N, 6)
     """Photons; replicate."""
+    CELL_RAYS = (_N, 10)
+    """Rays from cells to other cells, of all replicates; round."""
     ROUNDS = (_N, 8)
     """Seed of a round of adaptive sampling; round."""
     PANES = (_N, 0, _N)

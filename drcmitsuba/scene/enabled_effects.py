@@ -45,7 +45,10 @@ class EnabledEffects:
     every_shade: bool = False
     """Whether the shaded state is simulated for all suns, not only for hours in which it closes."""
     depth: int | None = None
-    """Largest number of surfaces that a path of the gather meets; None for any number."""
+    """Largest number of surfaces that a path meets that follows all bounces; None for any number.
+    0 leaves out all light by way of diffuse surfaces."""
+    solved_cells: bool = False
+    """Whether light between surfaces is solved on cells; otherwise paths follow all bounces."""
     channels: bool | None = None
     """Whether colour channels are simulated one by one; None does so in a coloured scene."""
     pictures: bool = True

@@ -16,6 +16,8 @@ ports, photon_paths, receivers, photons
     D: light by every other chain, from film to film and by components, on photons.
 deposit
     D: all of it.
+cell_rays, solved_cells
+    H = D + T·H: light between surfaces, solved on cells.
 coefficients
     C with the standard error of every entry.
 sun_interpolation

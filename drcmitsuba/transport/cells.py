@@ -7,12 +7,14 @@ represent them, so that the deposit is estimated where the sensors look.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.sampling import TO_UNIT
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
@@ -121,7 +123,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Vertices:
-    """Diffuse vertices of gather paths, one entry each."""
+    """Diffuse vertices of gather paths, one entry each; one of weight 0 is none."""
 
     row: mi.UInt32
     """Row of the path: replicate · sensors + sensor."""
@@ -160,8 +162,8 @@ class Cells:
         return cls(grid, dr.full(mi.UInt32, _UNKNOWN, len(grid)), 0)
 
     def of(self, vertices: Vertices) -> mi.UInt32:
-        """Cell of every vertex."""
-        return dr.gather(mi.UInt32, self.index, vertices.key)
+        """Cell of every vertex, 0 for none."""
+        return dr.gather(mi.UInt32, self.index, vertices.key, vertices.weight > 0)
 
     @property
     def keys(self) -> mi.UInt32:
@@ -178,7 +180,7 @@ class Cells:
         if len(vertices) == 0:
             return self
         met = dr.zeros(mi.UInt32, len(self.grid))
-        dr.scatter(met, mi.UInt32(1), vertices.key)
+        dr.scatter(met, mi.UInt32(1), vertices.key, vertices.weight > 0)
         new = dr.compress((met == 1) & (self.index == _UNKNOWN))
         if dr.width(new) == 0:
             return self
@@ -223,23 +225,110 @@ def draw_points(
 
     `cell` holds the cell of every vertex. The draw extends `before`, a draw among earlier vertices.
     """
-    # The largest scrambled tag wins: an atomic draw, independent of the threads.
-    scrambled = (vertices.tag ^ mi.UInt32(salt * 0x85EBCA6B & 0xFFFFFFFF)) * _SCRAMBLE
-    rank = dr.zeros(mi.UInt32, count)
-    p, n = dr.zeros(mi.Float, 3 * count), dr.zeros(mi.Float, 3 * count)
-    within = None if vertices.within is None else dr.zeros(mi.Bool, count)
-    drawn = Drawn(rank, p, n, within)
-    if before is not None and dr.width(before.rank):
-        for new, old in zip(drawn, before, strict=True):
-            if old is not None:
-                dr.scatter(new, old, dr.arange(mi.UInt32, dr.width(old)))
-        dr.eval(*drawn)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
-    dr.scatter_reduce(dr.ReduceOp.Max, rank, scrambled, cell)
-    wins = dr.gather(mi.UInt32, rank, cell) == scrambled
+    return _draws(vertices, cell, count, [before], salt, weighted=False)[0]
+
+
+def draw_all(
+    vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], *,
+    weighted: bool = False,
+) -> tuple[Drawn, ...]:  # fmt: skip
+    """Extend the draws `before` of all replicates, as `draw_points` does.
+
+    A `weighted` draw takes vertices in proportion to their weights.
+    """
+    return _draws(vertices, cell, count, before, 0, weighted=weighted)
+
+
+def _draws(
+    vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], salt: int, *,
+    weighted: bool,
+) -> tuple[Drawn, ...]:  # fmt: skip
+    """Extend draws of the salts from `salt` on: all in one launch, whatever their number."""
+    told = vertices.within is not None
+    every = _joined(before, count, told)
+    draws, stride, first = (dr.opaque(mi.UInt32, n) for n in (len(before), count, salt))
+    _rank(vertices, cell, every, draws, stride, first, weighted)
+    dr.eval(every.rank)
+    _place(vertices, cell, every, draws, stride, first, weighted)
+    dr.eval(every)
+    at = dr.arange(mi.UInt32, count)
+    parts = []
+    for i in range(len(before)):
+        entry = at + dr.opaque(mi.UInt32, i * count)
+        rank, p, n = (
+            dr.gather(mi.UInt32, every.rank, entry),
+            *(dr.ravel(dr.gather(mi.Point3f, values, entry)) for values in (every.p, every.n)),
+        )
+        within = dr.gather(mi.Bool, every.within, entry) if told else None
+        parts.append(Drawn(rank, p, n, within))
+    dr.eval(parts)
+    return tuple(parts)
+
+
+def _ranks(vertices: Vertices, salt: mi.UInt32, weighted: bool) -> mi.UInt32:
+    """Rank of every vertex in a draw; the largest in a cell wins, whatever the order of threads."""
+    rank = (vertices.tag ^ (salt * mi.UInt32(0x85EBCA6B))) * _SCRAMBLE
+    if not weighted:
+        return rank
+    # w / −ln u is the largest with probability w / Σw; positive floats sort as integers. The last
+    # steps of MurmurHash3 make the u of neighbouring tags independent.
+    rank = (rank ^ (rank >> 16)) * mi.UInt32(0x85EBCA6B)
+    rank = (rank ^ (rank >> 13)) * mi.UInt32(0xC2B2AE35)
+    u = (mi.Float((rank ^ (rank >> 16)) >> 8) + 0.5) * TO_UNIT
+    return dr.reinterpret_array(mi.UInt32, vertices.weight / -dr.log(u))
+
+
+@dr.syntax
+def _rank(
+    vertices: Vertices, cell: mi.UInt32, every: Drawn, draws: mi.UInt32, stride: mi.UInt32,
+    first: mi.UInt32, weighted: bool,
+) -> None:  # fmt: skip
+    """Find the largest ranks."""
+    met, draw = vertices.weight > 0, mi.UInt32(0)
+    while dr.hint(
+        draw < draws, exclude=[vertices, cell, every, draws, stride, first, met, weighted]
+    ):
+        rank = _ranks(vertices, first + draw, weighted)
+        dr.scatter_reduce(dr.ReduceOp.Max, every.rank, rank, draw * stride + cell, met)
+        draw += 1
+
+
+@dr.syntax
+def _place(
+    vertices: Vertices, cell: mi.UInt32, every: Drawn, draws: mi.UInt32, stride: mi.UInt32,
+    first: mi.UInt32, weighted: bool,
+) -> None:  # fmt: skip
+    """Keep the points of the vertices that have won."""
     each = dr.arange(mi.UInt32, len(vertices))
-    for new, values in ((p, vertices.p), (n, vertices.n)):
-        dr.scatter(new, dr.gather(mi.Point3f, values, each), cell, wins)
-    if within is not None:
-        dr.scatter(within, vertices.within, cell, wins)
-    dr.eval(*drawn)
-    return drawn
+    p, n = (dr.gather(mi.Point3f, values, each) for values in (vertices.p, vertices.n))
+    met, draw = vertices.weight > 0, mi.UInt32(0)
+    while dr.hint(
+        draw < draws, exclude=[vertices, cell, every, draws, stride, first, met, p, n, weighted]
+    ):
+        at = draw * stride + cell
+        rank = _ranks(vertices, first + draw, weighted)
+        wins = met & (dr.gather(mi.UInt32, every.rank, at, met) == rank)
+        dr.scatter(every.p, p, at, wins)
+        dr.scatter(every.n, n, at, wins)
+        if dr.hint(every.within is not None, mode="scalar"):
+            dr.scatter(every.within, vertices.within, at, wins)
+        draw += 1
+
+
+def _joined(before: Sequence[Drawn | None], count: int, told: bool) -> Drawn:
+    """Copies of draws one after another, each with room for `count` cells."""
+    whole = len(before) * count
+    p, n = (dr.zeros(mi.Float, 3 * whole) for _ in range(2))
+    within = dr.zeros(mi.Bool, whole) if told else None
+    every = Drawn(dr.zeros(mi.UInt32, whole), p, n, within)
+    for name, column in every._asdict().items():
+        if column is None:
+            continue
+        step = dr.width(column) // len(before)
+        for i, old in enumerate(before):
+            values = None if old is None else getattr(old, name)
+            if values is not None and dr.width(values):
+                to = dr.arange(mi.UInt32, dr.width(values)) + dr.opaque(mi.UInt32, i * step)
+                dr.scatter(column, values, to)
+        dr.eval(column)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
+    return every

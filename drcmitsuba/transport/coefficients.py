@@ -34,6 +34,7 @@ from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.openings import hidden_in_disks, in_rooms
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
+from drcmitsuba.transport.solved_cells import Transfer, solved
 
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
@@ -53,15 +54,20 @@ class Replicate:
     deposit: Deposit
     landed: Landed | None = None
     cells: Irradiance | None = None
+    transfer: Transfer | None = None
+    indirect: Irradiance | None = None
 
     def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
-        """Compute D of the cells [sr] at the points that stand for them."""
+        """Compute D of the cells [sr] at the points that stand for them, and what they reflect."""
         p, n, key = drawn.p, drawn.n, (Stream.CELLS, self.number)
         rays = self.deposit.accuracy.cell_sky_rays
         straight = self.deposit.straight(p, n, key, rays, numbers=keys, within=drawn.within)
         D = straight.plus(self.deposit.scattered(p, n, key, keys))
         self.cells = D if self.landed is None else D.plus(self.landed.on(keys))
         dr.eval(*self.cells)  # a pending sum would keep all of its parts for every replicate
+        if self.transfer is not None:
+            self.indirect = Irradiance(*self.transfer.indirect(self.number, *self.cells))
+            dr.eval(*self.indirect)
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None
@@ -81,10 +87,19 @@ class Replicate:
         bins = sum(self.deposit.bins)
         if self.cells is None or len(met) == 0:
             return np.zeros((sensors, bins), np.float32)
-        first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each
-        row = met.row - first
-        mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
-        parts = (product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
+        if self.transfer is None or self.indirect is None:
+            first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each
+            row = met.row - first
+            mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
+            parts = (product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
+            return Irradiance(*parts).numpy()
+        row, cell, weight, _ = met.of_replicate(self.number, sensors, self.deposit.accuracy.paths)
+        block, seen = dr.gather(mi.UInt32, self.transfer.blocks.of, cell), weight > 0
+        parts = (
+            product(row, cell, weight, seen, sensors, d)
+            + product(row, block, weight, seen, sensors, x)
+            for d, x in zip(self.cells, self.indirect, strict=True)
+        )
         return Irradiance(*parts).numpy()
 
 
@@ -264,8 +279,13 @@ def estimate(
     shape = (len(points), len(labels))
     out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
     totals = np.empty((len(replicates), *shape), np.float32)
-    gathered = Gathered.of(scene, points, normals, accuracy, block=SENSORS, lanes=PATHS)
+    once = scene.effects.solved_cells
+    gathered = Gathered.of(scene, points, normals, accuracy, block=SENSORS, lanes=PATHS, once=once)
     if gathered.cells.count:
+        if once:  # light between surfaces is solved on cells
+            gathered, transfer = solved(scene, gathered, accuracy)
+            for replicate in replicates:
+                replicate.transfer = transfer
         keys = gathered.cells.keys
         for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
             replicate.meet(drawn, keys)

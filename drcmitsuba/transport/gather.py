@@ -42,6 +42,8 @@ USUAL = 5.0
 WHITE = 0.85
 """Reflectance of a surface above which the vertices of `PILOT` sensors are counted first."""
 PILOT = 16
+_APART = 0x9E3779B1
+"""Distance between the numbers of a path's vertices, where rows have numbers of their own."""
 
 
 def first_directions(index: mi.UInt32, row: mi.UInt32, seed: int) -> mi.Vector3f:
@@ -87,7 +89,7 @@ def gather(
     scene: Scene, points: np.ndarray, normals: np.ndarray, *,
     replicates: int, paths: int, grid: Grid, seed: int, marks: Marks | None = None,
     bounces: float = USUAL, first: int = 0, among: int | None = None,
-    within: np.ndarray | None = None,
+    within: np.ndarray | None = None, once: bool = False, numbers: mi.UInt32 | None = None,
 ) -> Vertices:  # fmt: skip
     """Trace the paths of all sensors and replicates and keep their diffuse vertices.
 
@@ -110,6 +112,11 @@ def gather(
         one launch and in several.
     within : np.ndarray of bool, shape (sensor,), optional
         Whether each sensor lies in a room of a model; the vertices then say so, too.
+    once : bool
+        Whether paths end at their first diffuse vertex; every path then has one entry, in order,
+        of weight 0 where it met none.
+    numbers : mi.UInt32, optional
+        Seeds of the rows' random numbers, independent of the launch.
 
     Returns
     -------
@@ -119,11 +126,11 @@ def gather(
         number, value = mi.UInt32(), mi.Float()
         return Vertices(number, value, number, number, value, value, number, mi.Bool())
     lanes = replicates * len(points) * paths
-    capacity = int(bounces * lanes)
+    capacity = lanes if once else int(bounces * lanes)
     while True:
         vertices, met = _trace(
             scene, points, normals, lanes, paths, grid, seed, capacity, marks,
-            first, among or len(points), within,
+            first, among or len(points), within, once, numbers,
         )  # fmt: skip
         if met <= capacity:
             return vertices
@@ -150,11 +157,13 @@ def expected_bounces(
 class _VertexStore:
     """Vertices of a launch, in the order in which its lanes meet them; up to `capacity` are kept.
 
-    Only `marked` vertices carry the mark of their path; `told` ones, whether they lie in a room.
+    With `once`, the vertex of every lane has the place of its lane. Only `marked` vertices carry
+    the mark of their path; `told` ones, whether they lie in a room.
     """
 
-    def __init__(self, capacity: int, marked: bool, told: bool):
+    def __init__(self, capacity: int, marked: bool, told: bool, once: bool):
         self._capacity, self._room = capacity, dr.opaque(mi.UInt32, capacity)
+        self._lane = dr.arange(mi.UInt32, capacity) if once else None
         self._counter = dr.zeros(mi.UInt32, 1)
         whole = ("row", "key", "tag", "mark") if marked else ("row", "key", "tag")
         self._columns = {name: dr.zeros(mi.UInt32, capacity) for name in whole}
@@ -166,14 +175,19 @@ class _VertexStore:
 
     def add(self, active: mi.Bool, **values: Any) -> None:
         """Add the vertices of the active lanes, by the names of `Vertices`."""
-        slot = dr.scatter_inc(self._counter, mi.UInt32(0), active)
-        kept = active & (slot < self._room)
+        if self._lane is not None:
+            slot, kept = self._lane, active
+        else:
+            slot = dr.scatter_inc(self._counter, mi.UInt32(0), active)
+            kept = active & (slot < self._room)
         for name, column in self._columns.items():
             dr.scatter(column, values[name], slot, kept)
 
     def vertices(self) -> tuple[Vertices, int]:
         """Vertices that were kept, and how many were met."""
         dr.eval(self._counter, self._columns)
+        if self._lane is not None:
+            return Vertices(**self._columns), self._capacity
         met = int(self._counter[0])
         kept = {}
         for name, column in self._columns.items():
@@ -205,16 +219,19 @@ def _is_pane(flags: mi.UInt32) -> mi.Bool:
 def _trace(
     scene: Scene, points: np.ndarray, normals: np.ndarray,
     lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
-    first: int, among: int, within: np.ndarray | None,
+    first: int, among: int, within: np.ndarray | None, once: bool, numbers: mi.UInt32 | None,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop: the vertices, and the number that were met."""
     row, own, index = _numbers(len(points), lanes, paths, first, among)
+    count = dr.opaque(mi.UInt32, lanes // len(points) * among & 0xFFFFFFFF)
+    if numbers is not None:
+        own, count = dr.gather(mi.UInt32, numbers, row), dr.opaque(mi.UInt32, _APART)
     random, sensor = streams(own, seed, index), row % dr.opaque(mi.UInt32, len(points))
     p = dr.gather(mi.Point3f, flat(points), sensor)
     n = dr.gather(mi.Normal3f, flat(normals), sensor)
     wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
     told = within is not None
-    store = _VertexStore(capacity, marks is not None, told)
+    store = _VertexStore(capacity, marks is not None, told, once)
     in_room = dr.gather(mi.Bool, mi.Bool(within), sensor) if told else mi.Bool(False)
     ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)
@@ -224,10 +241,9 @@ def _trace(
     inside, before = mi.Float(0), mi.Point3f(p)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    count = dr.opaque(mi.UInt32, lanes // len(points) * among & 0xFFFFFFFF)
     tag = own * paths + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
-    while dr.hint(active, exclude=[grid, scene, count, store, marks, solids, limit, told]):
+    while dr.hint(active, exclude=[grid, scene, count, store, marks, solids, limit, told, once]):
         scene.ray_counter.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         active &= si.is_valid()
@@ -263,6 +279,8 @@ def _trace(
             is_cell, row=row, weight=beta * (1 / paths), key=grid.key(si.p, facing),
             tag=depth * count + tag, mark=mark, within=in_room, p=si.spawn_ray(facing).o, n=facing,
         )  # fmt: skip
+        if dr.hint(once, mode="scalar"):
+            active &= ~is_cell
         if dr.hint(told, mode="scalar"):
             in_room &= bs.wo.z * si.wi.z > 0
         ray = si.spawn_ray(si.to_world(bs.wo))

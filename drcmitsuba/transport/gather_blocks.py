@@ -7,7 +7,7 @@ are traced again, with the same random numbers, when their turn comes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ import numpy as np
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_points
+from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_all
 from drcmitsuba.transport.gather import USUAL, Marks, expected_bounces, gather
 from drcmitsuba.transport.openings import in_rooms
 
@@ -43,6 +43,13 @@ class Met(NamedTuple):
         """Count the vertices."""
         return dr.width(self.weight)
 
+    def of_replicate(self, number: int, sensors: int, paths: int) -> Met:
+        """Vertices of one replicate, with sensors as rows, of paths with one entry each."""
+        size = sensors * paths
+        at = dr.arange(mi.UInt32, size) + dr.opaque(mi.UInt32, number * size)
+        cell, weight = dr.gather(mi.UInt32, self.cell, at), dr.gather(mi.Float, self.weight, at)
+        return Met(dr.arange(mi.UInt32, size) // paths, cell, weight)
+
 
 @dataclass(frozen=True)
 class Gathered:
@@ -64,12 +71,17 @@ class Gathered:
     @classmethod
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, *,
-        block: int, lanes: int, marks: Marks | None = None,
+        block: int, lanes: int, marks: Marks | None = None, once: bool = False,
     ) -> Gathered:  # fmt: skip
-        """Trace all paths, at most `block` sensors and about `lanes` paths in one launch."""
+        """Trace all paths, at most `block` sensors and about `lanes` paths in one launch.
+
+        With `once`, paths end at their first diffuse vertex.
+        """
         grid = Grid.of(scene, accuracy.cell_size)
         seed = launch_seed(accuracy.seed, Stream.PATH_LENGTHS)
-        bounces = expected_bounces(scene, points, normals, accuracy.paths, grid, seed)
+        bounces = 1.0
+        if not once:
+            bounces = expected_bounces(scene, points, normals, accuracy.paths, grid, seed)
         within = in_rooms(scene, points)
 
         def trace(here: slice) -> Vertices:
@@ -77,14 +89,14 @@ class Gathered:
                 scene, points[here], normals[here], replicates=accuracy.replicates,
                 paths=accuracy.paths, grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS),
                 bounces=bounces, first=here.start, among=len(points), marks=marks,
-                within=None if within is None else within[here],
+                within=None if within is None else within[here], once=once,
             )  # fmt: skip
 
         paths = accuracy.replicates * accuracy.paths
         most = int(lanes * USUAL / bounces) // paths  # in white rooms paths are long
         n, step = len(points), max(1, min(block, most))
         blocks = tuple(slice(i, min(i + step, n)) for i in range(0, n, step))
-        drawn: list[Drawn | None] = [None] * accuracy.replicates
+        drawn: Sequence[Drawn | None] = [None] * accuracy.replicates
         cells, kept, room = Cells.none(grid), dict[int, Met](), KEPT
         for here in blocks:
             vertices = trace(here)
@@ -94,16 +106,23 @@ class Gathered:
                 continue
             cells = cells.extended(vertices)
             cell = cells.of(vertices)
-            drawn = [
-                draw_points(vertices, cell, cells.count, r, before)
-                for r, before in enumerate(drawn)
-            ]
+            drawn = draw_all(vertices, cell, cells.count, drawn, weighted=once)
             if len(vertices) <= room:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight, vertices.mark)
                 room -= len(vertices)
         known = tuple(one for one in drawn if one is not None)
         return cls(trace, blocks, cells, known, kept, within)
+
+    def weights(self, cells: int) -> mi.Float64:
+        """G₁ of `cells` in sum over the sensors, shape (cell,), from the vertices that are kept."""
+        out = dr.zeros(mi.Float64, cells)
+        kept = sum(here.stop - here.start for here in self.blocks if here.start in self.kept)
+        share = self.blocks[-1].stop / max(kept, 1)
+        for met in self.kept.values():
+            dr.scatter_add(out, mi.Float64(met.weight * dr.opaque(mi.Float, share)), met.cell)
+            dr.eval(out)
+        return out
 
     def met(self, here: slice) -> Met:
         """Vertices of a block of sensors."""

@@ -34,6 +34,7 @@ from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
 from drcmitsuba.transport.photons import PATCH
 from drcmitsuba.transport.shadow_rays import sun_deposit
+from drcmitsuba.transport.solved_cells import FEW
 
 REPLICATES = 2
 """Number of replicates of a pilot: the smallest that has a standard error."""
@@ -65,14 +66,16 @@ class Paths(NamedTuple):
         """Trace the paths of the pilot's sensors, as `compute` does."""
         if scene.effects.depth == 0:
             return cls()
-        grid, counted = Grid.of(scene, a.cell_size), scene.ray_counter.counted
-        seed = launch_seed(a.seed, Stream.PATH_LENGTHS)
-        bounces = expected_bounces(scene, points, normals, a.paths, grid, seed)
+        grid, counted, bounces = Grid.of(scene, a.cell_size), scene.ray_counter.counted, 1.0
+        once = scene.effects.solved_cells
+        if not once:
+            seed = launch_seed(a.seed, Stream.PATH_LENGTHS)
+            bounces = expected_bounces(scene, points, normals, a.paths, grid, seed)
         before = counted()["path"]
         some = _sensors(len(points), a, bounces)
         vertices = gather(
             scene, points[some], normals[some], replicates=REPLICATES, paths=a.paths, grid=grid,
-            seed=launch_seed(a.seed, Stream.PATHS), bounces=bounces,
+            seed=launch_seed(a.seed, Stream.PATHS), bounces=bounces, once=once,
         )  # fmt: skip
         traced, rays = REPLICATES * len(some) * a.paths, counted()["path"] - before
         times = np.unique(vertices.key.numpy(), return_counts=True)[1]
@@ -130,16 +133,20 @@ class Pilot:
             scene, points[some], normals[some], few, a.model_copy(update=less),
             subdivision=case.sky.subdivision,
         )  # fmt: skip
+        rays = scene.ray_counter.by_purpose()
         cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
+        met = max(1.0, len(paths.times))
+        if effects.solved_cells:  # the pilot finds them all
+            cells = _between_cells(rays) / (REPLICATES * (a.cell_paths + FEW))
+            met = max(1.0, cells)
         scale = {
             Stream.SENSORS.name: len(points) / len(some),
-            Stream.CELLS.name: cells / max(1, len(paths.times)),
+            Stream.CELLS.name: cells / met,
             Stream.PHOTONS.name: a.photons / photons,
             Stream.FILMS.name + Draw.SKY.name: a.film_sky_samples / film_samples,
             Draw.SUN.name: bins[1] / max(1, len(few.labels)),
             Draw.PEAKS.name: bins[1] / max(1, len(few.labels)),
         }
-        rays = scene.ray_counter.by_purpose()
         return cls(scene, points, normals, suns, a, bins, paths, cells, C, rays, scale)
 
     @property
@@ -175,6 +182,8 @@ class Pilot:
         vertices = self.count * self.paths.vertices
         again = 2 - KEPT / max(KEPT, vertices)  # paths beyond the memory are traced twice
         yield "interreflection", "path", again * self.count * self.paths.rays + self.paths.before
+        replicates = self.accuracy.replicates / REPLICATES
+        yield "solved_cells", "path", replicates * _between_cells(self.traced)
         for purpose, rays in self.traced.items():
             scale = prod(self.scale.get(name, 1.0) for name in (*purpose, "".join(purpose)))
             scale *= self.accuracy.replicates / REPLICATES if purpose else 1.0
@@ -208,6 +217,11 @@ class Pilot:
             seed=launch_seed(self.accuracy.seed, Stream.SUN_RIMS),
         )  # fmt: skip
         return np.asarray(D.numpy() / disk_solid_angle(self.suns.diameter))
+
+
+def _between_cells(traced: dict[Purpose, dict[str, int]]) -> int:
+    """Number of rays from cells to other cells."""
+    return sum(n["path"] for purpose, n in traced.items() if Stream.CELL_RAYS.name in purpose)
 
 
 def spread(count: int, most: int) -> np.ndarray:

@@ -184,7 +184,8 @@ def test_what_is_switched_off_is_not_forecast(effect, kind, units):
 
 def test_more_of_anything_costs_more():
     def cost(**changes):
-        return forecast(planned(shading={"material": "milky"}, **changes), REFERENCE)
+        tables = {"shading": {"material": "milky"}, "effects": {"solved_cells": "off"}, **changes}
+        return forecast(planned(**tables), REFERENCE)
 
     def more(**settings):
         return {"accuracy": {**ROOM["accuracy"], **settings}}

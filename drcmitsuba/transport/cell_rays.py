@@ -1,0 +1,178 @@
+"""Rays from cells to other cells, and the importance of every cell for the sensors.
+
+Points stand for cells in proportion to importance: to the light that all sensors together get by
+way of the point, I = G₁ + I·T with G₁ of one bounce from the sensors and T from cell to cell. The
+mean of C over the sensors then has no bias from the size of cells, however light varies in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cells import Cells, Drawn, Vertices
+from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.launch_size import PATHS
+
+EDGE = 3
+"""Cells along an edge of the blocks on which light between cells is solved, at least."""
+MOST_BLOCKS = 1000
+"""Number of blocks above which their edges grow."""
+LEAST_LOSS = 1e-6
+"""Share of light that every reflection loses: light in a closed white room has a finite sum."""
+NEGLIGIBLE = 1e-6
+"""Relative light beyond the bounces that are summed."""
+_TAGS = (0x5BD1E995, 0x2545F491)
+"""Marks on the numbers of vertices in the two rounds: draws differ from those of other paths."""
+
+
+class CellRays(NamedTuple):
+    """Rays from cells."""
+
+    replicate: mi.UInt32
+    """Replicate that a ray belongs to."""
+    source: mi.UInt32
+    """Cell that it starts from."""
+    met: Vertices
+    """First diffuse vertex of every ray; of weight 0 where it met none."""
+
+    def weighed(self, importance: mi.Float, replicates: int) -> Vertices:
+        """Vertices weighed by the light that all sensors get by way of them."""
+        here = dr.gather(mi.Float, importance, self.source) / dr.opaque(mi.Float, replicates)
+        return replace(self.met, weight=self.met.weight * here)
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Blocks of cells."""
+
+    of: mi.UInt32
+    """Block of every cell."""
+    count: int
+    share: mi.Float
+    """Share of every cell in the mean over its block."""
+
+    @classmethod
+    def weighed(cls, cells: Cells, weight: mi.Float) -> Blocks:
+        """Join cells to blocks, each with its weight, at most `MOST_BLOCKS`."""
+        edge = EDGE
+        block, count = cells.blocks(edge)
+        while count > MOST_BLOCKS:
+            edge += 1
+            block, count = cells.blocks(edge)
+        whole = dr.zeros(mi.Float64, count)
+        dr.scatter_add(whole, mi.Float64(weight), block)
+        share = mi.Float(mi.Float64(weight) / dr.gather(mi.Float64, whole, block))
+        dr.eval(share)
+        return cls(block, count, share)
+
+    def all_bounces(self, source: mi.UInt32, cell: mi.UInt32, weight: mi.Float) -> mi.TensorXf:
+        """Sum over any number of bounces between blocks, 1 + t + t² + …, of rays t = W·T·P.
+
+        It is the product of 1 + t, 1 + t², 1 + t⁴ … : each factor doubles the number of bounces.
+        """
+        count = dr.opaque(mi.UInt32, self.count)
+        out = dr.zeros(mi.Float64, self.count**2)
+        to = dr.gather(mi.UInt32, self.of, cell)
+        value = mi.Float64(weight * dr.gather(mi.Float, self.share, source))
+        dr.scatter_add(out, value, dr.gather(mi.UInt32, self.of, source) * count + to)
+        term = mi.TensorXf(mi.Float((1 - LEAST_LOSS) * out), (self.count, self.count))
+        most = min(float(dr.max(dr.sum(term, axis=1).array)[0]), 1 - LEAST_LOSS)
+        each = dr.arange(mi.UInt32, self.count) * dr.opaque(mi.UInt32, self.count + 1)
+        one = dr.zeros(mi.TensorXf, (self.count, self.count))
+        dr.scatter(one.array, mi.Float(1), each)
+        total = one + term
+        left = most**2
+        while left > NEGLIGIBLE * (1 - most):  # what further bounces could add
+            term = term @ term
+            total = total + term @ total
+            left = left**2
+            dr.eval(term, total)
+        return total
+
+
+def trace(
+    scene: Scene, cells: Cells, drawn: tuple[Drawn, ...], here: slice, rays: int,
+    accuracy: Accuracy, turn: int,
+) -> Iterator[CellRays]:  # fmt: skip
+    """Trace rays from the points that stand for some cells, in every replicate.
+
+    Parameters
+    ----------
+    here : slice
+        Cells that rays start from.
+    rays : int
+        Number of rays from a cell in each replicate.
+    turn : int
+        Number of the round, 0 or 1: each has its own random numbers.
+
+    Yields
+    ------
+    CellRays
+        Rays of one launch; random numbers depend on the cell, not on the launch.
+    """
+    replicates, keys = len(drawn), cells.keys
+    seed = launch_seed(accuracy.seed, Stream.CELL_RAYS, turn)
+    step = max(1, PATHS // (rays * replicates))
+    for start in range(here.start, here.stop, step):
+        stop = min(start + step, here.stop)
+        at = slice(3 * start, 3 * stop)
+        p, n = (
+            np.concatenate([one.numpy()[at] for one in column]).reshape(-1, 3)
+            for column in ([one.p for one in drawn], [one.n for one in drawn])
+        )
+        told = [one.within.numpy()[start:stop] for one in drawn if one.within is not None]
+        within = np.concatenate(told) if told else None
+        few, first, many = (dr.opaque(mi.UInt32, n) for n in (stop - start, start, replicates))
+        row = dr.arange(mi.UInt32, len(p))
+        number = dr.gather(mi.UInt32, keys, row % few + first) * many + row // few
+        with scene.ray_counter.purpose(Stream.CELL_RAYS.name):
+            met = gather(
+                scene, p, n, replicates=1, paths=rays, grid=cells.grid, seed=seed, numbers=number,
+                within=within, once=True,
+            )  # fmt: skip
+        met = replace(met, tag=met.tag ^ _TAGS[turn])
+        yield CellRays(met.row // few, met.row % few + first, met)
+
+
+def importance(cells: Cells, seen: mi.Float64, rays: list[CellRays], replicates: int) -> mi.Float:
+    """Light that all sensors get by way of each cell, I = G₁ + I·T, per irradiance on it.
+
+    Parameters
+    ----------
+    seen : mi.Float64, shape (cell,)
+        G₁, in sum over the sensors.
+    rays : list of CellRays
+        T.
+
+    Returns
+    -------
+    mi.Float, shape (cell,)
+    """
+    hits = dr.zeros(mi.Float64, cells.count)
+    at = [cells.of(one.met) for one in rays]
+    for one, cell in zip(rays, at, strict=True):
+        dr.scatter_add(hits, mi.Float64(1), cell, one.met.weight > 0)
+        dr.eval(hits)
+    blocks = Blocks.weighed(cells, mi.Float(hits + 1e-3))
+    source, cell = dr.concat([one.source for one in rays]), dr.concat(at)
+    weight = dr.concat([one.met.weight for one in rays]) / dr.opaque(mi.Float, replicates)
+    direct = dr.zeros(mi.Float64, blocks.count)
+    dr.scatter_add(direct, seen, blocks.of)
+    row = mi.TensorXf(mi.Float(direct), (1, blocks.count))
+    of_block = (row @ blocks.all_bounces(source, cell, weight)).array
+    before = blocks.share * dr.gather(mi.Float, of_block, blocks.of)
+    out = mi.Float64(seen)
+    for one, cell in zip(rays, at, strict=True):
+        dr.scatter_add(out, mi.Float64(one.weighed(before, replicates).weight), cell)
+        dr.eval(out)
+    most = float(dr.max(out)[0])
+    return dr.maximum(mi.Float(out), dr.opaque(mi.Float, 1e-9 * most))

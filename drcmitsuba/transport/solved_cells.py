@@ -1,0 +1,134 @@
+r"""Interreflection solved on cells: light beyond the first reflection is the same for all sensors.
+
+With D[cell, bin] the irradiance of a cell before any diffuse reflection and T[cell, cell] the share
+of the irradiance of one cell that it sends on to another, irradiance after all reflections is
+
+.. math:: H = D + T H, \qquad C = D(sensors) + G_1 H,
+
+with G₁ of one bounce only. Rays from a random point of every cell, in every replicate, estimate T:
+they follow the BSDFs of the room to the first surface that reflects diffusely. T·H is smooth; it is
+kept, and solved, as its mean X over blocks of cells:
+
+.. math:: H = D + P X, \qquad X = W T (D + P X)
+
+where P gives every cell the value of its block, and W is the mean over a block's cells, weighted by
+their importance. A first round of few rays finds all cells and their importance; a second one, from
+points drawn by importance, estimates T and draws the points at which D is computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
+from drcmitsuba.transport.cells import draw_all
+from drcmitsuba.transport.gather_blocks import Gathered, product
+
+FEW = 8
+"""Number of rays from a cell in the first round, in every replicate."""
+
+
+class _OneBounce(NamedTuple):
+    """T of one replicate, an entry for each ray."""
+
+    source: mi.UInt32
+    """Cell that a ray starts from."""
+    cell: mi.UInt32
+    """Cell that it meets."""
+    weight: mi.Float
+    """Contribution to the irradiance of the first cell per irradiance on the second."""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Light that cells send to blocks of cells."""
+
+    blocks: Blocks
+    bounces: tuple[_OneBounce, ...]
+    """T of every replicate."""
+
+    def indirect(self, replicate: int, *D: mi.TensorXf) -> list[mi.TensorXf]:
+        """Compute X by one replicate's T.
+
+        Parameters
+        ----------
+        *D : mi.TensorXf, shape (cell, bin)
+            Irradiance before any diffuse reflection [sr], for several kinds of bins.
+
+        Returns
+        -------
+        list of mi.TensorXf, shape (block, bin)
+            Mean irradiance by light that cells have reflected [sr].
+        """
+        blocks, (source, cell, weight) = self.blocks, self.bounces[replicate]
+        further = blocks.all_bounces(source, cell, weight)
+        row = dr.gather(mi.UInt32, blocks.of, source)
+        share = weight * dr.gather(mi.Float, blocks.share, source)
+        all_rays = dr.full(mi.Bool, True, dr.width(row))
+        return [further @ product(row, cell, share, all_rays, blocks.count, d) for d in D]
+
+
+def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gathered, Transfer]:
+    """Trace T among the cells that sensors see, and those that these cells see in turn.
+
+    Parameters
+    ----------
+    scene : Scene
+    gathered : Gathered
+        Paths from the sensors that end at their first diffuse vertex.
+    accuracy : Accuracy
+
+    Returns
+    -------
+    gathered : Gathered
+        The same paths, with all cells and the points that stand for them.
+    transfer : Transfer
+    """
+    replicates, seen = accuracy.replicates, gathered.drawn
+    cells, points, first, done = gathered.cells, seen, list[CellRays](), 0
+    while done < cells.count:  # rays from the cells that the rays before them have found
+        here = slice(done, cells.count)
+        for rays in trace(scene, cells, points, here, FEW, accuracy, 0):
+            cells = cells.extended(rays.met)
+            points = draw_all(rays.met, cells.of(rays.met), cells.count, points, weighted=True)
+            first.append(rays)
+        done = here.stop
+    of_sensors = gathered.weights(cells.count)
+    weight = importance(cells, of_sensors, first, replicates)
+    points = seen
+    for rays in first:
+        met = rays.weighed(weight, replicates)
+        points = draw_all(met, cells.of(met), cells.count, points, weighted=True)
+    known, drawn = cells, seen
+    parts: list[list[_OneBounce]] = [[] for _ in range(replicates)]
+    by_way: list[tuple[mi.UInt32, mi.Float]] = []
+    for rays in trace(
+        scene, known, points, slice(0, known.count), accuracy.cell_paths, accuracy, 1
+    ):
+        cells = cells.extended(rays.met)  # some few more, which send no rays
+        met = rays.weighed(weight, replicates)
+        cell = cells.of(met)
+        drawn = draw_all(met, cell, cells.count, drawn, weighted=True)
+        by_way.append((cell, met.weight))
+        each = dr.width(cell) // replicates  # the rays of a replicate stand together
+        for r, part in enumerate(parts):
+            at = dr.arange(mi.UInt32, each) + dr.opaque(mi.UInt32, r * each)
+            columns = (rays.source, cell, rays.met.weight)
+            part.append(_OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
+            dr.eval(part[-1])
+        dr.eval(by_way[-1])
+    bounces = tuple(_OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
+    whole = dr.full(mi.Float64, 1e-30, cells.count)  # for new cells: no rays give their mean
+    dr.scatter_add(whole, of_sensors, dr.arange(mi.UInt32, known.count))
+    dr.eval(whole)
+    for cell, by in by_way:
+        dr.scatter_add(whole, mi.Float64(by), cell, cell < known.count)
+        dr.eval(whole)
+    blocks = Blocks.weighed(cells, mi.Float(whole))
+    return replace(gathered, cells=cells, drawn=drawn), Transfer(blocks, bounces)
