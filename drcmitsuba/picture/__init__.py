@@ -10,6 +10,8 @@ hdr, hdr_header, rgbe
     Radiance's pictures.
 exr, exr_header
     OpenEXR pictures.
+glare, glare_sources, position_index
+    `glare`: DGP, UGR and DGI of a picture from its glare sources.
 """
 
 from drcmitsuba.picture.files import read, save
