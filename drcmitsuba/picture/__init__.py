@@ -10,6 +10,8 @@ hdr, hdr_header, rgbe
     Radiance's pictures.
 exr, exr_header
     OpenEXR pictures.
+tone, false_colour
+    Pictures for a screen: by exposure, as the eye would see them, in colours with a legend.
 glare, glare_sources, position_index
     `glare`: DGP, UGR and DGI of a picture from its glare sources.
 """
