@@ -17,6 +17,7 @@ name                    kind        what it is
 `redirecting_film`      BSDF        redirecting film of a few differentiable parameters
 `coefficient`           integrator  unbiased path tracing of daylight coefficients
 `photon_map`            integrator  photon map: caustics, and coefficients by a second route
+`fisheye`               sensor      fisheye camera: hemispherical, equidistant, equisolid
 ======================  ==========  ===============================================================
 """
 
@@ -42,6 +43,7 @@ _MODULES = (
     "redirecting_film",
     "coefficient",
     "photon_map",
+    "fisheye",
 )
 
 
