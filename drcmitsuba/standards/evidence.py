@@ -124,8 +124,8 @@ class Evidence:
         folder = Path(folder)
         path = folder / "illuminance.nc"
         E = open_dataset(path, *(n + s for n in OF_E for s in ("", "_se")), "time", *"xyz")
-        kept = [n for n in E.data_vars if str(n).removesuffix("_se") in (*OF_E, "sun_group")]
-        E = loaded(path, E[kept])
+        unused = [n for n in E.data_vars if str(n).removesuffix("_se") not in (*OF_E, "sun_group")]
+        E = loaded(path, E.drop_vars(unused))  # coordinates stay, the states of groups among them
         _check_version(path, E.attrs)
         C, sky = _coefficients(folder / "coefficients.zarr", E), _sky(folder / "sky.zarr", E)
         settings = settings_of(E.attrs, path, rules_of(E.attrs, path, {}).metrics)

@@ -16,8 +16,9 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba.report.document import Report
+from drcmitsuba.report.document.packing import unpacked
 from tests import browser
-from tests.system.small_room import CASE, DAYS
+from tests.system.small_room import CASE, DAYS, STRIPS
 
 EVIL = "</script><img src=x onerror=alert(1)> =1+1 | **b**"
 LARGEST = 2_000_000
@@ -118,6 +119,21 @@ def test_the_name_of_the_report_follows_the_format(run, copied):
         code, _, err = run("report", copied, *option)
         assert (code, err) == (0, "")
         assert (copied / name).is_file()
+
+
+def test_groups_of_panes_have_their_states(evaluate, stamps, run, tmp_path):
+    east = f"[facade.east]\n{STRIPS}\n[materials.glass]"
+    times = [f"2015-03-2{day}T{hour:02d}:00" for day in (0, 1) for hour in range(8, 18)]
+    text = CASE.replace("[materials.glass]", east).replace(*stamps(*times))
+    result = evaluate(text).save(tmp_path / "r")
+    assert run("report", tmp_path / "r")[0] == 0
+    page = (tmp_path / "r" / "report.html").read_text("utf-8")
+    content = page.split('id="drawn">')[1].split("</script>")[0]
+    groups = json.loads(content)["facades"][0]["hours"]["groups"]
+    assert [group["name"] for group in groups] == ["south", "east"]
+    taken = [unpacked(group["state"])[0] for group in groups]
+    np.testing.assert_array_equal(np.transpose(taken), result.illuminance["facade_state"])
+    assert np.ptp(taken) == 1
 
 
 def test_csv_has_every_number_with_all_digits(run, results, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,8 +57,13 @@ class Facade:
         return float(self.illuminance.attrs.get("step_hours", 1.0))
 
     @classmethod
-    def of_folder(cls, folder: str | Path) -> Facade:
+    def of_folder(cls, folder: str | Path) -> Callable[[], Facade]:
         """Read the files of `evaluate -o FOLDER`; C, L and the plan may be missing.
+
+        Returns
+        -------
+        callable
+            Judges what has been read, which another thread may do, and returns the façade.
 
         Raises
         ------
@@ -81,7 +87,8 @@ class Facade:
                 backend.select()
             except InputError as error:
                 notes = (f"the plans have no rooms, since the model cannot be read: {error}",)
-        return cls._judged(case, evidence, numbers, _plan(folder / "plan.json"), notes)
+        plan = _plan(folder / "plan.json")
+        return lambda: cls._judged(case, evidence, numbers, plan, notes)
 
     @classmethod
     def of_result(cls, result: Evaluated, numbers: dict[str, Any], plan: dict[str, Any]) -> Facade:
@@ -96,7 +103,8 @@ class Facade:
         plan: dict[str, dict[str, Any]], notes: tuple[str, ...] = (),
     ) -> Facade:  # fmt: skip
         E = evidence.illuminance
-        seen = E[["total", "direct_sun"]].map(luminance, keep_attrs=True).assign_attrs(E.attrs)
+        light = {name: luminance(E[name]) for name in ("total", "direct_sun")}
+        seen = xr.Dataset(light, coords=E.coords, attrs=E.attrs)  # states of groups have other dims
         for name, values in seen.data_vars.items():
             if np.isnan(values.values).any():
                 got = f"{name} is not known everywhere"

@@ -85,20 +85,31 @@ class Hours:
     def _groups(self, stamps: np.ndarray) -> list[dict[str, Any]]:
         """Names of the groups of panes, of their states, and the state of each at every stamp."""
         E = self.facade.illuminance
-        name = "facade_state" if "facade_state" in E.coords else "shade_closed"
-        if not E.attrs.get("has_shade", 0) or name not in E.coords:
+        if not E.attrs.get("has_shade", 0):
             return []
-        if E[name].dims[:1] != ("time",) or E[name].dtype.kind not in "biuf":
-            got = f"{name} has other dims or types than a state has"
-            raise InputError("illuminance", name, got, "evaluate the case again")
         groups = GroupStates.of_attributes(E.attrs)
-        state = np.asarray(E[name].values, float).reshape(E.sizes["time"], -1)
+        state = self._states(groups)
+        if state is None:
+            return []
         out = []
         for k, (name, states) in enumerate(zip(groups.names, groups.states, strict=True)):
-            if k >= min(MOST_GROUPS, state.shape[1]) or len(states) == 1:
+            if k >= MOST_GROUPS or len(states) == 1:
                 continue
             last = len(states) - 1
             of_group = np.clip(np.nan_to_num(state[stamps, k]), 0, last)
             names = [on_a_line(each) for each in states]
             out.append({"name": on_a_line(str(name)), "states": names, "state": packed(of_group)})
         return out
+
+    def _states(self, groups: GroupStates) -> np.ndarray | None:
+        """Number of the state of every group (time, group); None where E does not tell."""
+        E = self.facade.illuminance
+        name = "facade_state" if "facade_state" in E.coords else "shade_closed"
+        if name not in E.coords:
+            return None
+        fits = E[name].dims[:1] == ("time",) and E[name].dtype.kind in "biuf"
+        states = np.asarray(E[name].values).reshape(E.sizes["time"], -1) if fits else None
+        if states is None or states.shape[1] != len(groups):
+            got = f"{name} does not tell the states of {len(groups)} groups"
+            raise InputError("illuminance", name, got, "evaluate the case again")
+        return states.astype(float)

@@ -18,6 +18,9 @@ DARK = 1.0
 STEPS = (0.02, 0.05, 0.1, 0.2)
 """Ratios by which neighbouring levels may differ, less 1; the error is half of it [–]."""
 
+SAMPLE, SMALL = 8, 4096
+"""Every nth row tells whether a scale may fit; the content of a small text tells little."""
+
 
 class Packed(TypedDict):
     """Array as a page holds it."""
@@ -91,9 +94,16 @@ def levels(illuminance: np.ndarray, most: int) -> Levels | None:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         decades = np.log(np.asarray(illuminance, np.float32) / DARK)
+
+    def at(step: float, rows: slice) -> Packed:
+        number = np.rint(decades[rows] / np.log1p(step)) + 1
+        return packed(np.where(decades[rows] >= 0, number, 0))
+
     for step in STEPS:
-        number = np.rint(decades / np.log1p(step)) + 1
-        light = packed(np.where(decades >= 0, number, 0))
+        sample = slice(None, None, SAMPLE)
+        if len(at(step, sample)["text"]) * SAMPLE > 1.2 * most + SMALL:
+            continue
+        light = at(step, slice(None))
         if len(light["text"]) <= most:
             return Levels(light, step)
     return None

@@ -6,9 +6,9 @@ import base64
 import csv
 import hashlib
 import io
-import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -79,7 +79,9 @@ class Report:
         if not 0 < len(folders) <= MOST_FACADES:
             remedy = f"give 1 to {MOST_FACADES}"
             raise InputError("report", "folders", str(len(folders)), remedy)
-        return cls([Facade.of_folder(folder) for folder in folders])
+        with ThreadPoolExecutor(1) as thread:  # one façade is judged while the next one is read
+            judged = [thread.submit(Facade.of_folder(folder)) for folder in folders]
+        return cls([facade.result() for facade in judged])
 
     @cached_property
     def names(self) -> list[str]:
@@ -135,11 +137,13 @@ class Report:
         }  # fmt: skip
         drawn = {"labels": labels(), "facades": facades}
         size = len(page.render(content, drawn=drawn).encode()) + MARGIN
-        for i, (facade, points) in enumerate(zip(self.facades, shown, strict=True)):
-            most = (LARGEST_PAGE - size) // (len(facades) - i)
-            hours = Hours(facade, points).to_dict(most)
-            facades[i]["hours"] = hours
-            size += len(json.dumps(hours))
+        most = (LARGEST_PAGE - size) // len(facades)
+        with ThreadPoolExecutor(2) as threads:
+            every = [Hours(*each) for each in zip(self.facades, shown, strict=True)]
+            for facade, hours in zip(
+                facades, threads.map(lambda h: h.to_dict(most), every), strict=True
+            ):
+                facade["hours"] = hours
         return page.render(content, drawn=drawn)
 
     def markdown(self) -> str:

@@ -29,10 +29,15 @@ def overview(facades: list[Facade], names: list[str]) -> Table:
     """Table with a row for each standard and a column for each façade."""
     t = labels()
     rows = []
-    for verdicts in zip(*(f.verdicts for f in facades), strict=True):
+    by_standard = list(zip(*(f.verdicts for f in facades), strict=True))
+    for verdicts in sorted(by_standard, key=lambda each: not any(map(_is_decided, each))):
         title = _title(verdicts[0])
         rows.append((plain(title), *(_short(verdict) for verdict in verdicts)))
     return Table(t["verdicts"], (t["standard"], *names), tuple(rows), t["verdicts_note"])
+
+
+def _is_decided(verdict: Verdict | Refusal) -> bool:
+    return isinstance(verdict, Verdict) and verdict.undecided is None
 
 
 def _title(verdict: Verdict | Refusal) -> str:
@@ -43,28 +48,32 @@ def _short(verdict: Verdict | Refusal) -> Cell:
     """Level and probability in words."""
     t = labels()
     if isinstance(verdict, Refusal):
-        return (OPEN + t["no_verdict"],)
+        return (OPEN + t["no_verdict"].format(reason=text(verdict.reason.got)),)
     if verdict.undecided is not None:
         return (OPEN + t["undecided"],)
-    reached = likelihood(verdict.probability)
-    if verdict.level is None:
-        lowest = text(verdict.levels[0].name)
-        return (NO + t["not_reached"].format(level=lowest, probability=reached),)
-    return (YES + t["reached"].format(level=text(verdict.level), probability=reached),)
+    shown = next((o for o in reversed(verdict.levels) if o.reached), verdict.levels[0])
+    words = t["reached"] if shown.reached else t["not_reached"]
+    told = words.format(level=text(shown.name), probability=likelihood(verdict.probability))
+    duty = ("; ", t["has_duty"]) if verdict.duties else ()
+    return (YES if shown.reached else NO) + told, "; ", *_margin(shown.margin), *duty
+
+
+def _stated(verdict: Verdict | Refusal) -> str:
+    """Level and probability as one text."""
+    return "".join(map(str, _short(verdict)))
 
 
 def judgements(facade: Facade, name: str) -> list[Judgement]:
     """Verdicts of a façade in full: quantities, levels, margins, what decides, sources."""
     return [
         _refused(verdict, name) if isinstance(verdict, Refusal) else _judged(verdict, name)
-        for verdict in facade.verdicts
+        for verdict in sorted(facade.verdicts, key=lambda each: not _is_decided(each))
     ]
 
 
 def _refused(refusal: Refusal, name: str) -> Judgement:
-    reason = f"{refusal.reason.got}; {refusal.reason.remedy}"
-    stated = str(_short(refusal)[0])
-    return Judgement(name, _title(refusal), stated, (), (text(reason),))
+    remark = text(refusal.reason.remedy)
+    return Judgement(name, _title(refusal), _stated(refusal), (), (remark,))
 
 
 def _judged(verdict: Verdict, name: str) -> Judgement:
@@ -85,7 +94,7 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
     remarks += verdict.notes
     parts = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
     remarks += dict.fromkeys(t["source"].format(sure=p.sure, text=p.source) for p in parts)
-    stated = str(_short(verdict)[0])
+    stated = _stated(verdict)
     return Judgement(name, _title(verdict), stated, tuple(tables), tuple(map(text, remarks)))
 
 

@@ -42,8 +42,8 @@
   }
   const ofLux = (lux) => Math.log(lux / DARKEST) / Math.log(BRIGHTEST / DARKEST);
   const LUX = { share: ofLux, ticks: [10, 30, 100, 300, 1000, 3000, 10000], unit: "lx" };
-  const linear = (most, unit) => ({
-    share: (value) => value / most, unit,
+  const linear = (most, unit, limit) => ({
+    share: (value) => value / most, unit, limit,
     ticks: [0, 0.25, 0.5, 0.75, 1].map((part) => part * most),
   });
 
@@ -61,6 +61,12 @@
       g.fillText(scale.names?.[tick] ?? String(+tick.toFixed(1)), left + scale.share(tick) * width, 32);
     g.textAlign = "left";
     g.fillText(scale.unit, left + width + 14, 15);
+    if (scale.limit !== undefined) {
+      const x = left + width * scale.share(scale.limit);
+      g.fillStyle = MARK;
+      g.fillRect(x - 1.5, 0, 3, 20);
+      g.fillText(t.js_limit, Math.min(x + 5, left + width - 24), 32);
+    }
     canvas.setAttribute("aria-label", words);
   }
 
@@ -147,7 +153,7 @@
       for (const [kind, [stroke, width]] of Object.entries(OUTLINES))
         for (const line of f.sheets[this.number].outlines[kind] ?? []) this.outline(g, line, stroke, width, kind);
       if (chosen[f.index] >= 0 && f.sheet[chosen[f.index]] === this.number)
-        this.ring(g, chosen[f.index], 8, MARK, null);
+        for (const [width, stroke] of [[6, "#fff"], [3, MARK]]) this.ring(g, chosen[f.index], 9, stroke, null, width);
       this.canvas.setAttribute("aria-label", words);
     }
     outline(g, line, stroke, width, kind) {
@@ -164,10 +170,10 @@
       g.stroke();
       g.lineWidth = 1;
     }
-    ring(g, point, radius, stroke, fill) {
+    ring(g, point, radius, stroke, fill, width = 1) {
       g.beginPath();
       g.arc(this.x(this.facade.x[point]), this.y(this.facade.y[point]), radius, 0, 2 * Math.PI);
-      g.lineWidth = radius > 4 ? 3 : 1;
+      g.lineWidth = width;
       g.strokeStyle = stroke;
       if (fill) { g.fillStyle = fill; g.fill(); }
       g.stroke();
@@ -199,10 +205,10 @@
       const dates = facade.times.map((time) => new Date(time));
       this.hour = dates.map((d) => d.getUTCHours() + d.getUTCMinutes() / 60);
       this.day = dates.map((d) => (Date.UTC(2001, d.getUTCMonth(), d.getUTCDate()) - Date.UTC(2001, 0)) / 864e5);
+      this.left = 52;
+      this.bottom = canvas.height - 30;
       this.low = Math.floor(this.hour.reduce((a, b) => Math.min(a, b), 24));
       this.high = Math.min(24, Math.ceil(this.hour.reduce((a, b) => Math.max(a, b), 0) + facade.step_hours));
-      this.left = 34;
-      this.bottom = canvas.height - 22;
       this.across = (canvas.width - this.left - 4) / 365;
       this.up = (this.bottom - 6) / (this.high - this.low);
       canvas.addEventListener("click", (event) => this.go(event));
@@ -219,12 +225,12 @@
         g.fillRect(this.x(day), this.y(this.hour[i] + step), width, height);
       });
       g.fillStyle = INK;
-      g.font = "12px sans-serif";
+      g.font = "18px sans-serif";
       g.textAlign = "left";
-      t.js_months.split(" ").forEach((month, k) => g.fillText(month, this.x(k * 30.42 + 4), this.bottom + 16));
+      t.js_months.split(" ").forEach((month, k) => g.fillText(month, this.x(k * 30.42 + 4), this.bottom + 22));
       g.textAlign = "right";
       const every = this.high - this.low > 12 ? 6 : 2;
-      for (let h = this.low; h <= this.high; h += every) g.fillText(`${h} h`, this.left - 5, this.y(h) + 4);
+      for (let h = this.low; h <= this.high; h += every) g.fillText(`${h} h`, this.left - 5, this.y(h) + 8);
       const now = this.facade.at.get(time());
       if (now !== undefined) {
         g.strokeStyle = MARK;
@@ -245,7 +251,7 @@
   }
 
   if (typeof DecompressionStream === "undefined") {
-    $("point-none").textContent = t.js_old;
+    $("old").textContent = t.js_old;
     return;
   }
   await unpackedAll(facades);
@@ -267,10 +273,16 @@
   const percent = (part, whole) => (100 * part) / whole;
   const QUANTITIES = {
     mean: { of: (f, i) => f.mean[i] / 10, scale: () => LUX },
-    enough: { of: (f, i) => percent(f.enough[i], f.stamps), scale: () => linear(100, "%") },
+    enough: {
+      of: (f, i) => percent(f.enough[i], f.stamps),
+      scale: () => linear(100, "%", percent(all[0].needed, all[0].stamps)),
+    },
     in_sun: {
       of: (f, i) => f.in_sun[i] * f.step_hours,
-      scale: () => linear(Math.max(...all.map((f) => f.in_sun.reduce((a, b) => Math.max(a, b), 2 * f.allowed) * f.step_hours)), "h"),
+      scale: () => linear(
+        Math.max(...all.map((f) => f.in_sun.reduce((a, b) => Math.max(a, b), 2 * f.allowed) * f.step_hours)),
+        "h", all[0].allowed * all[0].step_hours,
+      ),
     },
     sDA: { of: (f, i) => f.probability.sDA[i] / 100, scale: () => linear(100, "%") },
     ASE: { of: (f, i) => f.probability.ASE[i] / 100, scale: () => linear(100, "%") },
