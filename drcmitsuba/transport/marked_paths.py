@@ -88,9 +88,9 @@ class MarkedPaths:
         return mi.Float(dr.select(whole > 0, visits / whole, 0))
 
     def matrix(self, result: int) -> mi.TensorXf:
-        """G₀ of the sensors, and below it the blocks' shares of cells, (sensor + block, cell)."""
-        count, (block, blocks) = dr.opaque(mi.UInt32, self.cells.count), self._blocks
-        out = dr.zeros(mi.Float64, (self.sensors + blocks) * self.cells.count)
+        """G₀ of the sensors from the cells, shape (sensor, cell)."""
+        count = dr.opaque(mi.UInt32, self.cells.count)
+        out = dr.zeros(mi.Float64, self.sensors * self.cells.count)
         for here, met in self._met():
             few = dr.opaque(mi.UInt32, here.stop - here.start)
             replicate, sensor = met.row // few, met.row % few + dr.opaque(mi.UInt32, here.start)
@@ -98,11 +98,23 @@ class MarkedPaths:
             weight = mi.Float64(met.weight / self.draws)
             dr.scatter_add(out, weight, sensor * count + met.cell, mine)
             dr.eval(out)
-        cell = dr.arange(mi.UInt32, self.cells.count)
-        sensors = dr.opaque(mi.UInt32, self.sensors)
-        dr.scatter(out, mi.Float64(self.share), (sensors + block) * count + cell)
+        return mi.TensorXf(mi.Float(out), (self.sensors, self.cells.count))
+
+    def means(self, D: mi.TensorXf) -> mi.TensorXf:
+        """Mean of values on cells (cell, bin) over every block, shape (block, bin)."""
+        block, blocks = self._blocks
+        cells, bins = D.shape
+        if bins == 0:
+            return dr.zeros(mi.TensorXf, (blocks, 0))
+        width = dr.opaque(mi.UInt32, bins)
+        entry = dr.arange(mi.UInt32, cells * bins)
+        cell = entry // width
+        out = dr.zeros(mi.Float64, blocks * bins)
+        value = mi.Float64(D.array * dr.gather(mi.Float, self.share, cell))
+        to = dr.gather(mi.UInt32, block, cell) * width + entry % width
+        dr.scatter_add(out, value, to, value != 0)
         dr.eval(out)
-        return mi.TensorXf(mi.Float(out), (self.sensors + blocks, self.cells.count))
+        return mi.TensorXf(mi.Float(out), (blocks, bins))
 
     def marked(self) -> MarkedVertices:
         """Vertices of the paths with marks."""

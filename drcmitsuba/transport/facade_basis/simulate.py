@@ -110,21 +110,22 @@ def compute(
         matrix = paths.matrix(group)
         deposits = _elements(room, base, paths, group, points, normals)
         for done, (element, on_sensors, on_cells) in enumerate(deposits, 1):
-            _fill(basis, group, element, matrix, on_sensors, on_cells)
+            _fill(basis, group, element, paths, matrix, on_sensors, on_cells)
             progress((group + done / len(elements)) / groups)
     return basis
 
 
 def _fill(
-    basis: Basis, group: int, element: int, matrix: mi.TensorXf, on_sensors: list[Irradiance],
-    on_cells: Irradiance,
+    basis: Basis, group: int, element: int, paths: MarkedPaths, matrix: mi.TensorXf,
+    on_sensors: list[Irradiance], on_cells: Irradiance,
 ) -> None:  # fmt: skip
     """Write C and the block means of D of an element in one group into a basis."""
-    i, sensors = np.searchsorted(basis.elements, element), len(basis.points)
+    i = np.searchsorted(basis.elements, element)
     inner = np.concatenate([(matrix @ part).numpy() for part in on_cells], axis=1)
+    blocks = np.concatenate([paths.means(part).numpy() for part in on_cells], axis=1)
     direct = on_sensors[0] if len(on_sensors) == 1 else on_sensors[0].plus(on_sensors[1])
-    basis.total[i, group] = (direct.numpy() + inner[:sensors]).T
-    basis.grouped[i, group] = inner[sensors:].T
+    basis.total[i, group] = (direct.numpy() + inner).T
+    basis.grouped[i, group] = blocks.T
     if basis.direct is not None:
         basis.direct[i, group] = direct.numpy().T
     if element in basis.straight_elements:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -47,6 +48,8 @@ from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.marked_paths import MarkedPaths
 from drcmitsuba.transport.photons import PhotonTracer
 
+FULL = 0.7
+"""Share of lit cells above which dark ones are not worth sparing."""
 MOST_BYTES = 12 << 30
 """Largest memory of a basis [bytes]."""
 
@@ -130,7 +133,7 @@ def compute(
         matrix = paths.matrix(r) if gathered.cells.count else None
         for i, (source, (base, photons)) in enumerate(zip(sources, deposits, strict=True)):
             light = lights[source.element]
-            _fill(light, r, base, photons, gathered, matrix, points, normals)
+            _fill(light, r, base, photons, paths, matrix, points, normals)
             progress((r + (i + 1) / len(sources)) / accuracy.replicates)
         _subtract(lights, r)
     return GroupBasis(
@@ -224,19 +227,20 @@ def _deposit(
 
 
 def _fill(
-    light: ElementLight, r: int, base: Deposit, photons: PhotonTracer | None, gathered: Gathered,
+    light: ElementLight, r: int, base: Deposit, photons: PhotonTracer | None, paths: MarkedPaths,
     matrix: mi.TensorXf | None, points: np.ndarray, normals: np.ndarray,
 ) -> None:  # fmt: skip
     """Write one replicate of an element's light; without cells there is no matrix."""
-    replicate = Replicate(r, base.lit(r))
+    replicate, gathered = Replicate(r, base.lit(r)), paths.gathered
     if photons is not None:
         seed = launch_seed(base.accuracy.seed, Stream.PHOTONS, r)
         replicate.landed = photons.traced(seed, lambda share: None)
     if matrix is not None:
         replicate.meet(gathered.drawn[r], gathered.cells.keys)
         assert replicate.cells is not None
-        whole = np.concatenate([(matrix @ part).numpy() for part in replicate.cells], axis=1)
-        light.total[r], light.blocks[r] = whole[: len(points)].T, whole[len(points) :].T
+        D = replicate.cells
+        light.total[r] = np.concatenate([_sent(matrix, part) for part in D], axis=1).T
+        light.blocks[r] = np.concatenate([paths.means(part).numpy() for part in D], axis=1).T
     else:
         light.total[r], light.blocks[r] = 0, 0
     samples = base.accuracy.sensor_sun_samples
@@ -244,6 +248,30 @@ def _fill(
         p, n = flat(points[here]), flat(normals[here])
         within = None if gathered.within is None else mi.Bool(gathered.within[here])
         light.total[r][:, here] += replicate.sensors(p, n, here, samples, within)[1].T
+
+
+def _sent(matrix: mi.TensorXf, D: mi.TensorXf) -> np.ndarray:
+    """Light that cells send on, (sensor, bin) [sr]; cells and bins without light are spared."""
+    (sensors, cells), bins = matrix.shape, D.shape[1]
+    out = np.zeros((sensors, bins), np.float32)
+    if 0 in D.shape:
+        return out
+    lit, shining = (dr.compress(dr.max(D, axis=axis).array > 0) for axis in (1, 0))
+    n_lit, n_shining = dr.width(lit), dr.width(shining)
+    if n_lit == 0:
+        return out
+    if n_lit > FULL * cells:
+        return np.asarray((matrix @ D).numpy())
+    few, many = (dr.opaque(mi.UInt32, n) for n in (n_lit, n_shining))
+    entry = dr.arange(mi.UInt32, sensors * n_lit)
+    column = dr.gather(mi.UInt32, lit, entry % few)
+    G = dr.gather(mi.Float, matrix.array, entry // few * dr.opaque(mi.UInt32, cells) + column)
+    entry = dr.arange(mi.UInt32, n_lit * n_shining)
+    row = dr.gather(mi.UInt32, lit, entry // many) * dr.opaque(mi.UInt32, bins)
+    d = dr.gather(mi.Float, D.array, row + dr.gather(mi.UInt32, shining, entry % many))
+    sent = mi.TensorXf(G, (sensors, n_lit)) @ mi.TensorXf(d, (n_lit, n_shining))
+    out[:, shining.numpy()] = sent.numpy()
+    return out
 
 
 def _subtract(lights: dict[int, ElementLight], r: int) -> None:
