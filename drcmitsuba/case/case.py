@@ -32,6 +32,7 @@ from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
 from drcmitsuba.case.sky import Outside, PerezSky, Sky
 from drcmitsuba.case.sun import Sun, TrueSun, check_sun
 from drcmitsuba.case.unit_check import ask_about_furniture, ask_about_room, ask_about_spacing
+from drcmitsuba.case.views import ViewTable
 from drcmitsuba.case.weather import PeriodTable, SiteTable, WeatherFile
 from drcmitsuba.model.materials import (
     DielectricMaterial,
@@ -89,6 +90,8 @@ class Case(Table):
     """Sun shade of the clear panes; without it, there is none."""
     groups: Annotated[dict[Name, Group], Field(max_length=100)] = Field(default_factory=dict)
     """Panes that change their state together, by name."""
+    views: Annotated[dict[Name, ViewTable], Field(max_length=1000)] = Field(default_factory=dict)
+    """Views by name, beside those of the model."""
     metrics: Metrics = Metrics()
     """Thresholds of the metrics."""
     accuracy: Accuracy = Accuracy()
@@ -195,6 +198,8 @@ class Case(Table):
             self.shading.check(self.materials)
         for name, group in self.groups.items():
             self._check_group(name, group)
+        for name, view in self.views.items():
+            view.check(name)
         if self.design is not None:
             self._check_design(self.design)
         if self.room is not None and self.model is not None:

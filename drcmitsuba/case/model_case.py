@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
     SurfaceMaterial,
 )
-from drcmitsuba.model.model import Model, areas
+from drcmitsuba.model.model import Model, View, areas
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 
@@ -120,15 +120,15 @@ def listing(model: Model) -> list[str]:
 
 KINDS = {
     "v": "perspective", "l": "parallel", "h": "hemispherical", "a": "angular",
-    "s": "planispherical", "c": "cylindrical",
+    "s": "planispherical", "c": "cylindrical", "e": "equisolid",
 }  # fmt: skip
 """Words for the projections of views, by their letter in Radiance's `-vt`."""
 
 
-def views_listing(model: Model) -> list[str]:
-    """One line for every view of a model: name, projection, position [m], direction, angles."""
+def views_listing(views: Sequence[View]) -> list[str]:
+    """One line for every view: name, projection, position [m], direction, angles."""
     lines = []
-    for view in model.views:
+    for view in views:
         unit = " m" if view.kind == "l" else "°"
         wide, high = view.angles
         at, along = (", ".join(f"{v:.4g}" for v in x) for x in (view.position, view.direction))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from drcmitsuba.case.case import Case
+    from drcmitsuba.model.model import View
     from drcmitsuba.report.scene_view import Drawn
 
 
@@ -30,6 +31,7 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     from drcmitsuba.runtime import backend, storage
     from drcmitsuba.scene.leaks import refuse_leaks
     from drcmitsuba.scene.sensors import sensor_points
+    from drcmitsuba.scene.views import views
 
     loaded = load(case, weather)
     backend.select()
@@ -37,8 +39,8 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     drawn, panes = _drawn(loaded)
     of_groups = notes_on_groups(loaded.building, loaded.groups)
     remarks = (*loaded.building.notes, *of_groups, *_place_notes(loaded))
-    views = _views(loaded)
-    figure = scene_view(drawn, points, title=loaded.name, names=panes, views=views)
+    seen = views(loaded)
+    figure = scene_view(drawn, points, title=loaded.name, names=panes, views=_arrows(loaded, seen))
     target = output / f"{Path(case).stem}.toml"
     is_model = Path(case).suffix.lower() in ENDINGS
     if is_model and target.exists():
@@ -48,8 +50,10 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     print(f"the scene is drawn in {style.save(figure, output / 'scene.png')}")
     if loaded.building.layers:
         grids = _grids_listing(loaded)
-        print("\n".join([*listing(loaded.building), *grids, *views_listing(loaded.building)]))
+        print("\n".join([*listing(loaded.building), *grids]))
         print(f"north: {loaded.building.north:g}°, clockwise from the model's y axis")
+    for line in views_listing(seen):
+        print(line)
     if is_model:
         storage.save_text(case_text(Path(case), output, loaded.building, loaded.sensors), target)
         print(f"{target}: a case to change; next: drcmitsuba evaluate {target}")
@@ -78,8 +82,8 @@ def _grids_listing(case: Case) -> list[str]:
     return lines[:MOST_ROWS] + [f"{len(lines)} grids in all"] * (len(lines) > MOST_ROWS)
 
 
-def _views(case: Case) -> dict[str, np.ndarray]:
-    """Position [m] and direction (2, 3) of the model's views as surfaces are drawn, by name."""
+def _arrows(case: Case, views: tuple[View, ...]) -> dict[str, np.ndarray]:
+    """Position [m] and direction (2, 3) of views as surfaces are drawn, by name."""
     import numpy as np
 
     from drcmitsuba.scene.geometry import origin, rotation
@@ -87,7 +91,7 @@ def _views(case: Case) -> dict[str, np.ndarray]:
     turn, start = rotation(case).T, origin(case)
     return {
         view.name: np.stack([(np.array(view.position) - start) @ turn, view.direction @ turn])
-        for view in case.building.views
+        for view in views
     }
 
 

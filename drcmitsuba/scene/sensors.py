@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -40,7 +41,7 @@ def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
     start, grids = origin(case), _grids(case)
     points = np.concatenate([grid.points for grid in grids]) - start
     normals = np.concatenate([grid.normals for grid in grids])
-    _check_sensors(case, points, start)
+    refuse_in_solids(case, points, start)
     turn = rotation(case).T
     return points @ turn, normals @ turn
 
@@ -120,16 +121,21 @@ def _box_grid(grid: Sensors) -> Grid:
     return Grid("", points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
 
 
-def _check_sensors(case: Case, points: np.ndarray, start: np.ndarray) -> None:
+def refuse_in_solids(
+    case: Case, points: np.ndarray, start: np.ndarray, views: Sequence[str] = ()
+) -> None:
     """Refuse sensors in or on a surface of a room, a piece of furniture or a closed mesh.
 
-    `start` (3,) is the origin of the points in the user's coordinates [m].
+    `start` (3,) is the origin of the points in the user's coordinates [m]. Points of `views`, by
+    their names, are also refused on a surface of the model, which grids have been.
     """
     margin = 1e-3 - 1e-9  # 1 mm is allowed, with the rounding of decimals
 
     def refuse(bad: Any, where: str) -> None:
-        _refuse(bad, points + start, where, case.source)
+        _refuse(bad, points + start, where, case.source, views)
 
+    if views and case.building.layers:
+        refuse(on_a_surface(case.building, points + start), "on a surface of the model")
     if case.room is not None:
         size = np.array(case.room.size)
         outside = (points <= margin) | (points >= size - margin)
@@ -142,13 +148,16 @@ def _check_sensors(case: Case, points: np.ndarray, start: np.ndarray) -> None:
         refuse(within, f"in component {name!r}")
 
 
-def _refuse(bad: np.ndarray, points: np.ndarray, where: str, source: str) -> None:
+def _refuse(
+    bad: np.ndarray, points: np.ndarray, where: str, source: str, views: Sequence[str] = ()
+) -> None:
     """Raise InputError with the first of the points (sensor, 3) [m] that are bad."""
     if bad.any():
         i = int(np.argmax(bad))
         place = ", ".join(f"{round(v, 4):.10g}" for v in points[i])
         more = f" ({int(bad.sum())} in all)" if bad.sum() > 1 else ""
+        field, name = ("views", f"view {views[i]!r}") if views else ("sensors", f"sensor {i}")
         raise InputError(
-            source, "sensors", f"sensor {i} at ({place}) lies {where}{more}",
+            source, field, f"{name} at ({place}) lies {where}{more}",
             "move it at least 1 mm off every surface",
         )  # fmt: skip
