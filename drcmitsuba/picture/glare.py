@@ -87,10 +87,10 @@ class Glare:
         constants : DgpConstants
             `EVALGLARE` or `PAPER`.
         low_light : bool
-            Whether to multiply by e^x / (1 + e^x), x = 0.024 E_v − 4, for dim scenes [3]_;
+            Whether to multiply by e^x / (1 + e^x), x = 0.024 E_v − 4, for dim scenes (Wienold);
             `evalglare` 3.06 does not.
         age : float
-            Age of the viewer [a]: divides by 1.1 − 0.5 age/100 [3]_, which is 1 at 20 years.
+            Age of the viewer [a]: divides by 1.1 − 0.5 age/100 (Wienold 2009): 1 at 20 years.
 
         Returns
         -------
