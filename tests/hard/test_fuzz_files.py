@@ -122,6 +122,10 @@ def good(tmp_path_factory, command):
     (folder / "plots" / "illuminance.nc").write_bytes(
         (folder / "good" / "illuminance.nc").read_bytes()
     )
+    for kind in ("illuminance", "metrics"):
+        (folder / f"shown {kind}").mkdir()
+        for name in ("illuminance.nc", "metrics.json", "plan.json"):
+            shutil.copy(folder / "good" / name, folder / f"shown {kind}")
     return folder
 
 
@@ -139,10 +143,18 @@ def of_kind(kind, good):
             results.numbers(there / "metrics.json", good / "plots" / "metrics.json"),
             ("plot", "plots"),
         ),
+        "shown illuminance": (
+            results.netcdfs(there / "illuminance.nc", good / "shown illuminance/illuminance.nc"),
+            ("report", "shown illuminance"),
+        ),
+        "shown metrics": (
+            results.numbers(there / "metrics.json", good / "shown metrics/metrics.json"),
+            ("report", "shown metrics"),
+        ),
     }[kind]  # fmt: skip
 
 
-KINDS = ("coefficients", "sky", "illuminance", "metrics")
+KINDS = ("coefficients", "sky", "illuminance", "metrics", "shown illuminance", "shown metrics")
 
 
 def use_many(kind, good, command, tally, holds, examples):

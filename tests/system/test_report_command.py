@@ -257,6 +257,16 @@ def test_a_folder_that_cannot_be_written_is_refused(refused, copied):
     refused("report", copied)
 
 
+def test_a_page_without_room_for_the_hours_says_so(opened, page, results, tmp_path, monkeypatch):
+    monkeypatch.setattr("drcmitsuba.report.document.report.LARGEST_PAGE", 0)
+    Report.of_folders(results).save(tmp_path / "r.html")
+    opened.open(tmp_path / "r.html")
+    assert "too many for one page" in opened("document.getElementById('hours-error').textContent")
+    assert "point" in opened("document.getElementById('point-map-text-1').textContent")
+    assert opened.complaints == []
+    opened.open(page)
+
+
 def shown_numbers(opened, selector):
     script = f"[...document.querySelectorAll({selector!r})].map((e) => [e.value, e.textContent])"
     return opened(script)

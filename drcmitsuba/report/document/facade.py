@@ -43,6 +43,8 @@ class Facade:
     plan: dict[str, dict[str, Any]]
     """Content of `plan.json`; empty where the steps were run one by one."""
     verdicts: list[Verdict | Refusal]
+    fingerprint: str = ""
+    """Digest of the inputs; empty where C is missing."""
     notes: tuple[str, ...] = ()
     """Remarks on what the report cannot show."""
 
@@ -109,7 +111,9 @@ class Facade:
             if np.isnan(values.values).any():
                 got = f"{name} is not known everywhere"
                 raise InputError(evidence.source, "illuminance", got, "evaluate the case again")
-        return cls(case, seen, numbers, plan, standards.verdicts(evidence), notes)
+        C = evidence.coefficients
+        fingerprint = "" if C is None else str(C.attrs.get("fingerprint", ""))
+        return cls(case, seen, numbers, plan, standards.verdicts(evidence), fingerprint, notes)
 
 
 def _check_same(path: Path, settings: dict[str, Any], evidence: Evidence, case: Case) -> None:

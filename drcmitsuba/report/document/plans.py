@@ -19,8 +19,10 @@ from drcmitsuba.runtime.errors import on_a_line
 
 MOST_POINTS = 20_000
 """Largest number of points in the plans; of more, every other one is shown."""
-MOST_CORNERS = 4_000
-"""Largest number of corners of the outlines of a plan, of each kind."""
+MOST_CORNERS = 40_000
+"""Largest number of corners of all outlines of a report."""
+KINDS = ("room", "glazing", "furniture", "surroundings")
+"""Outlines in the order in which they are kept where there are too many."""
 PER_METRE = 1000
 """Coordinates are in millimetres."""
 PER_LUX = 10
@@ -35,7 +37,7 @@ def shown_points(facade: Facade, most: int = MOST_POINTS) -> np.ndarray:
     return np.arange(0, sensors, -(-sensors // most))
 
 
-def plans(facade: Facade, shown: np.ndarray) -> dict[str, Any]:
+def plans(facade: Facade, shown: np.ndarray, corners: int = MOST_CORNERS) -> dict[str, Any]:
     """Points, sheets and counts of a façade for the script.
 
     Parameters
@@ -43,9 +45,12 @@ def plans(facade: Facade, shown: np.ndarray) -> dict[str, Any]:
     facade : Facade
     shown : np.ndarray of int, shape (point,)
         Sensors to show, from `shown_points`.
+    corners : int
+        Largest number of corners of its outlines.
     """
     E = facade.illuminance
     x, y = (E[axis].values.astype(float) for axis in "xy")
+    at = np.column_stack([x, y])
     every = sheets(E)[:MOST_SHEETS]
     number = np.full(len(x), len(every))
     for k, sheet in enumerate(every):
@@ -62,7 +67,7 @@ def plans(facade: Facade, shown: np.ndarray) -> dict[str, Any]:
         "grid": packed(of_grid[shown]),
         "grids": [on_a_line(name) for name in grids],
         "tiles": _millimetres(_tiles(x, y, grids)[shown].reshape(len(shown), 8).T),
-        "sheets": [_sheet(facade, sheet, np.column_stack([x, y])) for sheet in every],
+        "sheets": [_sheet(facade, sheet, at, corners // len(every)) for sheet in every],
         **_counts(facade, shown),
     }
 
@@ -87,29 +92,22 @@ def _tiles(x: np.ndarray, y: np.ndarray, grids: dict[str, np.ndarray]) -> np.nda
     return out
 
 
-def _sheet(facade: Facade, sheet: Sheet, at: np.ndarray) -> dict[str, Any]:
-    """Name of a sheet, and its outlines [mm]."""
+def _sheet(facade: Facade, sheet: Sheet, at: np.ndarray, corners: int) -> dict[str, Any]:
+    """Name of a sheet, and its outlines x, y, x, y, … [mm] with at most so many corners."""
     lines = outlines_in_plan(facade.case, at[sheet.sensors], sheet)
     heights = f"{sheet.low:.2f} m"
     if sheet.high > sheet.low + 0.005:
         heights = f"{sheet.low:.2f} … {sheet.high:.2f} m"
     name = labels()["sheet_up" if sheet.faces_up else "sheet_other"].format(heights=heights)
-    return {
-        "name": name,
-        "outlines": {kind: _polygons(kept) for kind, kept in lines.items()},
-    }
-
-
-def _polygons(lines: list[np.ndarray]) -> list[list[int]]:
-    """Lines as x, y, x, y, … [mm]; those beyond a number of corners are left out."""
-    out, corners = [], 0
-    for line in lines:
-        corners += len(line)
-        if corners > MOST_CORNERS:
-            break
-        millimetres = np.rint(np.clip(line[:, :2], -1e6, 1e6) * PER_METRE).astype(int)
-        out.append(millimetres.ravel().tolist())
-    return out
+    kept: dict[str, list[list[int]]] = {kind: [] for kind in KINDS}
+    for kind in KINDS:
+        for line in lines.get(kind, ()):
+            corners -= len(line)
+            if corners < 0:
+                break
+            millimetres = np.rint(np.clip(line[:, :2], -1e6, 1e6) * PER_METRE)
+            kept[kind].append(millimetres.astype(int).ravel().tolist())
+    return {"name": name, "outlines": kept}
 
 
 def _counts(facade: Facade, shown: np.ndarray) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def versions(facades: list[Facade], names: list[str]) -> Table:
     rows: dict[str, list[Cell]] = {
         t["version"]: [plain(f.illuminance.attrs.get("version", NONE)) for f in facades],
         t["variant"]: [plain(f.settings.get("variant", NONE)) for f in facades],
-        t["fingerprint"]: [plain(f.illuminance.attrs.get("fingerprint", NONE)) for f in facades],
+        t["fingerprint"]: [plain(f.fingerprint or NONE) for f in facades],
         t["seconds"]: [_seconds(f) for f in facades],
         t["memory"]: [_memory(f) for f in facades],
     }

@@ -22,7 +22,7 @@ from drcmitsuba.report.document import charts, record, tables, verdicts
 from drcmitsuba.report.document.facade import Facade
 from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
-from drcmitsuba.report.document.plans import MOST_POINTS, plans, shown_points
+from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
 from drcmitsuba.report.document.table import Number, Table, text
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -126,10 +126,14 @@ class Report:
         """One page of HTML, at most about 2 MB, with its own script, style and arrays."""
         style, script = _file("page.css"), _file("page.js")
         shown = [shown_points(f, MOST_POINTS // len(self.facades)) for f in self.facades]
+        corners = MOST_CORNERS // len(self.facades)
         facades = [
-            {"name": name, "count": facade.illuminance.sizes["sensor"], **plans(facade, points)}
+            {
+                "name": name, "count": facade.illuminance.sizes["sensor"],
+                **plans(facade, points, corners),
+            }
             for (facade, name), points in zip(self._each, shown, strict=True)
-        ]
+        ]  # fmt: skip
         page = _environment().get_template("page.html")
         content = {
             **self._content, "style": style, "script": script,

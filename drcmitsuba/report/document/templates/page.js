@@ -88,7 +88,8 @@
       return (this.hours.sun[hour * this.sunBytes + (point >> 3)] >> (point & 7)) & 1;
     }
     onSheet(sheet) {
-      return Array.from(this.x.keys()).filter((i) => this.sheet[i] === sheet);
+      this.bySheet ??= this.sheets.map((_, k) => Array.from(this.x.keys()).filter((i) => this.sheet[i] === k));
+      return this.bySheet[sheet];
     }
     view(sheet) { // lowest and highest x, y of a sheet [mm]
       const xs = [], ys = [];
@@ -152,9 +153,17 @@
       for (const i of here) if (isMarked(i)) this.ring(g, i, 3, INK, "#fff");
       for (const [kind, [stroke, width]] of Object.entries(OUTLINES))
         for (const line of f.sheets[this.number].outlines[kind] ?? []) this.outline(g, line, stroke, width, kind);
-      if (chosen[f.index] >= 0 && f.sheet[chosen[f.index]] === this.number)
-        for (const [width, stroke] of [[6, "#fff"], [3, MARK]]) this.ring(g, chosen[f.index], 9, stroke, null, width);
+      this.plain = new OffscreenCanvas(this.canvas.width, this.canvas.height);
+      this.plain.getContext("2d").drawImage(this.canvas, 0, 0);
+      this.mark();
       this.canvas.setAttribute("aria-label", words);
+    }
+    mark() { // rings the chosen point
+      const g = this.canvas.getContext("2d"), point = chosen[this.facade.index];
+      g.clearRect(0, 0, this.canvas.width, this.canvas.height);
+      g.drawImage(this.plain, 0, 0);
+      if (point < 0 || this.facade.sheet[point] !== this.number) return;
+      for (const [width, stroke] of [[6, "#fff"], [3, MARK]]) this.ring(g, point, 9, stroke, null, width);
     }
     outline(g, line, stroke, width, kind) {
       g.beginPath();
@@ -353,6 +362,7 @@
   }
 
   function drawPoint() {
+    if (chosen[0] < 0) return;
     for (const map of years) {
       const f = map.facade, i = chosen[f.index];
       map.draw((h) => f.light(h, i), LUX, filled(t.point_of, { facade: f.name }));
@@ -384,9 +394,8 @@
     isWaiting = true;
     requestAnimationFrame(() => {
       isWaiting = false;
-      drawPlans();
-      drawHour();
-      if (!timed.length) drawPoint();
+      for (const plan of [...maps, ...hourMaps]) plan.mark();
+      drawPoint();
     });
   }
 
@@ -413,7 +422,11 @@
     $("hours-error").textContent = t.no_hours;
   }
   $("shown").addEventListener("change", drawPlans);
+  const folded = [...document.querySelectorAll("details:not([open])")];
+  addEventListener("beforeprint", () => folded.forEach((part) => { part.open = true; }));
   sheetList.addEventListener("change", () => { drawPlans(); drawHour(); });
+  drawPlans();
+  drawHour();
   choose(all[0], start.indexOf(start.reduce((a, b) => Math.min(a, b), Infinity)), true);
   requestAnimationFrame(() => { document.documentElement.dataset.ready = "yes"; });
 })();
