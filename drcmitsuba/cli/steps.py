@@ -110,14 +110,14 @@ def plot(
     from drcmitsuba.case.case import Case
     from drcmitsuba.case.reading import with_files
     from drcmitsuba.metrics import stored_arrays
-    from drcmitsuba.report import figures, plots
+    from drcmitsuba.report import figures, metrics_file, plots
     from drcmitsuba.runtime import backend
     from drcmitsuba.runtime.errors import InputError
     from drcmitsuba.runtime.toml import checked
 
     path, file = folder / "illuminance.nc", folder / "metrics.json"
     E = stored_arrays.loaded(path, stored_arrays.open_dataset(path, "total", "direct_sun"))
-    numbers = figures.read_numbers(file, E.sizes["sensor"])
+    numbers = metrics_file.read_numbers(file, E.sizes["sensor"])
     known = {k: v for k, v in numbers["settings"].items() if k in Case.model_fields}
     case = checked(Case, known, file)
     if case.model is not None:

@@ -110,5 +110,7 @@ def _simulated(joined: xr.Dataset, state: str) -> xr.Dataset:
     for dim, name in SAMPLED.items():
         if dim in data.dims:
             others = [d for d in data[name].dims if d != dim]
-            data = data.isel({dim: np.flatnonzero(data[name].notnull().any(others))})
+            known = data[name].notnull().any(others).values
+            if not known.all():  # a selection copies C
+                data = data.isel({dim: np.flatnonzero(known)})
     return data.drop_vars("pane_group", errors="ignore") if state != OPEN else data

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.report.scene_view import outlines
+from drcmitsuba.report.edges import outlines
 from drcmitsuba.report.sheets import Sheet
 from drcmitsuba.scene.floors_of_model import floor_below, parted
 from drcmitsuba.scene.geometry import boxes, origin, rotation

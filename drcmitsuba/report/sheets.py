@@ -17,6 +17,8 @@ from drcmitsuba.runtime.errors import InputError
 
 spatial = lazy.module("scipy.spatial")
 
+MOST_SHEETS = 20
+"""Largest number of sheets that are drawn, from the lowest storey."""
 STOREY = 1.0
 """Least distance between the heights of sensors of two storeys [m]."""
 ABOVE = 0.1

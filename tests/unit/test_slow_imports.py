@@ -36,3 +36,7 @@ def test_the_modules_of_an_evaluation_import_only_what_every_evaluation_uses():
 def test_the_sky_leaves_most_of_pvlib_alone():
     code = "from drcmitsuba import weather; weather.default(); import drcmitsuba.sky.sun"
     assert imported(code, ("pvlib", "scipy", "requests")) == []
+
+
+def test_the_report_draws_in_the_browser_and_imports_no_plots():
+    assert imported("import drcmitsuba.report.document", ("matplotlib",)) == []

@@ -15,7 +15,7 @@ from drcmitsuba import standards
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import with_files
 from drcmitsuba.metrics.evaluate_metrics import settings_of
-from drcmitsuba.report.figures import read_numbers
+from drcmitsuba.report.metrics_file import read_numbers
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
@@ -87,8 +87,8 @@ class Facade:
             try:
                 case = with_files(case)
                 backend.select()
-            except InputError as error:
-                notes = (f"the plans have no rooms, since the model cannot be read: {error}",)
+            except InputError:  # its text may quote a file that is not for the report's readers
+                notes = ("the plans have no rooms, since the model's files cannot be read here",)
         plan = _plan(folder / "plan.json")
         return lambda: cls._judged(case, evidence, numbers, plan, notes)
 

@@ -11,9 +11,8 @@ from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.document.facade import Facade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.packing import Packed, packed
-from drcmitsuba.report.figures import MOST_SHEETS
 from drcmitsuba.report.outlines import outlines_in_plan
-from drcmitsuba.report.sheets import Sheet, sheets
+from drcmitsuba.report.sheets import MOST_SHEETS, Sheet, sheets
 from drcmitsuba.report.tiles import SensorTiles, spacing
 from drcmitsuba.runtime.errors import on_a_line
 

@@ -5,7 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from drcmitsuba.report.scene_view import GROUPS, KINDS, MOST_ROWS, Drawn, outlines, scene_view
+from drcmitsuba.report.edges import outlines
+from drcmitsuba.report.scene_view import GROUPS, KINDS, MOST_ROWS, Drawn, scene_view
 from drcmitsuba.scene.geometry import box
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
