@@ -113,7 +113,8 @@ def _counts(facade: Facade, shown: np.ndarray) -> dict[str, Any]:
     """Mean illuminance, time stamps above the thresholds, and probabilities to count, by point."""
     E, t = facade.illuminance, facade.case.metrics
     stamps = E.sizes["time"]
-    total, direct = E["total"].values[:, shown], E["direct_sun"].values[:, shown]
+    drawn = slice(None) if len(shown) == E.sizes["sensor"] else shown  # a selection copies E
+    total, direct = (E[name].values[:, drawn] for name in ("total", "direct_sun"))
     enough = np.count_nonzero(total >= t.sda_threshold, axis=0)
     in_sun = np.count_nonzero(direct >= t.ase_threshold, axis=0)
     needed = metrics.autonomy_stamps(t.sda_fraction, stamps)
