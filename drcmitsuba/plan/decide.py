@@ -28,7 +28,9 @@ FINEST_TARGET = 0.5
 """Half width of the interval of the mean illuminance below which cells are not enough [%]."""
 CELLS_OF_SENSOR = 50
 """Number of cells for each sensor above which paths from the sensors cost less."""
-RAY_BYTES = 24
+CELLS_OF_MODEL = 700
+"""Number of cells of a model, on the faces of its bounds, above which blocks might join rooms."""
+RAY_BYTES = 48
 """Memory of a ray from cell to cell [bytes]."""
 MOST_BYTES = 4 << 30
 """Largest memory of all of them [bytes]."""
@@ -345,6 +347,9 @@ def solved_cells(facts: Facts, depth: int | None) -> Effect:
     quantities = {"cells": round(cells), "sensors": sensors}
     if sensors < cells / CELLS_OF_SENSOR:
         return Effect(False, f"{sensors} sensors and some {cells:.0f} cells: on paths", quantities)
+    if case.room is None and cells > CELLS_OF_MODEL:
+        got = f"some {cells:.0f} cells of a model would be joined, perhaps those of two rooms"
+        return Effect(False, f"{got}: on paths", quantities)
     size = RAY_BYTES * a.replicates * a.cell_paths * cells
     if size > MOST_BYTES:
         got = f"the transfer between some {cells:.0f} cells takes {size / 2**30:.1f} GiB"

@@ -1,8 +1,10 @@
 """Rays from cells to other cells, and the importance of every cell for the sensors.
 
 Points stand for cells in proportion to importance: to the light that all sensors together get by
-way of the point, I = G₁ + I·T with G₁ of one bounce from the sensors and T from cell to cell. The
-mean of C over the sensors then has no bias from the size of cells, however light varies in them.
+way of the point, I = G₁ + I·T with G₁ of one bounce from the sensors and T from cell to cell. If
+points were drawn anew at every bounce, and I were exact, the mean of C over the sensors would have
+no bias from the size of cells, however light varies in them. (Light that photons bring is a mean
+over the area of a cell.)
 """
 
 from __future__ import annotations
@@ -37,8 +39,6 @@ _TAGS = (0x5BD1E995, 0x2545F491)
 class CellRays(NamedTuple):
     """Rays from cells."""
 
-    replicate: mi.UInt32
-    """Replicate that a ray belongs to."""
     source: mi.UInt32
     """Cell that it starts from."""
     met: Vertices
@@ -62,12 +62,15 @@ class Blocks:
 
     @classmethod
     def weighed(cls, cells: Cells, weight: mi.Float) -> Blocks:
-        """Join cells to blocks, each with its weight, at most `MOST_BLOCKS`."""
-        edge = EDGE
-        block, count = cells.blocks(edge)
+        """Join cells to blocks, each with its weight, at most `MOST_BLOCKS`.
+
+        In a model cells are not joined as long as they are few: a block might lie in two rooms.
+        """
+        edge = 1 if cells.grid.near is not None else EDGE
+        block, count = cells.flat_blocks(edge)
         while count > MOST_BLOCKS:
             edge += 1
-            block, count = cells.blocks(edge)
+            block, count = cells.flat_blocks(edge)
         whole = dr.zeros(mi.Float64, count)
         dr.scatter_add(whole, mi.Float64(weight), block)
         share = mi.Float(mi.Float64(weight) / dr.gather(mi.Float64, whole, block))
@@ -140,7 +143,7 @@ def trace(
                 within=within, once=True,
             )  # fmt: skip
         met = replace(met, tag=met.tag ^ _TAGS[turn])
-        yield CellRays(met.row // few, met.row % few + first, met)
+        yield CellRays(met.row % few + first, met)
 
 
 def importance(cells: Cells, seen: mi.Float64, rays: list[CellRays], replicates: int) -> mi.Float:

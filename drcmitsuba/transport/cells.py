@@ -14,7 +14,6 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat_indices
@@ -185,18 +184,29 @@ class Cells:
         if dr.width(new) == 0:
             return self
         index = mi.UInt32(self.index)
-        dr.scatter(index, self.count + dr.arange(mi.UInt32, dr.width(new)), new)
+        dr.scatter(
+            index, dr.opaque(mi.UInt32, self.count) + dr.arange(mi.UInt32, dr.width(new)), new
+        )
         dr.eval(index)
         return replace(self, index=index, count=self.count + dr.width(new))
 
     def blocks(self, edge: int) -> tuple[mi.UInt32, int]:
         """Block of every cell, `edge` cells along each edge, and the number of blocks."""
+        return self._in_cubes(edge, layers=False)
+
+    def flat_blocks(self, edge: int) -> tuple[mi.UInt32, int]:
+        """Blocks of one layer of cells: a table and the floor under it are in two blocks."""
+        return self._in_cubes(edge, layers=True)
+
+    def _in_cubes(self, edge: int, *, layers: bool) -> tuple[mi.UInt32, int]:
         if self.count == 0:
             return mi.UInt32(), 0
         key = dr.compress(self.index != _UNKNOWN)
         nx, ny, _ = self.grid.count
         facing, cube = key % 6, key // 6
-        i, j, k = (x // edge for x in (cube % nx, cube // nx % ny, cube // (nx * ny)))
+        axis = facing // 2 if layers else mi.UInt32(3)  # 3: none
+        places = (cube % nx, cube // nx % ny, cube // (nx * ny))
+        i, j, k = (dr.select(axis == a, place, place // edge) for a, place in enumerate(places))
         coarse = (((k * ny) + j) * nx + i) * 6 + facing
         kinds, number = np.unique(coarse.numpy(), return_inverse=True)
         block = dr.zeros(mi.UInt32, self.count)
@@ -210,7 +220,7 @@ class Drawn(NamedTuple):
     """Vertices that stand for the cells."""
 
     rank: mi.UInt32
-    """Scrambled tag of the drawn vertex, the largest in its cell."""
+    """Rank of the drawn vertex, the largest in its cell."""
     p: mi.Float
     n: mi.Float
     """Positions and normals, three numbers a cell."""
@@ -245,11 +255,18 @@ def _draws(
 ) -> tuple[Drawn, ...]:  # fmt: skip
     """Extend draws of the salts from `salt` on: all in one launch, whatever their number."""
     told = vertices.within is not None
+    if count == 0:  # no path met a surface
+        none = mi.UInt32(), mi.Float(), mi.Float(), mi.Bool() if told else None
+        return tuple(Drawn(*none) for _ in before)
     every = _joined(before, count, told)
     draws, stride, first = (dr.opaque(mi.UInt32, n) for n in (len(before), count, salt))
     _rank(vertices, cell, every, draws, stride, first, weighted)
     dr.eval(every.rank)
-    _place(vertices, cell, every, draws, stride, first, weighted)
+    tag = dr.zeros(mi.UInt32, dr.width(every.rank))
+    dr.make_opaque(tag)
+    _break_ties(vertices, cell, every, tag, draws, stride, first, weighted)
+    dr.eval(tag)
+    _place(vertices, cell, every, tag, draws, stride, first, weighted)
     dr.eval(every)
     at = dr.arange(mi.UInt32, count)
     parts = []
@@ -270,12 +287,13 @@ def _ranks(vertices: Vertices, salt: mi.UInt32, weighted: bool) -> mi.UInt32:
     rank = (vertices.tag ^ (salt * mi.UInt32(0x85EBCA6B))) * _SCRAMBLE
     if not weighted:
         return rank
-    # w / −ln u is the largest with probability w / Σw; positive floats sort as integers. The last
-    # steps of MurmurHash3 make the u of neighbouring tags independent.
+    # w / −ln(1 − v) is the largest with probability w / Σw; positive floats sort as integers. The
+    # last steps of MurmurHash3 make the v of neighbouring tags independent.
     rank = (rank ^ (rank >> 16)) * mi.UInt32(0x85EBCA6B)
     rank = (rank ^ (rank >> 13)) * mi.UInt32(0xC2B2AE35)
-    u = (mi.Float((rank ^ (rank >> 16)) >> 8) + 0.5) * TO_UNIT
-    return dr.reinterpret_array(mi.UInt32, vertices.weight / -dr.log(u))
+    v = (mi.Float(rank ^ (rank >> 16)) + 0.5) * 2.0**-32
+    time = dr.select(v < 1e-3, v + 0.5 * dr.square(v), -dr.log(dr.maximum(1 - v, 2.0**-24)))
+    return dr.reinterpret_array(mi.UInt32, vertices.weight / time)
 
 
 @dr.syntax
@@ -294,20 +312,39 @@ def _rank(
 
 
 @dr.syntax
+def _break_ties(
+    vertices: Vertices, cell: mi.UInt32, every: Drawn, tag: mi.UInt32, draws: mi.UInt32,
+    stride: mi.UInt32, first: mi.UInt32, weighted: bool,
+) -> None:  # fmt: skip
+    """Find the largest tag among the vertices of the largest rank."""
+    met, draw = vertices.weight > 0, mi.UInt32(0)
+    while dr.hint(
+        draw < draws, exclude=[vertices, cell, every, tag, draws, stride, first, met, weighted]
+    ):
+        at = draw * stride + cell
+        rank = _ranks(vertices, first + draw, weighted)
+        wins = met & (dr.gather(mi.UInt32, every.rank, at, met) == rank)
+        dr.scatter_reduce(dr.ReduceOp.Max, tag, vertices.tag, at, wins)
+        draw += 1
+
+
+@dr.syntax
 def _place(
-    vertices: Vertices, cell: mi.UInt32, every: Drawn, draws: mi.UInt32, stride: mi.UInt32,
-    first: mi.UInt32, weighted: bool,
+    vertices: Vertices, cell: mi.UInt32, every: Drawn, tag: mi.UInt32, draws: mi.UInt32,
+    stride: mi.UInt32, first: mi.UInt32, weighted: bool,
 ) -> None:  # fmt: skip
     """Keep the points of the vertices that have won."""
     each = dr.arange(mi.UInt32, len(vertices))
     p, n = (dr.gather(mi.Point3f, values, each) for values in (vertices.p, vertices.n))
     met, draw = vertices.weight > 0, mi.UInt32(0)
     while dr.hint(
-        draw < draws, exclude=[vertices, cell, every, draws, stride, first, met, p, n, weighted]
+        draw < draws,
+        exclude=[vertices, cell, every, tag, draws, stride, first, met, p, n, weighted],
     ):
         at = draw * stride + cell
         rank = _ranks(vertices, first + draw, weighted)
         wins = met & (dr.gather(mi.UInt32, every.rank, at, met) == rank)
+        wins &= dr.gather(mi.UInt32, tag, at, met) == vertices.tag
         dr.scatter(every.p, p, at, wins)
         dr.scatter(every.n, n, at, wins)
         if dr.hint(every.within is not None, mode="scalar"):

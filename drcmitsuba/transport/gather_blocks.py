@@ -67,6 +67,8 @@ class Gathered:
     """Vertices of some blocks, by their first sensor."""
     within: np.ndarray | None = None
     """Whether each sensor lies in a room of a model, shape (sensor,); None for other scenes."""
+    seen: mi.Float64 | None = None
+    """Weight of every cell in sum over the sensors, of paths that end at once."""
 
     @classmethod
     def of(
@@ -97,7 +99,7 @@ class Gathered:
         n, step = len(points), max(1, min(block, most))
         blocks = tuple(slice(i, min(i + step, n)) for i in range(0, n, step))
         drawn: Sequence[Drawn | None] = [None] * accuracy.replicates
-        cells, kept, room = Cells.none(grid), dict[int, Met](), KEPT
+        cells, kept, room, seen = Cells.none(grid), dict[int, Met](), KEPT, mi.Float64()
         for here in blocks:
             vertices = trace(here)
             if len(vertices) == 0:
@@ -106,23 +108,15 @@ class Gathered:
                 continue
             cells = cells.extended(vertices)
             cell = cells.of(vertices)
+            if once:
+                seen = with_weights(seen, cells.count, cell, vertices.weight)
             drawn = draw_all(vertices, cell, cells.count, drawn, weighted=once)
             if len(vertices) <= room:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight, vertices.mark)
                 room -= len(vertices)
         known = tuple(one for one in drawn if one is not None)
-        return cls(trace, blocks, cells, known, kept, within)
-
-    def weights(self, cells: int) -> mi.Float64:
-        """G₁ of `cells` in sum over the sensors, shape (cell,), from the vertices that are kept."""
-        out = dr.zeros(mi.Float64, cells)
-        kept = sum(here.stop - here.start for here in self.blocks if here.start in self.kept)
-        share = self.blocks[-1].stop / max(kept, 1)
-        for met in self.kept.values():
-            dr.scatter_add(out, mi.Float64(met.weight * dr.opaque(mi.Float, share)), met.cell)
-            dr.eval(out)
-        return out
+        return cls(trace, blocks, cells, known, kept, within, seen)
 
     def met(self, here: slice) -> Met:
         """Vertices of a block of sensors."""
@@ -130,6 +124,18 @@ class Gathered:
             return self.kept[here.start]
         vertices = self.trace(here)
         return Met(vertices.row, self.cells.of(vertices), vertices.weight, vertices.mark)
+
+
+def with_weights(before: mi.Float64, cells: int, cell: mi.UInt32, weight: mi.Float) -> mi.Float64:
+    """Sums of cells so far, with weights that are added to some of `cells`."""
+    out = dr.zeros(mi.Float64, cells)
+    if cells == 0:
+        return out
+    dr.scatter(out, before, dr.arange(mi.UInt32, dr.width(before)))
+    dr.eval(out)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
+    dr.scatter_add(out, mi.Float64(weight), cell)
+    dr.eval(out)
+    return out
 
 
 def product(

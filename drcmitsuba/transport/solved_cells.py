@@ -27,11 +27,13 @@ import mitsuba as mi
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
-from drcmitsuba.transport.cells import draw_all
-from drcmitsuba.transport.gather_blocks import Gathered, product
+from drcmitsuba.transport.cells import Cells, Drawn, draw_all
+from drcmitsuba.transport.gather_blocks import Gathered, product, with_weights
 
 FEW = 8
 """Number of rays from a cell in the first round, in every replicate."""
+MOST_CELLS = 1 << 17
+"""Largest number of cells that send rays; light that further ones send on in turn is left out."""
 
 
 class _OneBounce(NamedTuple):
@@ -90,45 +92,57 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
         The same paths, with all cells and the points that stand for them.
     transfer : Transfer
     """
-    replicates, seen = accuracy.replicates, gathered.drawn
-    cells, points, first, done = gathered.cells, seen, list[CellRays](), 0
-    while done < cells.count:  # rays from the cells that the rays before them have found
-        here = slice(done, cells.count)
-        for rays in trace(scene, cells, points, here, FEW, accuracy, 0):
-            cells = cells.extended(rays.met)
-            points = draw_all(rays.met, cells.of(rays.met), cells.count, points, weighted=True)
-            first.append(rays)
-        done = here.stop
-    of_sensors = gathered.weights(cells.count)
-    weight = importance(cells, of_sensors, first, replicates)
-    points = seen
-    for rays in first:
-        met = rays.weighed(weight, replicates)
-        points = draw_all(met, cells.of(met), cells.count, points, weighted=True)
-    known, drawn = cells, seen
+    replicates, first = accuracy.replicates, _explored(scene, gathered, accuracy)
+    cells, drawn, total = first.cells, gathered.drawn, first.of_sensors
+    sending = slice(0, first.sending)
     parts: list[list[_OneBounce]] = [[] for _ in range(replicates)]
-    by_way: list[tuple[mi.UInt32, mi.Float]] = []
-    for rays in trace(
-        scene, known, points, slice(0, known.count), accuracy.cell_paths, accuracy, 1
-    ):
+    for rays in trace(scene, cells, first.points, sending, accuracy.cell_paths, accuracy, 1):
         cells = cells.extended(rays.met)  # some few more, which send no rays
-        met = rays.weighed(weight, replicates)
+        met = rays.weighed(first.importance, replicates)
         cell = cells.of(met)
         drawn = draw_all(met, cell, cells.count, drawn, weighted=True)
-        by_way.append((cell, met.weight))
+        total = with_weights(total, cells.count, cell, met.weight)
         each = dr.width(cell) // replicates  # the rays of a replicate stand together
         for r, part in enumerate(parts):
             at = dr.arange(mi.UInt32, each) + dr.opaque(mi.UInt32, r * each)
             columns = (rays.source, cell, rays.met.weight)
             part.append(_OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
             dr.eval(part[-1])
-        dr.eval(by_way[-1])
     bounces = tuple(_OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
-    whole = dr.full(mi.Float64, 1e-30, cells.count)  # for new cells: no rays give their mean
-    dr.scatter_add(whole, of_sensors, dr.arange(mi.UInt32, known.count))
-    dr.eval(whole)
-    for cell, by in by_way:
-        dr.scatter_add(whole, mi.Float64(by), cell, cell < known.count)
-        dr.eval(whole)
-    blocks = Blocks.weighed(cells, mi.Float(whole))
+    # No rays give the mean of a block from the cells that come last.
+    sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, first.sending)
+    blocks = Blocks.weighed(cells, dr.maximum(dr.select(sends, mi.Float(total), 0), 1e-30))
     return replace(gathered, cells=cells, drawn=drawn), Transfer(blocks, bounces)
+
+
+class _Explored(NamedTuple):
+    """Result of the first round."""
+
+    cells: Cells
+    points: tuple[Drawn, ...]
+    """Points that rays of the second round start from."""
+    of_sensors: mi.Float64
+    """G₁ of every cell, in sum over the sensors."""
+    importance: mi.Float
+    sending: int
+    """Number of cells that send rays."""
+
+
+def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored:
+    """Find all cells and their importance by few rays."""
+    cells, points, rays, done = gathered.cells, gathered.drawn, list[CellRays](), 0
+    while done < min(cells.count, MOST_CELLS):  # from the cells that the rays before have found
+        here = slice(done, min(cells.count, MOST_CELLS))
+        for one in trace(scene, cells, points, here, FEW, accuracy, 0):
+            cells = cells.extended(one.met)
+            points = draw_all(one.met, cells.of(one.met), cells.count, points, weighted=True)
+            rays.append(one)
+        done = here.stop
+    assert gathered.seen is not None
+    of_sensors = with_weights(gathered.seen, cells.count, mi.UInt32(), mi.Float())
+    weight = importance(cells, of_sensors, rays, accuracy.replicates)
+    points = gathered.drawn
+    for one in rays:
+        met = one.weighed(weight, accuracy.replicates)
+        points = draw_all(met, cells.of(met), cells.count, points, weighted=True)
+    return _Explored(cells, points, of_sensors, weight, done)

@@ -158,7 +158,7 @@ EFFECTS = [
 ]  # fmt: skip
 PROVED = set(EFFECTS) - {"pane_to_pane", "straight_through"}
 """Forcing these on changes nothing at all, but for the order of sums."""
-ALSO = {"films": {"straight_through"}, "clear_panes": set()}
+ALSO = {"films": {"straight_through"}, "interreflection": {"solved_cells"}}
 """Features flip these beside their own effects, by their nature."""
 
 

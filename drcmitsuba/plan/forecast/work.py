@@ -18,7 +18,7 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import sources
 from drcmitsuba.sky.sun_models import Suns, mesh
-from drcmitsuba.transport.cell_rays import EDGE
+from drcmitsuba.transport.cell_rays import EDGE, MOST_BLOCKS
 from drcmitsuba.transport.shadow_rays import RIM
 from drcmitsuba.transport.sun_interpolation import HELD_OUT
 
@@ -144,7 +144,11 @@ def _transport(pilot: Pilot) -> Iterator[Amount]:
     a, n, cells, bins = pilot.accuracy, len(pilot.points), pilot.cells, sum(pilot.bins)
     yield "interreflection", "product", a.replicates * n * cells * bins
     if pilot.scene.effects.solved_cells:
-        yield "solved_cells", "product", a.replicates * cells**2 / EDGE**2 * bins
+        yield (
+            "solved_cells",
+            "product",
+            a.replicates * cells * min(cells / EDGE**2, MOST_BLOCKS) * bins,
+        )
     yield "interreflection", "deposit", a.replicates * cells * bins
     yield "rest", "entry", a.replicates * n * bins
     yield "rest", "launch", a.replicates * pilot.blocks

@@ -139,3 +139,14 @@ def test_draws_are_extended_as_if_made_at_once():
     halves = draw_all(part(n), part(n).key, 64, halves, weighted=True)
     for one, other in zip(at_once, halves, strict=True):
         np.testing.assert_array_equal(one.p.numpy(), other.p.numpy())
+
+
+def test_a_black_room_has_no_cells():
+    black = {**CASE["room"], "floor": 0.0, "walls": 0.0, "ceiling": 0.0}
+    opaque = {"glass": {**CASE["materials"]["glass"], "reflectance": 0.0}}
+    C = of_case(
+        Case.model_validate(CASE | {"room": black, "materials": opaque, "furniture": []}),
+        cells=True,
+    )
+    assert (C["interreflected"] == 0).all()
+    assert (C["direct"] > 0).any()
