@@ -1,4 +1,4 @@
-"""What a control is: a function of E, weather and time that states the façade's states."""
+"""Controls: functions of E, weather and time that give the states of the façade."""
 
 from __future__ import annotations
 

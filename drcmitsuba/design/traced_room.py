@@ -23,7 +23,8 @@ from drcmitsuba.schema import positions
 from drcmitsuba.sky import daylight as lights
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.sun_models import Blend
-from drcmitsuba.transport.cells import Cells, Grid, draw_points
+from drcmitsuba.transport.cell_points import draw_points
+from drcmitsuba.transport.cells import Cells, Grid
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films

@@ -32,7 +32,7 @@ BT709: Primaries = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 @dataclass(frozen=True)
 class Header:
-    """What a header says of the picture."""
+    """Header of a picture."""
 
     channels: Mapping[str, int]
     """Type of each channel: 0, 1 and 2 for integers, half and float."""

@@ -53,7 +53,7 @@ EVALGLARE = DgpConstants(5.87e-5, 0.092, 0.159)
 
 @dataclass(frozen=True, eq=False)
 class Glare:
-    """What the eye sees of a picture."""
+    """Light at the eye, and glare sources, of a picture."""
 
     illuminance: float
     """Vertical illuminance E_v at the eye [lx]."""

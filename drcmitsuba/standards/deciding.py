@@ -1,4 +1,4 @@
-"""What decides a limit: the points and the hours that are nearest to changing it."""
+"""Points and hours that decide a limit: those nearest to changing it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a verdict follows from: E of a year with its coefficients and its sky."""
+"""Evidence from which a verdict follows: E of a year with its coefficients and its sky."""
 
 from __future__ import annotations
 

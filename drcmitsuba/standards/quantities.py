@@ -26,9 +26,9 @@ class Drawn:
     """Draws of a quantity."""
 
     all: np.ndarray
-    """Of all points together [% or h], shape (draw,)."""
+    """Values of all points together [% or h], shape (draw,)."""
     by_space: np.ndarray
-    """Of every space by itself [% or h], shape (space, draw)."""
+    """Values of every space by itself [% or h], shape (space, draw)."""
     passing: np.ndarray | None
     """Probability that each point counts, shape (sensor,)."""
 
@@ -39,9 +39,9 @@ class Counted:
 
     unit: str
     value: float
-    """Of all points together; hours are those of the space with the fewest [% or h]."""
+    """Value of all points together; hours are those of the space with the fewest [% or h]."""
     by_space: np.ndarray
-    """Of every space by itself [% or h], shape (space,)."""
+    """Value of every space by itself [% or h], shape (space,)."""
     hours: np.ndarray
     """Hours of the threshold at each point, or in the mean of each space [h], (point or space,)."""
     drawn: Drawn | None

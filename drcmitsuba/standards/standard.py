@@ -30,7 +30,7 @@ class Quantity(Sourced):
     """Quantity of E that a standard asks for: a share of the points [%], or hours [h]."""
 
     meaning: Text
-    """What is counted."""
+    """Count or hours that the quantity is, in words."""
     light: Literal["total", "open", "direct_sun"]
     """E with the shade applied, with the shade open, or by direct sun alone."""
     of: Literal["points", "mean"] = "points"
@@ -108,7 +108,7 @@ class Standard(Sourced):
     undecided: Text | None = None
     """Reason why no level can be stated."""
     notes: tuple[Text, ...] = ()
-    """What could not be verified, and what is not assessed."""
+    """Numbers that could not be verified, and parts that are not assessed."""
     quantities: dict[Name, Quantity]
     """Quantities by name."""
     levels: tuple[Level, ...] = ()

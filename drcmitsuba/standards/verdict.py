@@ -90,7 +90,7 @@ class Verdict:
     """Quantities with their 95 % intervals [% or h]."""
     units: dict[str, str]
     deciding: Deciding | None
-    """What decides the level that is nearest to change."""
+    """Points and hours that decide the level nearest to change."""
     duties: tuple[str, ...]
     """Duties of spaces."""
     notes: tuple[str, ...]

@@ -4,8 +4,8 @@ bsdf_lookup, film_orientation
     Properties of surfaces by BSDF number; orientation of films.
 launch_size
     Numbers of sensors, paths, photons and shadow rays in one launch.
-cells
-    Patches of diffuse surface between gather and deposit.
+cells, cell_points
+    Patches of diffuse surface between gather and deposit; points that stand for them.
 gather, gather_blocks
     G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory; G·D.
 openings, shadow_rays

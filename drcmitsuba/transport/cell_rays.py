@@ -20,7 +20,8 @@ import numpy as np
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells import Cells, Drawn, Vertices
+from drcmitsuba.transport.cell_points import Drawn
+from drcmitsuba.transport.cells import Cells, Vertices
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.launch_size import PATHS
 
@@ -40,7 +41,7 @@ class CellRays(NamedTuple):
     """Rays from cells."""
 
     source: mi.UInt32
-    """Cell that it starts from."""
+    """Cell that each ray starts from."""
     met: Vertices
     """First diffuse vertex of every ray; of weight 0 where it met none."""
 

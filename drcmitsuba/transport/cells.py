@@ -1,15 +1,13 @@
 """Cells: the small patches of diffuse surface between gather and deposit.
 
 A cell is all diffuse surface within one cube of a regular grid that faces the same of six axis
-directions. Only cells that gather paths met exist; points drawn from the vertices of these paths
-represent them, so that the deposit is estimated where the sensors look.
+directions. Only cells that paths met exist; points drawn from the vertices of these paths
+(`cell_points`) represent them, so that the deposit is estimated where the sensors look.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -24,8 +22,6 @@ MAX_KEYS = 1 << 26
 GROWTH = 8.0
 """Distance beyond the near bounds, in cubes, at which cubes are twice as large."""
 _UNKNOWN = 0xFFFFFFFF
-# Multiplication by an odd number permutes the 32-bit integers.
-_SCRAMBLE = 0x9E3779B1
 
 
 @dataclass(frozen=True)
@@ -214,158 +210,3 @@ class Cells:
         dr.scatter(block, flat_indices(number), at)
         dr.eval(block)
         return block, len(kinds)
-
-
-class Drawn(NamedTuple):
-    """Vertices that stand for the cells."""
-
-    rank: mi.UInt32
-    """Rank of the drawn vertex, the largest in its cell."""
-    p: mi.Float
-    n: mi.Float
-    """Positions and normals, three numbers a cell."""
-    within: mi.Bool | None = None
-    """Whether the points lie in the rooms of a model; None where nothing tells."""
-
-
-def draw_points(
-    vertices: Vertices, cell: mi.UInt32, count: int, salt: int, before: Drawn | None = None
-) -> Drawn:
-    """Draw one vertex at random from each of `count` cells; each `salt` gives another draw.
-
-    `cell` holds the cell of every vertex. The draw extends `before`, a draw among earlier vertices.
-    """
-    return _draws(vertices, cell, count, [before], salt, weighted=False)[0]
-
-
-def draw_all(
-    vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], *,
-    weighted: bool = False,
-) -> tuple[Drawn, ...]:  # fmt: skip
-    """Extend the draws `before` of all replicates, as `draw_points` does.
-
-    A `weighted` draw takes vertices in proportion to their weights.
-    """
-    return _draws(vertices, cell, count, before, 0, weighted=weighted)
-
-
-def _draws(
-    vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], salt: int, *,
-    weighted: bool,
-) -> tuple[Drawn, ...]:  # fmt: skip
-    """Extend draws of the salts from `salt` on: all in one launch, whatever their number."""
-    told = vertices.within is not None
-    if count == 0:  # no path met a surface
-        none = mi.UInt32(), mi.Float(), mi.Float(), mi.Bool() if told else None
-        return tuple(Drawn(*none) for _ in before)
-    every = _joined(before, count, told)
-    draws, stride, first = (dr.opaque(mi.UInt32, n) for n in (len(before), count, salt))
-    _rank(vertices, cell, every, draws, stride, first, weighted)
-    dr.eval(every.rank)
-    tag = dr.zeros(mi.UInt32, dr.width(every.rank))
-    dr.make_opaque(tag)
-    _break_ties(vertices, cell, every, tag, draws, stride, first, weighted)
-    dr.eval(tag)
-    _place(vertices, cell, every, tag, draws, stride, first, weighted)
-    dr.eval(every)
-    at = dr.arange(mi.UInt32, count)
-    parts = []
-    for i in range(len(before)):
-        entry = at + dr.opaque(mi.UInt32, i * count)
-        rank, p, n = (
-            dr.gather(mi.UInt32, every.rank, entry),
-            *(dr.ravel(dr.gather(mi.Point3f, values, entry)) for values in (every.p, every.n)),
-        )
-        within = dr.gather(mi.Bool, every.within, entry) if told else None
-        parts.append(Drawn(rank, p, n, within))
-    dr.eval(parts)
-    return tuple(parts)
-
-
-def _ranks(vertices: Vertices, salt: mi.UInt32, weighted: bool) -> mi.UInt32:
-    """Rank of every vertex in a draw; the largest in a cell wins, whatever the order of threads."""
-    rank = (vertices.tag ^ (salt * mi.UInt32(0x85EBCA6B))) * _SCRAMBLE
-    if not weighted:
-        return rank
-    # w / −ln(1 − v) is the largest with probability w / Σw; positive floats sort as integers. The
-    # last steps of MurmurHash3 make the v of neighbouring tags independent.
-    rank = (rank ^ (rank >> 16)) * mi.UInt32(0x85EBCA6B)
-    rank = (rank ^ (rank >> 13)) * mi.UInt32(0xC2B2AE35)
-    v = (mi.Float(rank ^ (rank >> 16)) + 0.5) * 2.0**-32
-    time = dr.select(v < 1e-3, v + 0.5 * dr.square(v), -dr.log(dr.maximum(1 - v, 2.0**-24)))
-    return dr.reinterpret_array(mi.UInt32, vertices.weight / time)
-
-
-@dr.syntax
-def _rank(
-    vertices: Vertices, cell: mi.UInt32, every: Drawn, draws: mi.UInt32, stride: mi.UInt32,
-    first: mi.UInt32, weighted: bool,
-) -> None:  # fmt: skip
-    """Find the largest ranks."""
-    met, draw = vertices.weight > 0, mi.UInt32(0)
-    while dr.hint(
-        draw < draws, exclude=[vertices, cell, every, draws, stride, first, met, weighted]
-    ):
-        rank = _ranks(vertices, first + draw, weighted)
-        dr.scatter_reduce(dr.ReduceOp.Max, every.rank, rank, draw * stride + cell, met)
-        draw += 1
-
-
-@dr.syntax
-def _break_ties(
-    vertices: Vertices, cell: mi.UInt32, every: Drawn, tag: mi.UInt32, draws: mi.UInt32,
-    stride: mi.UInt32, first: mi.UInt32, weighted: bool,
-) -> None:  # fmt: skip
-    """Find the largest tag among the vertices of the largest rank."""
-    met, draw = vertices.weight > 0, mi.UInt32(0)
-    while dr.hint(
-        draw < draws, exclude=[vertices, cell, every, tag, draws, stride, first, met, weighted]
-    ):
-        at = draw * stride + cell
-        rank = _ranks(vertices, first + draw, weighted)
-        wins = met & (dr.gather(mi.UInt32, every.rank, at, met) == rank)
-        dr.scatter_reduce(dr.ReduceOp.Max, tag, vertices.tag, at, wins)
-        draw += 1
-
-
-@dr.syntax
-def _place(
-    vertices: Vertices, cell: mi.UInt32, every: Drawn, tag: mi.UInt32, draws: mi.UInt32,
-    stride: mi.UInt32, first: mi.UInt32, weighted: bool,
-) -> None:  # fmt: skip
-    """Keep the points of the vertices that have won."""
-    each = dr.arange(mi.UInt32, len(vertices))
-    p, n = (dr.gather(mi.Point3f, values, each) for values in (vertices.p, vertices.n))
-    met, draw = vertices.weight > 0, mi.UInt32(0)
-    while dr.hint(
-        draw < draws,
-        exclude=[vertices, cell, every, tag, draws, stride, first, met, p, n, weighted],
-    ):
-        at = draw * stride + cell
-        rank = _ranks(vertices, first + draw, weighted)
-        wins = met & (dr.gather(mi.UInt32, every.rank, at, met) == rank)
-        wins &= dr.gather(mi.UInt32, tag, at, met) == vertices.tag
-        dr.scatter(every.p, p, at, wins)
-        dr.scatter(every.n, n, at, wins)
-        if dr.hint(every.within is not None, mode="scalar"):
-            dr.scatter(every.within, vertices.within, at, wins)
-        draw += 1
-
-
-def _joined(before: Sequence[Drawn | None], count: int, told: bool) -> Drawn:
-    """Copies of draws one after another, each with room for `count` cells."""
-    whole = len(before) * count
-    p, n = (dr.zeros(mi.Float, 3 * whole) for _ in range(2))
-    within = dr.zeros(mi.Bool, whole) if told else None
-    every = Drawn(dr.zeros(mi.UInt32, whole), p, n, within)
-    for name, column in every._asdict().items():
-        if column is None:
-            continue
-        step = dr.width(column) // len(before)
-        for i, old in enumerate(before):
-            values = None if old is None else getattr(old, name)
-            if values is not None and dr.width(values):
-                to = dr.arange(mi.UInt32, dr.width(values)) + dr.opaque(mi.UInt32, i * step)
-                dr.scatter(column, values, to)
-        dr.eval(column)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
-    return every

@@ -25,7 +25,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cells import Drawn
+from drcmitsuba.transport.cell_points import Drawn
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films

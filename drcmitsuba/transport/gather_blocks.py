@@ -18,7 +18,8 @@ import numpy as np
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cells import Cells, Drawn, Grid, Vertices, draw_all
+from drcmitsuba.transport.cell_points import Drawn, draw_all
+from drcmitsuba.transport.cells import Cells, Grid, Vertices
 from drcmitsuba.transport.gather import USUAL, Marks, expected_bounces, gather
 from drcmitsuba.transport.openings import in_rooms
 
@@ -138,6 +139,12 @@ def with_weights(before: mi.Float64, cells: int, cell: mi.UInt32, weight: mi.Flo
     return out
 
 
+def lit_and_shining(d: mi.TensorXf) -> tuple[mi.UInt32, mi.UInt32]:
+    """Cells that get light, and bins that reach any cell, of D (cell, bin)."""
+    lit, shining = (dr.compress(dr.max(d, axis=axis).array > 0) for axis in (1, 0))
+    return lit, shining
+
+
 def product(
     row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, sensors: int, d: mi.TensorXf
 ) -> mi.TensorXf:
@@ -150,7 +157,7 @@ def product(
         return dr.zeros(mi.TensorXf, (sensors, d.shape[1]))
     cells, bins = d.shape
     stride = dr.opaque(mi.UInt32, bins)  # literals would have kernels compiled anew
-    lit, shining = (dr.compress(dr.max(d, axis=axis).array > 0) for axis in (1, 0))
+    lit, shining = lit_and_shining(d)
     n_lit, n_shining = dr.width(lit), dr.width(shining)
     out = dr.zeros(mi.Float, sensors * bins)
     if n_lit and n_shining:

@@ -26,8 +26,9 @@ import mitsuba as mi
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cell_points import Drawn, draw_all
 from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
-from drcmitsuba.transport.cells import Cells, Drawn, draw_all
+from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather_blocks import Gathered, product, with_weights
 
 FEW = 8

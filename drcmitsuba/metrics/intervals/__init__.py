@@ -7,7 +7,7 @@ bootstrap_counts
 sun, facade_draws, autonomy
     Draws of direct sun; of the state of the façade that follows; of sDA and msDA.
 year_draws
-    What all draws of a year share.
+    Counts that all draws of a year share.
 spread
     Intervals from draws, or from standard errors alone.
 draw

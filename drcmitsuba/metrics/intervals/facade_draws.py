@@ -111,7 +111,7 @@ class _SunlitSensors:
         return cls(count, sure, doubtful, time, cell, order, sun.closing)
 
     def in_doubt(self, least: np.ndarray) -> np.ndarray:
-        """Whether it is in doubt what a grid closes that asks for `least` sensors (grid,).
+        """Whether doubt remains about what a grid closes that asks for `least` sensors (grid,).
 
         Shape (time, grid).
         """

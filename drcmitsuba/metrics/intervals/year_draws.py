@@ -30,7 +30,7 @@ Arrays = Mapping[Hashable, xr.DataArray]
 
 @dataclass(frozen=True)
 class YearDraws:
-    """What all draws of a year share, so that any threshold can be counted in each of them."""
+    """Numbers that all draws of a year share: each draw counts any threshold by them."""
 
     direct: np.ndarray
     """Mean direct sun (time, sensor) [lx]."""

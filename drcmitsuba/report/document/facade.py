@@ -1,4 +1,4 @@
-"""What the report shows of one façade: an evaluation from a folder, or a result in memory."""
+"""One façade of the report: an evaluation from a folder, or a result in memory."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ from drcmitsuba.transport.coefficients import Replicate
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather_blocks import Gathered
+from drcmitsuba.transport.gather_blocks import Gathered, lit_and_shining
 from drcmitsuba.transport.group_basis.basis import BESIDES, ElementLight, GroupBasis
 from drcmitsuba.transport.group_basis.marks import MOST_ELEMENTS, GroupMarks
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
@@ -256,7 +256,7 @@ def _sent(matrix: mi.TensorXf, D: mi.TensorXf) -> np.ndarray:
     out = np.zeros((sensors, bins), np.float32)
     if 0 in D.shape:
         return out
-    lit, shining = (dr.compress(dr.max(D, axis=axis).array > 0) for axis in (1, 0))
+    lit, shining = lit_and_shining(D)
     n_lit, n_shining = dr.width(lit), dr.width(shining)
     if n_lit == 0:
         return out

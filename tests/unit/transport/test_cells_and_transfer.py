@@ -17,7 +17,8 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import cell_rays, coefficients
-from drcmitsuba.transport.cells import Vertices, draw_all
+from drcmitsuba.transport.cell_points import draw_all
+from drcmitsuba.transport.cells import Vertices
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.solved_cells import solved
 
