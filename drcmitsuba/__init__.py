@@ -14,6 +14,8 @@ coefficients, accumulate
     C = D + G·D and E = C·L.
 group_coefficients, controlled
     C by group of panes and state; E of any states, hour by hour, and of those that a control takes.
+lights
+    Who lights a point: its light by window, state, source and number of bounces.
 bsdf, goniophotometer, design, report, ...
     The other rooms of the package, imported when they are first asked for.
 
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from drcmitsuba import sky as sky
     from drcmitsuba.annual.controlled import controlled as controlled
     from drcmitsuba.annual.group_coefficients import group_coefficients as group_coefficients
+    from drcmitsuba.annual.lights import lights as lights
     from drcmitsuba.annual.result import Result as Result
     from drcmitsuba.annual.result import evaluate as evaluate
     from drcmitsuba.case.case import Case as Case
@@ -56,6 +59,7 @@ _NAMES = {
     "controlled": "annual.controlled:controlled",
     "evaluate": "annual.result:evaluate",
     "group_coefficients": "annual.group_coefficients:group_coefficients",
+    "lights": "annual.lights:lights",
     "load_case": "case.reading:load_case",
     "period": "sky.period",
     "shipped_cases": "case.shipped:shipped_cases",

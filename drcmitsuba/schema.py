@@ -30,6 +30,8 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "pane_group": ("", "group of panes through which straight light comes; -1 for none"),
     "mesh_error": ("sr", "standard error of interpolation between the suns of the mesh"),
     "replicates": ("sr", "direct + interreflected of each independent replicate"),
+    "by_window": ("sr", "coefficient by window and number of bounces"),
+    "exposure": ("lx h", "light exposure by window, source and number of bounces"),
     "total": ("lx", "illuminance, shade applied"),
     "total_open": ("lx", "illuminance, shade open"),
     "sky_open": ("lx", "illuminance by sky and ground, shade open"),

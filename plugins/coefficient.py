@@ -144,7 +144,8 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
             scene, sampler, si, white, beta, sums, base, everywhere,
             turn=lane * self.suns_per_vertex + dr.opaque(mi.UInt32, int(first)),
         )  # fmt: skip
-        self._pane_sampling(scene, panes, sampler, si, white, beta, sums, base, everywhere)
+        if self.max_depth != 0:  # a pane is the first event
+            self._pane_sampling(scene, panes, sampler, si, white, beta, sums, base, everywhere)
         ray = mi.Ray3f(p, si.to_world(wo))
         pdf = mi.warp.square_to_cosine_hemisphere_pdf(wo)
         self._trace(scene, panes, sampler, ray, beta, pdf, mi.Bool(False), base, sums)
@@ -354,6 +355,8 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
             if dr.hint(suns is not None, mode="scalar"):
                 self._add_suns_seen(suns, first, ray.d, beta, sums, base, escaped & delta)
             active &= si.is_valid()
+            if dr.hint(self.max_depth >= 0, mode="scalar"):
+                active &= depth < self.max_depth
             bsdf = si.bsdf(ray)
             flags = bsdf.flags()
             scatters = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
@@ -391,8 +394,6 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
             survives = ~roulette | (sampler.next_1d(active) < survival)
             beta = dr.select(roulette, beta / survival, beta)
             active &= survives & (beta > 0)
-            if dr.hint(self.max_depth >= 0, mode="scalar"):
-                active &= depth < self.max_depth
 
     def to_string(self):
         return f"Coefficient[max_depth={self.max_depth}]"

@@ -8,6 +8,8 @@ sample_accumulator, adaptive_sampling
     Coefficients to which samples are added, until the intervals are as narrow as the target.
 result
     `evaluate`, `Result`: from a case to numbers, files and pictures; the data flow in ten lines.
+lights
+    Who lights a point: C and the year's light by window, state, source and number of bounces.
 variants, season
     Several façades of one room; monthly values relative to an open window.
 tradeoff

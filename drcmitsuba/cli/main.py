@@ -20,6 +20,7 @@ from drcmitsuba.cli import (
     export,
     films,
     information,
+    lights,
     optimise,
     plan,
     report,
@@ -44,7 +45,7 @@ app = typer.Typer(
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
     season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
-    export.export, report.report,
+    export.export, report.report, lights.lights,
     films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information.schema)

@@ -59,6 +59,24 @@ class PaneGroups:
             return cls(GroupStates((), ()), {}, _of_no_group(case), (), ())
         return _by_facing(case)
 
+    @classmethod
+    def of_windows(cls, case: Case) -> PaneGroups:
+        """Groups of `[groups]`; without any, the panes of each material and direction.
+
+        The latter have one state.
+
+        Raises
+        ------
+        InputError
+            As for `of`.
+        """
+        if case.groups:
+            return _by_table(case)
+        every = list(_panes(case))
+        states = GroupStates(tuple(map(str, every)), ((OPEN,),) * len(every))
+        assigned = _assigned(case, list(zip(every, range(len(every)), strict=True)))
+        return cls(states, *assigned, tuple((pane.facing,) for pane in every), ((),) * len(every))
+
     def __len__(self) -> int:
         """Count the groups."""
         return len(self.states)

@@ -122,10 +122,14 @@ class GroupedPanes:
     """Material in each state of the group; None is a hole."""
 
 
-def grouped_panes(case: Case, effects: EnabledEffects = ALL_EFFECTS) -> list[GroupedPanes]:
-    """List the panes of a case by group and material."""
+def grouped_panes(
+    case: Case, effects: EnabledEffects = ALL_EFFECTS, groups: PaneGroups | None = None
+) -> list[GroupedPanes]:
+    """List the panes of a case by group and material, by default in the groups of the case."""
     case = recentred(case)
-    front, turn, room = PanesInState.of(case, OPEN, effects), rotation(case), case.room
+    groups = PaneGroups.of(case) if groups is None else groups
+    front = PanesInState(case, effects, groups, (0,) * len(groups))
+    turn, room = rotation(case), case.room
     states, found = front.groups.states.states, []
     for side, facade in case.facade.items():
         assert room is not None

@@ -193,14 +193,27 @@ class Deposit:
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance | None:
         """D by way of films; None without films."""
+        return self.by_film_patches(p, n, key, numbers)
+
+    def by_film_patches(
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None,
+        among: np.ndarray | None = None,
+    ) -> Irradiance | None:  # fmt: skip
+        """D by way of the patches of films in a mask (patch,), by default all of them.
+
+        The narrow peaks of a film count with its first patch.
+        """
         if self.films is None or self.on_films is None:
             return None
-        rays = self.accuracy.pane_points
+        rays, owner = self.accuracy.pane_points, self.films.patches.owner
         with self.launch(key, Draw.FILMS) as seed:
             looked = self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers)
+        looked = looked if among is None else looked.of(among)
         sky, sun = self.films.sent(looked, self.on_films)
         with self.launch(key, Draw.PEAKS) as seed:
             for peaks in self.on_films.peaks:
+                if among is not None and not among[np.argmax(owner == peaks.owner)]:
+                    continue
                 sun += peak_deposit(
                     self.scene, self.films.patches, self.films.mounts[peaks.owner], peaks, p, n,
                     suns=self.suns, diameter=self.diameter, most=PEAK_RAYS * rays, seed=seed,

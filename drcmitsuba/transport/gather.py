@@ -85,11 +85,19 @@ class Marks(Protocol):
         """
 
 
+class Crossings(Protocol):
+    """Windows that paths pass on their way out; the first one becomes the mark of a path."""
+
+    def mark(self, ray: mi.Ray3f, t: mi.Float, mark: mi.UInt32, active: mi.Bool) -> mi.UInt32:
+        """Mark paths that leave by a window within the distance t [m]; 0 stands for none so far."""
+
+
 def gather(
     scene: Scene, points: np.ndarray, normals: np.ndarray, *,
     replicates: int, paths: int, grid: Grid, seed: int, marks: Marks | None = None,
     bounces: float = USUAL, first: int = 0, among: int | None = None,
     within: np.ndarray | None = None, once: bool = False, numbers: mi.UInt32 | None = None,
+    crossings: Crossings | None = None,
 ) -> Vertices:  # fmt: skip
     """Trace the paths of all sensors and replicates and keep their diffuse vertices.
 
@@ -117,6 +125,8 @@ def gather(
         of weight 0 where it met none.
     numbers : mi.UInt32, optional
         Seeds of the rows' random numbers, independent of the launch.
+    crossings : Crossings, optional
+        Rule that marks every vertex with the window that its path has left by.
 
     Returns
     -------
@@ -130,7 +140,7 @@ def gather(
     while True:
         vertices, met = _trace(
             scene, points, normals, lanes, paths, grid, seed, capacity, marks,
-            first, among or len(points), within, once, numbers,
+            first, among or len(points), within, once, numbers, crossings,
         )  # fmt: skip
         if met <= capacity:
             return vertices
@@ -220,6 +230,7 @@ def _trace(
     scene: Scene, points: np.ndarray, normals: np.ndarray,
     lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
     first: int, among: int, within: np.ndarray | None, once: bool, numbers: mi.UInt32 | None,
+    crossings: Crossings | None,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop: the vertices, and the number that were met."""
     row, own, index = _numbers(len(points), lanes, paths, first, among)
@@ -231,7 +242,8 @@ def _trace(
     n = dr.gather(mi.Normal3f, flat(normals), sensor)
     wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
     told = within is not None
-    store = _VertexStore(capacity, marks is not None, told, once)
+    marked = not (marks is None and crossings is None)
+    store = _VertexStore(capacity, marked, told, once)
     in_room = dr.gather(mi.Bool, mi.Bool(within), sensor) if told else mi.Bool(False)
     ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)
@@ -243,9 +255,13 @@ def _trace(
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     tag = own * paths + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
-    while dr.hint(active, exclude=[grid, scene, count, store, marks, solids, limit, told, once]):
+    while dr.hint(
+        active, exclude=[grid, scene, count, store, marks, solids, limit, told, once, crossings]
+    ):
         scene.ray_counter.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
+        if dr.hint(crossings is not None, mode="scalar"):
+            mark = crossings.mark(ray, si.t, mark, active)  # type: ignore[union-attr]
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
         if dr.hint(solids is not None, mode="scalar"):

@@ -20,7 +20,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Drawn, draw_all
 from drcmitsuba.transport.cells import Cells, Grid, Vertices
-from drcmitsuba.transport.gather import USUAL, Marks, expected_bounces, gather
+from drcmitsuba.transport.gather import USUAL, Crossings, Marks, expected_bounces, gather
 from drcmitsuba.transport.openings import in_rooms
 
 KEPT = 1 << 24
@@ -75,6 +75,7 @@ class Gathered:
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, *,
         block: int, lanes: int, marks: Marks | None = None, once: bool = False,
+        crossings: Crossings | None = None,
     ) -> Gathered:  # fmt: skip
         """Trace all paths, at most `block` sensors and about `lanes` paths in one launch.
 
@@ -92,7 +93,7 @@ class Gathered:
                 scene, points[here], normals[here], replicates=accuracy.replicates,
                 paths=accuracy.paths, grid=grid, seed=launch_seed(accuracy.seed, Stream.PATHS),
                 bounces=bounces, first=here.start, among=len(points), marks=marks,
-                within=None if within is None else within[here], once=once,
+                within=None if within is None else within[here], once=once, crossings=crossings,
             )  # fmt: skip
 
         paths = accuracy.replicates * accuracy.paths

@@ -21,6 +21,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -130,6 +131,8 @@ class PhotonTracer:
     """Photons of a sun to each component in one replicate; a patch has `PATCH` times as many."""
     surfaces: int
     """Largest number of surfaces on a path."""
+    APART: ClassVar[int] = 0x10001
+    """Distance between the seeds of the components."""
 
     @classmethod
     def of(
@@ -205,7 +208,7 @@ class PhotonTracer:
             seen = np.flatnonzero(could.any(axis=1))
             block, ledger = max(1, PHOTONS // photons), FluxLedger()
             for first in range(0, len(seen), block):
-                some, key = seen[first : first + block], seed + 0x10001 * i
+                some, key = seen[first : first + block], seed + self.APART * i
                 with ports.scene.ray_counter.purpose(Stream.PHOTONS.name, draw.name, ports.name):
                     start = ports.start(sources, some, could[some], photons, key)
                     fate = self._follow(

@@ -1,0 +1,174 @@
+r"""Deposit D by the window through which light comes in.
+
+Straight light is traced once more for each window that is blocked in turn, with the same random
+numbers: what the k-th blocked window takes away came through it,
+
+.. math:: D_k = D(\text{0 … k−1 blocked}) - D(\text{0 … k blocked}),
+
+so that the parts add up to D. Light that passes two windows in turn counts with the first of the
+list. Light that a pane scatters counts with the window of this pane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.random_streams import Key
+from drcmitsuba.scene.geometry import normals
+from drcmitsuba.scene.meshes import paired_mesh
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.diffusing_panes import PanePatches
+
+ON_PANE = 1e-3
+"""Distance within which a patch lies on the pane of a window [m]."""
+BEFORE = 0.05
+"""Distance before its origin at which a ray begins that is tested for a pane it has passed [m]."""
+
+
+class Window(NamedTuple):
+    """Panes or openings that count together."""
+
+    name: str
+    quads: np.ndarray
+    """Corners [m], shape (quad, 4, 3)."""
+
+
+class Windows:
+    """Windows of a scene; `gather.Crossings` of the paths that leave it by them."""
+
+    def __init__(self, windows: Sequence[Window]) -> None:
+        self.windows = tuple(windows)
+        if not windows:
+            return
+        quads = np.concatenate([window.quads for window in windows])
+        of_quad = np.repeat(np.arange(len(windows)), [len(window.quads) for window in windows])
+        self.of_quad, self._inward = flat_indices(of_quad), flat(normals(quads))
+        self._scene = mi.load_dict({"type": "scene", "windows": paired_mesh("windows", quads)})
+
+    def __len__(self) -> int:
+        """Count the windows."""
+        return len(self.windows)
+
+    def met(self, ray: mi.Ray3f, active: mi.Bool) -> tuple[mi.Bool, mi.UInt32]:
+        """Whether rays meet a window, and its quad."""
+        hit = self._scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        return active & hit.is_valid(), hit.prim_index // 2
+
+    def mark(self, ray: mi.Ray3f, t: mi.Float, mark: mi.UInt32, active: mi.Bool) -> mi.UInt32:
+        """Mark paths with 1 + the window by which they leave; see `gather.Crossings`.
+
+        A ray begins beyond the pane that it has just passed, and is tested from before it. At a
+        pane that it meets it may be mirrored.
+        """
+        whole = mi.Ray3f(ray.o - BEFORE * ray.d, ray.d, t * (1 - 1e-4) + BEFORE - 1e-4, 0, [])
+        met, quad = self.met(whole, active & (mark == 0))
+        leaves = met & (dr.dot(dr.gather(mi.Vector3f, self._inward, quad, met), ray.d) < 0)
+        return dr.select(leaves, dr.gather(mi.UInt32, self.of_quad, quad, leaves) + 1, mark)
+
+
+@dataclass(frozen=True, eq=False)
+class WindowDeposit:
+    """Deposit on any receivers by window."""
+
+    blocked: tuple[Scene, ...]
+    """Scenes with the first, the first two, … windows blocked to straight light."""
+    of_diffuser: np.ndarray | None
+    """Window of every patch of diffusing panes, `len(blocked)` for none, int, shape (patch,)."""
+    of_film: np.ndarray | None
+    """Window of every patch of films, likewise."""
+
+    @classmethod
+    def of(cls, deposit: Deposit, windows: Windows) -> WindowDeposit:
+        """Block the windows of a deposit's scene, and assign the patches of its panes to them."""
+        scene, blocked = deposit.scene, []
+        shapes = {f"shape{i}": shape for i, shape in enumerate(scene.opaque.shapes())}
+        for i, window in enumerate(windows.windows):
+            shapes[f"window{i}"] = paired_mesh(f"window{i}", window.quads)
+            opaque = mi.load_dict({"type": "scene", **shapes}, optimize=False)
+            blocked.append(replace(scene, opaque=opaque))
+        diffusers, films = deposit.patches, deposit.films
+        of_diffuser = None if diffusers is None else _windows_of(diffusers, windows)
+        of_film = None if films is None else _windows_of(films.patches, windows)
+        return cls(tuple(blocked), of_diffuser, of_film)
+
+    def __len__(self) -> int:
+        """Count the parts: the windows, and last what comes by none of them."""
+        return len(self.blocked) + 1
+
+    def parts(
+        self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, sky_rays: int,
+        sun_samples: int = 1, numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+    ) -> list[Irradiance]:  # fmt: skip
+        """D [sr] of receivers by every window, and last by none of them.
+
+        Parameters
+        ----------
+        deposit : Deposit
+            Deposit after `lit`.
+        p, n, key, sky_rays, sun_samples, numbers, within
+            As for `Deposit.straight`.
+        """
+        before = deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within)
+        straight = []
+        for scene in self.blocked:
+            less = replace(deposit, scene=scene)
+            after = less.straight(p, n, key, sky_rays, sun_samples, numbers, within)
+            straight.append(Irradiance(*(a - b for a, b in zip(before, after, strict=True))))
+            before = after
+        evenly = self._by_diffusers(deposit, p, n, key, numbers)
+        return [
+            part.plus(None if evenly is None else evenly[k]).plus(
+                self._by_films(deposit, p, n, key, numbers, k)
+            )
+            for k, part in enumerate([*straight, before])
+        ]
+
+    def _by_diffusers(
+        self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None
+    ) -> list[Irradiance] | None:
+        """D by way of the diffusing panes of every window; None without any."""
+        if deposit.faces is None or self.of_diffuser is None:
+            return None
+        transfer, of_face, parts = (
+            deposit.transfer(p, n, key, numbers),
+            self.of_diffuser.repeat(2),
+            [],
+        )
+        for k in range(len(self)):
+            mine = mi.TensorXf(mi.Float((of_face == k).astype(np.float32)), (len(of_face), 1))
+            parts.append(Irradiance(*(transfer @ (mine * faces) for faces in deposit.faces)))
+        return parts
+
+    def _by_films(
+        self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None,
+        window: int,
+    ) -> Irradiance | None:  # fmt: skip
+        """D by way of the films of a window; None without any."""
+        among = None if self.of_film is None else self.of_film == window
+        if among is None or not among.any():
+            return None
+        return deposit.by_film_patches(p, n, key, numbers, among)
+
+
+def _windows_of(patches: PanePatches, windows: Windows) -> np.ndarray:
+    """Window of every patch, int, shape (patch,); the number of windows for none.
+
+    A ray through the middle of a patch meets the pane that it is part of.
+    """
+    if not len(windows):
+        return np.zeros(len(patches), int)
+    share = np.where(patches.triangular, 1 / 3, 1 / 2)[:, None]
+    start = patches.corner + share * (patches.u + patches.v) + ON_PANE * patches.normal
+    each = dr.arange(mi.UInt32, len(patches))
+    p, d = (dr.gather(mi.Vector3f, flat(a), each) for a in (start, -patches.normal))
+    met, quad = windows.met(mi.Ray3f(mi.Point3f(p), d, 2 * ON_PANE, 0, []), mi.Bool(True))
+    window = dr.gather(mi.UInt32, windows.of_quad, quad, met)
+    return np.where(met.numpy(), window.numpy(), len(windows))

@@ -1,0 +1,79 @@
+"""The command `drcmitsuba lights`: files, agreement with the evaluation, refusals."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import drcmitsuba
+from tests.system.small_room import SITE, changed, run
+
+DAYS = ("months = [3, 6]", "months = [12]\nhours = [10, 14]")
+FEWER = ("count = [5, 5]", "count = [5, 4]")
+BY_PATHS = '[effects]\nsolved_cells = "off"\n'
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    path = tmp_path_factory.mktemp("lights") / "small.toml"
+    path.write_text(changed(DAYS, FEWER) + BY_PATHS + SITE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def evaluated(case):
+    loaded = drcmitsuba.load_case(case)
+    return loaded, drcmitsuba.evaluate(loaded).save(case.parent / "results")
+
+
+def test_lights_of_all_sensors_are_their_illuminance(evaluated):
+    """With the same sensors the random numbers are the same, and so is the light of the year."""
+    case, result = evaluated
+    E = result.illuminance
+    points = np.stack([E[axis].values for axis in "xy"], axis=1)
+    lights = drcmitsuba.lights(case, points, results=result)
+    exposure = lights.dataset["exposure"].sum(["state", "window", "source", "bounces"])
+    expected = E["total"].sum("time") * E.attrs["step_hours"]
+    assert exposure.values == pytest.approx(expected.values, rel=2e-6)
+    closed = float(E["shade_closed"].sum())
+    assert lights.dataset["hours"].sel(state="shaded") == closed > 0
+    assert lights.shares.sum(["window", "source", "bounces"]).values == pytest.approx(1, rel=1e-6)
+    assert "<img" in lights._repr_html_()
+
+
+def test_command_writes_a_dataset_and_pictures(case, evaluated, monkeypatch, capsys):
+    folder = case.parent / "results"
+    run(monkeypatch, "lights", case, "--point", "1,1", "--point", "2.0,2.0", "-o", folder)
+    assert "glass" in capsys.readouterr().out
+    with xr.open_dataset(folder / "lights.nc", engine="h5netcdf") as data:
+        assert data.attrs["by_evaluation"] == 1
+        assert data.sizes["sensor"] == 2
+        assert data["by_window"].attrs["units"] == "sr"
+        assert float(data["hours"].sum()) == evaluated[1].illuminance.sizes["time"]
+    assert len(list(folder.glob("lights_*.png"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("points", "line"),
+    [
+        (["9,9"], "no sensor within 1 m of 9, 9; the nearest one is at 3.2, 2.6, 0.8"),
+        (["here"], "'here' is no point; give --point x,y in metres"),
+        (["1"], "1; give x,y or x,y,z in metres"),
+        (["nan,1"], "nan, 1; give x,y or x,y,z in metres"),
+        (["1,1"] * 25, "25 points; give 1 to 24 of them"),
+    ],
+)
+def test_points_that_are_none_are_refused_in_one_line(case, points, line, monkeypatch, capsys):
+    given = [part for point in points for part in ("--point", point)]
+    with pytest.raises(SystemExit) as stop:
+        run(monkeypatch, "lights", case, *given, "-o", case.parent / "none")
+    assert stop.value.code == 2
+    error = capsys.readouterr().err
+    assert line in error
+    assert error.count("\n") == 1
+    assert not (case.parent / "none").exists()
+
+
+def test_results_of_another_case_are_refused(case, evaluated):
+    other = evaluated[0].with_tables(accuracy=evaluated[0].accuracy.model_copy(update={"seed": 9}))
+    with pytest.raises(drcmitsuba.InputError, match="the results are not of"):
+        drcmitsuba.lights(other, [(1, 1)], results=case.parent / "results")
