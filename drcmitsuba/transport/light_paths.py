@@ -106,11 +106,12 @@ def by_window_and_bounce(
         landed = [
             tracer.traced(seed + PhotonTracer.APART * i) for i, (_, tracer) in enumerate(tracers)
         ]
-        parts = _on_sensors(by_window, deposit, gathered, points, normals, suns.straight, r)
+        lit = by_window.on_diffusers(deposit, r)
+        parts = _on_sensors(by_window, deposit, lit, gathered, points, normals, suns.straight, r)
         for k, D in enumerate((*parts, *(one.sensors for one in landed))):
             C[r, k, 0] = D
         if gathered.cells.count:
-            of_cells = _on_cells(by_window, deposit, gathered, landed, r)
+            of_cells = _on_cells(by_window, deposit, lit, gathered, landed, r)
             for here in vertices:
                 C[r, :, 1:, here.sensors] = here.sent(r, of_cells)
         progress((r + 1) / accuracy.replicates)
@@ -179,13 +180,13 @@ def _each(photons: PhotonTracer) -> list[tuple[str, PhotonTracer]]:
 
 
 def _on_sensors(
-    by_window: WindowDeposit, deposit: Deposit, gathered: Gathered, points: np.ndarray,
-    normals: np.ndarray, straight_suns: bool, replicate: int,
+    by_window: WindowDeposit, deposit: Deposit, lit: list[Irradiance], gathered: Gathered,
+    points: np.ndarray, normals: np.ndarray, straight_suns: bool, replicate: int,
 ) -> list[np.ndarray]:  # fmt: skip
     """D of the sensors by window (sensor, bin) [sr]."""
     accuracy, within = deposit.accuracy, gathered.within
     parts = by_window.parts(
-        deposit, flat(points), flat(normals), (Stream.SENSORS, replicate),
+        deposit, lit, flat(points), flat(normals), (Stream.SENSORS, replicate),
         accuracy.sensor_sky_rays, accuracy.sensor_sun_samples if straight_suns else 0,
         dr.arange(mi.UInt32, len(points)), None if within is None else mi.Bool(within),
     )  # fmt: skip
@@ -193,13 +194,13 @@ def _on_sensors(
 
 
 def _on_cells(
-    by_window: WindowDeposit, deposit: Deposit, gathered: Gathered, landed: list[Landed],
-    replicate: int,
+    by_window: WindowDeposit, deposit: Deposit, lit: list[Irradiance], gathered: Gathered,
+    landed: list[Landed], replicate: int,
 ) -> list[Irradiance]:  # fmt: skip
     """D of the cells by window and component, at the points that stand for them [sr]."""
     drawn, keys = gathered.drawn[replicate], gathered.cells.keys
     parts = by_window.parts(
-        deposit, drawn.p, drawn.n, (Stream.CELLS, replicate), deposit.accuracy.cell_sky_rays,
+        deposit, lit, drawn.p, drawn.n, (Stream.CELLS, replicate), deposit.accuracy.cell_sky_rays,
         numbers=keys, within=drawn.within,
     )  # fmt: skip
     parts += [one.on(keys) for one in landed]

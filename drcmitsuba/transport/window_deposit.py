@@ -6,13 +6,16 @@ numbers: what the k-th blocked window takes away came through it,
 .. math:: D_k = D(\text{0 … k−1 blocked}) - D(\text{0 … k blocked}),
 
 so that the parts add up to D. Light that passes two windows in turn counts with the first of the
-list. Light that a pane scatters counts with the window of this pane.
+list. Light that a pane scatters on its way in counts with the window of this pane. What a diffusing
+pane reflects into the room counts with the window that the light came in by. What a film reflects
+counts with the film.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import NamedTuple
 
 import drjit as dr
@@ -20,12 +23,12 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.runtime.random_streams import Key
+from drcmitsuba.runtime.random_streams import Draw, Key, Stream
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.diffusing_panes import PanePatches
+from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series
 
 ON_PANE = 1e-3
 """Distance within which a patch lies on the pane of a window [m]."""
@@ -103,9 +106,36 @@ class WindowDeposit:
         """Count the parts: the windows, and last what comes by none of them."""
         return len(self.blocked) + 1
 
+    def on_diffusers(self, deposit: Deposit, replicate: int) -> list[Irradiance]:
+        """E on the faces of diffusing panes by window [sr], whose sum is `Deposit.faces`.
+
+        Light on the outside of a pane comes in by this pane.
+        """
+        if deposit.patches is None or self.of_diffuser is None:
+            return []
+        key: Key = (Stream.PANES, replicate)
+        points = np.random.default_rng(deposit.seed(key, Draw.POINTS))
+        p, n = deposit.patches.face_points(points)
+        straight = self._straight(deposit, p, n, key, 4 * deposit.accuracy.cell_sky_rays)
+        by_films: Key = (Stream.FILMS_TO_PANES, replicate)
+        received = [
+            part.plus(self._by_films(deposit, p, n, by_films, None, k))
+            for k, part in enumerate(straight)
+        ]
+        whole, between = reduce(Irradiance.plus, received), deposit.transfer(p, n, key)
+        outside = np.arange(2 * len(deposit.patches)) % 2 == 1
+        lit = []
+        for k, part in enumerate(received):
+            own = _column(outside & (self.of_diffuser.repeat(2) == k))
+            inside = _column(~outside)
+            first = (inside * E + own * every for E, every in zip(part, whole, strict=True))
+            lit.append(Irradiance(*(neumann_series(between, E) for E in first)))
+        return lit
+
     def parts(
-        self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, sky_rays: int,
-        sun_samples: int = 1, numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+        self, deposit: Deposit, on_diffusers: list[Irradiance], p: mi.Float, n: mi.Float, key: Key,
+        sky_rays: int, sun_samples: int = 1, numbers: mi.UInt32 | None = None,
+        within: mi.Bool | None = None,
     ) -> list[Irradiance]:  # fmt: skip
         """D [sr] of receivers by every window, and last by none of them.
 
@@ -113,39 +143,33 @@ class WindowDeposit:
         ----------
         deposit : Deposit
             Deposit after `lit`.
+        on_diffusers : list of Irradiance
+            From the method of this name.
         p, n, key, sky_rays, sun_samples, numbers, within
             As for `Deposit.straight`.
         """
-        before = deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within)
-        straight = []
+        parts = self._straight(deposit, p, n, key, sky_rays, sun_samples, numbers, within)
+        if on_diffusers:
+            transfer = deposit.transfer(p, n, key, numbers)
+            evenly = (Irradiance(*(transfer @ E for E in lit)) for lit in on_diffusers)
+            parts = [part.plus(more) for part, more in zip(parts, evenly, strict=True)]
+        return [
+            part.plus(self._by_films(deposit, p, n, key, numbers, k))
+            for k, part in enumerate(parts)
+        ]
+
+    def _straight(
+        self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, sky_rays: int,
+        sun_samples: int = 1, numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+    ) -> list[Irradiance]:  # fmt: skip
+        """Straight light by window, see `parts`."""
+        before, out = deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within), []
         for scene in self.blocked:
             less = replace(deposit, scene=scene)
             after = less.straight(p, n, key, sky_rays, sun_samples, numbers, within)
-            straight.append(Irradiance(*(a - b for a, b in zip(before, after, strict=True))))
+            out.append(Irradiance(*(a - b for a, b in zip(before, after, strict=True))))
             before = after
-        evenly = self._by_diffusers(deposit, p, n, key, numbers)
-        return [
-            part.plus(None if evenly is None else evenly[k]).plus(
-                self._by_films(deposit, p, n, key, numbers, k)
-            )
-            for k, part in enumerate([*straight, before])
-        ]
-
-    def _by_diffusers(
-        self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None
-    ) -> list[Irradiance] | None:
-        """D by way of the diffusing panes of every window; None without any."""
-        if deposit.faces is None or self.of_diffuser is None:
-            return None
-        transfer, of_face, parts = (
-            deposit.transfer(p, n, key, numbers),
-            self.of_diffuser.repeat(2),
-            [],
-        )
-        for k in range(len(self)):
-            mine = mi.TensorXf(mi.Float((of_face == k).astype(np.float32)), (len(of_face), 1))
-            parts.append(Irradiance(*(transfer @ (mine * faces) for faces in deposit.faces)))
-        return parts
+        return [*out, before]
 
     def _by_films(
         self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None,
@@ -156,6 +180,11 @@ class WindowDeposit:
         if among is None or not among.any():
             return None
         return deposit.by_film_patches(p, n, key, numbers, among)
+
+
+def _column(mask: np.ndarray) -> mi.TensorXf:
+    """Factor 1 or 0 of rows, shape (row, 1)."""
+    return mi.TensorXf(mi.Float(mask.astype(np.float32)), (len(mask), 1))
 
 
 def _windows_of(patches: PanePatches, windows: Windows) -> np.ndarray:
