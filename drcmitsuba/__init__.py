@@ -1,5 +1,7 @@
 """Annual daylight simulation of daylight redirecting components on Mitsuba 3 and Dr.Jit.
 
+render
+    Pictures of a view of a case, in cd/m².
 load_case, evaluate
     From a case file to a `Result` with metrics, illuminance and coefficients.
 metrics
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from drcmitsuba.case.reading import load_case as load_case
     from drcmitsuba.case.shipped import shipped_cases as shipped_cases
     from drcmitsuba.metrics import accumulate as accumulate
+    from drcmitsuba.rendering.prepared_view import render as render
     from drcmitsuba.runtime import backend as backend
     from drcmitsuba.runtime.errors import BackendError as BackendError
     from drcmitsuba.runtime.errors import InputError as InputError
@@ -62,12 +65,14 @@ _NAMES = {
     "lights": "annual.lights:lights",
     "load_case": "case.reading:load_case",
     "period": "sky.period",
+    "render": "rendering.prepared_view:render",
     "shipped_cases": "case.shipped:shipped_cases",
     "weather": "sky.weather",
 }
 _ROOMS = (
     "annual", "bsdf", "case", "controls", "design", "export", "goniophotometer", "metrics", "model",
-    "picture", "plan", "report", "runtime", "scene", "schema", "sky", "standards", "transport",
+    "picture", "plan", "rendering", "report", "runtime",
+    "scene", "schema", "sky", "standards", "transport",
 )  # fmt: skip
 
 registration.register_plugins()

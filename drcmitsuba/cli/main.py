@@ -23,6 +23,7 @@ from drcmitsuba.cli import (
     lights,
     optimise,
     plan,
+    render,
     report,
     season,
     steps,
@@ -45,7 +46,7 @@ app = typer.Typer(
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
     season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
-    export.export, report.report, lights.lights,
+    export.export, report.report, lights.lights, render.render,
     films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information.schema)

@@ -78,7 +78,10 @@ def _values(file: Path, names: str) -> np.ndarray:
         raise InputError(file, "pixels", got, "give a whole .exr file") from None
 
 
-def save(picture: Picture, file: Path, pixels: Literal["float", "half"] = "float") -> None:
+def save(
+    picture: Picture, file: Path, pixels: Literal["float", "half"] = "float",
+    error: np.ndarray | None = None,
+) -> None:  # fmt: skip
     """Write a picture as OpenEXR; never leaves half a file.
 
     The channels R, G and B are in units of luminance over the header's `whiteLuminance` [cd/m²].
@@ -93,12 +96,17 @@ def save(picture: Picture, file: Path, pixels: Literal["float", "half"] = "float
     pixels : {"float", "half"}
         Type of the values. Halves have three digits; `whiteLuminance` is 1 cd/m² or, for brighter
         pictures, the power of two with which the largest value is below 32,768.
+    error : np.ndarray, shape (row, column), optional
+        Standard error of the luminance [cd/m²], for a channel `error` in the same units.
     """
     openexr = _package()
     white, rgb = 1.0, np.ascontiguousarray(picture.rgb, np.float32)
     if pixels == "half":
         white = 2.0 ** max(0, math.ceil(math.log2(max(1.0, float(np.abs(rgb).max())) / HALF_WHITE)))
         rgb = (rgb / np.float32(white)).astype(np.float16)
+    channels = {"RGB": rgb}
+    if error is not None:
+        channels["error"] = np.ascontiguousarray(error / white, rgb.dtype)
     header = {
         "type": openexr.scanlineimage,
         "compression": openexr.ZIP_COMPRESSION,
@@ -110,5 +118,5 @@ def save(picture: Picture, file: Path, pixels: Literal["float", "half"] = "float
         header["VIEW"] = picture.view.options()
     if picture.captured:
         header["capDate"] = picture.captured
-    with storage.whole(file) as temporary, openexr.File(header, {"RGB": rgb}) as made:
+    with storage.whole(file) as temporary, openexr.File(header, channels) as made:
         made.write(str(temporary))

@@ -95,7 +95,7 @@ class PictureView:
         return PROJECTIONS[self.kind]
 
     @property
-    def _half(self) -> np.ndarray:
+    def half_size(self) -> np.ndarray:
         """Distance ρ of the picture's edges from its centre, across and up, shape (2,)."""
         return self.projection.distance(np.radians(self.angles) / 2)
 
@@ -120,7 +120,7 @@ class PictureView:
 
         Places beyond the projection have the direction at its edge.
         """
-        wide, high = self._half
+        wide, high = self.half_size
         u = 2 * wide * (np.asarray(x, float) - 0.5 + self.shift)
         v = 2 * high * (np.asarray(y, float) - 0.5 + self.lift)
         rho = np.hypot(u, v)
@@ -149,7 +149,7 @@ class PictureView:
         theta = np.arctan2(aside, local[..., 2])
         rho = self.projection.distance(np.minimum(theta, self.projection.widest))
         scale = np.where(theta <= self.projection.widest, rho, np.nan) / np.maximum(aside, 1e-300)
-        wide, high = 2 * self._half
+        wide, high = 2 * self.half_size
         x = local[..., 0] * scale / wide + 0.5 - self.shift
         return x, local[..., 1] * scale / high + 0.5 - self.lift
 

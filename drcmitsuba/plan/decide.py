@@ -327,10 +327,10 @@ def interreflection(facts: Facts) -> tuple[Effect, int | None]:
     return Effect(True, reason, quantities), most
 
 
-def solved_cells(facts: Facts, depth: int | None) -> Effect:
+def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) -> Effect:
     """Light between surfaces solved on cells, instead of paths that follow all bounces.
 
-    `depth` is that of `interreflection`.
+    `depth` is that of `interreflection`; `sensors` is their number, by default that of the case.
     """
     case, a = facts.case, facts.case.accuracy
     if depth == 0:
@@ -343,7 +343,8 @@ def solved_cells(facts: Facts, depth: int | None) -> Effect:
     if extent is None:
         return Effect(False, "no room encloses the sensors: on paths")
     x, y, z = extent
-    cells, sensors = 2 * (x * y + y * z + z * x) / a.cell_size**2, len(sensor_points(case)[0])
+    cells = 2 * (x * y + y * z + z * x) / a.cell_size**2
+    sensors = len(sensor_points(case)[0]) if sensors is None else sensors
     quantities = {"cells": round(cells), "sensors": sensors}
     if sensors < cells / CELLS_OF_SENSOR:
         return Effect(False, f"{sensors} sensors and some {cells:.0f} cells: on paths", quantities)
@@ -375,7 +376,7 @@ def colour(facts: Facts) -> Effect:
 
 def pictures(facts: Facts) -> Effect:
     """Pictures of the results."""
-    return Effect(True, "plans and monthly plots; views are not rendered")
+    return Effect(True, "plans and monthly plots; `render` shows views")
 
 
 def gradients(facts: Facts) -> Effect:

@@ -32,6 +32,16 @@ class Stream(Enum):
     """Seed of a second evaluation of the design that a search with the first seed has chosen."""
     PANE_GROUPS = (11,)
     """Directions on suns that tell through which panes they are seen."""
+    EYE_PATHS = (13,)
+    """Rays of the pixels of a picture, and their ways by mirrors and panes."""
+    EYE_GATHER = (15,)
+    """Rays from the surfaces that pixels show to other surfaces."""
+    EYE_SKY = (17,)
+    """Rays from the surfaces that pixels show to the sky."""
+    EYE_PANES = (19,)
+    """Rays from the surfaces that pixels show to scattering panes."""
+    EYE_SUN = (21,)
+    """Directions on the sun from the surfaces that pixels show."""
     SUN_RIMS = (0, 2)
     """Directions around the rim of each sun."""
     PATHS = (0, 4)

@@ -20,12 +20,13 @@ daylight
 
 from drcmitsuba.sky.cie import CieSky
 from drcmitsuba.sky.perez import Perez
-from drcmitsuba.sky.quadrature import PatchCentres, PatchMeans
+from drcmitsuba.sky.quadrature import AtDirections, PatchCentres, PatchMeans
 from drcmitsuba.sky.sky_model import SkyModel, radiance, sun_labels
 from drcmitsuba.sky.sun import sun_position
 from drcmitsuba.sky.sunshine import Sunshine
 
 __all__ = [
+    "AtDirections",
     "CieSky",
     "PatchCentres",
     "PatchMeans",

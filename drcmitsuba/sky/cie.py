@@ -104,8 +104,8 @@ class CieSky:
         """Sky and direct light of each time, as `SkyModel` says."""
         zenith, azimuth = (sun[name].to_numpy() for name in ("solar_zenith", "solar_azimuth"))
         up = np.flatnonzero(zenith < 90)
-        sky, direct = np.zeros((len(zenith), len(patches) - 1)), np.zeros(len(zenith))
-        zenith = zenith[up]
+        direct = np.zeros(len(zenith))
+        count, zenith = len(zenith), zenith[up]
         if isinstance(self.kind, str) and self.kind != "overcast":
             zenith = np.maximum(zenith, 90 - HIGHEST_SUN)
         cos_sun = np.cos(np.radians(zenith))[:, None]
@@ -116,6 +116,7 @@ class CieSky:
             centre, patches,
         )  # fmt: skip
         horizontal = self.patch_values.horizontal(patches)
+        sky = np.zeros((count, len(horizontal)))
         if self.diffuse_horizontal_illuminance is None:
             sky[up] = values * zenith_luminance(str(self.kind), cos_sun, self.turbidity)
         else:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -117,8 +118,74 @@ def weather_of(case: Case) -> weather.Weather:
     return weather.Weather(f"{site.name}, no weather file", site, 1.0, empty, ())
 
 
-def daylight(case: Case) -> Daylight:
+class _Stamps(NamedTuple):
+    """Time stamps, and the rows of the weather that they take."""
+
+    times: np.ndarray
+    clock: np.ndarray
+    rows: np.ndarray
+    sun_time: str
+
+
+def _stamps(case: Case, w: weather.Weather, times: np.ndarray | None) -> _Stamps:
+    """Time stamps of a case, or instants that are given; InputError where the weather has none."""
+    starts = w.data["time"].values
+    if times is None and case.period.timestamps is None:
+        with _of(case, "period"):
+            times, clock = period(case.period).select(starts, w.step)
+        sun_time = w.data.attrs.get("sun_time", "middle")
+        return _Stamps(times, clock, np.searchsorted(starts, times), sun_time)
+    source: object = "command line"
+    if times is None:
+        assert case.period.timestamps is not None
+        source = case.path(case.period.timestamps)
+        times = read_timestamps(source)
+    rows = np.searchsorted(starts, times, side="right") - 1
+    step = np.timedelta64(round(w.step * 3600), "s")
+    outside = (rows < 0) | (times >= starts[rows] + step)
+    if outside.any():
+        got = f"{times[outside][0]} is not in the weather"
+        raise InputError(source, "time", got, "give time stamps within the weather file")
+    if len(np.unique(times.astype("datetime64[m]"))) < len(times):
+        got = "two time stamps in one minute"
+        raise InputError(source, "time", got, "give one a minute at most")
+    return _Stamps(times, times, rows, "instant")
+
+
+def sky_luminance(case: Case, time: np.datetime64, directions: np.ndarray) -> np.ndarray:
+    """Luminance of the continuous sky at an instant.
+
+    Parameters
+    ----------
+    case : Case
+    time : np.datetime64
+        Instant in the weather's year, local standard time.
+    directions : np.ndarray, shape (direction, 3)
+        Unit vectors above the horizon.
+
+    Returns
+    -------
+    np.ndarray, shape (direction,)
+        Luminance [cd/m²], scaled as the patches of `daylight` are.
+    """
+    w, times = weather_of(case), np.array([time])
+    stamps = _stamps(case, w, times)
+    data = w.data.isel(time=stamps.rows).assign_coords(time=times)
+    sun = sky.sun_position(times, w.step, w.site, stamps.sun_time)
+    model: Any = sky_model(case)
+    patches = Patches(case.sky.subdivision)
+    model = replace(model, patch_values=sky.AtDirections(model.patch_values, directions))
+    return np.asarray(model.luminances(data, sun, patches).sky[0, len(patches) - 1 :])
+
+
+def daylight(case: Case, times: np.ndarray | None = None) -> Daylight:
     """Weather, sun positions and luminances of the case's time stamps: L[time, bin].
+
+    Parameters
+    ----------
+    case : Case
+    times : np.ndarray of datetime64, optional
+        Instants in place of the case's time stamps, local standard time of the nominal year.
 
     Returns
     -------
@@ -130,25 +197,7 @@ def daylight(case: Case) -> Daylight:
         The weather file, the period or the time stamps are unfit, or no time stamp is left.
     """
     w = weather_of(case)
-    starts = w.data["time"].values
-    sun_time = w.data.attrs.get("sun_time", "middle")
-    if case.period.timestamps is None:
-        with _of(case, "period"):
-            times, clock = period(case.period).select(starts, w.step)
-        rows = np.searchsorted(starts, times)
-    else:
-        file = case.path(case.period.timestamps)
-        times = clock = read_timestamps(file)
-        sun_time = "instant"
-        rows = np.searchsorted(starts, times, side="right") - 1
-        step = np.timedelta64(round(w.step * 3600), "s")
-        outside = (rows < 0) | (times >= starts[rows] + step)
-        if outside.any():
-            got = f"{times[outside][0]} is not in the weather"
-            raise InputError(file, "time", got, "give time stamps within the weather file")
-        if len(np.unique(times.astype("datetime64[m]"))) < len(times):
-            got = "two time stamps in one minute"
-            raise InputError(file, "time", got, "give one a minute at most")
+    times, clock, rows, sun_time = _stamps(case, w, times)
     with _of(case, "sky"):
         model = sky_model(case)
     data = w.data.isel(time=rows).assign_coords(time=times)

@@ -138,9 +138,9 @@ class Perez:
 
         azimuth = sun["solar_azimuth"].to_numpy()[lit]
         centre = sun_module.direction(np.clip(zenith[lit], *ZENITH_LIMITS), azimuth)
-        sky = np.zeros((len(dhi), len(patches) - 1))
         values = self.patch_values(luminance, centre, patches)
         horizontal = self.patch_values.horizontal(patches)
+        sky = np.zeros((len(dhi), len(horizontal)))
         sky[lit] = scale_to(values, (dhi * diffuse)[lit], horizontal)
         return SkyLight(sky, dhi * diffuse, np.where(zenith < 90, dni * direct, 0.0))
 

@@ -84,7 +84,28 @@ class PatchMeans:
         return patches.projected_solid_angles[1:]
 
 
-PatchValues = PatchCentres | PatchMeans
+@dataclass(frozen=True, eq=False)
+class AtDirections:
+    """Luminance of the patches, then of the continuous sky itself in some directions."""
+
+    patch_values: PatchCentres | PatchMeans
+    """Way to the patches' luminances, which alone decide on the scale of the sky."""
+    directions: np.ndarray
+    """Unit vectors above the horizon, shape (direction, 3)."""
+
+    def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
+        """Value of each patch and each direction, shape (time, patch + direction)."""
+        values = self.patch_values(luminance, sun, patches)
+        nodes = self.directions[None, :, None]
+        return np.hstack([values, _integrate(luminance, sun, nodes, np.ones(nodes.shape[:-1]))])
+
+    def horizontal(self, patches: Patches) -> np.ndarray:
+        """Weights of the patches [sr], and 0 for every direction, shape (patch + direction,)."""
+        weights = self.patch_values.horizontal(patches)
+        return np.append(weights, np.zeros(len(self.directions)))
+
+
+PatchValues = PatchCentres | PatchMeans | AtDirections
 """Way to one luminance per patch, and the weights of the patches in a horizontal illuminance."""
 PATCH_MEANS = PatchMeans()
 """The default of every sky model."""

@@ -71,7 +71,9 @@ class Sunshine:
         """Sky and direct light of each time, as `SkyModel` says."""
         drawn = self.kinds(sun["time"].to_numpy())
         n = len(drawn)
-        light = SkyLight(np.zeros((n, len(patches) - 1)), np.zeros(n), np.zeros(n))
+        light = SkyLight(
+            np.zeros((n, len(self.patch_values.horizontal(patches)))), np.zeros(n), np.zeros(n)
+        )
         for kind in np.unique(drawn):
             model = CieSky(str(kind), turbidity=self.turbidity, patch_values=self.patch_values)
             at = np.flatnonzero(drawn == kind)

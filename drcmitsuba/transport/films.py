@@ -16,7 +16,7 @@ Limits: light from a film or a diffusing pane to another film is not followed he
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import drjit as dr
@@ -100,12 +100,16 @@ class Films:
         if not scene.films:
             return None
         mounted = tuple(mounts(scene))
+        patches = PanePatches.of([m.quads for m in mounted], size)
+        return cls(scene, mounted, patches, np.zeros(0, int)).with_suns(suns, diameter)
+
+    def with_suns(self, suns: np.ndarray, diameter: float) -> Films:
+        """Return the same films under other suns: unit vectors (sun, 3), angle across [deg]."""
         radius = np.radians(diameter) / 2
         shining = np.zeros(len(suns), bool)
-        for mount in mounted:
+        for mount in self.mounts:
             shining |= (suns @ mount.frame[2] < np.sin(radius)) | (not mount.exposed)
-        lit = np.flatnonzero(shining)
-        return cls(scene, mounted, PanePatches.of([m.quads for m in mounted], size), lit)
+        return replace(self, suns=np.flatnonzero(shining))
 
     def answer_to_suns(self, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
         """Tabulate f [1/sr] from the suns that may shine on a film, see `Lit.to_suns`."""
@@ -187,7 +191,7 @@ class Films:
         p += dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
         return d, weight * straight(self.scene, mi.Point3f(p), d, (weight > 0) & wanted)
 
-    def _rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
+    def rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Row within the mount of light that a patch sends along −d, and whether it exists."""
         owner = dr.gather(mi.UInt32, flat_indices(self.patches.owner), patch)
         row, known = mi.UInt32(0), mi.Bool(False)
@@ -204,7 +208,7 @@ class Films:
         """Draw directions from receivers to the films; parameters as for `looks`."""
         kinds = []
         for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers):
-            row, known = self._rows(look.patch, look.d, look.front)
+            row, known = self.rows(look.patch, look.d, look.front)
             seen = dr.compress((look.weight > 0) & known)
             if dr.width(seen) == 0:
                 continue

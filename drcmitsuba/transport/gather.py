@@ -218,7 +218,7 @@ def _numbers(
     return row, own, lane % paths
 
 
-def _is_pane(flags: mi.UInt32) -> mi.Bool:
+def deviates(flags: mi.UInt32) -> mi.Bool:
     """Whether a BSDF deviates light that it transmits, which gaps and clear glass do not."""
     diffuse = mi.has_flag(flags, mi.BSDFFlags.DiffuseTransmission)
     glossy = mi.has_flag(flags, mi.BSDFFlags.GlossyTransmission)
@@ -282,7 +282,7 @@ def _trace(
         is_cell = (
             may_be_cell
             & mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
-            & ~_is_pane(bsdf.flags())
+            & ~deviates(bsdf.flags())
         )
         is_cell = active & (is_cell | (scatters & (bs.wo.z * si.wi.z > 0)))
         if dr.hint(not scene.effects.beyond, mode="scalar"):

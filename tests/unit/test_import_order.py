@@ -13,8 +13,8 @@ from tests import ROOT
 
 ROOMS = [
     "schema", "runtime", "model", "case", "sky", "bsdf", "scene", "goniophotometer", "transport",
-    "metrics", "controls", "standards", "report", "picture", "export", "plan", "annual", "design",
-    "cli",
+    "metrics", "controls", "standards", "report", "picture", "export", "plan", "annual",
+    "rendering", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

@@ -1,0 +1,73 @@
+"""The command `drcmitsuba render`."""
+
+from __future__ import annotations
+
+import re
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
+from drcmitsuba.cli.terminal import show_notes, stages
+from drcmitsuba.runtime.errors import InputError
+
+
+class Tone(str, Enum):
+    """Ways to a picture for a screen."""
+
+    human = "human"
+    exposure = "exposure"
+    false = "false"
+
+
+class Pixels(str, Enum):
+    """Values of an `.exr`."""
+
+    float = "float"
+    half = "half"
+
+
+def _size(text: str) -> int | tuple[int, int]:
+    """Columns, or columns and rows, of a picture."""
+    match = re.fullmatch(r"(\d{1,6})(?:x(\d{1,6}))?", text, re.ASCII)
+    if match is None:
+        raise InputError("command line", "--size", repr(text), "give 512 or 800x600")
+    return int(match[1]) if match[2] is None else (int(match[1]), int(match[2]))
+
+
+def render(
+    case: CaseName,
+    view: Annotated[str | None, option("NAME", "View of the case; not needed for one.")] = None,
+    time: Annotated[str | None, option("TIME", "Local standard time, as 03-21 10:30.")] = None,
+    times: Annotated[
+        Path | None, option("FILE", "CSV with a column `time`: one picture for each.")
+    ] = None,
+    size: Annotated[str, option("PIXELS", "Columns, or columns x rows.")] = "512",
+    tone: Annotated[Tone, option("NAME", "PNG: human, exposure or false (colour).")] = Tone.human,
+    pixels: Annotated[Pixels, option("NAME", "EXR: float or half.")] = Pixels.float,
+    samples: Annotated[int, option("NUMBER", "Rays in each pixel.")] = 8,
+    state: Annotated[str, option("NAME", "State of the façade: open or shaded.")] = "open",
+    output: Output = Path("results"),
+    weather: Weather = None,
+) -> None:
+    """Render a view: .exr with its standard error, .hdr and .png, in cd/m²."""
+    from drcmitsuba.rendering import Sampling, prepare
+    from drcmitsuba.rendering.prepared_view import instant_of
+    from drcmitsuba.sky.period import read_timestamps
+
+    if (time is None) == (times is None):
+        got = "neither" if time is None else "both"
+        raise InputError("command line", "--time, --times", got, "give one of them")
+    instants = [instant_of(time)] if time is not None else list(read_timestamps(Path(times or "")))
+    wanted, sampling, notes = _size(size), Sampling(samples=samples), dict[str, None]()
+    loaded = load(case, weather)
+    with stages() as stage:
+        prepared = prepare(loaded, view, size=wanted, sampling=sampling, state=state, stage=stage)
+        with stage("pictures") as done:
+            for i, instant in enumerate(instants, 1):
+                rendering = prepared.at(instant)
+                files = rendering.save(output, tone.value, pixels.value)
+                notes |= dict.fromkeys(rendering.notes)
+                done(i / len(instants))
+    show_notes(notes)
+    print(f"{len(instants)} pictures are in {output}" if times else f"{files[0]}, .hdr, .png")

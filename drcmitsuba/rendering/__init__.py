@@ -1,0 +1,21 @@
+"""Rendering: pictures of the views of a case, in cd/m², at any hour from one set of light paths.
+
+view_rays, eye_paths
+    Rays of the pixels; their ways by mirrors and panes to the first diffuse surface.
+sky_rays, glow
+    Light of the sky and of scattering panes on these surfaces.
+surface_light
+    Light on all surfaces of the scene, of which the rays gather.
+light_paths
+    All of a picture that does not depend on the hour.
+outside, hour
+    Sky, ground and sun of an hour, and the picture that they give.
+rendering, prepared_view
+    `render`, `prepare`: pictures with their standard error, and their files.
+"""
+
+from drcmitsuba.rendering.light_paths import Sampling
+from drcmitsuba.rendering.prepared_view import PreparedView, prepare, render
+from drcmitsuba.rendering.rendering import Rendering
+
+__all__ = ["PreparedView", "Rendering", "Sampling", "prepare", "render"]

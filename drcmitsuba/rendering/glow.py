@@ -1,0 +1,179 @@
+"""Panes that scatter, as they glow: films by their BSDF, diffusing panes evenly.
+
+The radiance of all panes is a table with one entry for each outgoing cell of every patch of the
+films, and one for each face of the diffusing panes. What is seen of a pane, by the eye or from a
+surface, is an entry of this table and a weight; the table follows from the hour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.diffusing_panes import Look, PanePatches, looks
+from drcmitsuba.transport.films import Films
+
+
+@dataclass(frozen=True)
+class Glow:
+    """Table of the panes' radiance: its layout."""
+
+    scene: Scene
+    films: Films | None
+    patches: PanePatches | None
+    """Patches of the panes that scatter evenly."""
+
+    @property
+    def first(self) -> np.ndarray:
+        """First entry of each patch of the films, and last their number, shape (patch + 1,)."""
+        if self.films is None:
+            return np.zeros(1, int)
+        rows = np.array([m.rows for m in self.films.mounts])[self.films.patches.owner]
+        return np.concatenate([[0], np.cumsum(rows)])
+
+    def __len__(self) -> int:
+        """Count the entries."""
+        return int(self.first[-1]) + (0 if self.patches is None else 2 * len(self.patches))
+
+    def _of_film(
+        self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool
+    ) -> tuple[mi.UInt32, mi.Bool]:
+        """Entry of the light that a patch of a film sends along −d, and whether there is one."""
+        assert self.films is not None
+        row, known = self.films.rows(patch, d, front)
+        return dr.gather(mi.UInt32, flat_indices(self.first), patch) + row, known
+
+    def _of_face(self, patch: mi.UInt32, front: mi.Bool) -> mi.UInt32:
+        """Entry of a face of a diffusing pane."""
+        first = dr.opaque(mi.UInt32, int(self.first[-1]))
+        return first + 2 * patch + dr.select(front, mi.UInt32(0), 1)
+
+    def seen(self, o: mi.Point3f, d: mi.Vector3f, weight: mi.Float) -> tuple[mi.UInt32, mi.Float]:
+        """Entries that rays of some weight meet first, and their weight; 0 where they meet none."""
+        at, nearest = mi.UInt32(0), mi.Float(dr.inf)
+        active, met = weight > 0, mi.Bool(False)
+        for panes in (self.films, self.patches):
+            if panes is None:
+                continue
+            patches = panes.patches if isinstance(panes, Films) else panes
+            hit = patches.scene.ray_intersect_preliminary(mi.Ray3f(o, d), active=active)
+            closer = hit.is_valid() & active & (hit.t < nearest)
+            patch = dr.select(closer, hit.prim_index // 2, 0)
+            front = dr.dot(dr.gather(mi.Normal3f, flat(patches.normal), patch), d) < 0
+            if isinstance(panes, Films):
+                entry, known = self._of_film(patch, d, front)
+            else:
+                entry, known = self._of_face(patch, front), mi.Bool(True)
+            at, met = dr.select(closer, entry, at), dr.select(closer, known, met)
+            nearest = dr.select(closer, hit.t, nearest)
+        return dr.select(met, at, 0), dr.select(met, weight, 0)
+
+    def looked(
+        self, p: mi.Point3f, n: mi.Normal3f, number: mi.UInt32, *, rays: int, seed: int
+    ) -> tuple[mi.UInt32, mi.Float]:
+        """Entries that points see, and their irradiance per radiance of the entry [sr].
+
+        Returns
+        -------
+        at : mi.UInt32, shape (column · point · rays,)
+        weight : mi.Float
+            As many columns as `columns`.
+        """
+        points, facing, at, weight = dr.ravel(p), dr.ravel(mi.Vector3f(n)), [], []
+        kind: dict[str, Any] = {"rays": rays, "seed": seed, "numbers": number}
+        for panes in (self.films, self.patches):
+            if panes is None:
+                continue
+            patches = panes.patches if isinstance(panes, Films) else panes
+            for look in looks(self.scene, patches, points, facing, **kind):
+                entry, known = self._entry(panes, look)
+                at.append(dr.select(known, entry, 0))
+                weight.append(dr.select(known, dr.pi * look.weight, 0))
+                dr.eval(at[-1], weight[-1])
+        return dr.concat(at), dr.concat(weight)
+
+    def _entry(self, panes: Films | PanePatches, look: Look) -> tuple[mi.UInt32, mi.Bool]:
+        if isinstance(panes, Films):
+            return self._of_film(look.patch, look.d, look.front)
+        return self._of_face(look.patch, look.front), mi.Bool(True)
+
+    @property
+    def columns(self) -> int:
+        """Number of entries that a ray of `looked` gives."""
+        return 2 * ((self.films is not None) + (self.patches is not None))
+
+    def radiance(self, lit: Deposit, L_sky: np.ndarray, L_sun: float, seed: int) -> mi.Float:
+        """Radiance of all entries by a deposit, of the sky's bins and of one sun or none.
+
+        Parameters
+        ----------
+        lit : Deposit
+            Deposit after `lit`.
+        L_sky : np.ndarray, shape (bin,)
+            Luminances of ground and sky [cd/m²]; empty for a deposit without the sky.
+        L_sun : float
+            Luminance of the sun [cd/m²].
+        seed : int
+            Seed of the directions on the sun.
+
+        Returns
+        -------
+        mi.Float, shape (entry,)
+            [cd/m²].
+        """
+        parts = []
+        if self.films is not None:
+            parts.append(self._of_films(lit, L_sky, L_sun, seed))
+        if self.patches is not None:
+            parts.append(self._of_faces(lit, L_sky, L_sun))
+        out = dr.concat(parts)
+        dr.eval(out)
+        return out
+
+    def _of_films(self, lit: Deposit, L_sky: np.ndarray, L_sun: float, seed: int) -> mi.Float:
+        assert self.films is not None
+        assert lit.films is not None
+        assert lit.on_films is not None
+        films, on_films = lit.films, lit.on_films
+        count = np.diff(self.first)
+        patch = flat_indices(np.repeat(np.arange(len(count)), count))
+        row = dr.arange(mi.UInt32, int(self.first[-1]))
+        row -= dr.gather(mi.UInt32, flat_indices(self.first), patch)
+        out = mi.Float(0)
+        if len(L_sky):
+            glow = (on_films.to_sky @ mi.TensorXf(flat(L_sky), (len(L_sky), 1))).array
+            first = flat_indices(films.first_sky_rows())
+            out += dr.gather(mi.Float, glow, dr.gather(mi.UInt32, first, patch) + row)
+        if len(films.suns):
+            to_sun = films.answer_to_suns(lit.suns, lit.diameter, seed)  # with all peaks
+            first = flat_indices(
+                np.cumsum([0, *(m.rows for m in films.mounts)])[films.patches.owner]
+            )
+            f = dr.gather(mi.Float, to_sun, dr.gather(mi.UInt32, first, patch) + row)
+            faces = on_films.faces.array
+            shone = dr.gather(mi.Float, faces, 2 * patch) + dr.gather(
+                mi.Float, faces, 2 * patch + 1
+            )
+            out += f * shone * dr.opaque(mi.Float, L_sun)
+        return out + dr.zeros(mi.Float, int(self.first[-1]))
+
+    def _of_faces(self, lit: Deposit, L_sky: np.ndarray, L_sun: float) -> mi.Float:
+        assert self.patches is not None
+        assert lit.faces is not None
+        E = dr.zeros(mi.Float, 2 * len(self.patches))
+        for D, L in zip(lit.faces, (L_sky, np.full(len(lit.suns), L_sun)), strict=True):
+            if len(L):
+                E += (D @ mi.TensorXf(flat(L), (len(L), 1))).array
+        optics: list[Any] = [pane.material for pane in self.scene.scattering]
+        through = flat(np.repeat([optics[i].transmittance for i in self.patches.owner], 2))
+        back = np.repeat([optics[i].reflectance for i in self.patches.owner], 2)
+        back[1::2] = 0  # the back reflects nothing, as in `materials.bsdf`
+        face = dr.arange(mi.UInt32, dr.width(E))
+        return (through * dr.gather(mi.Float, E, face ^ 1) + flat(back) * E) * dr.inv_pi

@@ -1,0 +1,264 @@
+"""Views of a case, traced once and shown at any instant."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.case.reading import load_case
+from drcmitsuba.picture.exr_header import BT709
+from drcmitsuba.picture.picture import MOST_PIXELS, RADIANCE, Picture
+from drcmitsuba.picture.view import PictureView, of_model
+from drcmitsuba.plan import decide, plan
+from drcmitsuba.rendering.hour import luminance
+from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace
+from drcmitsuba.rendering.outside import Outside
+from drcmitsuba.rendering.rendering import Rendering
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, part, silent
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.geometry import origin, rotation
+from drcmitsuba.scene.views import views
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
+from drcmitsuba.sky.daylight import Daylight, daylight, period, weather_of
+from drcmitsuba.sky.period import NOMINAL_YEAR
+
+Size = int | tuple[int, int]
+"""Number of columns, or of columns and rows, of a picture."""
+COLUMNS = 512
+"""Number of columns of a picture unless another is given."""
+_INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASCII)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedView:
+    """View of a case whose light paths are traced."""
+
+    case: Case
+    name: str
+    view: PictureView
+    """View in the coordinates of the case [m]."""
+    channels: tuple[TracedView, ...]
+    """Light paths in every colour channel."""
+
+    def at(self, time: str | np.datetime64) -> Rendering:
+        """Picture at an instant, without tracing again.
+
+        Parameters
+        ----------
+        time : str or np.datetime64
+            Local standard time, such as "03-21 10:30".
+
+        Returns
+        -------
+        Rendering
+
+        Raises
+        ------
+        InputError
+            The time is no instant of the weather.
+        """
+        instant = instant_of(time) if isinstance(time, str) else time
+        light = daylight(self.case, np.array([instant]))
+        outside = Outside.of(self.case, light, 0)
+        sky = light.sky["sky"].values[0]
+        shown = [luminance(traced, outside, sky) for traced in self.channels]
+        mean, error = (np.stack([getattr(one, k) for one in shown]) for k in ("mean", "error"))
+        weights = np.array([*LUMINANCE_WEIGHTS.values()], np.float32)
+        coloured = len(shown) > 1
+        if coloured:  # the channels share their random numbers
+            error = np.tensordot(weights, error, 1)[None]
+        rgb = np.moveaxis(mean if coloured else np.repeat(mean, 3, axis=0), 0, -1)
+        date = str(instant.astype("datetime64[s]"))
+        picture = Picture(
+            np.ascontiguousarray(rgb), self.view, BT709 if coloured else RADIANCE,
+            captured=date.replace("-", ":").replace("T", " "),
+        )  # fmt: skip
+        notes = _notes(self.case, instant, light)
+        return Rendering(picture, error[0], self.case.name, self.name, instant, notes)
+
+
+def instant_of(text: str) -> np.datetime64:
+    """Instant of the nominal year that a text names, such as "03-21 10:30".
+
+    Raises
+    ------
+    InputError
+        The text is no date and time.
+    """
+    match = _INSTANT.fullmatch(text.strip())
+    try:
+        if match:
+            return np.datetime64(f"{NOMINAL_YEAR}-{match[1]}T{match[2]}", "ns")
+    except ValueError:
+        pass
+    remedy = "give month, day and local standard time, as 03-21 10:30"
+    raise InputError("command line", "--time", repr(text), remedy)
+
+
+def _notes(case: Case, instant: np.datetime64, light: Daylight) -> tuple[str, ...]:
+    """Remarks on an instant without daylight, or outside of the case's period."""
+    notes, when = [], str(instant.astype("datetime64[m]"))[5:].replace("T", " ")
+    here = light.sky.isel(time=0)
+    if not (here["sky"].values > 0).any() and float(here["sun"]) <= 0:
+        notes.append(f"{when}: neither sky nor sun shines, the picture is dark")
+    if case.period.timestamps is None:
+        w = weather_of(case)
+        starts = w.data["time"].values
+        hour = starts[np.searchsorted(starts, instant, side="right") - 1]
+        if hour not in period(case.period).select(starts, w.step)[0]:
+            notes.append(f"{when} is outside of the period of the case")
+    return tuple(notes)
+
+
+def picture_view(case: Case, name: str | None) -> tuple[str, PictureView]:
+    """View of a case by its name, or its only one, in the coordinates of the case.
+
+    Raises
+    ------
+    InputError
+        There is no such view, or its place is unfit.
+    """
+    every = {view.name: view for view in views(case)}
+    if not every:
+        remedy = "add a table [views.NAME] with position and direction"
+        raise InputError(case.source, "views", "none", remedy)
+    if name is None and len(every) == 1:
+        (name,) = every
+    if name is None or name not in every:
+        got = "none" if name is None else repr(name)
+        raise InputError("command line", "--view", got, f"give one of {', '.join(every)}")
+    return name, of_model(every[name])
+
+
+def shape_of(view: PictureView, size: Size) -> tuple[int, int]:
+    """Rows and columns of a picture of a size; pixels are square unless both are given.
+
+    Raises
+    ------
+    InputError
+        There are no pixels, or more than 33 million.
+    """
+    wide, high = view.half_size
+    columns, rows = (size, max(1, round(size * high / wide))) if isinstance(size, int) else size
+    if not (columns >= 1 and rows >= 1 and columns * rows <= MOST_PIXELS):
+        got = f"{columns} by {rows} pixels"
+        raise InputError("picture", "size", got, f"give 1 to {MOST_PIXELS} pixels in all")
+    return rows, columns
+
+
+def _effects(case: Case, pixels: int) -> EnabledEffects:
+    """Effects of a picture at any hour, and whether light between surfaces is solved on cells."""
+    planned = plan(case, daylight(case))
+    scope = planned.scope
+    solved = decide.solved_cells(planned.facts, scope.depth, pixels)
+    solved = solved.decided("solved_cells", case.effects.solved_cells)
+    return replace(
+        scope, sky=True, suns=True, shade=True, solved_cells=solved.on and scope.depth != 0
+    )
+
+
+def prepare(
+    case: Case | str | Path, view: str | None = None, *, size: Size = COLUMNS,
+    sampling: Sampling | None = None, state: State = OPEN, stage: Stage = silent,
+) -> PreparedView:  # fmt: skip
+    """Trace the light paths of a view.
+
+    Parameters
+    ----------
+    case : Case, str or Path
+        Case, TOML file, or name of a shipped case.
+    view : str, optional
+        Name of a view of the case; not needed where it has one only.
+    size : int or tuple of int
+        Number of columns, or of columns and rows.
+    sampling : Sampling, optional
+        Numbers of rays.
+    state : str
+        State of the façade, `open` or `shaded`.
+    stage : callable, optional
+        Shows the stages of the work.
+
+    Returns
+    -------
+    PreparedView
+
+    Raises
+    ------
+    InputError
+        The view, the size, a material or the geometry is unfit.
+    """
+    if not isinstance(case, Case):
+        case = load_case(case)
+    backend.select()
+    name, shown = picture_view(case, view)
+    rows, columns = shape_of(shown, size)
+    with stage("plan"):
+        effects = _effects(case, rows * columns)
+    turn = rotation(case).T
+    position = (np.array(shown.position) - origin(case)) @ turn
+    turned = replace(
+        shown, position=_triple(position), direction=_triple(shown.direction @ turn),
+        up=_triple(shown.up @ turn),
+    )  # fmt: skip
+    sampling = sampling or Sampling()
+    sampling = sampling.rounded(case.accuracy.replicates)
+    channels = scene.channels_of(case, effects)
+    traced = []
+    with stage("rays") as done:
+        for i, channel in enumerate(channels):
+            world = scene.load(case, state, channel, effects)
+            share = part(done, i / len(channels), (i + 1) / len(channels))
+            traced.append(
+                trace(
+                    world,
+                    turned,
+                    rows,
+                    columns,
+                    sampling=sampling,
+                    accuracy=case.accuracy,
+                    subdivision=case.sky.subdivision,
+                    diameter=case.outside.sun_diameter,
+                    progress=share,
+                )
+            )
+    return PreparedView(case, name, shown, tuple(traced))
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def render(
+    case: Case | str | Path, view: str | None = None, time: str | np.datetime64 = "03-21 12:00", *,
+    size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
+    stage: Stage = silent,
+) -> Rendering:  # fmt: skip
+    """Render a view of a case at an instant, in cd/m².
+
+    Parameters
+    ----------
+    time : str or np.datetime64
+        Local standard time, such as "03-21 10:30".
+    case, view, size, sampling, state, stage
+        As for `prepare`, which serves many instants of one view.
+
+    Returns
+    -------
+    Rendering
+
+    Raises
+    ------
+    InputError
+        As `prepare`, or the time is no instant of the weather.
+    """
+    instant = instant_of(time) if isinstance(time, str) else time
+    return prepare(case, view, size=size, sampling=sampling, state=state, stage=stage).at(instant)

@@ -1,0 +1,101 @@
+"""A rendered picture, with its standard error, and its files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from drcmitsuba.picture import exr, hdr, tone
+from drcmitsuba.picture.false_colour import false_colour, save_png
+from drcmitsuba.picture.picture import Picture
+from drcmitsuba.report import style
+from drcmitsuba.runtime import lazy
+
+images = lazy.module("matplotlib.image")
+
+Tone = Literal["human", "exposure", "false"]
+"""Ways to a picture for a screen: as the eye would see it, by an exposure, in false colours."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rendering:
+    """Picture of a view at an instant; shows itself in Jupyter."""
+
+    picture: Picture
+    """Luminances [cd/m²], with the view in the coordinates of the case."""
+    error: np.ndarray
+    """Standard error of the luminance of each pixel [cd/m²], shape (row, column)."""
+    case: str
+    """Name of the case."""
+    view: str
+    """Name of the view."""
+    time: np.datetime64
+    """Instant, local standard time."""
+    notes: tuple[str, ...] = ()
+    """Remarks on the hour."""
+
+    @property
+    def name(self) -> str:
+        """Name of the files, such as `desk_03-21_1030`."""
+        day, clock = str(self.time.astype("datetime64[m]")).split("T")
+        return f"{self.view}_{day[5:]}_{clock.replace(':', '')}"
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether no light reaches the eye."""
+        return not (self.picture.rgb > 0).any()
+
+    def save(
+        self, folder: str | Path, tone: Tone = "human", pixels: Literal["float", "half"] = "float"
+    ) -> list[Path]:
+        """Write the picture as `.exr` with its error, `.hdr` and `.png`, each whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Folder, which is made.
+        tone : {"human", "exposure", "false"}
+            How the PNG shows luminances.
+        pixels : {"float", "half"}
+            Values of the `.exr`.
+
+        Returns
+        -------
+        list of Path
+            Files.
+        """
+        folder = Path(folder)
+        files = [folder / f"{self.name}{ending}" for ending in (".exr", ".hdr", ".png")]
+        exr.save(self.picture, files[0], pixels, self.error)
+        hdr.save(self.picture, files[1])
+        if tone == "false" and not self.is_dark:
+            style.save(false_colour(self.picture, title=self._title), files[2])
+        else:
+            save_png(self._shown(tone), files[2])
+        return files
+
+    @property
+    def _title(self) -> str:
+        return f"{self.case}, {self.view}, {str(self.time.astype('datetime64[m]'))[5:]}"
+
+    def _shown(self, how: Tone) -> np.ndarray:
+        """Pixels of a screen (row, column, 3)."""
+        if self.is_dark:
+            return np.zeros(self.picture.rgb.shape, np.uint8)
+        return tone.exposed(self.picture) if how == "exposure" else tone.human(self.picture)
+
+    def _repr_png_(self) -> bytes:
+        """Picture as the eye would see it."""
+        stream = BytesIO()
+        images.imsave(stream, self._shown("human"), format="png")
+        return stream.getvalue()
+
+    def __repr__(self) -> str:
+        rows, columns = self.picture.shape
+        lit = self.picture.luminance
+        size = f"{columns} by {rows} pixels, mean {lit.mean():.0f} cd/m²"
+        return f"<Rendering of {self._title}: {size}>"

@@ -1,0 +1,129 @@
+"""Pictures from light paths against independent path tracing, and against sensors at the eye.
+
+The reference is the plugin `coefficient` behind the plugin `fisheye`: it traces every picture anew
+and knows no cells, no tables and no openings. It is rendered for every bin and summed with the same
+luminances.
+"""
+
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from drcmitsuba_plugins.patches import patch_index
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.picture.picture import Picture
+from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.hour import luminance, replicates
+from drcmitsuba.rendering.light_paths import Sampling, trace
+from drcmitsuba.rendering.outside import Outside
+from drcmitsuba.rendering.view_rays import directions
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.surfaces import surfaces_of
+from tests.unit.transport.exact_scenes import DIRECTIONS, PATCHES, SUNS, run
+from tests.unit.transport.test_coefficients_small_room import ROOMS, with_sources
+
+LUMINANCES = np.random.default_rng(3).uniform(2000, 9000, 146)
+SUN = 3e8
+EYE = PictureView("equidistant", (0.2, -1, -0.1), (0, 0, 1), (170, 170), (1.5, 3.2, 1.3))
+SIZE = 12
+
+
+class Patchwise(Outside):
+    """Outside whose sky has one luminance for each patch, as the reference has it."""
+
+    def sky(self, d):
+        return dr.gather(mi.Float, mi.Float(LUMINANCES.astype(np.float32)), patch_index(d, 1))
+
+
+def outside(sun=SUN):
+    return Patchwise(np.zeros((2, 2)), 0.0, sun, DIRECTIONS[0], 0.5)
+
+
+def traced(world, *, solved, view=EYE, size=SIZE, samples=512, **accuracy):
+    world = replace(world, effects=replace(world.effects, solved_cells=solved))
+    return trace(
+        world, view, size, size, sampling=Sampling(samples, paths=8, sky=8, panes=4),
+        accuracy=Accuracy(replicates=16, **accuracy), subdivision=1, diameter=0.5,
+    )  # fmt: skip
+
+
+def by_path_tracing(surfaces, view, size, spp=512, count=16):
+    """Pictures of independent seeds, shape (replicate, row, column, bin)."""
+    target = [a + b for a, b in zip(view.position, view.direction, strict=True)]
+    look = mi.ScalarTransform4f().look_at(origin=view.position, target=target, up=view.up)
+    film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
+    eye = mi.load_dict(
+        {
+            "type": "fisheye", "mapping": view.kind, "angle": view.angles[0], "to_world": look,
+            "film": film,
+        }
+    )  # fmt: skip
+    integrator, world = mi.load_dict({"type": "coefficient"}), with_sources(surfaces)
+    return np.stack([integrator.render(world, eye, seed=i, spp=spp).numpy() for i in range(count)])
+
+
+@pytest.mark.parametrize("kind", ["perspective", "hemispherical", "equidistant", "equisolid"])
+def test_rays_look_where_the_pixels_of_the_view_do(kind):
+    view = PictureView(kind, (0.3, 1, -0.2), (0.1, 0, 1), (120, 80), shift=0.1, lift=-0.2)
+    x, y = np.random.default_rng(0).random((2, 200))
+    d, exists = directions(view, mi.Float(x), mi.Float(y))
+    expected = view.directions(x, y)
+    assert np.array_equal(exists.numpy(), np.isfinite(expected[:, 0]))
+    assert np.allclose(d.numpy().T[exists.numpy()], expected[exists.numpy()], atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name != "house opposite and bench"))
+        for name in ROOMS
+    ],
+)
+def test_a_superposed_picture_is_that_of_a_path_tracer(name, same):
+    case, state = ROOMS[name]()
+    world = scenes.load(case, state)
+    here = replicates(
+        traced(world, solved=False, cell_size=0.1, cell_sky_rays=256, pane_points=64), outside(),
+        LUMINANCES,
+    )  # fmt: skip
+    there = by_path_tracing(surfaces_of(case, state), EYE, SIZE)
+    by_sky, by_sun = there[..., :146] @ LUMINANCES, there[..., 146] * SUN
+    dark = replicates(traced(world, solved=False, cell_size=0.1), outside(0.0), LUMINANCES)
+    same(dark, other=by_sky, within=0.01)
+    same(here, other=by_sky + by_sun, within=0.02)
+
+
+@pytest.mark.slow
+def test_solved_cells_and_paths_give_one_picture(same):
+    case, state = ROOMS["house opposite and bench"]()
+    world = scenes.load(case, state)
+    pictures = [
+        replicates(traced(world, solved=solved, cell_size=0.15), outside(), LUMINANCES)
+        for solved in (True, False)
+    ]
+    same(pictures[0], other=pictures[1], within=0.01)
+
+
+@pytest.mark.parametrize("sun", [pytest.param(0.0, marks=pytest.mark.slow), SUN])
+def test_a_fisheye_weighted_by_the_cosine_is_a_sensor_at_the_eye(sun):
+    case, state = ROOMS["opal above clear"]()
+    world = scenes.load(case, state)
+    view = replace(EYE, kind="hemispherical", angles=(180, 180), direction=(0, -1, 0))
+    shown = luminance(
+        traced(world, solved=True, view=view, size=96, samples=16), outside(sun), LUMINANCES
+    )
+    picture = Picture(np.repeat(shown.mean[..., None], 3, axis=2), view)
+    share = picture.solid_angles() * np.maximum(picture.directions() @ view.frame[2], 0)
+    share = np.nan_to_num(share)
+    E, error = (shown.mean * share).sum(), np.sqrt(((shown.error * share) ** 2).sum())
+    sensor = np.array([view.position]), np.array([[0.0, -1.0, 0.0]])
+    C = run(world, *sensor, SUNS, replicates=16, paths=4096, sensor_sky_rays=1 << 15)
+    expected = C[:, 0, :146] @ LUMINANCES + C[:, 0, 146] * sun
+    error = np.hypot(error, expected.std(ddof=1) / 4)
+    print(f"{E:.1f} lx, expected {expected.mean():.1f} ± {error:.1f}")
+    assert abs(E - expected.mean()) < 0.01 * expected.mean() + 3 * error
+    assert error < 0.01 * E
+    assert len(PATCHES) == 146
