@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.run import Run
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.case.reading import load_case
@@ -20,9 +23,13 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene import scene
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import LUMINANCE_WEIGHTS, describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.transport import group_basis
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 
 @dataclass(frozen=True)
@@ -50,14 +57,7 @@ class GroupCoefficients:
         InputError
             The case has no groups, an adaptive sun or a target, or is too large.
         """
-        if isinstance(case.sun, Adaptive):
-            got = "adaptive, where groups of panes are simulated one by one"
-            raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
-        if case.accuracy.target is not None:
-            got = "a target, where groups of panes are simulated one by one"
-            raise InputError(case.source, "accuracy.target", got, "leave it out")
-        accuracy = case.accuracy.model_copy(update={"seed": run.seed})
-        effects = run.enabled_effects
+        accuracy, effects = _accuracy(case, run), run.enabled_effects
         channels = scene.channels_of(case, effects)
         made = [
             group_basis.compute(
@@ -86,16 +86,10 @@ class GroupCoefficients:
         xr.DataArray, dims (replicate, time, sensor), `channel` first where the case is coloured
             E [lx].
         """
-        values = np.stack([np.stack(list(self._years(basis, indices))) for basis in self.channels])
-        dims = ("channel", "replicate", "time", "sensor")
-        out = xr.DataArray(values, dims=dims, coords={"time": self.daylight.sky["time"]})
-        if len(self.channels) == 1:
-            return out.isel(channel=0)
-        return out.assign_coords(channel=np.array(list(LUMINANCE_WEIGHTS), dtype=object))
+        return _replicates(self.daylight, [self._years(basis, indices) for basis in self.channels])
 
     def _years(self, basis: group_basis.GroupBasis, indices: np.ndarray) -> Iterator[np.ndarray]:
-        known = xr.Dataset(coords={"bin": np.array(basis.labels, dtype=object)})
-        return basis.illuminance(source_luminances(known, self.daylight.sky), indices)
+        return basis.illuminance(_luminances(self.daylight, basis.labels), indices)
 
     def illuminance(self, states: np.ndarray | xr.DataArray) -> xr.Dataset:
         """Illuminance with the groups in given states.
@@ -143,6 +137,69 @@ class GroupCoefficients:
                     raise InputError("states", self.groups.names[g], got, remedy)
                 out[names[:, g] == name, g] = known.index(str(name))
         return out
+
+
+def illuminance_of_states(
+    case: Case, daylight: Daylight, indices: np.ndarray, run: Run,
+    progress: Progress = lambda share: None,
+) -> xr.DataArray:  # fmt: skip
+    """Simulate a year of known states of the groups; no coefficients are kept.
+
+    Parameters
+    ----------
+    indices : np.ndarray of int, shape (time, group)
+        State of every group at every time stamp, an index.
+
+    Returns
+    -------
+    xr.DataArray
+        E by each replicate [lx], as from `GroupCoefficients.replicates`.
+
+    Raises
+    ------
+    InputError
+        As for `GroupCoefficients.of`.
+    """
+    accuracy, effects = _accuracy(case, run), run.enabled_effects
+    groups, labels = PaneGroups.of(case).states, Patches(case.sky.subdivision).labels
+    L = _luminances(daylight, (*labels, *daylight.suns.labels))
+    year = group_basis.Year.of(L, np.array(groups.starts[:-1]) + indices, len(labels))
+    channels = scene.channels_of(case, effects)
+    years = [
+        group_basis.illuminance(
+            case, daylight.suns, accuracy, effects, year, channel=channel,
+            progress=part(progress, i / len(channels), (i + 1) / len(channels)),
+        )
+        for i, channel in enumerate(channels)
+    ]  # fmt: skip
+    return _replicates(daylight, years)
+
+
+def _accuracy(case: Case, run: Run) -> Accuracy:
+    """Samples of a sum over groups, which has neither an adaptive sun nor a target."""
+    if isinstance(case.sun, Adaptive):
+        got = "adaptive, where groups of panes are simulated one by one"
+        raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
+    if case.accuracy.target is not None:
+        got = "a target, where groups of panes are simulated one by one"
+        raise InputError(case.source, "accuracy.target", got, "leave it out")
+    return case.accuracy.model_copy(update={"seed": run.seed})
+
+
+def _luminances(daylight: Daylight, labels: Sequence[str]) -> csr_matrix:
+    """Luminances (time, bin) [cd/m²] of bins by their labels."""
+    known = xr.Dataset(coords={"bin": np.array(labels, dtype=object)})
+    return source_luminances(known, daylight.sky)
+
+
+def _replicates(daylight: Daylight, channels: list[Iterator[np.ndarray]]) -> xr.DataArray:
+    """Illuminances [lx] of all replicates and channels."""
+    values = np.stack([np.stack(list(years)) for years in channels])
+    dims = ("channel", "replicate", "time", "sensor")
+    out = xr.DataArray(values, dims=dims, coords={"time": daylight.sky["time"]})
+    if len(channels) == 1:
+        return out.isel(channel=0)
+    return out.assign_coords(channel=np.array(list(LUMINANCE_WEIGHTS), dtype=object))
 
 
 def group_coefficients(case: Case | str | Path, stage: Stage = silent) -> GroupCoefficients:

@@ -13,7 +13,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.attributes import attributes, fingerprint
-from drcmitsuba.annual.group_coefficients import GroupCoefficients
+from drcmitsuba.annual.group_coefficients import illuminance_of_states
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.case import Case
@@ -272,9 +272,8 @@ def _in_any_weather(
 def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:
     """`illuminance` (replicate, time, sensor) [lx] of a year in which the façade's state varies."""
     with run.timed("groups of panes") as done:
-        basis = GroupCoefficients.of(case, daylight, run, done)
-    with run.timed("illuminance by group"):
-        return xr.Dataset({"illuminance": basis.replicates(indices)})
+        E = illuminance_of_states(case, daylight, indices, run, done)
+    return xr.Dataset({"illuminance": E})
 
 
 def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coefficients:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -101,6 +102,11 @@ class GroupStates:
     def last(self) -> tuple[int, ...]:
         """Index of the last state of every group."""
         return tuple(len(states) - 1 for states in self.states)
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """Number of every group's first state among the states of all; the number of all last."""
+        return (0, *accumulate(map(len, self.states)))
 
     def label(self, indices: Sequence[int]) -> State:
         """State of the façade with these states of its groups."""

@@ -9,17 +9,27 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime import lazy
 from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather_blocks import Gathered, Met
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+sparse = lazy.module("scipy.sparse")
+
 BLOCK = 3
 """Cells along an edge of the blocks that give D to marked paths."""
+
+
+FULL = 1 / 32
+"""Share of entries from which on products with a full matrix are the faster ones."""
 
 
 class MarkedVertices(NamedTuple):
@@ -75,46 +85,39 @@ class MarkedPaths:
         return self._blocks[1]
 
     @cached_property
-    def share(self) -> mi.Float:
-        """Share of a cell in its block: in the visits of its block by marked paths."""
+    def means(self) -> csr_matrix:
+        """Shares of cells in the means over blocks, shape (block, cell).
+
+        The share of a cell is that of its visits by marked paths in those of its block.
+        """
         block, blocks = self._blocks
         visits = dr.zeros(mi.Float64, self.cells.count)
         for _, met in self._met():
             dr.scatter_add(visits, mi.Float64(met.weight), met.cell, met.mark > 0)
             dr.eval(visits)
-        of_block = dr.zeros(mi.Float64, blocks)
-        dr.scatter_add(of_block, visits, block)
-        whole = dr.gather(mi.Float64, of_block, block)
-        return mi.Float(dr.select(whole > 0, visits / whole, 0))
+        each, of = visits.numpy(), block.numpy()
+        whole = np.bincount(of, each, blocks)[of]
+        share = np.divide(each, whole, out=np.zeros_like(each), where=whole > 0)
+        place = of, np.arange(self.cells.count)
+        return sparse.csr_matrix((share.astype(np.float32), place), (blocks, self.cells.count))
 
-    def matrix(self, result: int) -> mi.TensorXf:
-        """G₀ of the sensors from the cells, shape (sensor, cell)."""
-        count = dr.opaque(mi.UInt32, self.cells.count)
-        out = dr.zeros(mi.Float64, self.sensors * self.cells.count)
+    def matrix(self, result: int) -> csr_matrix | np.ndarray:
+        """G₀ of the sensors from the cells, shape (sensor, cell); a sparse one in large scenes."""
+        parts = [np.zeros((3, 0))]
         for here, met in self._met():
             few = dr.opaque(mi.UInt32, here.stop - here.start)
-            replicate, sensor = met.row // few, met.row % few + dr.opaque(mi.UInt32, here.start)
-            mine = (replicate // self.draws == dr.opaque(mi.UInt32, result)) & (met.mark == 0)
-            weight = mi.Float64(met.weight / self.draws)
-            dr.scatter_add(out, weight, sensor * count + met.cell, mine)
-            dr.eval(out)
-        return mi.TensorXf(mi.Float(out), (self.sensors, self.cells.count))
-
-    def means(self, D: mi.TensorXf) -> mi.TensorXf:
-        """Mean of values on cells (cell, bin) over every block, shape (block, bin)."""
-        block, blocks = self._blocks
-        cells, bins = D.shape
-        if bins == 0:
-            return dr.zeros(mi.TensorXf, (blocks, 0))
-        width = dr.opaque(mi.UInt32, bins)
-        entry = dr.arange(mi.UInt32, cells * bins)
-        cell = entry // width
-        out = dr.zeros(mi.Float64, blocks * bins)
-        value = mi.Float64(D.array * dr.gather(mi.Float, self.share, cell))
-        to = dr.gather(mi.UInt32, block, cell) * width + entry % width
-        dr.scatter_add(out, value, to, value != 0)
-        dr.eval(out)
-        return mi.TensorXf(mi.Float(out), (blocks, bins))
+            of_result = met.row // few // self.draws == dr.opaque(mi.UInt32, result)
+            at = dr.compress(of_result & (met.mark == 0) & (met.weight > 0))
+            row, cell, weight = (dr.gather(type(x), x, at) for x in met[:3])
+            sensor = row % few + dr.opaque(mi.UInt32, here.start)
+            parts.append(np.stack([x.numpy().astype(float) for x in (weight, sensor, cell)]))
+        weight, sensor, cell = np.concatenate(parts, axis=1)
+        place = sensor.astype(np.int32), cell.astype(np.int32)
+        shape = self.sensors, self.cells.count
+        G = sparse.csr_matrix((weight / self.draws, place), shape)
+        G.sum_duplicates()  # in double precision
+        G = G.astype(np.float32)
+        return G if G.nnz < FULL * G.shape[0] * G.shape[1] else G.toarray()
 
     def marked(self) -> MarkedVertices:
         """Vertices of the paths with marks."""

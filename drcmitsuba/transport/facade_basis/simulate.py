@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
@@ -38,6 +38,9 @@ from drcmitsuba.transport.facade_basis.views import Receivers, TiledRoom, scatte
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.launch_size import PATHS
 from drcmitsuba.transport.marked_paths import MarkedPaths
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 MOST_BYTES = 8 << 30
 """Largest memory of a basis [bytes]."""
@@ -116,16 +119,15 @@ def compute(
 
 
 def _fill(
-    basis: Basis, group: int, element: int, paths: MarkedPaths, matrix: mi.TensorXf,
+    basis: Basis, group: int, element: int, paths: MarkedPaths, matrix: csr_matrix | np.ndarray,
     on_sensors: list[Irradiance], on_cells: Irradiance,
 ) -> None:  # fmt: skip
     """Write C and the block means of D of an element in one group into a basis."""
     i = np.searchsorted(basis.elements, element)
-    inner = np.concatenate([(matrix @ part).numpy() for part in on_cells], axis=1)
-    blocks = np.concatenate([paths.means(part).numpy() for part in on_cells], axis=1)
+    cells = on_cells.numpy()
     direct = on_sensors[0] if len(on_sensors) == 1 else on_sensors[0].plus(on_sensors[1])
-    basis.total[i, group] = (direct.numpy() + inner).T
-    basis.grouped[i, group] = blocks.T
+    basis.total[i, group] = (direct.numpy() + matrix @ cells).T
+    basis.grouped[i, group] = (paths.means @ cells).T
     if basis.direct is not None:
         basis.direct[i, group] = direct.numpy().T
     if element in basis.straight_elements:

@@ -1,0 +1,108 @@
+"""Scenes in which one element, a group of panes in one state, lets light in, and their deposits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import BLOCKED, GroupStates
+from drcmitsuba.model.materials import DiffuserMaterial, SurfaceMaterial
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.scene.geometry import normals as unit_normals
+from drcmitsuba.scene.panes_in_state import GroupedPanes
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.diffusing_panes import PanePatches
+from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.group_basis.year import BESIDES
+from drcmitsuba.transport.photons import PhotonTracer
+
+
+@dataclass(frozen=True)
+class Element:
+    """Group of panes in one state, with all others blocked, or the light `BESIDES`."""
+
+    number: int
+    """Number among the states of all groups, group by group, or `BESIDES`."""
+    bins: np.ndarray
+    """Bins of its light among the labels of the basis, int, shape (own bin,)."""
+    deposit: Deposit
+    """Deposit of ground, sky and the suns that shine on it."""
+    photons: PhotonTracer | None
+    """Photons, where components deviate its light."""
+
+
+def elements_of_case(
+    case: Case, panes: Sequence[GroupedPanes], groups: GroupStates, suns: Suns,
+    points: np.ndarray, normals: np.ndarray, accuracy: Accuracy, effects: EnabledEffects,
+    channel: int, wanted: Mapping[int, np.ndarray] | None = None,
+) -> list[Element]:  # fmt: skip
+    """Elements of a case, the light that passes no grouped pane first.
+
+    Parameters
+    ----------
+    case, panes, groups, suns, points, normals, accuracy, effects, channel
+        As for `GroupTrace.of`.
+    wanted : mapping of int to np.ndarray of bool, shape (sun,), optional
+        Suns of each element that is asked for; by default all suns of all elements.
+
+    Raises
+    ------
+    InputError
+        A pane without a group has the material of a state.
+    """
+    subdivision = case.sky.subdivision
+    sky_bins, shining = len(Patches(subdivision)), effects.enabled_suns(suns)
+    radius, elements = np.sin(np.radians(suns.diameter) / 2), []
+    states = [(g, s) for g, of in enumerate(groups.states) for s in range(len(of))]
+    for number, (group, state) in [(BESIDES, (-1, BLOCKED)), *enumerate(states)]:
+        mask, mine = shining, [each for each in panes if each.group == group]
+        if number != BESIDES:
+            if wanted is not None and number not in wanted:
+                continue
+            outward = -unit_normals(np.concatenate([each.quads for each in mine]))
+            mask = shining & ((suns.directions @ outward.T) > -radius).any(axis=1)
+            mask = mask if wanted is None else mask & wanted[number]
+        indices = [state if g == group else BLOCKED for g in range(len(groups))]
+        world = scene.load(case, groups.label(indices), channel, effects)
+        materials = {material for each in mine for material in each.materials}
+        count = sum(len(each.quads) for each in mine)
+        parts = tuple(_from_outside(case, part, materials, count) for part in world.parts)
+        bins = np.concatenate([np.arange(sky_bins), sky_bins + np.flatnonzero(mask)])
+        light = _deposit(replace(world, parts=parts), suns.where(mask), subdivision, accuracy)
+        photons = PhotonTracer.of(
+            light.scene, points, normals, light.suns, suns.diameter, subdivision, accuracy
+        )
+        elements.append(Element(number, bins, light, photons))
+    return elements
+
+
+def _deposit(world: scene.Scene, suns: Suns, subdivision: int, accuracy: Accuracy) -> Deposit:
+    """Deposit in the scene of an element."""
+    size, panes = 2 * accuracy.cell_size, [panes.quads for panes in world.scattering]
+    patches = PanePatches.of(panes, size) if panes else None
+    films = Films.of(world, size, suns.directions, suns.diameter)
+    return Deposit(world, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
+
+
+def _from_outside(
+    case: Case, part: scene.Part, materials: set[SurfaceMaterial | None], count: int
+) -> scene.Part:
+    """Pane that reflects nothing into the room: the paths count what it reflects.
+
+    A group has `count` quads: a part with more of them holds other panes of the same material.
+    """
+    if isinstance(part.material, DiffuserMaterial) and part.material in materials:
+        if len(part.quads) > count:
+            got = f"a pane without a group has the material of a state, {part.name}"
+            remedy = "join it to a group, or give it another transmittance"
+            raise InputError(case.source, "groups", got, remedy)
+        return replace(part, material=part.material.model_copy(update={"reflectance": 0.0}))
+    return part

@@ -1,0 +1,67 @@
+"""A year of states: which elements every time stamp has, and the sums of their light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+BESIDES = -1
+"""In place of an element: light that passes no grouped pane."""
+
+
+@dataclass(frozen=True, eq=False)
+class Year:
+    """Luminances and elements of every time stamp."""
+
+    sky: np.ndarray
+    """Luminances of ground and sky patches [cd/m²], shape (time, sky bin)."""
+    suns: csr_matrix
+    """Luminances of the suns [cd/m²], shape (time, sun)."""
+    chosen: np.ndarray
+    """Element of every group at every time stamp, int, shape (time, group)."""
+
+    @classmethod
+    def of(cls, L: csr_matrix, chosen: np.ndarray, sky_bins: int) -> Year:
+        """Year of the luminances L (time, bin) [cd/m²], of which `sky_bins` come first."""
+        return cls(L[:, :sky_bins].toarray(), L[:, sky_bins:].tocsr(), chosen)
+
+    @cached_property
+    def hours(self) -> dict[int, np.ndarray]:
+        """Time stamps of every element that occurs, `BESIDES` first, int, shape (hour,)."""
+        elements = np.unique(self.chosen).tolist()
+        some = {e: np.flatnonzero((self.chosen == e).any(axis=1)) for e in elements}
+        return {BESIDES: np.arange(len(self.chosen)), **some}
+
+    def suns_of(self, element: int) -> np.ndarray:
+        """Whether each sun shines while an element is chosen, bool, shape (sun,)."""
+        return np.asarray(self.suns[self.hours[element]].getnnz(axis=0) > 0)
+
+    def dark(self, receivers: int) -> np.ndarray:
+        """Illuminance of receivers to which light is added, 0 lx, shape (time, receiver)."""
+        return np.zeros((len(self.chosen), receivers), np.float32)
+
+    def add(self, E: np.ndarray, element: int, bins: np.ndarray, C: np.ndarray) -> None:
+        """Add the light of an element to E (time, receiver) [lx].
+
+        Parameters
+        ----------
+        E : np.ndarray, shape (time, receiver)
+        element : int
+        bins : np.ndarray of int, shape (own bin,)
+            Its bins: ground and all sky patches, and some suns.
+        C : np.ndarray, shape (own bin, receiver)
+            Light of these bins on the receivers [sr].
+        """
+        at, patches = self.hours[element], self.sky.shape[1]
+        lit = np.flatnonzero(C[:patches].any(axis=1))
+        if len(lit):
+            E[at] += self.sky[np.ix_(at, lit)] @ C[lit]
+        suns = self.suns[at][:, bins[patches:] - patches]
+        if suns.nnz:
+            E[at] += suns @ C[patches:]
