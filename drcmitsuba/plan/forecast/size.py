@@ -82,7 +82,7 @@ def memory(counted: Work) -> int:
     }
     if (groups := counted.summed) is not None:
         held["groups"] = FLOAT * counted.channels * groups.numbers
-        held["matrix"] = (FLOAT + DOUBLE) * groups.receivers * groups.panes_open.cells
+        held["matrix"] = (FLOAT + DOUBLE) * sensors * groups.vertices
         held["years"] = FLOAT * a.replicates * counted.entries
     most = sum(HELD[name] * size for name, size in held.items())
     return round(BASE + PHOTONS * any(p.scene.followed for p in pilots) + most)

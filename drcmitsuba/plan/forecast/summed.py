@@ -1,7 +1,7 @@
 """A year whose façade takes many states: how many, and the work of a sum over groups of panes.
 
-E is then recombined from every group in each of its states (`transport.group_basis`), where fewer
-states would be simulated one by one.
+E is then a sum over every group in each of its states (`transport.group_basis`), where fewer states
+would be simulated one by one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from drcmitsuba.plan.forecast.pilot import Amount, Pilot
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes
-from drcmitsuba.transport.marked_paths import BLOCK
+from drcmitsuba.transport.gather import USUAL
 
+SPARSE = 4.0
+"""Time of an entry of a sparse matrix over that of an entry of a full one."""
 MOST_LIT = 10
 """Number of groups in the sun at once of which all combinations are counted."""
 
@@ -77,21 +79,33 @@ class GroupSum:
         return cls(panes_open, panes_shut, share, states, plan.facts.hours)
 
     @property
-    def receivers(self) -> float:
-        """Number of sensors, and of the blocks of cells on which marked paths end."""
-        return len(self.panes_open.points) + self.panes_open.cells / BLOCK**2
+    def columns(self) -> float:
+        """Number of bins of the sky of all elements, and of time stamps, for which paths gather."""
+        return self.panes_open.bins[0] * (1 + int(self.states.sum())) + self.stamps
 
     @property
     def bins(self) -> float:
-        """Number of bins of all elements, and of the light that passes no group, together."""
+        """Number of bins of all elements, and of the light that passes no group, together.
+
+        A sun is traced for those groups on which it shines, in the state that its hours take.
+        """
         patches, suns = self.panes_open.bins
         elements = 1 + int(self.states.sum())
-        return patches * elements + suns * (1 + float(self.states @ self.share_of_suns))
+        return patches * elements + suns * (1 + float(self.share_of_suns.sum()))
 
     @property
     def numbers(self) -> float:
-        """Number of coefficients by group and state, of all replicates."""
-        return self.panes_open.accuracy.replicates * self.receivers * self.bins
+        """Number of values on sensors and cells that are in memory beside E of all replicates.
+
+        They are the light of a year on the cells, and D of an element.
+        """
+        pilot = self.panes_open
+        return (len(pilot.points) + pilot.cells) * (self.stamps + 2 * sum(pilot.bins))
+
+    @property
+    def vertices(self) -> float:
+        """Number of vertices of a sensor's paths, as large as that of cells in small rooms."""
+        return min(self.panes_open.cells, SPARSE * USUAL * self.panes_open.accuracy.paths)
 
     def amounts(self) -> Iterator[Amount]:
         """Work of one colour channel, beside that of the open façade.
@@ -101,7 +115,7 @@ class GroupSum:
         """
         pilot, further = self.panes_open, int((self.states - 1).sum())
         elements = 1 + int(self.states.sum())
-        suns = 1 + float(self.states @ self.share_of_suns)
+        suns = 1 + float(self.share_of_suns.sum())
         for name, unit, amount in pilot.rays():
             if unit == "path":
                 yield name, unit, amount
@@ -111,16 +125,17 @@ class GroupSum:
             if unit not in ("path", "shadow"):
                 yield name, unit, amount * further / len(self.states)
         replicates = pilot.accuracy.replicates
-        yield "interreflection", "product", self.numbers * pilot.cells
+        sensors, stamps = len(pilot.points), self.stamps
+        yield "interreflection", "product", replicates * sensors * self.columns * self.vertices
         yield "interreflection", "deposit", replicates * pilot.cells * self.bins
-        yield "rest", "entry", self.numbers
+        yield "rest", "entry", replicates * sensors * self.bins
         yield "rest", "launch", replicates * pilot.blocks
         yield (
             "films",
             "film_sun",
             (replicates * self.panes_shut.film_values * pilot.bins[1] * further / len(self.states)),
         )
-        yield "rest", "illuminance", replicates * self.stamps * self.receivers * len(self.states)
+        yield "rest", "illuminance", replicates * stamps * sensors * len(self.states)
 
 
 def _lit(plan: Plan) -> np.ndarray:

@@ -55,9 +55,9 @@ def compute(
     for r in range(replicates):
         G = paths.matrix(r)
         for i, one in enumerate(trace.light(r), 1):
-            light = lights[one.number]
-            light.total[r] = (one.sensors + G @ one.cells).T
-            light.blocks[r] = (paths.means @ one.cells).T
+            light, D = lights[one.number], one.cells.numpy()
+            light.total[r] = (one.sensors + G @ D).T
+            light.blocks[r] = (paths.means @ D).T
             progress((r + i / len(trace.elements)) / replicates)
     return GroupBasis(
         groups=trace.groups,

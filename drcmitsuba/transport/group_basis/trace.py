@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
@@ -23,7 +24,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN, GroupStates
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene import scene
@@ -34,6 +35,7 @@ from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import Replicate
+from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.group_basis.elements import Element, elements_of_case
 from drcmitsuba.transport.group_basis.marks import MOST_ELEMENTS, GroupMarks
@@ -50,8 +52,15 @@ class ElementDeposit(NamedTuple):
     """Its bins among the labels, int, shape (own bin,): ground and all sky patches, some suns."""
     sensors: np.ndarray
     """S: D of the sensors [sr], shape (sensor, own bin)."""
-    cells: np.ndarray
-    """D of the cells [sr], shape (cell, own bin)."""
+    cells: Irradiance
+    """D of the cells [sr]."""
+
+    def less(self, besides: ElementDeposit) -> ElementDeposit:
+        """Light without that which passes no grouped pane; it has all bins of this element."""
+        at, (sky, sun) = np.searchsorted(besides.bins, self.bins), self.cells
+        suns = flat_indices(at[sky.shape[1] :] - sky.shape[1])
+        cells = Irradiance(sky - besides.cells.sky, sun - _columns(besides.cells.sun, suns))
+        return self._replace(sensors=self.sensors - besides.sensors[:, at], cells=cells)
 
 
 @dataclass(frozen=True)
@@ -128,16 +137,12 @@ class GroupTrace:
 
     def light(self, replicate: int) -> Iterator[ElementDeposit]:
         """Yield the light of every element in a replicate, `BESIDES` first."""
-        besides: ElementDeposit | None = None
-        for element in self.elements:
+        besides = self._deposit(self.elements[0], replicate)
+        yield besides
+        dark = not besides.sensors.any() and not besides.cells.numpy().any()
+        for element in self.elements[1:]:
             own = self._deposit(element, replicate)
-            if besides is None:
-                besides = own
-            else:
-                at = np.searchsorted(besides.bins, own.bins)
-                own.sensors[...] -= besides.sensors[:, at]
-                own.cells[...] -= besides.cells[:, at]
-            yield own
+            yield own if dark else own.less(besides)
 
     def _deposit(self, element: Element, r: int) -> ElementDeposit:
         """All light in the scene of an element."""
@@ -145,11 +150,11 @@ class GroupTrace:
         if element.photons is not None:
             seed = launch_seed(self.accuracy.seed, Stream.PHOTONS, r)
             replicate.landed = element.photons.traced(seed, lambda share: None)
-        cells = np.zeros((0, len(element.bins)), np.float32)
+        cells = Irradiance(*(dr.zeros(mi.TensorXf, (0, n)) for n in element.deposit.bins))
         if gathered.cells.count:
             replicate.meet(gathered.drawn[r], gathered.cells.keys)
             assert replicate.cells is not None
-            cells = replicate.cells.numpy()
+            cells = replicate.cells
         sensors = np.empty((len(self.points), len(element.bins)), np.float32)
         for here in gathered.blocks:
             p, n = flat(self.points[here]), flat(self.normals[here])
@@ -157,6 +162,19 @@ class GroupTrace:
             samples = self.accuracy.sensor_sun_samples
             sensors[here] = replicate.sensors(p, n, here, samples, within)[1]
         return ElementDeposit(element.number, element.bins, sensors, cells)
+
+
+def _columns(values: mi.TensorXf, at: mi.UInt32) -> mi.TensorXf:
+    """Some columns of a matrix."""
+    rows, columns = values.shape[0], dr.width(at)
+    if rows * columns == 0:
+        return dr.zeros(mi.TensorXf, (rows, columns))
+    few, many = (dr.opaque(mi.UInt32, n) for n in (columns, values.shape[1]))
+    entry = dr.arange(mi.UInt32, rows * columns)
+    column = dr.gather(mi.UInt32, at, entry % few)
+    return mi.TensorXf(
+        dr.gather(mi.Float, values.array, entry // few * many + column), (rows, columns)
+    )
 
 
 def _refuse(case: Case) -> None:

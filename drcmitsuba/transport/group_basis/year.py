@@ -11,6 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
+HOURS = 64
+"""Number of time stamps whose light is summed at once."""
 BESIDES = -1
 """In place of an element: light that passes no grouped pane."""
 
@@ -58,10 +60,21 @@ class Year:
         C : np.ndarray, shape (own bin, receiver)
             Light of these bins on the receivers [sr].
         """
-        at, patches = self.hours[element], self.sky.shape[1]
-        lit = np.flatnonzero(C[:patches].any(axis=1))
+        patches = self.sky.shape[1]
+        self.add_sky(E, element, C[:patches])
+        self.add_suns(E, element, bins, C[patches:])
+
+    def add_sky(self, E: np.ndarray, element: int, C: np.ndarray) -> None:
+        """Add the light of ground and sky by an element, C (sky bin, receiver) [sr]."""
+        at, lit = self.hours[element], np.flatnonzero(C.any(axis=1))
         if len(lit):
             E[at] += self.sky[np.ix_(at, lit)] @ C[lit]
+
+    def add_suns(self, E: np.ndarray, element: int, bins: np.ndarray, C: np.ndarray) -> None:
+        """Add the light of the suns among the `bins` of an element, C (own sun, receiver) [sr]."""
+        patches, at = self.sky.shape[1], self.hours[element]
         suns = self.suns[at][:, bins[patches:] - patches]
-        if suns.nnz:
-            E[at] += suns @ C[patches:]
+        shines = np.flatnonzero(np.diff(suns.indptr))
+        for start in range(0, len(shines), HOURS):  # so many that their sums stay in the cache
+            here = shines[start : start + HOURS]
+            E[at[here]] += suns[here] @ C

@@ -81,6 +81,21 @@ def test_a_year_is_the_sum_of_its_hours(with_house):
         np.testing.assert_allclose(E, expected[r], rtol=2e-5)
 
 
+def test_a_year_without_a_basis_has_the_same_paths(with_house):
+    """Light that is summed before it is gathered, for the suns that each state needs."""
+    one, basis = with_house
+    rng = np.random.default_rng(4)
+    indices = rng.integers(0, [3, 2, 1], (20, 3))
+    indices[:, 1] = 0  # the cloth of the east is never asked for
+    L = rng.random((20, len(basis.labels))).astype(np.float32)
+    L[:, basis.sky_bins :] *= rng.random((20, len(SUNS.labels))) < 0.3
+    year = group_basis.Year.of(csr_matrix(L), basis.chosen(indices), basis.sky_bins)
+    expected = basis.illuminance(csr_matrix(L), indices)
+    ours = group_basis.illuminance(one, SUNS, one.accuracy, ALL_EFFECTS, year)
+    for E, other in zip(ours, expected, strict=True):
+        np.testing.assert_allclose(E, other, rtol=2e-5)
+
+
 def test_black_rooms_have_straight_light_only():
     """Without reflection the sum of the groups is the whole to rounding: the rays are the same."""
     black = {"size": [3.0, 4.0, 3.0], "floor": 0.0, "walls": 0.0, "ceiling": 0.0}
