@@ -6,10 +6,8 @@ load_case, evaluate
     From a case file to a `Result` with metrics, illuminance and coefficients.
 metrics
     sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor).
-controls
-    States of groups of panes by E, weather and time; electric light that daylight saves.
-standards
-    Verdicts on LM-83, LEED, EN 17037, BREEAM and WELL, with their probability.
+controls, standards
+    States of groups of panes, electric light; verdicts on standards with their probability.
 sky, weather, period
     Luminances L of the sky and the suns.
 coefficients, accumulate
@@ -70,9 +68,9 @@ _NAMES = {
     "weather": "sky.weather",
 }
 _ROOMS = (
-    "annual", "bsdf", "case", "controls", "design", "export", "goniophotometer", "metrics", "model",
-    "picture", "plan", "rendering", "report", "runtime",
-    "scene", "schema", "sky", "standards", "transport",
+    "annual", "blocks", "bsdf", "case", "controls", "design", "export", "goniophotometer",
+    "metrics", "model", "picture", "plan", "rendering", "report", "runtime", "scene", "schema",
+    "sky", "standards", "transport",
 )  # fmt: skip
 
 registration.register_plugins()

@@ -30,6 +30,7 @@ from drcmitsuba.annual import simulation
 from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.attributes import settings as settings_of_case
 from drcmitsuba.annual.run import Run
+from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
@@ -103,6 +104,8 @@ class Result:
         folder = Path(folder)
         start = time.perf_counter()
         folder.mkdir(parents=True, exist_ok=True)
+        for name in ("metrics.json", "plan.json"):  # without them, arrays are no result
+            (folder / name).unlink(missing_ok=True)
         E, C = self.illuminance, self.by_state
         with stage("writing") as done:
             with beside(
@@ -217,8 +220,9 @@ def peak_memory() -> int:
 
 
 def evaluate(
-    case: Case | str | Path, stage: Stage = silent, known: xr.Dataset | None = None
-) -> Result:
+    case: Case | str | Path, stage: Stage = silent, known: xr.Dataset | None = None,
+    blocks: BlockFolder | str | Path | None = None,
+) -> Result:  # fmt: skip
     """Evaluate a case: L, C, E and the metrics of its period.
 
     Parameters
@@ -229,6 +233,9 @@ def evaluate(
         Function that shows the stages of the work, as the command line does.
     known : xr.Dataset, optional
         C of this case for another weather, as on disk [sr]; its bins are not computed again.
+    blocks : BlockFolder, str or Path, optional
+        Folder that keeps C for further runs: a path is a cache, in which all suns are simulated in
+        all states, so that no other weather, threshold or schedule traces them again.
 
     Returns
     -------
@@ -237,22 +244,24 @@ def evaluate(
     Raises
     ------
     InputError
-        The weather, the period, a material or a sensor is unfit.
+        The weather, the period, a material, a sensor or the cache is unfit.
     BackendError
         No fit LLVM or GPU.
     """
     if not isinstance(case, Case):
         case = load_case(case)
     backend.select()
-    run = replace(Run.of(case), stage=stage)
+    blocks = BlockFolder.cache(blocks) if isinstance(blocks, str | Path) else blocks
+    run = replace(Run.of(case), stage=stage, blocks=blocks)
     with run.timed("sky"):
         sensor_points(case)  # refuses unfit sensors before the work begins
         remarks = notes(case)  # reads the films' files, which may be unfit
-        light = daylight(case)
+        light = daylight(case.with_dark_hours() if run.shares_blocks else case)
         planned = plan(case, light)
-    run = replace(run, enabled_effects=planned.scope)
+        run = replace(run, enabled_effects=planned.scope)
+        is_kept = known is not None or simulation.is_kept(planned.simulated, light, run)
     expected = None
-    if known is None:  # known coefficients cost nothing
+    if not is_kept:  # known coefficients cost nothing
         with run.timed("forecast"):
             expected = forecast(planned)
     by_state = None if known is None else Coefficients.of(known)
@@ -264,6 +273,10 @@ def evaluate(
         coefficients, evaluated, outcome = toward_target(
             planned.simulated, light, coefficients, evaluated, run
         )
+    if blocks is not None:
+        remarks += blocks.notes
+        if blocks.is_shared:
+            blocks.prune()
     return summed_up(planned, coefficients, evaluated, run, remarks, outcome, expected)
 
 

@@ -5,10 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from typing import Any
 
+import drjit as dr
+import mitsuba as mi
+
+from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockFolder, BlockSeries
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime.progress import Progress, Stage, silent, timed
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
+
+METHOD = 1
+"""Version of the method by which C is computed; blocks of another one are not used."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +33,8 @@ class Run:
         Shows the stages of the work.
     seconds, ray_counter : dict and Counter of str
         Seconds of the finished stages by name; number of rays so far by kind.
+    blocks : BlockFolder, optional
+        Coefficients of earlier runs; without it, nothing is stored.
     """
 
     seed: int
@@ -32,6 +42,7 @@ class Run:
     stage: Stage = silent
     seconds: dict[str, float] = field(default_factory=dict)
     ray_counter: Counter[str] = field(default_factory=Counter)
+    blocks: BlockFolder | None = None
 
     @classmethod
     def of(cls, case: Case, enabled_effects: EnabledEffects = ALL_EFFECTS) -> Run:
@@ -41,3 +52,15 @@ class Run:
     def timed(self, name: str) -> AbstractContextManager[Progress]:
         """Show a stage and record its seconds."""
         return timed(self.stage, name, self.seconds)
+
+    @property
+    def shares_blocks(self) -> bool:
+        """Whether other cases and other weather will use the blocks of this run."""
+        return self.blocks is not None and self.blocks.is_shared
+
+    def kept(self, about: str, *content: Any) -> BlockSeries:
+        """Blocks that depend on some content, on this program and on the kind of machine."""
+        if self.blocks is None:
+            return NOTHING_KEPT
+        program = METHOD, mi.__version__, dr.__version__, mi.variant()
+        return self.blocks.series(about, program, *content)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -16,6 +17,7 @@ from drcmitsuba.annual.attributes import attributes, fingerprint
 from drcmitsuba.annual.group_coefficients import illuminance_of_states
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, VARYING, GroupStates, State
 from drcmitsuba.case.sun import Adaptive, ThreePhase
@@ -107,20 +109,51 @@ def transport(
     channels: list[xr.Dataset] = []
     for i, world in enumerate(_scenes(case, state, run)):
         done = part(progress, i / count, (i + 1) / count)
+        content = _content(world, points, normals, accuracy, subdivision)
         if isinstance(case.sun, Adaptive):
-            C = meshed(
-                world, points, normals, suns.diameter, accuracy, latitude=latitude,
+            nodes = mesh or (mesh_of(channels[0]) if channels else ())
+            of_mesh = partial(
+                meshed, world, points, normals, suns.diameter, accuracy, latitude=latitude,
                 tolerance=case.sun.tolerance, finest=case.sun.finest, subdivision=subdivision,
-                known=mesh or (mesh_of(channels[0]) if channels else ()), progress=done,
+                known=nodes, progress=done,
             )  # fmt: skip
-            C = with_straight(C, world, points, normals, suns, accuracy)
-        else:
-            C = compute(
-                world, points, normals, suns, accuracy, subdivision=subdivision, progress=done
+            about = f"{case.name}, {state}, mesh of suns"
+            kept = run.kept(about, *content, case.sun, suns.diameter, latitude, nodes)
+            C = with_straight(
+                kept.kept(len(points), of_mesh), world, points, normals, suns, accuracy
             )
+        else:
+            followed = suns.where(world.effects.enabled_suns(suns))
+            C = compute(
+                world, points, normals, suns, accuracy, subdivision=subdivision,
+                kept=run.kept(f"{case.name}, {state}", *content, followed), progress=done,
+            )  # fmt: skip
         channels.append(C.assign_coords(at.coords))
     C = _joined(channels)
     return C if sensors is not None else _with_pane_group(case, state, C, suns, run)
+
+
+def _content(
+    world: scene.Scene,
+    points: np.ndarray,
+    normals: np.ndarray,
+    accuracy: Accuracy,
+    subdivision: int,
+) -> tuple[Any, ...]:
+    """Everything that C in a scene depends on, but the suns."""
+    return world.content, points, normals, accuracy.sampling, subdivision
+
+
+def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
+    """Whether C of the open state is stored: a forecast would tell of work that is not done."""
+    if run.blocks is None or isinstance(case.sun, Adaptive):
+        return False
+    (points, normals), effects = sensor_points(case), run.enabled_effects
+    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    world = scene.load(case, OPEN, scene.channels_of(case, effects)[0], effects)
+    suns = daylight.suns.where(effects.enabled_suns(daylight.suns))
+    content = _content(world, points, normals, accuracy, case.sky.subdivision)
+    return bool(run.kept(case.name, *content, suns).cover(len(points)))
 
 
 def _with_pane_group(case: Case, state: State, C: xr.Dataset, suns: Suns, run: Run) -> xr.Dataset:
@@ -148,6 +181,11 @@ def _with_pane_group(case: Case, state: State, C: xr.Dataset, suns: Suns, run: R
         """D of the suns (sensor, sun) [sr] with a group of panes blocked."""
         indices = [BLOCKED if g == blocked else 0 for g in range(len(groups))]
         world = scene.load(case, groups.states.label(indices), channel, run.enabled_effects)
+        kept = run.kept(f"{case.name}, group {blocked}", world.content, points, normals, seed, suns)
+        D = kept.kept(len(points), partial(of_scene, world))["D"]
+        return np.asarray(D.transpose("sensor", "sun").values)
+
+    def of_scene(world: scene.Scene) -> xr.Dataset:
         D = []
         for start in range(0, len(points), SENSORS):
             here = slice(start, start + SENSORS)
@@ -156,7 +194,7 @@ def _with_pane_group(case: Case, state: State, C: xr.Dataset, suns: Suns, run: R
             p, n = flat(points[here]), flat(normals[here])
             D.append(sun_deposit(world, p, n, seed=seed, within=within, **kind).numpy())
         run.ray_counter.update(world.ray_counter.counted())
-        return np.concatenate(D)
+        return xr.Dataset({"D": (("sensor", "sun"), np.concatenate(D))})
 
     out = np.full((len(points), len(suns.labels)), -1, np.float32)
     if suns.labels:
@@ -229,7 +267,9 @@ def simulate(
     elif taken:
         with run.timed("shaded façade") as done:
             for i, (state, hours) in enumerate(taken.items()):
-                some = suns.only(sources(daylight.sky.isel(time=hours)))
+                some = suns  # of shared blocks: any weather and rule may ask for any sun
+                if not run.shares_blocks:
+                    some = suns.only(sources(daylight.sky.isel(time=hours)))
                 share = part(done, i / len(taken), (i + 1) / len(taken))
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)

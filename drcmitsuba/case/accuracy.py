@@ -73,6 +73,11 @@ class Accuracy(Table):
         return self
 
     @property
+    def sampling(self) -> dict[str, int | float]:
+        """Settings that one simulation depends on: all but the target."""
+        return self.model_dump(exclude={"target", "time_limit"})
+
+    @property
     def goal(self) -> Target | None:
         """The target as value and unit, None without a target."""
         return None if self.target is None else Target.parse(self.target)

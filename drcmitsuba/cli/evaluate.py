@@ -83,6 +83,10 @@ def evaluate(
         Path | None,
         option("FOLDER", "coefficients.zarr of this case; any weather may have made it."),
     ] = None,
+    cache: Annotated[
+        Path | None,
+        option("FOLDER", "Keep coefficients for any weather, thresholds, schedules and cases."),
+    ] = None,
     variants: Annotated[
         str | None,
         option("NAMES", "Other façades: cases beside this one, such as o1,o2; each gets a folder."),
@@ -90,22 +94,30 @@ def evaluate(
 ) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
     if variants is not None:
-        if coefficients is not None:
-            remedy = "give one of them"
-            raise InputError("command line", "--coefficients", "beside --variants", remedy)
+        for name, value in (("--coefficients", coefficients), ("--cache", cache)):
+            if value is not None:
+                remedy = "give one of them"
+                raise InputError("command line", name, "beside --variants", remedy)
         _evaluate_variants(case, variants.split(","), output, weather)
         return
     from drcmitsuba import evaluate as run
+    from drcmitsuba.blocks.block_folder import BlockFolder
     from drcmitsuba.metrics import stored_arrays
+    from drcmitsuba.runtime import storage
+    from drcmitsuba.runtime.folder_lock import locked
 
     loaded = load(case, weather)
     known = None
     if coefficients is not None:
         known = stored_arrays.open_dataset(coefficients, "replicates", "straight", "state")
         known = stored_arrays.loaded(coefficients, known)
-    with stages() as stage:
-        result = run(loaded, importing(stage, *FOR_METRICS, *FOR_FILES), known)
-        result.save(output, stage)
+    with locked(output):
+        storage.remove_abandoned(output)
+        blocks = BlockFolder.of_results(output) if cache is None else BlockFolder.cache(cache)
+        with stages() as stage:
+            result = run(loaded, importing(stage, *FOR_METRICS, *FOR_FILES), known, blocks)
+            result.save(output, stage)
+        blocks.finish()
     _show_result(result, output)
 
 

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperCommand
 
 from drcmitsuba.cli import (
+    cache,
     case,
     comply,
     evaluate,
@@ -49,7 +50,11 @@ WITH_KERNELS: tuple[Callable[..., None], ...] = (
     export.export, report.report, lights.lights, render.render,
     films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
-WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (information.new, information.schema)
+WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (
+    information.new,
+    information.schema,
+    cache.cache,
+)
 
 
 class _Verb(TyperCommand):

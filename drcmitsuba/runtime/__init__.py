@@ -16,6 +16,10 @@ flat_arrays
     NumPy arrays on the device.
 storage, zarr_folder
     Files of results, written whole or not at all; arrays in chunks.
+folder_lock
+    A folder that one process at a time writes to.
+byte_size
+    Sizes of memory and files as users write them.
 background
     Jobs in a thread beside the main one.
 process

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import shutil
 import uuid
 from collections.abc import Iterable, Iterator
@@ -19,6 +20,8 @@ from drcmitsuba.runtime.errors import InputError
 
 SPARE = 1 << 20
 """Largest number of bytes of a NetCDF file beyond its arrays."""
+ABANDONED = re.compile(r"\..+\.[0-9a-f]{8}")
+"""Name of a temporary file or folder, see `whole`."""
 
 
 def _replace(temporary: Path, path: Path) -> None:
@@ -45,6 +48,17 @@ def whole(path: Path) -> Iterator[Path]:
             shutil.rmtree(temporary, ignore_errors=True)
         else:
             temporary.unlink(missing_ok=True)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove the temporary files of processes that were killed, from a folder that is locked."""
+    for path in folder.glob(".*"):
+        if not ABANDONED.fullmatch(path.name):
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 def _refuse_full_disk(path: Path, size: int) -> None:

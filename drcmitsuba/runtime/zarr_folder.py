@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,9 @@ from drcmitsuba.runtime import lazy
 
 numcodecs = lazy.module("numcodecs")
 
+Put = Callable[[str, bytes], object]
+"""Function that writes a file of the folder: its name, which may hold a slash, and its content."""
+
 COMPRESSOR = {"cname": "lz4", "clevel": 5, "shuffle": 1, "blocksize": 0}
 DATES = {"units": "seconds since 1970-01-01", "calendar": "proleptic_gregorian", "dtype": "int64"}
 """Encoding of dates, the same in all parts."""
@@ -33,7 +36,8 @@ LARGEST_CHUNK = 1 << 24
 class _Array:
     """Array of a folder, which may grow along one axis, by parts of as many rows."""
 
-    folder: Path
+    name: str
+    put: Put
     variable: xr.Variable
     """First part, as it is encoded."""
     axis: int | None
@@ -49,7 +53,6 @@ class _Array:
             if axis != self.axis and times > 1:
                 shape[axis] = max(1, int(shape[axis] / times))
         self.chunks = tuple(max(1, n) for n in shape)
-        self.folder.mkdir()
 
     @property
     def is_text(self) -> bool:
@@ -67,7 +70,7 @@ class _Array:
         for place in itertools.product(*steps):
             here = tuple(slice(i * n, (i + 1) * n) for i, n in zip(place, self.chunks, strict=True))
             name = ".".join(str(i + j) for i, j in zip(place, first, strict=True)) or "0"
-            (self.folder / name).write_bytes(self._encoded(values[here]))
+            self.put(f"{self.name}/{name}", self._encoded(values[here]))
 
     def _encoded(self, chunk: np.ndarray) -> bytes:
         """Compressed content of a chunk, which is filled up to its full shape."""
@@ -103,19 +106,30 @@ class _Array:
 
 
 def write(parts: Iterable[xr.Dataset], folder: Path, along: str) -> None:
-    """Write datasets one after another along a dim to a new folder.
+    """Write datasets one after another along a dim to a new folder; arguments as for `put_all`."""
+    folder.mkdir()
+
+    def put(name: str, content: bytes) -> None:
+        file = folder / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(content)
+
+    put_all(parts, put, along)
+
+
+def put_all(parts: Iterable[xr.Dataset], put: Put, along: str) -> None:
+    """Write datasets one after another along a dim.
 
     Parameters
     ----------
     parts : iterable of xr.Dataset
         Parts of equal length along the dim, the last one may be shorter. Arrays without this dim
         and attributes are those of the first part.
-    folder : Path
-        Folder to make.
+    put : callable
+        Function that writes a file.
     along : str
         Dim along which the parts follow each other.
     """
-    folder.mkdir()
     arrays: dict[str, _Array] = {}
     attributes: dict[str, Any] = {}
     for number, part in enumerate(parts):
@@ -130,16 +144,15 @@ def write(parts: Iterable[xr.Dataset], folder: Path, along: str) -> None:
             encoded = conventions.encode_cf_variable(variable, name=name)
             if number == 0:
                 axis = variable.dims.index(along) if along in variable.dims else None
-                arrays[str(name)] = _Array(folder / str(name), encoded, axis)
+                arrays[str(name)] = _Array(str(name), put, encoded, axis)
             arrays[str(name)].append(np.asarray(encoded.values))
         attributes = attributes or _plain(described)
     files: dict[str, Any] = {".zgroup": {"zarr_format": 2}, ".zattrs": attributes}
     for name, array in arrays.items():
         files |= {f"{name}/{key}": content for key, content in array.metadata().items()}
-    for name, content in files.items():
-        (folder / name).write_text(json.dumps(content), encoding="utf-8")
     consolidated = {"zarr_consolidated_format": 1, "metadata": files}
-    (folder / ".zmetadata").write_text(json.dumps(consolidated), encoding="utf-8")
+    for name, content in (files | {".zmetadata": consolidated}).items():
+        put(name, json.dumps(content).encode())
 
 
 def _plain(attributes: dict[Any, Any]) -> dict[str, Any]:

@@ -51,6 +51,8 @@ class Scene:
     """Bounds of the rooms of a model [m], shape (2, 3): cells grow beyond them."""
     parts: tuple[Part, ...] = ()
     """All surfaces, by BSDF."""
+    channel: int = -1
+    """Colour channel, 0 to 2; −1 for luminance."""
     ports: tuple[Port, ...] = ()
     """Rectangles at which photons start."""
     effects: EnabledEffects = ALL_EFFECTS
@@ -77,6 +79,13 @@ class Scene:
     def followed(self) -> bool:
         """Whether photons are traced."""
         return bool(self.ports) or self.effects.pane_to_pane
+
+    @property
+    def content(self) -> tuple[Any, ...]:
+        """Everything that light in this scene depends on, for the key of stored coefficients."""
+        parts = [(p.material, p.quads, p.component, p.closed) for p in self.parts]
+        effects = self.effects.to_dict()
+        return parts, self.channel, self.enclosure, self.near, self.ports, effects
 
     @property
     def low(self) -> np.ndarray:
@@ -157,7 +166,7 @@ def load(
     """
     surfaces, enclosure, ports = geometry_of(case, state, effects)
     built = build(surfaces, channel, enclosure, ports)
-    return replace(built, effects=effects, near=bounds_of_rooms(case))
+    return replace(built, effects=effects, near=bounds_of_rooms(case), channel=channel)
 
 
 def channels_of(case: Case, effects: EnabledEffects) -> tuple[int, ...]:

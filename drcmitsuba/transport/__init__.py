@@ -18,7 +18,9 @@ deposit
     D: all of it.
 cell_rays, solved_cells
     H = D + T·H: light between surfaces, solved on cells.
-coefficients
+straight_suns
+    C of straight light from suns alone.
+sensor_blocks, coefficients
     C with the standard error of every entry.
 sun_interpolation
     C of suns between the suns of a mesh.

@@ -8,6 +8,7 @@ on the sensor, cell or sun that they serve, not on the launch.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import reduce
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockSeries
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
@@ -31,15 +33,11 @@ from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered, Met, product
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
-from drcmitsuba.transport.openings import hidden_in_disks, in_rooms
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
-from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
+from drcmitsuba.transport.sensor_blocks import joined
 from drcmitsuba.transport.solved_cells import Transfer, solved
+from drcmitsuba.transport.straight_suns import sensor_numbers
 
-EDGE_SAMPLES = 8
-"""Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
-ALIKE = 0.1
-"""Relative difference of D around a sun's disk below which no shadow edge is assumed."""
 PHOTONS_SHARE = 0.8
 """Share of the progress bar that photons take."""
 
@@ -74,7 +72,7 @@ class Replicate:
     ) -> tuple[np.ndarray, np.ndarray]:
         """D of sensors (sensor, bin) [sr]: by straight and mirrored light; by all light."""
         key, sky_rays = (Stream.SENSORS, self.number), self.deposit.accuracy.sensor_sky_rays
-        numbers = _numbers(here)
+        numbers = sensor_numbers(here)
         straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within)
         direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
         D, D_straight = direct.numpy(), straight.numpy()
@@ -103,79 +101,10 @@ class Replicate:
         return Irradiance(*parts).numpy()
 
 
-def _numbers(here: slice) -> mi.UInt32:
-    """Indices of the sensors of a block."""
-    return dr.arange(mi.UInt32, here.stop - here.start) + dr.opaque(mi.UInt32, here.start)
-
-
-def straight_suns(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Coefficients of straight light from suns alone.
-
-    Parameters
-    ----------
-    scene, points, normals, suns, accuracy
-        As for `compute`.
-
-    Returns
-    -------
-    mean, error : np.ndarray, shape (sensor, sun)
-        Estimate and its standard error [sr]; the errors of all entries are independent.
-
-    Notes
-    -----
-    Most sensors see all of a sun or nothing. Where `RIM` directions around the disk's edge agree,
-    their mean is the result. Where they differ, a shadow's edge crosses the disk, which is then
-    estimated with `EDGE_SAMPLES` directions in each replicate; so is a disk that may be seen
-    through a slit. A straight edge that takes or leaves less than 1.5 % of the disk, or a bar
-    across it of less than a tenth of its width, may go unnoticed.
-    """
-    shape = (len(points), len(suns.labels))
-    mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    reached = scene.effects.enabled_suns(suns)
-    if reached.any():
-        followed = suns.where(reached)
-        for start in range(0, len(points), SENSORS):
-            here = slice(start, min(start + SENSORS, len(points)))
-            mean[here, reached], error[here, reached] = _straight_suns(
-                scene, points[here], normals[here], followed, accuracy, here
-            )
-    return mean, error
-
-
-def _straight_suns(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy,
-    here: slice,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """`straight_suns` of some sensors."""
-    p, n = flat(points), flat(normals)
-    kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
-    kind["numbers"], within = _numbers(here), in_rooms(scene, points)
-    kind["within"] = None if within is None else mi.Bool(within)
-    shape = (len(points), len(suns.labels))
-    seed = launch_seed(accuracy.seed, Stream.SUN_RIMS)
-    total, most = (dr.zeros(mi.Float, shape[0] * shape[1]) for _ in range(2))
-    least = dr.full(mi.Float, dr.inf, shape[0] * shape[1])
-    for i in range(RIM):
-        d = sun_deposit(scene, p, n, **kind, samples=1, seed=seed, rim=i).array
-        total += d
-        least, most = dr.minimum(least, d), dr.maximum(most, d)
-        dr.eval(total, least, most)
-    slits = hidden_in_disks(scene, points, suns.directions, suns.diameter)
-    edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
-    mean, error = total.numpy() / RIM, np.zeros(total.shape, np.float32)
-    if dr.width(edges):
-        kind["samples"], replicates = EDGE_SAMPLES, range(accuracy.replicates)
-        seeds = [launch_seed(accuracy.seed, Stream.SUN_EDGES, r) for r in replicates]
-        again = [pair_deposit(scene, p, n, edges, **kind, seed=s).numpy() for s in seeds]
-        mean[edges.numpy()], error[edges.numpy()] = mean_and_error(np.stack(again))
-    return mean.reshape(shape), error.reshape(shape)
-
-
 def compute(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
-    subdivision: int | None = 1, progress: Progress = lambda share: None,
+    subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
+    progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     r"""Coefficients of sensors for the ground, the sky patches and the suns.
 
@@ -191,6 +120,8 @@ def compute(
         Samples, cell size, replicates, seed.
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
+    kept : BlockSeries
+        Stored coefficients of blocks of sensors: those that are there are not computed again.
     progress : callable
         Takes the share of the work that is done.
 
@@ -207,30 +138,72 @@ def compute(
     Limits: diffuse surfaces are Lambertian; light that a pane mirrors on its way from the source
     to the first diffuse surface is counted only where photons are followed.
     """
+    blocks = compute_blocks(
+        scene, points, normals, suns, accuracy, subdivision=subdivision, kept=kept,
+        progress=progress,
+    )  # fmt: skip
+    return joined(blocks, len(points))
+
+
+def compute_blocks(
+    scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
+    subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
+    progress: Progress = lambda share: None,
+) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
+    """Yield the coefficients of `compute` for one block of sensors after another.
+
+    Arguments are those of `compute`; at no time is more than one block in memory.
+    """
     labels = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
     if not (scene.effects.sky or scene.effects.ground):
         subdivision = None
     suns = suns.where(scene.effects.enabled_suns(suns))
     if subdivision is None and not suns.labels:
-        dark = np.zeros((accuracy.replicates, len(points), len(labels)), np.float32)
-        parts = {name + suffix: dark[0] for name in _PARTS for suffix in ("", "_se")}
-        return as_dataset(labels, points, parts, dark)
+        yield from _dark(labels, points, accuracy.replicates)
+        return
+    followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
+
+    def widened(C: xr.Dataset) -> xr.Dataset:
+        """C with zeros for the suns that are not followed."""
+        if len(followed) == len(labels):
+            return C
+        return C.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
+
+    done = 0
+    for here in kept.cover(len(points)):
+        C = kept.get(here)
+        if C is None:
+            break
+        yield here, widened(C)
+        done = here.stop
+        progress(done / len(points))
+    if done == len(points):
+        return
     size = 2 * accuracy.cell_size
     panes = [panes.quads for panes in scene.scattering]
     patches = PanePatches.of(panes, size) if panes else None
     films = Films.of(scene, size, suns.directions, suns.diameter)
     base = Deposit(scene, suns.directions, suns.diameter, subdivision, accuracy, patches, films)
-    followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
     photons = PhotonTracer.of(
         scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
     )
-    C = estimate(
-        base, followed, points, normals, photons=photons, progress=progress,
-        sun_samples=accuracy.sensor_sun_samples if suns.straight else 0,
+    blocks = estimate_blocks(
+        base, followed, points, normals, photons=photons, kept=kept, progress=progress,
+        sun_samples=accuracy.sensor_sun_samples if suns.straight else 0, done=done,
     )  # fmt: skip
-    if len(followed) < len(labels):
-        C = C.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
-    return C
+    for here, C in blocks:
+        yield here, widened(C)
+
+
+def _dark(
+    labels: list[str], points: np.ndarray, replicates: int
+) -> Iterator[tuple[slice, xr.Dataset]]:
+    """Coefficients of 0."""
+    for start in range(0, len(points), SENSORS):
+        here = slice(start, min(start + SENSORS, len(points)))
+        dark = np.zeros((replicates, here.stop - start, len(labels)), np.float32)
+        parts = {name + suffix: dark[0] for name in _PARTS for suffix in ("", "_se")}
+        yield here, as_dataset(labels, points[here], parts, dark)
 
 
 def as_dataset(
@@ -246,9 +219,21 @@ def as_dataset(
 
 def estimate(
     base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
-    sun_samples: int, photons: PhotonTracer | None = None, progress: Progress = lambda share: None,
+    sun_samples: int, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
-    """Coefficients of sensors for all bins of a deposit.
+    """Coefficients of all sensors; arguments are those of `estimate_blocks`."""
+    blocks = estimate_blocks(
+        base, labels, points, normals, sun_samples=sun_samples, progress=progress
+    )
+    return joined(blocks, len(points))
+
+
+def estimate_blocks(
+    base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
+    sun_samples: int, photons: PhotonTracer | None = None, kept: BlockSeries = NOTHING_KEPT,
+    done: int = 0, progress: Progress = lambda share: None,
+) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
+    """Yield coefficients for all bins of a deposit, one block of sensors after another.
 
     Parameters
     ----------
@@ -260,25 +245,25 @@ def estimate(
         Directions from a sensor to every sun; 0 leaves out straight sun.
     photons : PhotonTracer, optional
         Photons for light that components deviate.
-    points, normals, progress
+    done : int
+        Number of sensors whose blocks are left out.
+    points, normals, kept, progress
         As for `compute`.
 
-    Returns
-    -------
-    xr.Dataset
-        As from `compute`.
+    Yields
+    ------
+    here, C : slice, xr.Dataset
+        Sensors of a block, and their coefficients as from `compute`.
     """
     scene, accuracy = base.scene, base.accuracy
     replicates = [Replicate(r, base.lit(r)) for r in range(accuracy.replicates)]
     if photons is not None:
         progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
         for replicate in replicates:
-            done = part(traced, *(np.array([0, 1]) + replicate.number) / len(replicates))
+            ended = part(traced, *(np.array([0, 1]) + replicate.number) / len(replicates))
             seed = launch_seed(accuracy.seed, Stream.PHOTONS, replicate.number)
-            replicate.landed = photons.traced(seed, done)
-    shape = (len(points), len(labels))
-    out = {n + s: np.empty(shape, np.float32) for n in _PARTS for s in ("", "_se")}
-    totals = np.empty((len(replicates), *shape), np.float32)
+            replicate.landed = photons.traced(seed, ended)
+    attributes = {} if photons is None else _photon_attributes(replicates)
     once = scene.effects.solved_cells
     gathered = Gathered.of(scene, points, normals, accuracy, block=SENSORS, lanes=PATHS, once=once)
     if gathered.cells.count:
@@ -290,19 +275,38 @@ def estimate(
         for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
             replicate.meet(drawn, keys)
     for block, here in enumerate(gathered.blocks):
-        p, n = flat(points[here]), flat(normals[here])
-        met, estimates = gathered.met(here), []
-        within = None if gathered.within is None else mi.Bool(gathered.within[here])
-        for replicate in replicates:
-            straight, direct = replicate.sensors(p, n, here, sun_samples, within)
-            interreflected = replicate.interreflected(met, here.stop - here.start)
-            estimates.append((straight, direct, interreflected))
-            totals[replicate.number, here] = direct + interreflected
-            progress((block + (replicate.number + 1) / len(replicates)) / len(gathered.blocks))
-        for name, values in zip(_PARTS, zip(*estimates, strict=True), strict=True):
-            out[name][here], out[f"{name}_se"][here] = mean_and_error(np.stack(values))
-    whole = as_dataset(labels, points, out, totals)
-    return whole if photons is None else whole.assign_attrs(_photon_attributes(replicates))
+        if here.start < done:
+            continue
+        C = kept.get(here)
+        if C is None:
+            of_block = part(progress, *(np.array([block, block + 1]) / len(gathered.blocks)))
+            C = _of_block(
+                replicates, gathered, points, normals, here, labels, sun_samples, of_block
+            )
+            C.attrs |= attributes
+            kept.put(here, C)
+        yield here, C
+
+
+def _of_block(
+    replicates: list[Replicate], gathered: Gathered, points: np.ndarray, normals: np.ndarray,
+    here: slice, labels: list[str], sun_samples: int, progress: Progress,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients of a block of sensors."""
+    p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
+    within = None if gathered.within is None else mi.Bool(gathered.within[here])
+    estimates, totals = [], []
+    for replicate in replicates:
+        straight, direct = replicate.sensors(p, n, here, sun_samples, within)
+        interreflected = replicate.interreflected(met, here.stop - here.start)
+        estimates.append((straight, direct, interreflected))
+        totals.append(direct + interreflected)
+        progress((replicate.number + 1) / len(replicates))
+    out = {}
+    for name, values in zip(_PARTS, zip(*estimates, strict=True), strict=True):
+        mean, error = mean_and_error(np.stack(values))
+        out[name], out[f"{name}_se"] = mean.astype(np.float32), error.astype(np.float32)
+    return as_dataset(labels, points[here], out, np.stack(totals))
 
 
 def _photon_attributes(replicates: list[Replicate]) -> dict[str, Any]:

@@ -18,7 +18,8 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import describe, positions
 from drcmitsuba.sky.sun_models import Blend, Suns, mesh
-from drcmitsuba.transport.coefficients import compute, straight_suns
+from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.straight_suns import straight_suns
 
 HELD_OUT = 48
 """Number of suns that only check the interpolation."""

@@ -24,6 +24,7 @@ from drcmitsuba.transport import (
     photons,
     shadow_rays,
 )
+from drcmitsuba.transport.straight_suns import straight_suns
 from tests import ROOT
 
 SAME = 1e-5
@@ -69,7 +70,7 @@ def run(kind):
     world = scenes.load(case, "open")
     points, normals = sensor_points(case)
     C = coefficients.compute(world, points, normals, SUNS, case.accuracy)
-    straight = coefficients.straight_suns(world, points, normals, SUNS, case.accuracy)[0]
+    straight = straight_suns(world, points, normals, SUNS, case.accuracy)[0]
     return C.assign(suns_alone=(("sensor", "sun"), straight))
 
 

@@ -12,9 +12,9 @@ import pytest
 from tests import ROOT
 
 ROOMS = [
-    "schema", "runtime", "model", "case", "sky", "bsdf", "scene", "goniophotometer", "transport",
-    "metrics", "controls", "standards", "report", "picture", "export", "plan", "annual",
-    "rendering", "design", "cli",
+    "schema", "runtime", "blocks", "model", "case", "sky", "bsdf", "scene", "goniophotometer",
+    "transport", "metrics", "controls", "standards", "report", "picture", "export", "plan",
+    "annual", "rendering", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

@@ -1,0 +1,9 @@
+"""Blocks: coefficients on disk by what they depend on, so that no run computes them twice.
+
+content_key
+    Digest of everything that a block depends on.
+block_file
+    One block: a zarr folder in a ZIP archive, whose checksums find damage.
+block_folder
+    Blocks of a run, or of many runs that share a cache.
+"""

@@ -1,0 +1,228 @@
+"""Folders of blocks: of one run, which goes on where an earlier one ended, or a shared cache."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from drcmitsuba.blocks.block_file import attributes_of, read_block, write_block
+from drcmitsuba.blocks.content_key import content_key
+from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.errors import InputError
+
+FORMAT = 1
+"""Version of the folder's layout; a folder of another one is refused."""
+HEADER = "blocks.json"
+"""File that says what a cache is."""
+OWN_HEADER = {"format": FORMAT, "byte_order": sys.byteorder}
+"""Content of this file, beside the limit."""
+LIMIT = 20 << 30
+"""Largest size of a cache, unless another one was chosen [bytes]."""
+ABANDONED = 3600.0
+"""Age from which on a temporary file is one of a process that was killed [s]."""
+UNFINISHED = "unfinished"
+"""Folder in the results' folder that holds the blocks of a run until it ends."""
+
+
+@dataclass(frozen=True)
+class BlockSeries:
+    """Blocks of one key, each with some of the sensors; one without a folder keeps nothing."""
+
+    folder: Path | None = None
+    about: str = ""
+    """Words for lists."""
+    notes: list[str] = field(default_factory=list)
+    """Notes on damaged blocks, to which this series adds."""
+
+    def get(self, here: slice) -> xr.Dataset | None:
+        """Dataset of some sensors; None where it is not stored, or damaged."""
+        path = self._path(here)
+        if path is None or not path.is_file():
+            return None
+        try:
+            data = read_block(path, {"sensor": here.stop - here.start})
+        except FileNotFoundError:  # another run has pruned it
+            return None
+        if data is None:
+            self.notes.append(f"block {path.name} of {self.about} was damaged and is made again")
+            path.unlink(missing_ok=True)
+            return None
+        os.utime(path)
+        data.attrs.pop("about", None)
+        return data
+
+    def put(self, here: slice, data: xr.Dataset) -> None:
+        """Store the dataset of some sensors; OSError where the disk is full."""
+        path = self._path(here)
+        if path is not None:
+            write_block(data.assign_attrs(about=self.about), path)
+
+    def cover(self, sensors: int) -> list[slice]:
+        """Stored blocks that hold so many sensors together, in order; empty where some lack."""
+        if self.folder is None or not self.folder.is_dir():
+            return []
+        stored, at = {}, 0
+        for path in self.folder.glob("*.zip"):
+            first, _, stop = path.stem.partition("-")
+            if first.isdecimal() and stop.isdecimal():
+                stored[int(first)] = int(stop)
+        out = []
+        while at < sensors and stored.get(at, 0) > at:
+            out.append(slice(at, stored[at]))
+            at = stored[at]
+        return out if at == sensors else []
+
+    def kept(self, sensors: int, make: Callable[[], xr.Dataset]) -> xr.Dataset:
+        """Dataset of all sensors in one block, which is made where it is not stored."""
+        here = slice(0, sensors)
+        data = self.get(here)
+        if data is None:
+            data = make()
+            self.put(here, data)
+        return data
+
+    def _path(self, here: slice) -> Path | None:
+        if self.folder is None:
+            return None
+        return self.folder / f"{here.start:08d}-{here.stop:08d}.zip"
+
+
+NOTHING_KEPT = BlockSeries()
+"""Series that keeps nothing."""
+
+
+@dataclass(frozen=True)
+class BlockFolder:
+    """Folder of blocks."""
+
+    path: Path
+    is_shared: bool = False
+    """Whether it is a cache, which stays when a run has ended."""
+    notes: list[str] = field(default_factory=list)
+    """Notes on damaged blocks."""
+
+    @classmethod
+    def of_results(cls, results: Path) -> BlockFolder:
+        """Folder of the blocks of an unfinished run, in the folder of its results."""
+        return cls(results / UNFINISHED)
+
+    @classmethod
+    def cache(cls, path: str | Path) -> BlockFolder:
+        """Open or make a cache.
+
+        Raises
+        ------
+        InputError
+            The folder may not be written, holds other files, or was made by another version of the
+            program or on a machine with another order of bytes.
+        """
+        folder = Path(path)
+        if folder.exists() and not (folder / HEADER).is_file():
+            if not folder.is_dir():
+                raise InputError(folder, "--cache", "it is a file", "name a folder")
+            if any(folder.iterdir()):
+                raise InputError(folder, "--cache", "it holds other files", "name a new folder")
+        there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+        if not os.access(there, os.W_OK | os.X_OK):
+            got = f"{there} may not be written"
+            raise InputError(folder, "--cache", got, "name another folder")
+        if not (folder / HEADER).is_file():
+            storage.save_json(OWN_HEADER, folder / HEADER)
+        try:
+            stored = json.loads((folder / HEADER).read_text(encoding="utf-8"))
+        except ValueError:
+            stored = {}
+        for name, own in OWN_HEADER.items():
+            if not isinstance(stored, dict) or stored.get(name) != own:
+                other = str(stored.get(name) if isinstance(stored, dict) else None)[:20]
+                got = f"its {name.replace('_', ' ')} is {other}, not {own}"
+                remedy = "it is of another version or machine: remove it, or name another folder"
+                raise InputError(folder, "--cache", got, remedy)
+        return cls(folder, True)
+
+    def series(self, about: str, *content: Any) -> BlockSeries:
+        """Blocks that depend on some content; `about` are words for lists."""
+        return BlockSeries(self.path / content_key(FORMAT, *content), about, self.notes)
+
+    @property
+    def limit(self) -> int:
+        """Largest size of the cache [bytes]."""
+        stored = json.loads((self.path / HEADER).read_text(encoding="utf-8"))
+        limit = stored.get("limit", LIMIT)
+        return limit if isinstance(limit, int) and limit >= 0 else LIMIT
+
+    def set_limit(self, limit: int) -> None:
+        """Choose the largest size of the cache [bytes]."""
+        storage.save_json(OWN_HEADER | {"limit": limit}, self.path / HEADER)
+
+    def entries(self) -> list[CacheEntry]:
+        """Keys with their sizes, the one that was used last first."""
+        keys = (CacheEntry.of(folder) for folder in self._keys())
+        return sorted((e for e in keys if e is not None), key=lambda e: -e.used)
+
+    def prune(self, limit: int | None = None) -> int:
+        """Remove the keys that were not used for longest, until the cache is as small as `limit`.
+
+        Returns
+        -------
+        int
+            Number of bytes that were removed.
+        """
+        limit = self.limit if limit is None else limit
+        self._remove_abandoned()
+        left, removed = 0, 0
+        for entry in self.entries():
+            if left + entry.size <= limit:
+                left += entry.size
+            else:
+                removed += entry.size
+                shutil.rmtree(entry.folder, ignore_errors=True)
+        return removed
+
+    def finish(self) -> None:
+        """End of a run: its own blocks go, a cache is cut to its limit."""
+        if self.is_shared:
+            self.prune()
+        else:
+            shutil.rmtree(self.path, ignore_errors=True)
+
+    def _keys(self) -> Iterator[Path]:
+        return (p for p in self.path.iterdir() if p.is_dir() and p.name[0] != ".")
+
+    def _remove_abandoned(self) -> None:
+        """Remove temporary files of processes that were killed."""
+        for folder in self._keys():
+            for file in folder.glob(".*"):
+                if time.time() - file.stat().st_mtime > ABANDONED:
+                    file.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True)
+class CacheEntry:
+    """Blocks of one key in a list."""
+
+    folder: Path
+    about: str
+    size: int
+    """Size of all of its blocks [bytes]."""
+    used: float
+    """Time of the last use, in seconds since 1970."""
+
+    @classmethod
+    def of(cls, folder: Path) -> CacheEntry | None:
+        """Entry of a folder; None where it holds no block."""
+        files = sorted(folder.glob("*.zip"))
+        if not files:
+            return None
+        states = [file.stat() for file in files]
+        about = str(attributes_of(files[0]).get("about", "damaged"))
+        return cls(folder, about, sum(s.st_size for s in states), max(s.st_mtime for s in states))

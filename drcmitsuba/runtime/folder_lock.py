@@ -1,0 +1,70 @@
+"""A folder that one process at a time writes to."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from drcmitsuba.runtime.errors import InputError
+
+NAME = ".lock"
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other processes from a folder while the block runs.
+
+    The system holds the lock as long as the process lives: one that was killed leaves none behind.
+
+    Raises
+    ------
+    InputError
+        Another process holds the lock.
+    OSError
+        The folder may not be written.
+    """
+    is_new, path = not folder.exists(), folder / NAME
+    folder.mkdir(parents=True, exist_ok=True)
+    with path.open("a+", encoding="utf-8") as file:
+        if not (_taken(file.fileno()) and _is_at(path, file.fileno())):
+            file.seek(0)
+            owner = file.read(20).strip() or "unknown"
+            got = f"another run writes to it (process {owner})"
+            raise InputError(folder, "folder", got, "wait for its end, or name another folder")
+        file.truncate(0)
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                path.unlink()
+                if is_new:
+                    folder.rmdir()  # where the work has left nothing
+
+
+def _is_at(path: Path, descriptor: int) -> bool:
+    """Whether an open file still stands at a path: its last owner may have removed it meanwhile."""
+    with suppress(FileNotFoundError):
+        return os.path.samestat(path.stat(), os.fstat(descriptor))
+    return False
+
+
+def _taken(descriptor: int) -> bool:
+    """Take the lock of an open file until it is closed; False where another process has it."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            os.lseek(descriptor, 1 << 30, os.SEEK_SET)  # beyond the text, which others read
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return False
+    return True

@@ -1,0 +1,44 @@
+"""One process at a time writes to a folder; one that was killed does not block it."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.folder_lock import locked
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from drcmitsuba.runtime.folder_lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_second_process_is_refused_by_name_until_the_first_is_killed(tmp_path):
+    command = [sys.executable, "-c", HOLD, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout.readline() == "held\n"
+            with pytest.raises(InputError, match=f"process {process.pid}"), locked(tmp_path):
+                pytest.fail("two processes hold the lock")
+        finally:
+            process.send_signal(signal.SIGKILL)
+    with locked(tmp_path):
+        pass
+    with locked(tmp_path):  # and again
+        pass
+
+
+def test_work_that_leaves_nothing_leaves_no_folder(tmp_path):
+    for _ in range(2):
+        with pytest.raises(ValueError, match="refused"), locked(tmp_path / "new"):
+            raise ValueError("refused")
+        assert not (tmp_path / "new").exists()
+    with locked(tmp_path / "new"):
+        (tmp_path / "new" / "file").write_text("kept")
+    assert [p.name for p in (tmp_path / "new").iterdir()] == ["file"]
