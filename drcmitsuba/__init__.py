@@ -16,6 +16,8 @@ group_coefficients, controlled
     C by group of panes and state; E of any states, hour by hour, and of those that a control takes.
 lights
     Who lights a point: its light by window, state, source and number of bounces.
+glare
+    DGP of every view at every time stamp: a `GlareYear` with classes of EN 17037.
 bsdf, goniophotometer, design, report, ...
     The other rooms of the package, imported when they are first asked for.
 
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
     from drcmitsuba.case.case import Case as Case
     from drcmitsuba.case.reading import load_case as load_case
     from drcmitsuba.case.shipped import shipped_cases as shipped_cases
+    from drcmitsuba.glare_year import GlareYear as GlareYear
+    from drcmitsuba.glare_year import glare as glare
     from drcmitsuba.metrics import accumulate as accumulate
     from drcmitsuba.rendering.prepared_view import render as render
     from drcmitsuba.runtime import backend as backend
@@ -52,6 +56,7 @@ __version__ = "0.1.0"
 _NAMES = {
     "BackendError": "runtime.errors:BackendError",
     "Case": "case.case:Case",
+    "GlareYear": "glare_year:GlareYear",
     "InputError": "runtime.errors:InputError",
     "Result": "annual.result:Result",
     "accumulate": "metrics.accumulate",
@@ -59,6 +64,7 @@ _NAMES = {
     "coefficients": "transport.coefficients",
     "controlled": "annual.controlled:controlled",
     "evaluate": "annual.result:evaluate",
+    "glare": "glare_year:glare",
     "group_coefficients": "annual.group_coefficients:group_coefficients",
     "lights": "annual.lights:lights",
     "load_case": "case.reading:load_case",
@@ -68,9 +74,9 @@ _NAMES = {
     "weather": "sky.weather",
 }
 _ROOMS = (
-    "annual", "blocks", "bsdf", "case", "controls", "design", "export", "goniophotometer",
-    "metrics", "model", "picture", "plan", "rendering", "report", "runtime", "scene", "schema",
-    "sky", "standards", "transport",
+    "annual", "blocks", "bsdf", "case", "controls", "design", "export", "glare_year",
+    "goniophotometer", "metrics", "model", "picture", "plan", "rendering", "report", "runtime",
+    "scene", "schema", "sky", "standards", "transport",
 )  # fmt: skip
 
 registration.register_plugins()

@@ -103,6 +103,31 @@ def transport(
     (points, normals), at = sensor_points(case), sensor_coordinates(case)
     if sensors is not None:
         points, normals, at = points[sensors], normals[sensors], at.isel(sensor=sensors)
+    C = of_points(
+        case, state, suns, latitude, points, normals, run=run, mesh=mesh, progress=progress
+    ).assign_coords(at.coords)
+    return C if sensors is not None else _with_pane_group(case, state, C, suns, run)
+
+
+def of_points(
+    case: Case, state: State, suns: Suns, latitude: float, points: np.ndarray,
+    normals: np.ndarray, *, run: Run, mesh: tuple[str, ...] = (),
+    progress: Progress = lambda share: None,
+) -> xr.Dataset:  # fmt: skip
+    """Coefficients C of any points in a case, in one state of its façade.
+
+    Parameters
+    ----------
+    points, normals : np.ndarray, shape (point, 3)
+        Positions [m] and unit normals in the traced frame, as from `sensor_points`.
+    case, state, suns, latitude, run, mesh, progress
+        As for `transport`.
+
+    Returns
+    -------
+    xr.Dataset
+        C of `transport.coefficients.compute` [sr], with a dim `channel` where the case is coloured.
+    """
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     subdivision = case.sky.subdivision
     count = len(scene.channels_of(case, run.enabled_effects))
@@ -128,9 +153,8 @@ def transport(
                 world, points, normals, suns, accuracy, subdivision=subdivision,
                 kept=run.kept(f"{case.name}, {state}", *content, followed), progress=done,
             )  # fmt: skip
-        channels.append(C.assign_coords(at.coords))
-    C = _joined(channels)
-    return C if sensors is not None else _with_pane_group(case, state, C, suns, run)
+        channels.append(C)
+    return _joined(channels)
 
 
 def _content(

@@ -20,6 +20,7 @@ from drcmitsuba.cli import (
     evaluate,
     export,
     films,
+    glare,
     information,
     lights,
     optimise,
@@ -47,7 +48,7 @@ app = typer.Typer(
 WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
     season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
-    export.export, report.report, lights.lights, render.render,
+    export.export, report.report, lights.lights, render.render, glare.glare,
     films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (

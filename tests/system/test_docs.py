@@ -81,7 +81,7 @@ def write(folder, name, text):
 @pytest.fixture
 def folder(tmp_path):
     """Folder with the files that the pages take for granted."""
-    cases = ("office.toml", "film_office.toml", "corner_office.toml", "studio.toml")
+    cases = ("office.toml", "film_office.toml", "corner_office.toml", "studio.toml", "desk.toml")
     for name in (*cases, "my_prism.toml", "studio.rad", "frames.csv"):
         write(tmp_path, name, named(name))
     sun = '\n[sun]\nmodel = "adaptive"\nfinest = 4\ntolerance = 0.5\n'

@@ -14,7 +14,7 @@ from tests import ROOT
 ROOMS = [
     "schema", "runtime", "blocks", "model", "case", "sky", "bsdf", "scene", "goniophotometer",
     "transport", "metrics", "controls", "standards", "report", "picture", "export", "plan",
-    "annual", "rendering", "design", "cli",
+    "annual", "rendering", "glare_year", "design", "cli",
 ]  # fmt: skip
 MOST_FLOORS = 10
 FOLDERS = {"drcmitsuba": ROOT / "drcmitsuba", "drcmitsuba_plugins": ROOT / "plugins"}

@@ -1,0 +1,240 @@
+r"""Chains: what the rays of an eye meet, through panes and by way of mirrors, and with what weight.
+
+A ray goes straight through clear panes, gaps and the straight-through part of films, and turns at
+smooth mirrors. On its way it collects *ends*: the outside (sky, ground or sun), a film that glows,
+and points of surfaces that reflect or transmit diffusely. The luminance that the eye sees is
+
+.. math:: L = \sum_e w_e L_e
+
+with the weight of an end w [–], the product of the transmittances and mirrors before it.
+
+Limits: of clear solids and rough mirrors one direction is drawn; reflection of the room in the
+panes, and of the sky in the outside of panes, is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    Lambertian,
+    MirrorMaterial,
+    PorousMaterial,
+)
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.scene.materials import bsdf, channel_of
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport import bsdf_lookup
+
+MOST_SURFACES = 24
+"""Largest number of surfaces on a chain."""
+LEAST_WEIGHT = 1e-5
+"""Weight below which a chain ends [–]."""
+OFFSET = 1e-4
+"""Distance at which a ray goes on behind a surface, over its largest coordinate plus 1 m [–]."""
+
+
+class Ends(NamedTuple):
+    """Ends of one kind."""
+
+    ray: np.ndarray
+    """Index of the ray, int, shape (end,)."""
+    weight: np.ndarray
+    """Weight [–]; of surfaces that of their illuminance over π, shape (end,) or (end, channel)."""
+    point: np.ndarray
+    """Place of the end [m]; of the outside, that of the last surface, shape (end, 3)."""
+    direction: np.ndarray
+    """Direction of the chain's last part, away from the eye, shape (end, 3)."""
+    normal: np.ndarray
+    """Normal of a film, or of a surface on the side whose illuminance counts, shape (end, 3)."""
+    part: np.ndarray
+    """Index of the scene's part, −1 for the outside, int, shape (end,)."""
+    turn: np.ndarray
+    """Matrix from the last part's directions to those at the eye; NaN where mirrors are not all
+    flat and smooth, shape (end, 3, 3)."""
+
+    def take(self, which: np.ndarray) -> Ends:
+        """Some of the ends."""
+        return Ends(*(column[which] for column in self))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Rays on their way."""
+
+    ray: np.ndarray
+    weight: np.ndarray
+    p: np.ndarray
+    d: np.ndarray
+    turn: np.ndarray
+
+    def take(self, which: np.ndarray) -> _Rays:
+        return _Rays(self.ray[which], self.weight[which], self.p[which], self.d[which],
+                     self.turn[which])  # fmt: skip
+
+    def ends(self, part: int, normals: np.ndarray | None = None, weight: Any = 1.0) -> Ends:
+        """Ends here; `weight` (…) or (channel,) is the share of each end's light."""
+        w = np.multiply.outer(self.weight, weight)
+        n = np.zeros_like(self.d) if normals is None else normals
+        return Ends(self.ray, w, self.p, self.d, n, np.full(len(self.ray), part), self.turn)
+
+
+@dataclass(frozen=True)
+class Chains:
+    """Follows rays through a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    channels : tuple of int
+        Colour channels of reflectances, as of `scene.channels_of`.
+    """
+
+    scene: Scene
+    channels: tuple[int, ...] = (-1,)
+
+    def ends(self, points: np.ndarray, directions: np.ndarray) -> tuple[Ends, Ends, Ends]:
+        """Follow rays.
+
+        Parameters
+        ----------
+        points, directions : np.ndarray, shape (ray, 3)
+            Origins [m] and unit vectors.
+
+        Returns
+        -------
+        outside, films, surfaces : Ends
+        """
+        every: dict[str, list[Ends]] = {"outside": [], "films": [], "surfaces": []}
+        count = len(points)
+        turn = np.broadcast_to(np.eye(3), (count, 3, 3))
+        on = _Rays(np.arange(count), np.ones(count), points, directions, turn)
+        for depth in range(MOST_SURFACES):
+            on = self._step(on, every, depth)
+            if not len(on.ray):
+                break
+        return _joined(every["outside"]), _joined(every["films"]), _joined(every["surfaces"])
+
+    def _step(self, on: _Rays, every: dict[str, list[Ends]], depth: int) -> _Rays:
+        """Trace rays to their next surfaces, note the ends, and return the rays that go on."""
+        ray = mi.Ray3f(_points(on.p), _vectors(on.d))
+        self.scene.ray_counter.take("path", len(on.ray))
+        si = self.scene.full.ray_intersect(ray, mi.RayFlags.Minimal, coherent=False)
+        hit = si.is_valid()
+        si.sh_frame = mi.Frame3f(si.n)
+        si.wi = si.to_local(-ray.d)
+        pointer = si.bsdf()
+        clear = mi.has_flag(pointer.flags(), mi.BSDFFlags.Null)
+        through = dr.select(clear & hit, pointer.eval_null_transmission(si, hit)[0], 0).numpy()
+        known = dr.gather(mi.UInt32, self._parts, bsdf_lookup.number(pointer), hit)
+        part = np.where(hit.numpy(), known.numpy().astype(int), -1)
+        n = np.array(si.n).T.astype(float)
+        here = replace(on, p=np.where(part[:, None] < 0, on.p, np.array(si.p).T))
+        outside = part < 0
+        if outside.any():
+            every["outside"].append(here.take(outside).ends(-1))
+        onward = [replace(here, weight=on.weight * through).take(through > 0)]
+        for index in np.unique(part[~outside]):
+            mine = part == index
+            onward += self._meet(int(index), here.take(mine), n[mine], every, depth)
+        joined = _Rays(*(np.concatenate(c) for c in zip(*map(_columns, onward), strict=True)))
+        far = OFFSET * (1 + np.abs(joined.p).max(axis=1, initial=0, keepdims=True))
+        return replace(joined, p=joined.p + far * joined.d).take(joined.weight > LEAST_WEIGHT)
+
+    def _meet(
+        self, index: int, on: _Rays, n: np.ndarray, every: dict[str, list[Ends]], depth: int
+    ) -> Iterator[_Rays]:
+        """Note the ends of rays at a part of the scene, and yield those that it turns."""
+        material = self.scene.parts[index].material
+        front = np.einsum("ri,ri->r", n, on.d) < 0
+        towards = np.where(front[:, None], n, -n)
+        if isinstance(material, Lambertian):
+            share = self._channels(material.reflectance)
+            every["surfaces"].append(on.ends(index, towards, share))
+        elif isinstance(material, PorousMaterial):
+            share = (1 - material.porosity) * self._channels(material.reflectance)
+            every["surfaces"].append(on.ends(index, towards, share))
+        elif isinstance(material, DiffuserMaterial):
+            ones = np.ones(len(self.channels))
+            lit, shown = on.take(front), towards[front]
+            every["surfaces"].append(lit.ends(index, shown, material.reflectance * ones))
+            every["surfaces"].append(on.ends(index, -towards, material.transmittance * ones))
+        elif isinstance(material, BsdfMaterial):
+            every["films"].append(on.ends(index, n))
+        elif isinstance(material, MirrorMaterial):
+            share = (1 - material.specular) * material.reflectance * np.ones(len(self.channels))
+            if material.specular < 1:
+                every["surfaces"].append(on.ends(index, towards, share))
+            if material.specular > 0:
+                yield self._turned(index, on, n, depth)
+        elif isinstance(material, DielectricMaterial):
+            yield self._turned(index, on, n, depth)
+
+    def _turned(self, index: int, on: _Rays, n: np.ndarray, depth: int) -> _Rays:
+        """Rays after a mirror or the surface of a clear solid."""
+        material = self.scene.parts[index].material
+        numbers = np.random.default_rng([depth, index]).random((3, len(on.ray)))
+        d, normal = _vectors(on.d), _vectors(n)
+        si = dr.zeros(mi.SurfaceInteraction3f, len(on.ray))
+        si.p, si.n, si.sh_frame = _points(on.p), normal, mi.Frame3f(normal)
+        si.wi = si.to_local(-d)
+        bs, weight = self._turning[index].sample(
+            mi.BSDFContext(), si, flat(numbers[0]), mi.Point2f(flat(numbers[1]), flat(numbers[2]))
+        )
+        onward = np.array(si.to_world(bs.wo)).T.astype(float)
+        share = weight[0].numpy() * getattr(material, "specular", 1.0)
+        flat_mirror = isinstance(material, MirrorMaterial) and material.roughness == 0
+        reflection = np.eye(3) - 2 * np.einsum("ri,rj->rij", n, n)
+        turn = on.turn @ reflection if flat_mirror else np.full((len(n), 3, 3), np.nan)
+        return replace(on, weight=on.weight * share, d=onward, turn=turn)
+
+    def _channels(self, reflectance: Any) -> np.ndarray:
+        return np.array([channel_of(reflectance, channel) for channel in self.channels])
+
+    @cached_property
+    def _parts(self) -> mi.UInt32:
+        """Index of the part of every BSDF, by its number in the registry."""
+        return mi.UInt32(bsdf_lookup.table(self.scene, range(len(self.scene.parts)), np.uint32))
+
+    @cached_property
+    def _turning(self) -> dict[int, Any]:
+        """BSDFs of the mirrors, without their diffuse parts, and of clear solids, by their part."""
+        made = {}
+        for i, part in enumerate(self.scene.parts):
+            if isinstance(part.material, MirrorMaterial):
+                made[i] = mi.load_dict(bsdf(part.material.model_copy(update={"specular": 1.0})))
+            elif isinstance(part.material, DielectricMaterial):
+                made[i] = part.bsdf
+        return made
+
+
+def _columns(rays: _Rays) -> tuple[np.ndarray, ...]:
+    return rays.ray, rays.weight, rays.p, rays.d, rays.turn
+
+
+def _points(p: np.ndarray) -> mi.Point3f:
+    return mi.Point3f(*(flat(p[:, k]) for k in range(3)))
+
+
+def _vectors(d: np.ndarray) -> mi.Vector3f:
+    return mi.Vector3f(*(flat(d[:, k]) for k in range(3)))
+
+
+def _joined(parts: list[Ends]) -> Ends:
+    """All ends of a kind, by ray."""
+    if not parts:
+        none = np.zeros(0, int)
+        p, d, n = np.zeros((3, 0, 3))
+        return Ends(none, np.zeros(0), p, d, n, none, np.zeros((0, 3, 3)))
+    joined = Ends(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return joined.take(np.argsort(joined.ray, kind="stable"))

@@ -1,0 +1,214 @@
+"""Result of a year of glare: DGP of every hour and view, its shares of the hours, its class.
+
+EN 17037 rates protection from glare by the DGP that is exceeded in at most 5 % of the occupied
+hours [1]_: 0.35 for a high, 0.40 for a medium and 0.45 for a minimum protection.
+
+References
+----------
+.. [1] EN 17037:2018, "Daylight in buildings", annexes A.5 and E.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.metrics.intervals.autonomy import multipliers
+from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, silent
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CLASSES = {"high": 0.35, "medium": 0.40, "minimum": 0.45}
+"""DGP that a class of EN 17037 allows to be exceeded in `EXCEEDED` of the hours."""
+EXCEEDED = 0.05
+"""Share of the occupied hours in which a class may be exceeded [–]."""
+NONE = "none"
+"""Class of a view that exceeds even the largest DGP for too long."""
+APPLIED = "applied"
+"""In place of a state: the state that the shade takes at each time stamp."""
+
+
+@dataclass(frozen=True, eq=False)
+class GlareYear:
+    """Glare of a period; shows itself in Jupyter."""
+
+    case: Case
+    hours: xr.Dataset
+    """`dgp`, `dgp_se`, `illuminance`, `illuminance_se` [lx], `contrast` and, with films,
+    `dgp_sharp`, (state, time, view), with the coordinates of the views."""
+    replicates: np.ndarray
+    """DGP by each replicate, float32, shape (replicate, state, time, view)."""
+    settings: dict[str, Any]
+    """Rule, case and weather, notes."""
+    seconds: dict[str, float]
+    """Seconds of the stages."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """States of the façade; the last one may be `applied`."""
+        return tuple(map(str, self.hours["state"].values))
+
+    @property
+    def views(self) -> tuple[str, ...]:
+        """Names of the views."""
+        return tuple(map(str, self.hours["view"].values))
+
+    @cached_property
+    def _draws(self) -> dict[float, np.ndarray]:
+        """Share of the hours above each class' DGP in every draw, (state, view, draw)."""
+        replicates, states, _, views = self.replicates.shape
+        drawn = multipliers(replicates, self.settings["seed"]).replicates
+        out = {limit: np.zeros((states, views, drawn.shape[1])) for limit in CLASSES.values()}
+        for s in range(states):
+            for v in range(views):
+                each = self.replicates[:, s, :, v]
+                mean = each.mean(axis=0)
+                values = mean[:, None] + (each - mean).T @ drawn
+                for limit, shares in out.items():
+                    shares[s, v] = (values > limit).mean(axis=0)
+        return out
+
+    def share(self, limit: float) -> xr.DataArray:
+        """Share of the time stamps whose DGP is above a limit [–], dims (state, view)."""
+        if not 0 < limit < 1:
+            raise InputError("glare", "limit", f"{limit}", "give a DGP from 0 to 1")
+        return (self.hours["dgp"] > limit).mean("time")
+
+    def classes(self) -> xr.Dataset:
+        """Class of EN 17037 of every view.
+
+        Returns
+        -------
+        xr.Dataset
+            `rating` (state, view), a name of `CLASSES` or "none", and `probability` of each of
+            them, (state, view, class).
+        """
+        names = list(CLASSES)
+        passes = np.stack([self.share(CLASSES[n]).values <= EXCEEDED for n in names], axis=-1)
+        best = np.where(passes.any(axis=-1), passes.argmax(axis=-1), len(names))
+        drawn = [(self._draws[CLASSES[n]] <= EXCEEDED).mean(axis=-1) for n in names]
+        # A class holds all that a better one asks for.
+        chance = np.diff([np.zeros_like(drawn[0]), *drawn, np.ones_like(drawn[0])], axis=0)
+        every = np.array([*names, NONE], object)
+        at = {"state": self.hours["state"], "view": self.hours["view"].values, "class": every}
+        return xr.Dataset(
+            {
+                "rating": (("state", "view"), every[best]),
+                "probability": (("class", "state", "view"), chance),
+            },
+            at,
+        ).transpose("state", "view", "class")
+
+    def numbers(self) -> dict[str, Any]:
+        """Content of `glare.json`: shares, classes and their probabilities by state and view."""
+        rated, shares = self.classes(), {f"{c:.2f}": self.share(c) for c in CLASSES.values()}
+        by_state: dict[str, Any] = {}
+        for s, state in enumerate(self.states):
+            rows = by_state[state] = {}
+            for v, view in enumerate(self.views):
+                drawn = {f"{c:.2f}": np.quantile(d[s, v], (0.025, 0.975)) for c, d in
+                         self._draws.items()}  # fmt: skip
+                above = {
+                    limit: {
+                        "value": 100 * float(share[s, v]),
+                        "low": 100 * min(float(share[s, v]), float(drawn[limit][0])),
+                        "high": 100 * max(float(share[s, v]), float(drawn[limit][1])),
+                    }
+                    for limit, share in shares.items()
+                }
+                chance = map(float, rated["probability"].values[s, v])
+                rows[view] = {
+                    "above": above,
+                    "class": str(rated["rating"].values[s, v]),
+                    "probability": dict(zip((*CLASSES, NONE), chance, strict=True)),
+                    "largest": float(self.hours["dgp"].values[s, :, v].max()),
+                }
+        return {"DGP": by_state, "settings": self.settings, "seconds": self.seconds}
+
+    def worst(self, state: str | None = None) -> str:
+        """View with the most hours above the highest class' DGP in a state, by default the last."""
+        state = self.states[-1] if state is None else state
+        at = self.hours["dgp"].sel(state=state)
+        return self.views[int((at > CLASSES["high"]).mean("time").argmax("view"))]
+
+    def save(self, folder: str | Path, stage: Stage = silent) -> GlareYear:
+        """Write `glare.nc`, `glare.json`, `glare_year.png` and `glare_plan.png` to a folder."""
+        from drcmitsuba.report import plots
+
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        with stage("writing"):
+            storage.save_netcdf(self.hours, folder / "glare.nc")
+            storage.save_json(self.numbers(), folder / "glare.json")
+            plots.save(self.year_plot(), folder / "glare_year.png")
+            plots.save(self.plan_plot(), folder / "glare_plan.png")
+        return self
+
+    def year_plot(self, view: str | None = None, state: str | None = None) -> Figure:
+        """DGP over days and hours of a view, by default the worst one in the last state."""
+        from drcmitsuba.report import glare_plots
+
+        state = self.states[-1] if state is None else state
+        view = self.worst(state) if view is None else view
+        for name, known, text in (("view", self.views, view), ("state", self.states, state)):
+            if text not in known:
+                raise InputError("glare", name, repr(text), f"choose one of {', '.join(known)}")
+        words = f"{self.case.name}: daylight glare probability, view {view}"
+        words += f", façade {state}" if len(self.states) > 1 else ""
+        return glare_plots.year(
+            self.hours["dgp"].sel(state=state, view=view), title=words, caption=self._caption
+        )
+
+    def plan_plot(self, state: str | None = None) -> Figure:
+        """Plan of the views with their shares of hours above 0.40 as arrows."""
+        from drcmitsuba.report import glare_plots
+        from drcmitsuba.report.outlines import outlines_in_plan
+        from drcmitsuba.report.sheets import Sheet
+
+        state = self.states[-1] if state is None else state
+        h, limit = self.hours, CLASSES["medium"]
+        at = np.column_stack([h[axis].values for axis in "xyz"])
+        z = at[:, 2]
+        sheet = Sheet(np.arange(len(at)), float(z.min()), float(z.max()), -np.inf, np.inf, True)
+        return glare_plots.plan(
+            at[:, :2], np.column_stack([h["dx"].values, h["dy"].values]),
+            100 * self.share(limit).sel(state=state).values,
+            title=f"{self.case.name}: hours with DGP above {limit:.2f}", caption=self._caption,
+            lines=outlines_in_plan(self.case, at[:, :2], sheet),
+        )  # fmt: skip
+
+    @property
+    def _caption(self) -> str:
+        from drcmitsuba.report.captions import period_text
+
+        weather = Path(self.settings["weather_source"]).name
+        return f"{weather}; {period_text(self.case, self.hours)}"
+
+    def __repr__(self) -> str:
+        size = f"{len(self.views)} views × {self.hours.sizes['time']} time stamps"
+        return f"<GlareYear of {self.case.name!r}: {size}, worst view {self.worst()!r}>"
+
+    def _repr_html_(self) -> str:
+        """Table of the views in the last state, and the year of the worst one as a picture."""
+        from html import escape
+
+        from drcmitsuba.report import plots
+
+        state, rows = self.states[-1], ""
+        for view, row in self.numbers()["DGP"][state].items():
+            shares = "".join(f"<td>{v['value']:.1f} %</td>" for v in row["above"].values())
+            rows += f"<tr><th>{escape(view)}</th>{shares}<td>{row['class']}</td></tr>"
+        limits = "".join(f"<th>above {limit:.2f}</th>" for limit in CLASSES.values())
+        head = f"<caption>{escape(self.case.name)}, façade {escape(state)}</caption>"
+        head += f"<tr><th>view</th>{limits}<th>EN 17037</th></tr>"
+        image = plots.html_image(self.year_plot(), "DGP over days and hours")
+        return f"<table>{head}{rows}</table>{image}"

@@ -1,0 +1,169 @@
+"""What is seen from one place: luminances of its pixels in every hour, and images of the suns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+from drcmitsuba_plugins.patches import Patches, patch_index
+
+from drcmitsuba.glare_year.chains import Chains, Ends
+from drcmitsuba.glare_year.films import Glow, glow
+from drcmitsuba.glare_year.pixels import merged, rays
+from drcmitsuba.glare_year.sources import Tiles
+from drcmitsuba.glare_year.suns import Images, images
+from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.schema import luminance
+
+sparse = lazy.module("scipy.sparse")
+
+LIFT = 1e-3
+"""Distance of a point from its surface [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Points of diffuse surfaces that are seen; their luminance is the weighted illuminance."""
+
+    pixel: np.ndarray
+    """Pixel of every point, int, shape (point,)."""
+    points: np.ndarray
+    """Places, off their surface [m], shape (point, 3)."""
+    normals: np.ndarray
+    """Unit normals, shape (point, 3)."""
+    weight: np.ndarray
+    """Luminance over illuminance [1/sr], shape (point, channel)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What is seen from one place, apart from the illuminance of the surfaces."""
+
+    tiles: Tiles
+    directions: np.ndarray
+    """Unit vectors to the pixels, shape (pixel, 3)."""
+    sky: Any
+    """Luminance per unit luminance of ground and sky patches, csr array (pixel, bin) [–]."""
+    surfaces: Surfaces
+    films: np.ndarray
+    """Pixels of the rows of `glow`, int, shape (end,)."""
+    glow: Glow
+    images: Images
+
+
+def seen(
+    scene: Scene, channels: tuple[int, ...], place: np.ndarray, forward: np.ndarray,
+    suns: np.ndarray, diameter: float, subdivision: int, seed: int,
+) -> Seen:  # fmt: skip
+    """Trace what is seen from a place.
+
+    Parameters
+    ----------
+    scene : Scene
+    channels : tuple of int
+        Colour channels of the case.
+    place : np.ndarray, shape (3,)
+        Place of the eye [m].
+    forward : np.ndarray, shape (view, 3)
+        Lines of sight.
+    suns : np.ndarray, shape (sun, 3)
+        Unit vectors to the suns.
+    diameter : float
+        Angle across a sun [deg].
+    subdivision : int
+        Reinhart's factor MF of the sky.
+    seed : int
+    """
+    sent = rays(forward)
+    chains = Chains(scene, channels)
+    count = len(sent.directions)
+    outside, films, surfaces = chains.ends(np.broadcast_to(place, (count, 3)), sent.directions)
+    alone = np.ones(count, bool)
+    alone[outside.ray] = alone[films.ray] = False
+    ray = merged(sent.tile, np.where(alone, _keys(surfaces, count), -1), sent.directions)
+    kept, pixel = np.unique(ray, return_inverse=True)
+    surfaces = surfaces.take(np.isin(surfaces.ray, kept))
+    at = np.searchsorted(kept, np.arange(count)).clip(max=len(kept) - 1)
+    tile_of = sent.tile[kept]
+    first = np.flatnonzero(np.r_[True, np.diff(tile_of) > 0, True])
+    d = sent.directions[kept]
+    middle = np.add.reduceat(d, first[:-1], axis=0)
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    omega = sent.solid_angle * np.bincount(pixel.ravel(), minlength=len(kept))
+    return Seen(
+        Tiles(first, middle, omega), d, _of_sky(outside, at, len(kept), subdivision),
+        Surfaces(
+            at[surfaces.ray], surfaces.point + LIFT * surfaces.normal, surfaces.normal,
+            surfaces.weight.reshape(-1, len(channels)) / np.pi,
+        ),
+        at[films.ray], glow(scene, films, suns, diameter, subdivision, seed),
+        images(chains, place, outside, sent.directions, suns, diameter, seed),
+    )  # fmt: skip
+
+
+def _keys(surfaces: Ends, count: int) -> np.ndarray:
+    """Number of the parts and sides that each ray ends at, one after the other, int, (ray,)."""
+    sides = np.concatenate([surfaces.part[:, None], surfaces.normal.round(1)], axis=1)
+    side = np.unique(sides, axis=0, return_inverse=True)[1].ravel() + 1
+    before = np.r_[0, np.flatnonzero(np.diff(surfaces.ray)) + 1] if len(side) else np.zeros(0, int)
+    order = np.arange(len(side)) - np.repeat(before, np.diff(np.r_[before, len(side)]))
+    ends = np.zeros((count, order.max(initial=0) + 1), int)
+    ends[surfaces.ray, order] = side
+    return np.unique(ends, axis=0, return_inverse=True)[1].ravel()
+
+
+def _of_sky(outside: Ends, at: np.ndarray, pixels: int, subdivision: int) -> Any:
+    """Share of each bin's luminance that each pixel has, csr array (pixel, bin)."""
+    shape = (pixels, len(Patches(subdivision)))
+    d = mi.Vector3f(*(flat(outside.direction[:, k]) for k in range(3)))
+    bins = patch_index(d, subdivision).numpy() if len(outside.ray) else np.zeros(0, int)
+    return sparse.csr_array((outside.weight.astype(np.float32), (at[outside.ray], bins)), shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Luminances:
+    """Luminances of the pixels of a place in the hours of a year."""
+
+    seen: Seen
+    sky: np.ndarray
+    """Luminance of ground and sky patches [cd/m²], shape (time, bin)."""
+    sun: np.ndarray
+    """Luminance of the sun [cd/m²], shape (time,)."""
+    sun_index: np.ndarray
+    """Index of the time stamp's sun among the suns of `seen`, −1 without one, int, (time,)."""
+    surfaces: np.ndarray
+    """Luminance of the surface points [cd/m²], shape (time, point)."""
+
+    def at(self, hours: np.ndarray) -> np.ndarray:
+        """Luminances in some hours, without the disks of the suns, float32, (pixel, hour)."""
+        seen, lit = self.seen, self.sun_index[hours] >= 0
+        sky = np.ascontiguousarray(self.sky[hours].T, np.float32)
+        parts = [seen.sky @ sky, self._onto(seen.surfaces.pixel) @ self.surfaces[hours].T]
+        if len(seen.films):
+            shining = seen.glow.sky @ sky
+            suns = seen.glow.suns[:, self.sun_index[hours][lit]]
+            shining[:, lit] += suns * self.sun[hours][lit].astype(np.float32)
+            parts.append(self._onto(seen.films) @ shining)
+        return np.asarray(sum(parts), np.float32)
+
+    def _onto(self, pixel: np.ndarray) -> Any:
+        """Sum of ends by pixel, csr array (pixel, end)."""
+        ones = np.ones(len(pixel), np.float32)
+        shape = (len(self.seen.directions), len(pixel))
+        return sparse.csr_array((ones, (pixel, np.arange(len(pixel)))), shape)
+
+
+def surface_luminances(surfaces: Surfaces, E: xr.DataArray) -> np.ndarray:
+    """Luminance of surface points [cd/m²], float32, (time, point), from their illuminance [lx].
+
+    `E` has the dims (time, sensor), and `channel` where the case is coloured.
+    """
+    if "channel" not in E.dims:
+        return np.asarray(E.values * surfaces.weight[:, 0].astype(np.float32))
+    weight = xr.DataArray(surfaces.weight.astype(np.float32), dims=("sensor", "channel"))
+    return np.asarray(luminance(E * weight).transpose("time", "sensor").values)

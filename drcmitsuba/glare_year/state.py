@@ -1,0 +1,189 @@
+"""One state of the façade over the year: illuminance at the eyes, and what is seen from each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulation import of_points
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
+from drcmitsuba.glare_year.eyes import Eyes
+from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.glare_year.seen import Luminances, Seen, seen, surface_luminances
+from drcmitsuba.glare_year.sources import contrast_sums
+from drcmitsuba.metrics import accumulate
+from drcmitsuba.picture.glare import LARGEST_FACTOR
+from drcmitsuba.picture.position_index import position_index
+from drcmitsuba.scene import scene
+from drcmitsuba.schema import luminance
+from drcmitsuba.sky.daylight import Daylight
+
+HOURS = 256
+"""Time stamps whose luminances are in memory at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What is seen from one place in one state of the façade, and its luminances."""
+
+    views: np.ndarray
+    """Indices of the views, int, shape (view,)."""
+    known: Luminances
+    forward: np.ndarray
+    """Lines of sight, shape (view, 3)."""
+
+    def sums(self, eyes: Eyes, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Σ L² ω / P² of the views at some time stamps, and that of peaks as sharp as suns.
+
+        Returns
+        -------
+        by_file, sharp : np.ndarray, shape (view, time)
+            Sums with film peaks as wide as the cells of their BSDF, and as wide as a sun's disk.
+        """
+        frames, tiles = eyes.frames[self.views], self.known.seen.tiles
+        out = np.zeros((len(self.views), len(times)))
+        weights = _weights(self.known.seen, frames)
+        for start in range(0, len(times), HOURS):
+            hours = times[start : start + HOURS]
+            L = self.known.at(hours)
+            if rule.threshold > LARGEST_FACTOR:
+                limit = np.full(len(hours), rule.threshold)
+            else:
+                limit = rule.threshold * (weights @ L)
+            out[:, start : start + HOURS] = contrast_sums(L, tiles, frames, limit, rule.peak)
+        least = np.full((len(self.views), len(times)), rule.threshold)
+        if rule.threshold <= LARGEST_FACTOR:
+            least[:] = 0  # a sun is brighter than any multiple of a mean
+        out += self._of_suns(frames, times, least)
+        return out, out + self._sharp(frames, times)
+
+    def _of_suns(self, frames: np.ndarray, times: np.ndarray, least: np.ndarray) -> np.ndarray:
+        """Σ L² ω / P² of the suns' disks, shape (view, time)."""
+        known, images = self.known, self.known.seen.images
+        by_sun = np.zeros((len(frames), int(known.sun_index.max(initial=-1)) + 1))
+        index = known.sun_index[times]
+        L = np.zeros(by_sun.shape[1])
+        L[index[index >= 0]] = known.sun[times][index >= 0]
+        shown = L[images.sun] * images.transmittance
+        local = np.einsum("mi,vki->vmk", images.direction, frames)
+        parts = shown**2 * images.solid_angle / position_index(local) ** 2
+        parts *= (local[..., 2] > 0) & (shown > least.max(initial=0))
+        for row, values in zip(by_sun, parts, strict=True):
+            row += np.bincount(images.sun, values, len(row))
+        return np.where(index >= 0, by_sun[:, index], 0) if by_sun.size else np.zeros_like(least)
+
+    def _sharp(self, frames: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """What Σ L² ω / P² grows by where peaks of films are as narrow as a sun, (view, time)."""
+        known, seen = self.known, self.known.seen
+        index = known.sun_index[times]
+        if not len(seen.films) or not seen.glow.suns.size:
+            return np.zeros((len(frames), len(times)))
+        local = np.einsum("pi,vki->vpk", seen.directions[seen.films], frames)
+        weight = seen.tiles.solid_angle[seen.films] / position_index(local) ** 2
+        weight *= local[..., 2] > 0
+        narrow = np.maximum(seen.glow.sharpness - 1, 0)
+        by_sun = weight @ (seen.glow.suns.astype(float) ** 2 * narrow)
+        return np.where(index >= 0, by_sun[:, index] * known.sun[times] ** 2, 0)
+
+
+def _weights(shown: Seen, frames: np.ndarray) -> np.ndarray:
+    """Share of each pixel in the mean luminance of each view, shape (view, pixel)."""
+    ahead = frames[:, 2] @ shown.directions.T > 0
+    omega = ahead * shown.tiles.solid_angle
+    return np.asarray(omega / omega.sum(axis=1, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
+class StateOfYear:
+    """One state of the façade: illuminance at the eyes, and what is seen from each place."""
+
+    illuminance: np.ndarray
+    """E_v by each replicate [lx], shape (replicate, time, view)."""
+    places: list[Place]
+
+    def sums(self, eyes: Eyes, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`Place.sums` of all views, shape (time, view) each."""
+        out = np.zeros((2, len(times), len(eyes)))
+        for place in self.places:
+            for target, values in zip(out, place.sums(eyes, rule, times), strict=True):
+                target[:, place.views] = values.T
+        return out[0], out[1]
+
+
+def state_of_year(
+    case: Case, state: State, light: Daylight, looking: Eyes, run: Run
+) -> StateOfYear:
+    """Simulate one state of the façade.
+
+    Parameters
+    ----------
+    case : Case
+    state : str
+    light : Daylight
+    looking : Eyes
+    run : Run
+
+    Returns
+    -------
+    StateOfYear
+    """
+    effects, sky = run.enabled_effects, light.sky
+    latitude = sky.attrs["latitude"]
+    shining = np.flatnonzero(sky["sun"].values > 0)
+    sun_index = np.full(sky.sizes["time"], -1)
+    sun_index[shining] = np.arange(len(shining))
+    suns = sky["sun_direction"].values[shining]
+    channels = scene.channels_of(case, effects)
+    world = scene.load(case, state, -1, effects)
+    groups = looking.by_place()
+    with run.timed(f"what is seen, {state}") as done:
+        every = []
+        for i, views in enumerate(groups):
+            shown = seen(
+                world, channels, looking.points[views[0]], looking.forward[views], suns,
+                case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
+            )  # fmt: skip
+            every.append(shown)
+            done((i + 1) / len(groups))
+        run.ray_counter.update(world.ray_counter.counted())
+    with run.timed(f"illuminance at the eyes, {state}") as done:
+        C = of_points(
+            case, state, light.suns, latitude, looking.points, looking.forward, run=run,
+            progress=done,
+        )  # fmt: skip
+        E = accumulate.replicates(C.map(luminance), sky, np.arange(len(looking)))
+    places = []
+    with run.timed(f"luminance of surfaces, {state}") as done:
+        for i, (views, shown) in enumerate(zip(groups, every, strict=True)):
+            L = _of_surfaces(case, state, light, shown, run)
+            known = Luminances(shown, sky["sky"].values, sky["sun"].values, sun_index, L)
+            places.append(Place(views, known, looking.forward[views]))
+            done((i + 1) / len(groups))
+    return StateOfYear(E, places)
+
+
+def _of_surfaces(case: Case, state: State, light: Daylight, shown: Seen, run: Run) -> np.ndarray:
+    """Luminance of the surfaces of a place [cd/m²], (time, point)."""
+    points = shown.surfaces.points
+    if not len(points):
+        return np.zeros((light.sky.sizes["time"], 0), np.float32)
+    C = of_points(
+        case, state, light.suns, light.sky.attrs["latitude"], points, shown.surfaces.normals,
+        run=run,
+    )  # fmt: skip
+    average = C["replicates"].mean("replicate").expand_dims("replicate")
+    mean = C.drop_vars("replicates").assign(replicates=average)
+    every = np.arange(len(points))
+    if "channel" not in mean.dims:
+        E = xr.DataArray(accumulate.replicates(mean, light.sky, every)[0], dims=("time", "sensor"))
+        return surface_luminances(shown.surfaces, E)
+    by_channel = [
+        accumulate.replicates(mean.isel(channel=i), light.sky, every)[0]
+        for i in range(mean.sizes["channel"])
+    ]
+    E = xr.DataArray(np.stack(by_channel), dims=("channel", "time", "sensor"))
+    return surface_luminances(shown.surfaces, E)

@@ -1,0 +1,185 @@
+r"""A year of glare: DGP of every view at every time stamp, without pictures.
+
+With the vertical illuminance E_v at the eye from the coefficients C, and the luminance L_s, solid
+angle ω_s and position index P_s of the glare sources [1]_,
+
+.. math:: DGP = c_1 E_v + c_2 \log_{10}(1 + \sum_s L_s^2 ω_s / (E_v^{1.87} P_s^2)) + c_3 .
+
+The rays of an eye are traced once for each state of the façade. What a ray sees through panes has
+the luminance of the sky's patch there, a film that of its BSDF, a surface that of its illuminance.
+The suns' disks are sources of their own. The replicates of C give E_v, and with it DGP, an error.
+
+References
+----------
+.. [1] J. Wienold, J. Christoffersen, "Evaluation methods and development of a new glare prediction
+   model for daylight environments with the use of CCD cameras", Energy and Buildings 38(7), 2006.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from drcmitsuba.annual.attributes import attributes
+from drcmitsuba.annual.attributes import settings as settings_of_case
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulation import transport
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN, VARYING, State
+from drcmitsuba.case.reading import load_case
+from drcmitsuba.glare_year.eyes import Eyes, eyes
+from drcmitsuba.glare_year.result import APPLIED, GlareYear
+from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.glare_year.state import StateOfYear, state_of_year
+from drcmitsuba.metrics import illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.plan import plan
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.scene.geometry import origin
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.sky.daylight import Daylight, daylight
+
+MOST_STATES = 12
+"""Largest number of states of the façade."""
+
+
+def glare(
+    case: Case | str | Path, points: ArrayLike | None = None, *, rule: Rule | None = None,
+    stage: Stage = silent,
+) -> GlareYear:  # fmt: skip
+    """Evaluate the glare of every view of a case at every time stamp of its period.
+
+    Parameters
+    ----------
+    case : Case, str or Path
+        Case, TOML file, or name of a shipped case. Its period are the occupied hours.
+    points : array_like, shape (point, 3), optional
+        Places of eyes in the coordinates of the case file [m], from each of which eight views look
+        round; by default the views of the case.
+    rule : Rule, optional
+        Threshold of glare sources, constants of DGP; by default those of `evalglare`.
+    stage : callable, optional
+        Function that shows the stages of the work.
+
+    Returns
+    -------
+    GlareYear
+        DGP by state of the façade, time stamp and view. States are all groups of panes open, all
+        in their next state, and so on; with a shade the last one is `applied`, in which each time
+        stamp has the state that the shade takes.
+
+    Raises
+    ------
+    InputError
+        There is no view, a view lies in a solid or outside the room, or the case is unfit.
+    BackendError
+        No fit LLVM or GPU.
+
+    Notes
+    -----
+    The interval of DGP holds the noise of E_v. Luminances of what is seen have no error of their
+    own: they count by the size of the pixels, `pixels.SIDE`.
+    """
+    if not isinstance(case, Case):
+        case = load_case(case)
+    backend.select()
+    run, rule = replace(Run.of(case), stage=stage), Rule() if rule is None else rule
+    looking = eyes(case, points)
+    with run.timed("sky"):
+        light = daylight(case)
+        planned = plan(case, light)
+    run = replace(run, enabled_effects=planned.scope)
+    effects = planned.scope
+    simulated = case if effects.shade else case.with_tables(shading=None, groups={})
+    taken, notes = _taken(simulated, light, run)
+    states = list(dict.fromkeys((*_states_of(simulated), *(() if taken is None else taken.states))))
+    years, sums = list[StateOfYear](), list[tuple[np.ndarray, np.ndarray]]()
+    times = np.arange(light.sky.sizes["time"])
+    for state in states:
+        year = state_of_year(simulated, state, light, looking, run)
+        with run.timed(f"glare sources, {state}"):
+            sums.append(year.sums(looking, rule, times))
+        years.append(StateOfYear(year.illuminance, []))
+    E = np.stack([year.illuminance for year in years], axis=1)
+    S, sharp = (np.stack(values) for values in zip(*sums, strict=True))
+    if taken is not None:
+        states.append(APPLIED)
+        at = np.array([states.index(state) for state in taken.states])[taken.index]
+        E = np.concatenate([E, E[:, at, times][:, None]], axis=1)
+        S, sharp = (np.concatenate([v, v[at, times][None]]) for v in (S, sharp))
+    settings = {
+        **settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed,
+        "notes": [*light.notes, *planned.notes(), *notes],
+    }  # fmt: skip
+    hours, replicates = _rated(case, light, looking, states, E, S, sharp, rule)
+    return GlareYear(case, hours, replicates, settings, dict(run.seconds))
+
+
+def _states_of(case: Case) -> tuple[State, ...]:
+    """States in which glare is computed: all groups open, all in their next state, and so on."""
+    if case.shading is None and not case.groups:
+        return (OPEN,)
+    groups = PaneGroups.of(case).states
+    last = np.array(groups.last)
+    each = [groups.label(np.minimum(k, last).tolist()) for k in range(last.max(initial=0) + 1)]
+    if len(each) > MOST_STATES:
+        got = f"{len(each)} states of a group"
+        raise InputError(case.source, "groups", got, f"glare is computed for {MOST_STATES}")
+    return tuple(dict.fromkeys(each))
+
+
+def _taken(case: Case, light: Daylight, run: Run) -> tuple[FacadeStates | None, tuple[str, ...]]:
+    """State that the shade takes at each time stamp; None without a shade, or with a note."""
+    marked = attributes(case, light, run.enabled_effects)
+    if not marked["has_shade"]:
+        return None, ()
+    # The shade closes by direct sun: nothing else is simulated.
+    only_sun = replace(run.enabled_effects, sky=False, ground=False, depth=0, solved_cells=False)
+    with run.timed("sun on the sensors") as done:
+        C = transport(
+            case, OPEN, light.suns, light.sky.attrs["latitude"], progress=done,
+            run=replace(run, enabled_effects=only_sun),
+        )  # fmt: skip
+    direct = illuminance.direct_sun(Coefficients(C.assign_attrs(marked)), light.sky)
+    taken = FacadeStates.of(marked, direct)
+    if VARYING in taken.states or len(taken.states) > MOST_STATES:
+        note = "glare with the shade applied is left out: its groups take too many states"
+        return None, (note,)
+    return taken, ()
+
+
+def _rated(
+    case: Case, light: Daylight, looking: Eyes, states: list[State], E: np.ndarray, S: np.ndarray,
+    sharp: np.ndarray, rule: Rule,
+) -> tuple[xr.Dataset, np.ndarray]:  # fmt: skip
+    """DGP and what it follows from, and DGP by each replicate."""
+    dims = ("state", "time", "view")
+    mean, error = mean_and_error(E)
+    replicates = rule.dgp(E, S).astype(np.float32)
+    values: dict[str, Any] = {
+        "dgp": rule.dgp(mean, S), "dgp_se": mean_and_error(replicates)[1],
+        "illuminance": mean, "illuminance_se": error,
+        "contrast": np.log10(1 + S / np.maximum(mean, 1e-9) ** 1.87),
+    }  # fmt: skip
+    if (sharp > S).any():
+        values["dgp_sharp"] = rule.dgp(mean, sharp)
+    places = looking.points + origin(case)
+    coords: dict[str, Any] = {
+        "state": np.array(states, object), "time": light.sky["time"].values,
+        "clock": ("time", light.sky["clock"].values), "view": np.array(looking.names, object),
+    }  # fmt: skip
+    for axes, columns in (("xyz", places), (("dx", "dy", "dz"), looking.forward)):
+        coords |= {axis: ("view", columns[:, k]) for k, axis in enumerate(axes)}
+    data = {name: (dims, v.astype(np.float32)) for name, v in values.items()}
+    hours = describe(xr.Dataset(data, coords))
+    hours.attrs = {"case": case.name, "step_hours": light.step_hours, "weather": light.source}
+    return hours, replicates

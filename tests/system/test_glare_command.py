@@ -1,0 +1,111 @@
+"""`drcmitsuba glare` as a user runs it: its tables, files and refusals."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import drcmitsuba
+from drcmitsuba import load_case
+from tests.unit.glare_year.glare_room import TIMES, case_in
+
+SHADE = """
+[materials.shade]
+type = "diffuser"
+transmittance = 0.1
+[shading]
+material = "shade"
+"""
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return case_in(tmp_path_factory.mktemp("office"), more=SHADE, times=("01-20T01:00", *TIMES))
+
+
+@pytest.fixture(scope="module")
+def year(case):
+    return drcmitsuba.glare(case)
+
+
+def test_every_state_has_the_dgp_of_every_view_and_time_stamp(year):
+    assert year.states == ("open", "shaded", "applied")
+    assert year.views == ("window", "side", "door")
+    assert year.hours["dgp"].dims == ("state", "time", "view")
+    assert ((year.hours["dgp"] >= 0.159) & (year.hours["dgp"] <= 1)).all()
+    window = year.hours.sel(view="window")
+    assert (window["illuminance"].sel(state="shaded") <= window["illuminance"][0]).all()
+    assert year.worst("open") in ("window", "side")
+
+
+def test_nights_have_the_constant_of_dgp_alone(year):
+    night = year.hours.isel(time=0).sel(state="open")
+    assert (night["illuminance"] == 0).all()
+    np.testing.assert_allclose(night["dgp"], 0.159, atol=1e-6)
+
+
+def test_the_shade_takes_the_states_that_an_evaluation_gives_it(case, year):
+    closed = drcmitsuba.evaluate(case).illuminance["shade_closed"].values
+    assert closed.any()
+    assert not closed.all()
+    dgp = year.hours["dgp"]
+    expected = xr.where(xr.DataArray(closed, dims="time"), dgp[1], dgp[0])
+    np.testing.assert_array_equal(dgp.sel(state="applied").values, expected.values)
+
+
+def test_shares_and_classes_are_countable(year):
+    dgp = year.hours["dgp"].sel(state="open", view="window").values
+    row = year.numbers()["DGP"]["open"]["window"]
+    assert row["above"]["0.40"]["value"] == pytest.approx(100 * (dgp > 0.4).sum() / 7)
+    assert row["above"]["0.40"]["low"] <= row["above"]["0.40"]["value"]
+    assert row["class"] == ("none" if (dgp > 0.45).any() else "minimum")
+    assert sum(row["probability"].values()) == pytest.approx(1)
+    with pytest.raises(drcmitsuba.InputError, match="limit: 2"):
+        year.share(2)
+
+
+def test_the_command_writes_tables_files_and_plots(run, tmp_path):
+    case = case_in(tmp_path)
+    code, out, _ = run("glare", case.source, "-o", tmp_path / "glare", "--around", "2 3 1.2")
+    assert code == 0
+    assert "above 0.40" in out
+    assert "SW" in out
+    names = {"glare.nc", "glare.json", "glare_year.png", "glare_plan.png"}
+    assert {file.name for file in (tmp_path / "glare").iterdir()} == names
+    numbers = json.loads((tmp_path / "glare" / "glare.json").read_text())
+    assert list(numbers["DGP"]["open"]) == ["N", "NE", "E", "SE", "S", "SW", "W", "NW"]
+    with xr.open_dataset(tmp_path / "glare" / "glare.nc") as saved:
+        assert saved["dgp"].sizes == {"state": 1, "time": 6, "view": 8}
+        assert saved["illuminance"].attrs["units"] == "lx"
+
+
+def test_a_year_of_glare_shows_itself(year):
+    html = year._repr_html_()
+    assert "EN 17037" in html
+    assert "data:image/png" in html
+    assert repr(year).startswith("<GlareYear of 'office': 3 views × 7 time stamps")
+    with pytest.raises(drcmitsuba.InputError, match="choose one of window, side, door"):
+        year.year_plot("none")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--around", "2 3"], "command line: --around: '2 3'; give x,y,z"),
+        (["--around", "2 7 1.2"], "views: view 'point 1' at (2, 7, 1.2) lies in, on or beyond"),
+        (["--around", "nan 1 1"], "points"),
+        (["--threshold", "-1"], "threshold: -1"),
+    ],
+)
+def test_unfit_arguments_are_refused_in_one_line(arguments, complaint, refused, case):
+    assert complaint in refused("glare", case.source, *arguments)
+
+
+def test_a_case_without_views_is_refused(refused, case, tmp_path):
+    text = (case._folder / "office.toml").read_text()
+    kept = [part for part in text.split("\n[") if not part.startswith("views")]
+    (tmp_path / "times.csv").write_text((case._folder / "times.csv").read_text())
+    (tmp_path / "blind.toml").write_text("\n[".join(kept))
+    assert load_case(tmp_path / "blind.toml").views == {}
+    assert "views: no view; add a table" in refused("glare", tmp_path / "blind.toml")
