@@ -76,7 +76,7 @@ DIMS: dict[str, tuple[str, ...]] = {
 """Dims of the arrays on disk; `channel` comes first where there is one."""
 
 TEXTS, DATES = ("state", "bin", "sun_bin", "blend_bin", "grid"), ("time", "clock")
-LARGEST = {"L": 1e13, "sun": 1e13, "total": 1e17, "direct_sun": 1e17}
+LARGEST = {"L": 1e13, "sun": 1e13, "total": 1e17, "direct_sun": 1e17, "exposure": 1e21}
 """Larger values mark damage: no sun (of 0.01°) is as bright [cd/m²] or gives as much E [lx]."""
 LARGEST_OTHER = 1e6
 

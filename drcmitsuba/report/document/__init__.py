@@ -8,6 +8,8 @@ tables, verdicts, record
     Tables: what was asked, metrics, months, spaces; verdicts on standards; plan and versions.
 charts
     The months as shapes of SVG.
+stored_lights, stored_pictures
+    What other commands add to a folder: who lights its points; glare and pictures.
 plans, hours
     Points, counts and hourly illuminances for the page's script.
 packing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ from drcmitsuba import standards
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import with_files
 from drcmitsuba.metrics.evaluate_metrics import settings_of
+from drcmitsuba.report.document.stored_lights import stored_lights
+from drcmitsuba.report.document.stored_pictures import Glare, stored_glare
 from drcmitsuba.report.metrics_file import read_numbers
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -47,6 +49,12 @@ class Facade:
     """Digest of the inputs; empty where C is missing."""
     notes: tuple[str, ...] = ()
     """Remarks on what the report cannot show."""
+    folder: Path | None = None
+    """Folder in which pictures may stand."""
+    lights: xr.Dataset | None = None
+    """Light of some points by where it comes from."""
+    glare: Glare | None = None
+    """Glare of views, by state of the façade."""
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -61,6 +69,8 @@ class Facade:
     @classmethod
     def of_folder(cls, folder: str | Path) -> Callable[[], Facade]:
         """Read the files of `evaluate -o FOLDER`; C, L and the plan may be missing.
+
+        So may `lights.nc` and `glare.json`, which other commands add.
 
         Returns
         -------
@@ -90,7 +100,11 @@ class Facade:
             except InputError:  # its text may quote a file that is not for the report's readers
                 notes = ("the plans have no rooms, since the model's files cannot be read here",)
         plan = _plan(folder / "plan.json")
-        return lambda: cls._judged(case, evidence, numbers, plan, notes)
+        lights, glare = stored_lights(folder, evidence.illuminance), stored_glare(folder)
+        return lambda: replace(
+            cls._judged(case, evidence, numbers, plan, notes),
+            folder=folder, lights=lights, glare=glare,
+        )  # fmt: skip
 
     @classmethod
     def of_result(cls, result: Evaluated, numbers: dict[str, Any], plan: dict[str, Any]) -> Facade:

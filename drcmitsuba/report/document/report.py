@@ -18,11 +18,12 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from drcmitsuba.report.document import charts, record, tables, verdicts
+from drcmitsuba.report.document import charts, record, stored_lights, tables, verdicts
 from drcmitsuba.report.document.facade import Facade
 from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
+from drcmitsuba.report.document.stored_pictures import Picture, glare_table, pictures
 from drcmitsuba.report.document.table import Number, Table, text
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
@@ -31,6 +32,10 @@ MOST_FACADES = 12
 """Largest number of façades of a report."""
 LARGEST_PAGE = 2_000_000
 """Largest size of a page [bytes]."""
+MOST_OF_PICTURES = 0.25
+"""Largest share of a page that pictures take [–]."""
+MOST_DOMES = 24
+"""Largest number of points whose sky domes are drawn."""
 MARGIN = 20_000
 """Part of it that is left free: characters of more than one byte, braces and keys [bytes]."""
 MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
@@ -116,6 +121,12 @@ class Report:
             "groups": known(tables.groups(*each) for each in self._each),
             "verdicts": verdicts.overview(self.facades, self.names),
             "judgements": [verdicts.judgements(*each) for each in self._each],
+            "lights": [
+                stored_lights.table(f.lights, name)
+                for f, name in self._each
+                if f.lights is not None
+            ],
+            "glare": [glare_table(f.glare, name) for f, name in self._each if f.glare],
             "plan": known(record.plan(*each) for each in self._each),
             "versions": record.versions(self.facades, self.names),
             "notes": [(name, record.notes(facade)) for facade, name in self._each],
@@ -130,7 +141,7 @@ class Report:
         facades = [
             {
                 "name": name, "count": facade.illuminance.sizes["sensor"],
-                **plans(facade, points, corners),
+                **plans(facade, points, corners), "lights": self._domes(facade),
             }
             for (facade, name), points in zip(self._each, shown, strict=True)
         ]  # fmt: skip
@@ -138,6 +149,7 @@ class Report:
         content = {
             **self._content, "style": style, "script": script,
             "style_digest": _digest(style), "script_digest": _digest(script),
+            "pictures": self._pictures(),
         }  # fmt: skip
         drawn = {"labels": labels(), "facades": facades}
         size = len(page.render(content, drawn=drawn).encode()) + MARGIN
@@ -149,6 +161,17 @@ class Report:
             ):
                 facade["hours"] = hours
         return page.render(content, drawn=drawn)
+
+    def _domes(self, facade: Facade) -> dict[str, Any] | None:
+        if facade.lights is None:
+            return None
+        return stored_lights.domes(facade.lights, MOST_DOMES // len(self.facades))
+
+    def _pictures(self) -> list[tuple[str, list[Picture]]]:
+        """Pictures of every façade that has some, by its name."""
+        most = int(MOST_OF_PICTURES * LARGEST_PAGE) // len(self.facades)
+        every = [(name, pictures(f.folder, most)) for f, name in self._each if f.folder is not None]
+        return [(name, some) for name, some in every if some]
 
     def markdown(self) -> str:
         """Tables of the report as Markdown."""

@@ -259,6 +259,77 @@
     }
   }
 
+  class Domes { // canvas with the sky as a traced point sees it, by window
+    constructor(canvas, facade) {
+      Object.assign(this, { canvas, facade });
+      this.patches = [];
+      facade.lights.rows.forEach((count, row) => {
+        const high = count === 1 ? Math.PI / 2 : (row + 1) * facade.lights.height, width = (2 * Math.PI) / count;
+        for (let k = 0; k < count; k++)
+          this.patches.push([row * facade.lights.height, high, (k - 0.5) * width, (k + 0.5) * width]);
+      });
+    }
+    of(point) { // the traced point nearest to one of the plan
+      const f = this.facade, away = (other) => Math.hypot(
+        f.lights.x[other] - f.x[point], f.lights.y[other] - f.y[point]) / 1000;
+      const every = f.lights.points.map((_, i) => i);
+      const best = every.reduce((a, b) => (away(b) < away(a) ? b : a));
+      return [f.lights.points[best], away(best)];
+    }
+    draw(point) {
+      const g = this.canvas.getContext("2d"), { lights } = this.facade, [traced, away] = this.of(point);
+      g.fillStyle = "#fff";
+      g.fillRect(0, 0, this.canvas.width, this.canvas.height);
+      const bins = lights.count + lights.suns.length / 2;
+      traced.windows.forEach((window, column) => {
+        for (const row of [0, 1])
+          this.dome(g, 125 + 245 * column, 140 + 255 * row, 105, window.levels.slice(row * bins, (row + 1) * bins));
+        g.fillStyle = INK;
+        g.font = "17px sans-serif";
+        g.textAlign = "center";
+        [t.js_light_straight, t.js_light_reflected].forEach((word, row) =>
+          g.fillText(`${window.name.slice(0, 18)}, ${word}`, 125 + 245 * column, 22 + 255 * row));
+      });
+      const parts = traced.windows.map((window) => filled(t.js_light_part, { window: window.name, share: window.share }));
+      const words = filled(t.js_light, { number: traced.sensor, away: away.toFixed(2), parts: parts.join("; ") });
+      $(`dome-map-text-${this.facade.index}`).textContent = words;
+      this.canvas.setAttribute("aria-label", `${filled(t.light_of, { facade: this.facade.name })}: ${words}`);
+    }
+    dome(g, x, y, radius, levels) {
+      const arc = (away, first, last, back) =>
+        g.arc(x, y, away * radius, first - Math.PI / 2, last - Math.PI / 2, back);
+      const fill = (level) => {
+        g.fillStyle = g.strokeStyle = colour(level / 255);
+        g.fill();
+        g.stroke();
+      };
+      g.lineWidth = 0.6;
+      g.beginPath();
+      arc(1.1, 0, 2 * Math.PI);
+      fill(levels[0]);
+      this.patches.forEach(([low, high, first, last], i) => {
+        const outer = 1 - low / (Math.PI / 2), inner = Math.max(1 - high / (Math.PI / 2), 0);
+        g.beginPath();
+        arc(outer, first, last);
+        arc(inner, last, first, true);
+        g.closePath();
+        fill(levels[i + 1]);
+      });
+      const { suns, count } = this.facade.lights, half = suns.length / 2;
+      for (let k = 0; k < half; k++) {
+        const level = levels[count + k];
+        g.fillStyle = level ? colour(level / 255) : "#5a5a5a";
+        const size = level ? 3 : 1;
+        g.fillRect(x + (radius * suns[k]) / 1000 - size / 2, y - (radius * suns[half + k]) / 1000 - size / 2, size, size);
+      }
+      g.strokeStyle = "#fff";
+      g.lineWidth = 1;
+      g.beginPath();
+      arc(1, 0, 2 * Math.PI);
+      g.stroke();
+    }
+  }
+
   if (typeof DecompressionStream === "undefined") {
     $("old").textContent = t.js_old;
     return;
@@ -278,6 +349,18 @@
   const hourMaps = timed.map((f) => new Plan($(`hour-map-${f.index}`), f));
   const days = timed.map((f) => new Year($(`day-map-${f.index}`), f));
   const years = timed.map((f) => new Year($(`point-map-${f.index}`), f));
+
+  const domes = all.filter((f) => f.lights?.points.length).map((f) => new Domes($(`dome-map-${f.index}`), f));
+  const traced = $("traced");
+  for (const { facade } of domes.slice(0, 1)) {
+    facade.lights.points.forEach((point, i) => traced.add(new Option(
+      filled(t.light_at, { number: point.sensor, x: facade.lights.x[i] / 1000, y: facade.lights.y[i] / 1000 }), i)));
+    traced.addEventListener("change", () => {
+      const at = +traced.value, shown = Array.from(facade.x.keys());
+      const away = shown.map((i) => Math.hypot(facade.x[i] - facade.lights.x[at], facade.y[i] - facade.lights.y[at]));
+      choose(facade, away.indexOf(away.reduce((a, b) => Math.min(a, b), Infinity)), true);
+    });
+  }
 
   const percent = (part, whole) => (100 * part) / whole;
   const QUANTITIES = {
@@ -368,6 +451,11 @@
       map.draw((h) => f.light(h, i), LUX, filled(t.point_of, { facade: f.name }));
     }
     drawScale($("point-map-scale"), LUX, t.point);
+    for (const dome of domes) dome.draw(chosen[dome.facade.index]);
+    if (domes.length) {
+      const first = domes[0].facade, [point] = domes[0].of(chosen[first.index]);
+      traced.value = first.lights.points.indexOf(point);
+    }
     for (const f of all) $(`point-map-text-${f.index}`).textContent = pointText(f);
   }
 

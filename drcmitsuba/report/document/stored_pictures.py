@@ -1,0 +1,135 @@
+"""Pictures and glare that stand beside an evaluation in its folder."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import warnings
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, Field, ValidationError
+
+from drcmitsuba.metrics import Interval
+from drcmitsuba.report.document.labels import labels
+from drcmitsuba.report.document.table import Cell, Table, interval, plain, share, text
+from drcmitsuba.runtime.errors import InputError
+
+OWN = ("monthly.png", "[!g]*_plan.png", "lights_*.png", ".*")
+"""Pictures that the page draws itself from numbers."""
+MOST_PICTURES = 6
+"""Largest number of pictures of a façade."""
+MOST_VIEWS = 40
+"""Largest number of views in the table of glare."""
+LARGEST_FILE = 1 << 25
+"""Largest file of a picture, or of glare, that is read [bytes]."""
+WIDTH = 720
+"""Largest width and height of a picture in the page [pixel]."""
+MOST_PIXELS = 1 << 26
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Picture of a page."""
+
+    name: str
+    address: str
+    """Content as a `data:` address."""
+
+
+def pictures(folder: Path, most: int) -> list[Picture]:
+    """Pictures (PNG) of a folder, made small; together at most so many characters.
+
+    Files that are no picture are left out.
+    """
+    out = []
+    for path in sorted(folder.glob("*.png")):
+        if any(fnmatch(path.name, pattern) for pattern in OWN):
+            continue
+        address = _small(path)
+        if address is None or len(address) > most:
+            continue
+        most -= len(address)
+        out.append(Picture(text(path.stem), address))
+        if len(out) == MOST_PICTURES:
+            break
+    return out
+
+
+def _small(path: Path) -> str | None:
+    """Address of a small copy of a picture; None where it cannot be read."""
+    from PIL import Image
+
+    if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a picture of very many pixels is a warning first
+            with Image.open(path, formats=["PNG"]) as image:
+                if image.width * image.height > MOST_PIXELS:
+                    return None
+                small = image.convert("RGB")
+    except Exception:
+        return None
+    small.thumbnail((WIDTH, WIDTH))
+    buffer = io.BytesIO()
+    small.save(buffer, "JPEG", quality=82, optimize=True)
+    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+class _View(BaseModel):
+    """Glare of a view in `glare.json`."""
+
+    above: Annotated[dict[str, Interval], Field(max_length=8)]
+    rating: Annotated[str, Field(alias="class", max_length=100)]
+    probability: Annotated[dict[str, float], Field(max_length=8)]
+
+
+class _Glare(BaseModel):
+    """Content of `glare.json`, as far as the report shows it."""
+
+    DGP: dict[str, dict[str, _View]]
+
+
+Glare = dict[str, dict[str, _View]]
+
+
+def stored_glare(folder: Path) -> Glare | None:
+    """Read `glare.json` of a folder: views by state; None where there is none.
+
+    Raises
+    ------
+    InputError
+        It is damaged.
+    """
+    path = folder / "glare.json"
+    if not path.exists():
+        return None
+    try:
+        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+            raise ValueError("no plain file, or too large a one")
+        return _Glare.model_validate(json.loads(path.read_text(encoding="utf-8"))).DGP
+    except (OSError, ValueError, RecursionError, ValidationError) as error:
+        got = str(error).splitlines()[0][:120]
+        raise InputError(path, "glare", got, "run drcmitsuba glare again") from None
+
+
+def glare_table(glare: Glare, name: str) -> Table:
+    """Table of the hours with glare of every view, by state of the façade."""
+    t, rows = labels(), []
+    every = [view for views in glare.values() for view in views.values()]
+    limits = list(dict.fromkeys(limit for view in every for limit in view.above))
+    for state, views in glare.items():
+        for view, of in views.items():
+            hours: list[Cell] = [
+                interval(of.above[k].to_dict() if k in of.above else None) for k in limits
+            ]
+            chance = of.probability.get(of.rating)
+            rows.append((plain(view), plain(state), *hours, plain(of.rating), (share(chance),)))
+    head = [t["view"], t["state"], *(t["glare_above"].format(limit=text(k)) for k in limits)]
+    head += [t["glare_class"], t["probability"]]
+    note = t["more_views"].format(count=len(rows) - MOST_VIEWS) if len(rows) > MOST_VIEWS else ""
+    return Table(name, tuple(head), tuple(rows[:MOST_VIEWS]), note)

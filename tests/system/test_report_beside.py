@@ -1,0 +1,127 @@
+"""The report with what stands beside an evaluation: who lights points, glare, pictures."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+from PIL import Image
+
+import drcmitsuba
+from drcmitsuba.report.document import Report
+from tests import browser
+from tests.system.small_room import CASE
+from tests.system.stored_lights import EXPOSURE, write_lights
+
+GLARE = {
+    "DGP": {
+        "open": {
+            "<i>desk": {
+                "above": {"0.35": {"value": 7.5, "low": 6.0, "high": 9.0}},
+                "class": "medium",
+                "probability": {"high": 0.0, "medium": 0.93, "none": 0.07},
+            }
+        }
+    }
+}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Results of a small room, with lights, glare and pictures."""
+    folder = tmp_path_factory.mktemp("beside")
+    (folder / "case.toml").write_text(CASE.replace("[3, 6]", "[3]\nhours = [11, 13]"))
+    drcmitsuba.evaluate(folder / "case.toml").save(folder / "r")
+    write_lights(folder / "r")
+    (folder / "r" / "glare.json").write_text(json.dumps(GLARE))
+    noise = np.random.default_rng(1).integers(0, 255, (1500, 2000, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(folder / "r" / "desk 03-21.png")
+    (folder / "r" / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\nno picture")
+    return folder / "r"
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    Report.of_folders([results]).save(results.parent / "report.html")
+    return results.parent / "report.html"
+
+
+@pytest.fixture
+def copied(results, tmp_path):
+    return shutil.copytree(results, tmp_path / "copied")
+
+
+def test_the_page_holds_them_as_text_and_small_pictures(page):
+    text = page.read_text("utf-8")
+    assert len(text.encode()) < 2_000_000
+    assert text.count("<img ") == 1
+    assert "desk 03-21" in text
+    assert "broken" not in text
+    assert "img-src data:" in text
+    assert "&lt;i&gt;desk" in text
+    assert "<i>desk" not in text
+    assert "hours with DGP above 0.35" in text
+    assert "film &lt;b&gt;" in text
+    assert "93.0 %" in text
+
+
+def test_markdown_has_them_too(results):
+    text = Report.of_folders([results]).markdown()
+    assert "Who lights this point?" in text
+    assert "\\<i\\>desk" in text
+
+
+def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_factory):
+    if browser.CHROMIUM is None:
+        pytest.skip("no Chromium")
+    with browser.page(tmp_path_factory.mktemp("profile")) as opened:
+        opened.open(page)
+        options = opened("[...document.getElementById('traced').options].map((o) => o.textContent)")
+        assert options[0].startswith("point 0 at (")
+        assert options[1].startswith("point 12 at (")
+        opened("document.getElementById('traced').value = '0'")
+        opened("document.getElementById('traced').dispatchEvent(new Event('change'))")
+        opened("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        told = opened("document.getElementById('dome-map-text-0').textContent")
+        whole = sum(map(sum, EXPOSURE.values()))
+        assert told.startswith("traced point 0, 0.00 m from the chosen one")
+        for window, light in EXPOSURE.items():
+            assert f"{window} {100 * sum(light) / whole:.1f}".removesuffix(".0") in told
+        shown = opened("document.getElementById('dome-map-0').toDataURL().length")
+        assert shown > 10_000
+        cells = opened("[...document.querySelectorAll('#light data')].map((e) => +e.value)")
+        sun, sky, ground = (EXPOSURE["glass (south)"][i] for i in (2, 1, 0))
+        shares = [sun / 4, 3 * sun / 4, sky / 4, 3 * sky / 4, ground, sun + sky + ground]
+        assert cells[:6] == pytest.approx([100 * part / whole for part in shares])
+        assert opened.complaints == []
+        assert [u for u in opened.requests if not u.startswith(("file:", "data:"))] == []
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d.assign_attrs(settings="other"),
+        lambda d: d.assign_attrs(subdivision=9),
+        lambda d: d.assign_attrs(by_evaluation="yes"),
+        lambda d: d.assign_coords(sensor=[0, 999]),
+        lambda d: d.assign_coords(source=["a", "b", "c"]),
+        lambda d: d.assign(by_window=d["by_window"] * np.nan),
+        lambda d: d.assign(solid_angle=d["solid_angle"] * 0),
+        lambda d: d.isel(bin=slice(0, 9)),
+        lambda d: d.isel(sensor=[0] * 25),
+        lambda d: d.drop_vars("exposure"),
+        lambda d: d.assign(exposure=d["exposure"].sum("source")),
+    ],
+)
+def test_damaged_lights_are_refused_in_one_line(copied, refused, change):
+    with xr.open_dataset(copied / "lights.nc", engine="h5netcdf") as data:
+        made = change(data.load())
+    made.to_netcdf(copied / "lights.nc", engine="h5netcdf")
+    assert "lights.nc" in refused("report", copied)
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"DGP": {"open": {"a": {"above": 1}}}}', "[" * 99_999])
+def test_damaged_glare_is_refused_in_one_line(copied, refused, text):
+    (copied / "glare.json").write_text(text)
+    assert "glare.json: glare:" in refused("report", copied)
