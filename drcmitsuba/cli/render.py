@@ -7,6 +7,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import show_notes, stages
 from drcmitsuba.runtime.errors import InputError
@@ -42,6 +44,9 @@ def render(
     times: Annotated[
         Path | None, option("FILE", "CSV with a column `time`: one picture for each.")
     ] = None,
+    bins: Annotated[
+        bool, typer.Option("--bins", help="Coefficient pictures of ground and sky patches.")
+    ] = False,
     size: Annotated[str, option("PIXELS", "Columns, or columns x rows.")] = "512",
     tone: Annotated[Tone, option("NAME", "PNG: human, exposure or false (colour).")] = Tone.human,
     pixels: Annotated[Pixels, option("NAME", "EXR: float or half.")] = Pixels.float,
@@ -55,19 +60,29 @@ def render(
     from drcmitsuba.rendering.prepared_view import instant_of
     from drcmitsuba.sky.period import read_timestamps
 
-    if (time is None) == (times is None):
-        got = "neither" if time is None else "both"
-        raise InputError("command line", "--time, --times", got, "give one of them")
-    instants = [instant_of(time)] if time is not None else list(read_timestamps(Path(times or "")))
+    given = [name for name, is_given in (
+        ("--time", time is not None), ("--times", times is not None), ("--bins", bins)
+    ) if is_given]  # fmt: skip
+    if len(given) != 1:
+        got = " and ".join(given) or "none of them"
+        raise InputError("command line", "--time, --times, --bins", got, "give one of them")
+    instants = [] if time is None else [instant_of(time)]
+    if times is not None:
+        instants = list(read_timestamps(times))
     wanted, sampling, notes = _size(size), Sampling(samples=samples), dict[str, None]()
     loaded = load(case, weather)
+    files: list[Path] = []
     with stages() as stage:
-        prepared = prepare(loaded, view, size=wanted, sampling=sampling, state=state, stage=stage)
+        prepared = prepare(
+            loaded, view, size=wanted, sampling=sampling, state=state, folder=output, stage=stage
+        )
         with stage("pictures") as done:
+            if bins:
+                files += prepared.save_bins(output, done)
             for i, instant in enumerate(instants, 1):
                 rendering = prepared.at(instant)
-                files = rendering.save(output, tone.value, pixels.value)
+                files += rendering.save(output, tone.value, pixels.value)
                 notes |= dict.fromkeys(rendering.notes)
                 done(i / len(instants))
     show_notes(notes)
-    print(f"{len(instants)} pictures are in {output}" if times else f"{files[0]}, .hdr, .png")
+    print(f"{len(instants)} pictures are in {output}" if times else "\n".join(map(str, files)))

@@ -137,32 +137,67 @@ class Glow:
         dr.eval(out)
         return out
 
+    def by_bin(self, lit: Deposit) -> mi.TensorXf:
+        """Radiance of all entries per radiance of the sky's bins, shape (entry, bin)."""
+        bins, parts = lit.bins[0], []
+        stride = dr.opaque(mi.UInt32, bins)
+        if self.films is not None:
+            assert lit.on_films is not None
+            entry = dr.arange(mi.UInt32, int(self.first[-1]) * bins)
+            row = dr.gather(mi.UInt32, self._rows_of(self.films.first_sky_rows()), entry // stride)
+            parts.append(
+                dr.gather(mi.Float, lit.on_films.to_sky.array, row * stride + entry % stride)
+            )
+        if self.patches is not None:
+            assert lit.faces is not None
+            through, back = self._optics()
+            entry = dr.arange(mi.UInt32, 2 * len(self.patches) * bins)
+            face, bin_ = entry // stride, entry % stride
+            far, near = (
+                dr.gather(mi.Float, lit.faces.sky.array, f * stride + bin_)
+                for f in (face ^ 1, face)
+            )
+            T, R = (dr.gather(mi.Float, share, face) for share in (through, back))
+            parts.append((T * far + R * near) * dr.inv_pi)
+        return mi.TensorXf(dr.concat(parts), (len(self), bins))
+
+    def _rows_of(self, first: np.ndarray) -> mi.UInt32:
+        """Rows of the films' entries in a table in which patches begin at rows `first`."""
+        count = np.diff(self.first)
+        patch = flat_indices(np.repeat(np.arange(len(count)), count))
+        row = dr.arange(mi.UInt32, int(self.first[-1]))
+        row -= dr.gather(mi.UInt32, flat_indices(self.first), patch)
+        return dr.gather(mi.UInt32, flat_indices(first), patch) + row
+
     def _of_films(self, lit: Deposit, L_sky: np.ndarray, L_sun: float, seed: int) -> mi.Float:
         assert self.films is not None
         assert lit.films is not None
         assert lit.on_films is not None
         films, on_films = lit.films, lit.on_films
-        count = np.diff(self.first)
-        patch = flat_indices(np.repeat(np.arange(len(count)), count))
-        row = dr.arange(mi.UInt32, int(self.first[-1]))
-        row -= dr.gather(mi.UInt32, flat_indices(self.first), patch)
-        out = mi.Float(0)
+        out = dr.zeros(mi.Float, int(self.first[-1]))
         if len(L_sky):
             glow = (on_films.to_sky @ mi.TensorXf(flat(L_sky), (len(L_sky), 1))).array
-            first = flat_indices(films.first_sky_rows())
-            out += dr.gather(mi.Float, glow, dr.gather(mi.UInt32, first, patch) + row)
+            out += dr.gather(mi.Float, glow, self._rows_of(films.first_sky_rows()))
         if len(films.suns):
             to_sun = films.answer_to_suns(lit.suns, lit.diameter, seed)  # with all peaks
-            first = flat_indices(
-                np.cumsum([0, *(m.rows for m in films.mounts)])[films.patches.owner]
+            of_mount = np.cumsum([0, *(m.rows for m in films.mounts)])[films.patches.owner]
+            f = dr.gather(mi.Float, to_sun, self._rows_of(of_mount))
+            count = np.diff(self.first)
+            patch = flat_indices(np.repeat(np.arange(len(count)), count))
+            front, back = (
+                dr.gather(mi.Float, on_films.faces.array, 2 * patch + side) for side in (0, 1)
             )
-            f = dr.gather(mi.Float, to_sun, dr.gather(mi.UInt32, first, patch) + row)
-            faces = on_films.faces.array
-            shone = dr.gather(mi.Float, faces, 2 * patch) + dr.gather(
-                mi.Float, faces, 2 * patch + 1
-            )
-            out += f * shone * dr.opaque(mi.Float, L_sun)
-        return out + dr.zeros(mi.Float, int(self.first[-1]))
+            out += f * (front + back) * dr.opaque(mi.Float, L_sun)
+        return out
+
+    def _optics(self) -> tuple[mi.Float, mi.Float]:
+        """Transmittance and reflectance of the faces of diffusing panes."""
+        assert self.patches is not None
+        optics: list[Any] = [pane.material for pane in self.scene.scattering]
+        through = np.repeat([optics[i].transmittance for i in self.patches.owner], 2)
+        back = np.repeat([optics[i].reflectance for i in self.patches.owner], 2)
+        back[1::2] = 0  # the back reflects nothing, as in `materials.bsdf`
+        return flat(through), flat(back)
 
     def _of_faces(self, lit: Deposit, L_sky: np.ndarray, L_sun: float) -> mi.Float:
         assert self.patches is not None
@@ -171,9 +206,6 @@ class Glow:
         for D, L in zip(lit.faces, (L_sky, np.full(len(lit.suns), L_sun)), strict=True):
             if len(L):
                 E += (D @ mi.TensorXf(flat(L), (len(L), 1))).array
-        optics: list[Any] = [pane.material for pane in self.scene.scattering]
-        through = flat(np.repeat([optics[i].transmittance for i in self.patches.owner], 2))
-        back = np.repeat([optics[i].reflectance for i in self.patches.owner], 2)
-        back[1::2] = 0  # the back reflects nothing, as in `materials.bsdf`
+        through, back = self._optics()
         face = dr.arange(mi.UInt32, dr.width(E))
-        return (through * dr.gather(mi.Float, E, face ^ 1) + flat(back) * E) * dr.inv_pi
+        return (through * dr.gather(mi.Float, E, face ^ 1) + back * E) * dr.inv_pi

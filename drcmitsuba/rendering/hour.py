@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import drjit as dr
@@ -12,7 +13,7 @@ from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, 
 from drcmitsuba.rendering.light_paths import Paths, TracedView
 from drcmitsuba.rendering.outside import Outside
 from drcmitsuba.rendering.surface_light import Sources
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
@@ -53,9 +54,10 @@ def luminance(traced: TracedView, outside: Outside, sky: np.ndarray) -> Luminanc
     -------
     Luminance
     """
-    mean, error = mean_and_error(replicates(traced, outside, sky))
-    disk = outside.disk_in(traced.scene, traced.view, (traced.rows, traced.columns))
-    return Luminance(mean + disk, error)
+    parts = [mean_and_error(each) for each in _tiles(traced, outside, sky)]
+    shape = traced.rows, traced.columns
+    mean, error = (np.concatenate(whole).reshape(shape) for whole in zip(*parts, strict=True))
+    return Luminance(mean + outside.disk_in(traced.scene, traced.view, shape), error)
 
 
 def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndarray:
@@ -74,6 +76,12 @@ def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndar
     np.ndarray, shape (replicate, row, column)
         Luminance without the sun's disk where it is seen straight [cd/m²].
     """
+    parts = list(_tiles(traced, outside, sky))
+    return np.concatenate(parts, axis=1).reshape(-1, traced.rows, traced.columns)
+
+
+def _tiles(traced: TracedView, outside: Outside, sky: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the replicates of some pixels at a time [cd/m²], shape (replicate, pixel)."""
     light = traced.light
     sun = outside.sun if _lights(traced, outside) else 0.0
     sources = Sources(sky, sun, outside.direction)
@@ -81,10 +89,9 @@ def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndar
     glow = light.glow(traced.glow, sources, by_sun) if len(traced.glow) else mi.Float(0)
     tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow)
     dr.eval(tables.cells, tables.glow)
-    parts = [_slots(traced, paths, outside, tables, sun) for paths in traced.tiles()]
-    count = light.base.accuracy.replicates
-    of_pixels = np.concatenate(parts).reshape(traced.rows, traced.columns, count)
-    return np.moveaxis(of_pixels, -1, 0)
+    for paths in traced.tiles():
+        of_slots = _slots(traced, paths, outside, tables, sun)
+        yield of_slots.reshape(-1, light.base.accuracy.replicates).T
 
 
 def _lights(traced: TracedView, outside: Outside) -> bool:
@@ -93,82 +100,85 @@ def _lights(traced: TracedView, outside: Outside) -> bool:
     return outside.sun > 0 and bool(traced.scene.effects.enabled_suns(suns)[0])
 
 
-def _directions(d: np.ndarray) -> mi.Vector3f:
-    return mi.Vector3f(*(flat(d[:, i]) for i in range(3)))
-
-
 def _slots(
     traced: TracedView, paths: Paths, outside: Outside, tables: _Tables, sun: float
 ) -> np.ndarray:
     """Luminance of some pixels in every replicate [cd/m²], shape (slot,)."""
-    accuracy = traced.light.base.accuracy
-    replicates = accuracy.replicates
+    replicates = traced.light.base.accuracy.replicates
     out = dr.zeros(mi.Float, paths.slots)
     first = dr.opaque(mi.UInt32, paths.first)
     dr.eval(out)
 
-    def add(slot: np.ndarray, value: mi.Float) -> None:
-        dr.scatter_add(out, value, flat_indices(slot) - first)
+    def add(slot: mi.UInt32, value: mi.Float) -> None:
+        dr.scatter_add(out, value, slot - first)
         dr.eval(out)
 
-    if len(paths.through):
-        d = _directions(paths.through_d)
-        add(paths.through_slot, flat(paths.through) * outside.sky(d))
-    if len(paths.mirrored):
-        d = _directions(paths.mirrored_d)
-        add(paths.mirrored_slot, flat(paths.mirrored) * outside.with_sun(d))
-    if len(paths.pane):
-        at = flat_indices(paths.pane_slot) % replicates * len(traced.glow)
-        glow = dr.gather(mi.Float, tables.glow, at + flat_indices(paths.pane_at))
-        add(paths.pane_slot, flat(paths.pane) * glow)
-    if len(paths.weight):
+    if dr.width(paths.through):
+        add(paths.through_slot, paths.through * outside.sky(paths.through_d))
+    if dr.width(paths.mirrored):
+        add(paths.mirrored_slot, paths.mirrored * outside.with_sun(paths.mirrored_d))
+    if dr.width(paths.pane):
+        entry = paths.pane_slot % replicates * dr.opaque(mi.UInt32, len(traced.glow))
+        glow = dr.gather(mi.Float, tables.glow, entry + paths.pane_at)
+        add(paths.pane_slot, paths.pane * glow)
+    if dr.width(paths.weight):
         E = _irradiance(traced, paths, tables)
         if sun > 0:
             E += _direct_sun(traced, paths, outside)
-        add(paths.slot, flat(paths.weight) * E * dr.inv_pi)
-    shares = traced.sampling.samples // replicates
-    return np.asarray(out.numpy()) / np.float32(shares)
+        add(paths.slot, paths.weight * E * dr.inv_pi)
+    return np.asarray(out.numpy()) / np.float32(traced.sampling.samples // replicates)
 
 
 def _irradiance(traced: TracedView, paths: Paths, tables: _Tables) -> mi.Float:
     """Irradiance of the surfaces by all but the direct sun [lx]."""
-    count, replicates = len(paths.weight), traced.light.base.accuracy.replicates
-    replicate = flat_indices(paths.slot) % replicates
+    count = dr.width(paths.weight)
+    replicate = paths.slot % traced.light.base.accuracy.replicates
+    cells, entries = (dr.opaque(mi.UInt32, n) for n in (traced.light.cells, len(traced.glow)))
     E = dr.zeros(mi.Float, count)
     dr.eval(E, replicate)
-    if len(paths.gather):
-        row = flat_indices(paths.gather_surface)
-        if not len(paths.gather_surface):
-            row = dr.arange(mi.UInt32, len(paths.gather)) // traced.sampling.paths
-        cells = dr.opaque(mi.UInt32, traced.light.cells)
-        cell = dr.gather(mi.UInt32, replicate, row) * cells + flat_indices(paths.gather_cell)
-        dr.scatter_add(E, flat(paths.gather) * dr.gather(mi.Float, tables.cells, cell), row)
-        dr.eval(E)
-    if len(paths.sky):
-        row = dr.arange(mi.UInt32, len(paths.sky)) // traced.sampling.sky
-        L = dr.gather(mi.Float, tables.sky, flat_indices(paths.sky_bin))
-        dr.scatter_add(E, flat(paths.sky) * L, row)
-        dr.eval(E)
-    if len(paths.look):
-        row = dr.arange(mi.UInt32, len(paths.look)) // traced.sampling.panes
-        row %= dr.opaque(mi.UInt32, count)
-        at = dr.gather(mi.UInt32, replicate, row) * dr.opaque(mi.UInt32, len(traced.glow))
-        L = dr.gather(mi.Float, tables.glow, at + flat_indices(paths.look_at))
-        dr.scatter_add(E, flat(paths.look) * L, row)
-        dr.eval(E)
+    if dr.width(paths.gather) and dr.width(paths.gather_surface):
+        cell = dr.gather(mi.UInt32, replicate, paths.gather_surface) * cells + paths.gather_cell
+        value = mi.Float(paths.gather) * dr.gather(mi.Float, tables.cells, cell)
+        dr.scatter_add(E, value, paths.gather_surface)
+    elif dr.width(paths.gather):
+        E += _sum(traced.sampling.paths, replicate * cells, paths.gather_cell, paths.gather,
+                  tables.cells)  # fmt: skip
+    dr.eval(E)
+    if dr.width(paths.sky):
+        none = dr.zeros(mi.UInt32, count)
+        E += _sum(traced.sampling.sky, none, paths.sky_bin, paths.sky, tables.sky)
+    rays, whole = traced.sampling.panes, count * traced.sampling.panes
+    for column in range(dr.width(paths.look) // max(1, whole)):
+        here = dr.opaque(mi.UInt32, column * whole)
+        E += _sum(rays, replicate * entries, paths.look_at, paths.look, tables.glow, here)
     return E
+
+
+@dr.syntax
+def _sum(
+    rays: int, base: mi.UInt32, at: mi.UInt32, weight: mi.Float16, table: mi.Float,
+    first: mi.UInt32 | int = 0,
+) -> mi.Float:  # fmt: skip
+    """Σ weight · table[base + at] over the rays of every surface."""
+    count, index, total = dr.opaque(mi.UInt32, rays), mi.UInt32(0), mi.Float(0)
+    entry = dr.arange(mi.UInt32, dr.width(base)) * count + first
+    while dr.hint(index < count, exclude=[base, at, weight, table]):
+        here = dr.gather(mi.UInt32, at, entry + index)
+        value = mi.Float(dr.gather(mi.Float16, weight, entry + index))
+        total += value * dr.gather(mi.Float, table, base + here)
+        index += 1
+    return total
 
 
 def _direct_sun(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
     """Irradiance of the surfaces by the sun through openings and clear panes [lx]."""
-    p, n = (_directions(a) for a in (paths.p, paths.n))
-    number = dr.arange(mi.UInt32, len(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
+    number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
     seed = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_SUN)
     place = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed)))
     centre = dr.opaque(mi.Vector3f, list(map(float, outside.direction)))
     d = sample_disk(centre, outside.diameter, place)
-    cosine = dr.dot(n, d)
+    cosine = dr.dot(paths.n, d)
     with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
-        tau = straight(traced.scene, mi.Point3f(p), d, cosine > 0)
+        tau = straight(traced.scene, mi.Point3f(paths.p), d, cosine > 0)
     E = dr.opaque(mi.Float, outside.sun * disk_solid_angle(outside.diameter))
     return dr.select(tau > 0, tau * cosine * E, 0)

@@ -35,6 +35,8 @@ from drcmitsuba.transport.solved_cells import solved
 
 LANES = 1 << 18
 """Number of rays from the eye in one launch."""
+DRAWN = 32
+"""One in so many vertices may become a point that stands for its cell."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,10 @@ class Sampling:
             if not 1 <= (got := getattr(self, name)) <= most:
                 raise InputError("sampling", name, str(got), f"give 1 to {most}")
 
+    def nbytes(self, columns: int) -> int:
+        """Size of the light paths of a pixel [bytes], at most, with `columns` looks at panes."""
+        return self.samples * (60 + 6 * (self.paths + self.sky + self.panes * columns))
+
     def rounded(self, replicates: int) -> Sampling:
         """Return the same with as many samples as replicates, or a multiple."""
         return replace(self, samples=-(-self.samples // replicates) * replicates)
@@ -62,45 +68,56 @@ class Sampling:
 
 @dataclass(frozen=True)
 class Paths:
-    """Light paths of some pixels, as flat arrays; a `slot` is pixel · replicates + replicate."""
+    """Light paths of some pixels; a `slot` is pixel · replicates + replicate."""
 
     first: int
     """First slot of these pixels."""
     slots: int
     """Number of slots."""
-    through_slot: np.ndarray
-    through_d: np.ndarray
-    through: np.ndarray
-    """Rays that leave the scene straight: direction (ray, 3) and weight."""
-    mirrored_slot: np.ndarray
-    mirrored_d: np.ndarray
-    mirrored: np.ndarray
+    through_slot: mi.UInt32
+    through_d: mi.Vector3f
+    through: mi.Float
+    """Rays that leave the scene straight: direction and weight."""
+    mirrored_slot: mi.UInt32
+    mirrored_d: mi.Vector3f
+    mirrored: mi.Float
     """Rays that leave it by mirrors."""
-    pane_slot: np.ndarray
-    pane_at: np.ndarray
-    pane: np.ndarray
+    pane_slot: mi.UInt32
+    pane_at: mi.UInt32
+    pane: mi.Float
     """Rays that meet a scattering pane: entry of the glow's table, and weight."""
-    slot: np.ndarray
-    p: np.ndarray
-    n: np.ndarray
-    weight: np.ndarray
-    """Surfaces that rays show: points [m] and normals (surface, 3), and weight of E/π."""
-    gather_surface: np.ndarray
-    gather_cell: np.ndarray
-    gather: np.ndarray
+    slot: mi.UInt32
+    p: mi.Vector3f
+    n: mi.Vector3f
+    weight: mi.Float
+    """Surfaces that rays show: points [m], normals, and weight of E/π."""
+    gather_surface: mi.UInt32
+    gather_cell: mi.UInt32
+    gather: mi.Float16
     """Rays to other surfaces: index of the surface, cell, and irradiance per irradiance. Rays that
     end at once are as many for each surface, and need no index."""
-    sky_bin: np.ndarray
-    sky: np.ndarray
+    sky_bin: mi.UInt32
+    sky: mi.Float16
     """Rays to the sky, as many for each surface: bin and irradiance [sr]."""
-    look_at: np.ndarray
-    look: np.ndarray
+    look_at: mi.UInt32
+    look: mi.Float16
     """Looks at panes (column, surface, ray): entry of the glow's table and irradiance [sr]."""
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays by their names."""
+        return {f.name: getattr(self, f.name) for f in fields(self)[2:]}
 
     @property
     def nbytes(self) -> int:
         """Size in memory [bytes]."""
-        return sum(np.asarray(getattr(self, f.name)).nbytes for f in fields(self))
+        return sum(_bytes(array) for array in self.arrays().values())
+
+
+def _bytes(array: Any) -> int:
+    """Size of an array in memory [bytes]."""
+    if dr.depth_v(array) > 1:
+        return sum(map(_bytes, array))
+    return dr.width(array) * dr.itemsize_v(array) if dr.width(array) else 0
 
 
 @dataclass(frozen=True)
@@ -119,14 +136,17 @@ class TracedView:
     """Gives the light paths of all pixels, some at a time."""
 
 
-def _flat(values: mi.Point3f) -> np.ndarray:
+def _at(values: Any, index: mi.UInt32) -> Any:
+    """Entries of an array, or None of None."""
+    return None if values is None else dr.gather(type(values), values, index)
+
+
+def _rows(values: mi.Vector3f) -> np.ndarray:
+    """Vectors as rows (vector, 3)."""
     return np.asarray(dr.ravel(values).numpy()).reshape(-1, 3)
 
 
-_Surfaces = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray,
-    np.ndarray, np.ndarray,
-]  # fmt: skip
+_Surfaces = tuple[Any, Any, Any, Any, Any, Any, Any, Any, Any, Any]
 
 
 class _Tracer:
@@ -152,8 +172,9 @@ class _Tracer:
         return launch_seed(self.accuracy.seed, stream)
 
     def pixels(self) -> Iterator[slice]:
-        """Pixels of each launch."""
-        count, step = self.rows * self.columns, max(1, LANES // self.sampling.samples)
+        """Pixels of each launch, whole rows of the picture."""
+        rows = max(1, LANES // self.sampling.samples // self.columns)
+        count, step = self.rows * self.columns, rows * self.columns
         return (slice(i, min(i + step, count)) for i in range(0, count, step))
 
     def paths(self, here: slice) -> Paths:
@@ -178,71 +199,78 @@ class _Tracer:
             o, towards = (dr.gather(type(x), x, pane) for x in (seen.pane_o, seen.pane_d))
             at, glows = self.glow.seen(o, towards, dr.gather(mi.Float, seen.pane, pane))
 
-        def of(index: mi.UInt32, values: Any) -> np.ndarray:
-            return np.asarray(dr.gather(type(values), values, index).numpy())
-
-        def directions(index: mi.UInt32, of_rays: mi.Vector3f) -> np.ndarray:
-            return _flat(dr.gather(mi.Vector3f, of_rays, index))
-
         surface = some(seen.weight)
         first, slots = here.start * R, (here.stop - here.start) * R
-        return Paths(
+        paths = Paths(
             first, slots,
-            of(through, slot), directions(through, seen.d), of(through, seen.through),
-            of(mirrored, slot), directions(mirrored, seen.mirrored_d), of(mirrored, seen.mirrored),
-            of(pane, slot), at.numpy(), glows.numpy(),
-            of(surface, slot), *self._surfaces(seen, lane, surface),
+            _at(slot, through), _at(seen.d, through), _at(seen.through, through),
+            _at(slot, mirrored), _at(seen.mirrored_d, mirrored), _at(seen.mirrored, mirrored),
+            _at(slot, pane), at, glows,
+            _at(slot, surface), *self._surfaces(seen, lane, surface),
         )  # fmt: skip
+        dr.eval(paths.arrays())
+        return paths
 
     def _surfaces(self, seen: EyePaths, lane: mi.UInt32, surface: mi.UInt32) -> _Surfaces:
         """Points, normals and weights of the surfaces that rays show, and rays from them."""
+        whole, none = mi.UInt32(), mi.Float16()
         if dr.width(surface) == 0:
-            none, whole = np.zeros(0, np.float32), np.zeros(0, np.uint32)
-            points = np.zeros((0, 3), np.float32)
-            return points, points, none, whole, whole, none, whole, none, whole, none
-        p, n = (dr.gather(type(x), x, surface) for x in (seen.p, seen.n))
-        weight, number = (dr.gather(type(x), x, surface) for x in (seen.weight, lane))
+            p = mi.Vector3f(mi.Float(), mi.Float(), mi.Float())
+            return p, p, mi.Float(), whole, whole, none, whole, none, whole, none
+        p, n = mi.Vector3f(_at(seen.p, surface)), mi.Vector3f(_at(seen.n, surface))
+        weight, number = _at(seen.weight, surface), _at(lane, surface)
         dr.eval(p, n, weight, number)
-        points, normals = _flat(p), _flat(n)
         within = None
         if self.in_room is not None:
-            within = dr.gather(mi.Bool, seen.within, surface).numpy() & self.in_room
+            within = _at(seen.within, surface).numpy() & self.in_room
         with self.scene.ray_counter.purpose(Stream.EYE_GATHER.name):
             met = gather(
-                self.scene, points, normals, replicates=1, paths=self.sampling.paths,
+                self.scene, _rows(p), _rows(n), replicates=1, paths=self.sampling.paths,
                 grid=self.grid, seed=self._seed(Stream.EYE_GATHER), within=within, once=self.once,
                 numbers=number,
             )  # fmt: skip
         row, cell, value = self._met(met, weight)
-        bins, sky, at, look = (np.zeros(0, t) for t in (np.uint16, np.float32) * 2)
+        sky_bin, sky, at, look = whole, none, whole, none
         if self.scene.effects.sky or self.scene.effects.ground:
             with self.scene.ray_counter.purpose(Stream.EYE_SKY.name):
-                found = sky_rays(
-                    self.scene, self.windows, p, n, number, rays=self.sampling.sky,
-                    subdivision=self.subdivision, seed=self._seed(Stream.EYE_SKY),
+                sky_bin, of_sky = sky_rays(
+                    self.scene, self.windows, mi.Point3f(p), mi.Normal3f(n), number,
+                    rays=self.sampling.sky, subdivision=self.subdivision,
+                    seed=self._seed(Stream.EYE_SKY),
                 )  # fmt: skip
-            bins, sky = found[0].numpy().astype(np.uint16), found[1].numpy()
+            sky = mi.Float16(of_sky)
         if self.glow.columns:
             with self.scene.ray_counter.purpose(Stream.EYE_PANES.name):
-                looked = self.glow.looked(
-                    p, n, number, rays=self.sampling.panes, seed=self._seed(Stream.EYE_PANES)
-                )
-            at, look = looked[0].numpy(), looked[1].numpy()
-        return points, normals, weight.numpy(), row, cell, value, bins, sky, at, look
+                at, of_panes = self.glow.looked(
+                    mi.Point3f(p), mi.Normal3f(n), number, rays=self.sampling.panes,
+                    seed=self._seed(Stream.EYE_PANES),
+                )  # fmt: skip
+            look = mi.Float16(of_panes)
+        return p, n, weight, row, cell, value, sky_bin, sky, at, look
 
-    def _met(self, met: Vertices, weight: mi.Float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _met(self, met: Vertices, weight: mi.Float) -> tuple[mi.UInt32, mi.UInt32, mi.Float16]:
         """Surface, cell and weight of the vertices of gather paths, whose cells are collected."""
         if len(met) == 0:
-            return np.zeros(0, np.uint32), np.zeros(0, np.uint32), np.zeros(0, np.float32)
+            return mi.UInt32(), mi.UInt32(), mi.Float16()
+        before = dr.opaque(mi.UInt32, self.cells.count)
         self.cells = self.cells.extended(met)
         cell, count = self.cells.of(met), self.cells.count
-        shown = replace(met, weight=met.weight * dr.gather(mi.Float, weight, met.row))
+        shown = met.weight * dr.gather(mi.Float, weight, met.row)
+        dr.eval(cell, shown)
         if self.once:
-            self.seen = with_weights(self.seen, count, cell, shown.weight)
-        self.drawn = draw_all(shown, cell, count, self.drawn, weighted=self.once)
-        dr.eval(cell)
-        row = np.zeros(0, np.uint32) if self.once else met.row.numpy()
-        return row, cell.numpy(), met.weight.numpy()
+            self.seen = with_weights(self.seen, count, cell, shown)
+        # Of the many vertices few decide which points stand for cells, but all in new cells.
+        few = dr.arange(mi.UInt32, len(met)) % DRAWN == 0
+        some = dr.compress((shown > 0) & (few | (cell >= before)))
+        columns = {name: _at(getattr(met, name), some) for name in ("row", "key", "tag", "within")}
+        share = dr.select(dr.gather(mi.Bool, few, some), mi.Float(DRAWN), 1)
+        points = {
+            name: dr.ravel(dr.gather(mi.Point3f, getattr(met, name), some)) for name in ("p", "n")
+        }
+        drawn = Vertices(weight=_at(shown, some) * share, **columns, **points)
+        dr.eval(drawn.weight)
+        self.drawn = draw_all(drawn, _at(cell, some), count, self.drawn, weighted=self.once)
+        return mi.UInt32() if self.once else met.row, cell, mi.Float16(met.weight)
 
     def gathered(self) -> Gathered:
         """Cells that the rays of all pixels have met."""
@@ -253,6 +281,7 @@ class _Tracer:
 def trace(
     scene: Scene, view: PictureView, rows: int, columns: int, *, sampling: Sampling,
     accuracy: Accuracy, subdivision: int, diameter: float, progress: Progress = lambda share: None,
+    keep: Callable[[Paths], None] | None = None,
 ) -> TracedView:  # fmt: skip
     """Trace the light paths of a picture.
 
@@ -271,22 +300,35 @@ def trace(
     diameter : float
         Angle across the sun [deg].
     progress : callable
+    keep : callable, optional
+        Takes the light paths of some pixels at a time; by default they stay in memory.
 
     Returns
     -------
     TracedView
+        Without light paths where `keep` takes them.
     """
-    base = base_deposit(scene, accuracy, subdivision, diameter)
-    glow = Glow(scene, base.films, base.patches)
-    tracer = _Tracer(scene, view, rows, columns, sampling, accuracy, subdivision, glow)
-    tiles = []
+    traced = untraced(scene, view, rows, columns, sampling, accuracy, subdivision, diameter)
+    tracer = _Tracer(scene, view, rows, columns, sampling, accuracy, subdivision, traced.glow)
+    kept: list[Paths] = []
     for here in tracer.pixels():
-        tiles.append(tracer.paths(here))
-        progress(0.8 * here.stop / (rows * columns))
+        (keep or kept.append)(tracer.paths(here))
+        progress(0.9 * here.stop / (rows * columns))
     gathered, transfer = tracer.gathered(), None
     if tracer.once and gathered.cells.count:
         gathered, transfer = solved(scene, gathered, accuracy)
     drawn = gathered.drawn or (None,) * accuracy.replicates
-    light = SurfaceLight.of(base, gathered.cells.keys, drawn, transfer)
+    light = SurfaceLight.of(traced.light.base, gathered.cells.keys, drawn, transfer)
     progress(1.0)
-    return TracedView(scene, view, rows, columns, sampling, light, glow, lambda: iter(tiles))
+    return replace(traced, light=light, tiles=lambda: iter(kept))
+
+
+def untraced(
+    scene: Scene, view: PictureView, rows: int, columns: int, sampling: Sampling,
+    accuracy: Accuracy, subdivision: int, diameter: float,
+) -> TracedView:  # fmt: skip
+    """Begin a view, with the panes of its scene, but without cells and light paths."""
+    base = base_deposit(scene, accuracy, subdivision, diameter)
+    glow = Glow(scene, base.films, base.patches)
+    light = SurfaceLight(base, mi.UInt32(), (None,) * accuracy.replicates, None, ())
+    return TracedView(scene, view, rows, columns, sampling, light, glow, lambda: iter(()))

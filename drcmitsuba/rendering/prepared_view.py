@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import mitsuba as mi
 import numpy as np
+import xarray as xr
 
+from drcmitsuba.annual.attributes import fingerprint
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.case.reading import load_case
@@ -15,13 +23,15 @@ from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.picture import MOST_PIXELS, RADIANCE, Picture
 from drcmitsuba.picture.view import PictureView, of_model
 from drcmitsuba.plan import decide, plan
+from drcmitsuba.rendering import stored_view
+from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance
-from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace
+from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace, untraced
 from drcmitsuba.rendering.outside import Outside
-from drcmitsuba.rendering.rendering import Rendering
-from drcmitsuba.runtime import backend
+from drcmitsuba.rendering.rendering import Rendering, file_name
+from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.progress import Stage, part, silent
+from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin, rotation
@@ -32,6 +42,8 @@ from drcmitsuba.sky.period import NOMINAL_YEAR
 
 Size = int | tuple[int, int]
 """Number of columns, or of columns and rows, of a picture."""
+MOST_MEMORY = 3 << 30
+"""Largest size of light paths in memory [bytes]."""
 COLUMNS = 512
 """Number of columns of a picture unless another is given."""
 _INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASCII)
@@ -83,6 +95,37 @@ class PreparedView:
         )  # fmt: skip
         notes = _notes(self.case, instant, light)
         return Rendering(picture, error[0], self.case.name, self.name, instant, notes)
+
+    def save_bins(self, folder: str | Path, done: Progress = lambda share: None) -> list[Path]:
+        """Write the coefficient pictures of ground and sky patches, each whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Folder for `NAME_bins.zarr`, or one such for each colour channel.
+        done : callable
+            Takes the share of the work that is done.
+
+        Returns
+        -------
+        list of Path
+            Zarr folders with `coefficient` and `coefficient_se` (row, column, bin) [1].
+        """
+        colours = list(LUMINANCE_WEIGHTS) if len(self.channels) > 1 else [""]
+        paths = []
+        for i, (colour, traced) in enumerate(zip(colours, self.channels, strict=True)):
+            share = part(done, i / len(colours), (i + 1) / len(colours))
+            name = f"{file_name(self.name)}_bins{'_' if colour else ''}{colour}.zarr"
+            storage.save_zarr(_told(traced, share), Path(folder) / name, along="row")
+            paths.append(Path(folder) / name)
+        return paths
+
+
+def _told(traced: TracedView, done: Progress) -> Iterator[xr.Dataset]:
+    """Coefficient pictures, and the share that is written so far."""
+    for rows in coefficient_pictures(traced):
+        yield rows
+        done((int(rows["row"][-1]) + 1) / traced.rows)
 
 
 def instant_of(text: str) -> np.datetime64:
@@ -167,7 +210,8 @@ def _effects(case: Case, pixels: int) -> EnabledEffects:
 
 def prepare(
     case: Case | str | Path, view: str | None = None, *, size: Size = COLUMNS,
-    sampling: Sampling | None = None, state: State = OPEN, stage: Stage = silent,
+    sampling: Sampling | None = None, state: State = OPEN, folder: str | Path | None = None,
+    stage: Stage = silent,
 ) -> PreparedView:  # fmt: skip
     """Trace the light paths of a view.
 
@@ -183,6 +227,9 @@ def prepare(
         Numbers of rays.
     state : str
         State of the façade, `open` or `shaded`.
+    folder : str or Path, optional
+        Folder for the light paths, about 1 KB a pixel; those of the same view are not traced again.
+        Without it they stay in memory.
     stage : callable, optional
         Shows the stages of the work.
 
@@ -202,34 +249,77 @@ def prepare(
     rows, columns = shape_of(shown, size)
     with stage("plan"):
         effects = _effects(case, rows * columns)
-    turn = rotation(case).T
-    position = (np.array(shown.position) - origin(case)) @ turn
-    turned = replace(
-        shown, position=_triple(position), direction=_triple(shown.direction @ turn),
-        up=_triple(shown.up @ turn),
-    )  # fmt: skip
-    sampling = sampling or Sampling()
-    sampling = sampling.rounded(case.accuracy.replicates)
-    channels = scene.channels_of(case, effects)
-    traced = []
-    with stage("rays") as done:
-        for i, channel in enumerate(channels):
-            world = scene.load(case, state, channel, effects)
+    sampling = (sampling or Sampling()).rounded(case.accuracy.replicates)
+    stated = {
+        "case": fingerprint(case, effects), "view": shown.options(), "rows": rows,
+        "columns": columns, "state": state, "seed": case.accuracy.seed,
+        "sampling": asdict(sampling), "variant": mi.variant(),
+    }  # fmt: skip
+    path = None if folder is None else Path(folder) / f"{file_name(name)}_light_paths"
+    turned, channels = _in_the_scene(case, shown), scene.channels_of(case, effects)
+    parts, traced = [f"channel_{max(0, channel)}" for channel in channels], []
+    numbers: dict[str, Any] = {
+        "sampling": sampling, "accuracy": case.accuracy, "subdivision": case.sky.subdivision,
+        "diameter": case.outside.sun_diameter,
+    }  # fmt: skip
+    known = path is not None and all(stored_view.is_of(path / part, stated) for part in parts)
+    worlds = [scene.load(case, state, channel, effects) for channel in channels]
+    if not known:
+        _refuse_size(sampling.nbytes(4) * rows * columns * len(channels), path)
+    with stage("rays") as done, _made(None if known else path) as made:
+        for i, (world, name_of_part) in enumerate(zip(worlds, parts, strict=True)):
             share = part(done, i / len(channels), (i + 1) / len(channels))
-            traced.append(
-                trace(
-                    world,
-                    turned,
-                    rows,
-                    columns,
-                    sampling=sampling,
-                    accuracy=case.accuracy,
-                    subdivision=case.sky.subdivision,
-                    diameter=case.outside.sun_diameter,
-                    progress=share,
-                )
-            )
+            one = untraced(world, turned, rows, columns, **numbers)
+            if known and path is not None:
+                light = stored_view.load_cells(one.light, path / name_of_part)
+                one = replace(one, light=light)
+            elif made is None:
+                one = trace(world, turned, rows, columns, **numbers, progress=share)
+            else:
+                here = made / name_of_part
+                here.mkdir(parents=True)
+                keep = partial(stored_view.save_paths, folder=here)
+                one = trace(world, turned, rows, columns, **numbers, progress=share, keep=keep)
+                stored_view.save_cells(one.light, here, stated)
+            traced.append(one)
+    if path is not None:
+        traced = [
+            stored_view.with_tiles_of(one, path / name_of_part)
+            for one, name_of_part in zip(traced, parts, strict=True)
+        ]
     return PreparedView(case, name, shown, tuple(traced))
+
+
+def _refuse_size(size: int, path: Path | None) -> None:
+    """Refuse light paths that may not fit in memory, or on the disk."""
+    if path is None:
+        if size > MOST_MEMORY:
+            got = f"up to {size / 1e6:.0f} MB in memory"
+            raise InputError("picture", "size", got, "give a folder for the light paths")
+        return
+    there = next(p for p in path.absolute().parents if p.exists())
+    free = shutil.disk_usage(there).free
+    if size > free:
+        got = f"up to {size / 1e6:.0f} MB of light paths, {free / 1e6:.0f} MB on the disk"
+        raise InputError(path, "size", got, "give a smaller size, or another folder")
+
+
+@contextmanager
+def _made(path: Path | None) -> Iterator[Path | None]:
+    """Folder that takes the place of `path` where the block ends without an error."""
+    if path is None:
+        yield None
+        return
+    with storage.whole(path) as temporary:
+        yield temporary
+
+
+def _in_the_scene(case: Case, view: PictureView) -> PictureView:
+    """View in the frame in which the scene of a case is traced."""
+    turn = rotation(case).T
+    position = (np.array(view.position) - origin(case)) @ turn
+    direction, up = (np.array(v) @ turn for v in (view.direction, view.up))
+    return replace(view, position=_triple(position), direction=_triple(direction), up=_triple(up))
 
 
 def _triple(values: np.ndarray) -> tuple[float, float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -19,6 +20,11 @@ images = lazy.module("matplotlib.image")
 
 Tone = Literal["human", "exposure", "false"]
 """Ways to a picture for a screen: as the eye would see it, by an exposure, in false colours."""
+
+
+def file_name(view: str) -> str:
+    """Part of a file's name for a view, whose own name may come from any model."""
+    return re.sub(r"[^\w-]+", "_", view)[:80] or "view"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +48,7 @@ class Rendering:
     def name(self) -> str:
         """Name of the files, such as `desk_03-21_1030`."""
         day, clock = str(self.time.astype("datetime64[m]")).split("T")
-        return f"{self.view}_{day[5:]}_{clock.replace(':', '')}"
+        return f"{file_name(self.view)}_{day[5:]}_{clock.replace(':', '')}"
 
     @property
     def is_dark(self) -> bool:

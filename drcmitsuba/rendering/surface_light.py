@@ -23,7 +23,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Drawn
 from drcmitsuba.transport.coefficients import Replicate
-from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.solved_cells import Transfer
@@ -94,7 +94,34 @@ class SurfaceLight:
         """Light of one sun, a unit vector (3,), in every replicate."""
         suns, base = sun[None], self.base
         films = None if base.films is None else base.films.with_suns(suns, base.diameter)
-        return self._lit(replace(base, suns=suns, subdivision=None, films=films))
+        base = replace(base, suns=suns, subdivision=None, films=films)
+        if films is None and base.patches is None and self.cells:
+            return self._straight(base)
+        return self._lit(base)
+
+    def _straight(self, base: Deposit) -> list[Replicate]:
+        """Light that comes straight to the cells: all replicates in one launch."""
+        drawn = [one for one in self.drawn if one is not None]
+        p, n = dr.concat([one.p for one in drawn]), dr.concat([one.n for one in drawn])
+        told = [one.within for one in drawn if one.within is not None]
+        numbers = dr.concat(
+            [self.keys + mi.UInt32(0x9E3779B1 * r & 0xFFFFFFFF) for r in range(len(drawn))]
+        )
+        D = base.straight(
+            p, n, (Stream.CELLS, 0), base.accuracy.cell_sky_rays, numbers=numbers,
+            within=dr.concat(told) if told else None,
+        ).sun.array  # fmt: skip
+        dr.eval(D)
+        lane, every = dr.arange(mi.UInt32, self.cells), []
+        none = dr.zeros(mi.TensorXf, (self.cells, 0))
+        for r in range(len(drawn)):
+            of_cells = dr.gather(mi.Float, D, lane + dr.opaque(mi.UInt32, r * self.cells))
+            one = Replicate(r, base, transfer=self.transfer)
+            one.cells = Irradiance(none, mi.TensorXf(of_cells, (self.cells, 1)))
+            if self.transfer is not None:
+                one.indirect = Irradiance(*self.transfer.indirect(r, *one.cells))
+            every.append(one)
+        return every
 
     def irradiance(self, sources: Sources, by_sun: list[Replicate]) -> mi.Float:
         """Irradiance of the cells [lx], flat (replicate, cell)."""

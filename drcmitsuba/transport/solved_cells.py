@@ -18,7 +18,7 @@ points drawn by importance, estimates T and draws the points at which D is compu
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import drjit as dr
@@ -37,7 +37,7 @@ MOST_CELLS = 1 << 17
 """Largest number of cells that send rays; light that further ones send on in turn is left out."""
 
 
-class _OneBounce(NamedTuple):
+class OneBounce(NamedTuple):
     """T of one replicate, an entry for each ray."""
 
     source: mi.UInt32
@@ -53,8 +53,10 @@ class Transfer:
     """Light that cells send to blocks of cells."""
 
     blocks: Blocks
-    bounces: tuple[_OneBounce, ...]
+    bounces: tuple[OneBounce, ...]
     """T of every replicate."""
+    _all_bounces: dict[int, mi.TensorXf] = field(default_factory=dict, repr=False)
+    """Sums over all bounces that have been computed, by replicate."""
 
     def indirect(self, replicate: int, *D: mi.TensorXf) -> list[mi.TensorXf]:
         """Compute X by one replicate's T.
@@ -70,7 +72,9 @@ class Transfer:
             Mean irradiance by light that cells have reflected [sr].
         """
         blocks, (source, cell, weight) = self.blocks, self.bounces[replicate]
-        further = blocks.all_bounces(source, cell, weight)
+        if replicate not in self._all_bounces:
+            self._all_bounces[replicate] = blocks.all_bounces(source, cell, weight)
+        further = self._all_bounces[replicate]
         row = dr.gather(mi.UInt32, blocks.of, source)
         share = weight * dr.gather(mi.Float, blocks.share, source)
         all_rays = dr.full(mi.Bool, True, dr.width(row))
@@ -96,7 +100,7 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
     replicates, first = accuracy.replicates, _explored(scene, gathered, accuracy)
     cells, drawn, total = first.cells, gathered.drawn, first.of_sensors
     sending = slice(0, first.sending)
-    parts: list[list[_OneBounce]] = [[] for _ in range(replicates)]
+    parts: list[list[OneBounce]] = [[] for _ in range(replicates)]
     for rays in trace(scene, cells, first.points, sending, accuracy.cell_paths, accuracy, 1):
         cells = cells.extended(rays.met)  # some few more, which send no rays
         met = rays.weighed(first.importance, replicates)
@@ -107,9 +111,9 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
         for r, part in enumerate(parts):
             at = dr.arange(mi.UInt32, each) + dr.opaque(mi.UInt32, r * each)
             columns = (rays.source, cell, rays.met.weight)
-            part.append(_OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
+            part.append(OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
             dr.eval(part[-1])
-    bounces = tuple(_OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
+    bounces = tuple(OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
     # No rays give the mean of a block from the cells that come last.
     sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, first.sending)
     blocks = Blocks.weighed(cells, dr.maximum(dr.select(sends, mi.Float(total), 0), 1e-30))

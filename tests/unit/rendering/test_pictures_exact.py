@@ -16,6 +16,7 @@ from drcmitsuba_plugins.patches import patch_index
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance, replicates
 from drcmitsuba.rendering.light_paths import Sampling, trace
 from drcmitsuba.rendering.outside import Outside
@@ -127,3 +128,14 @@ def test_a_fisheye_weighted_by_the_cosine_is_a_sensor_at_the_eye(sun):
     assert abs(E - expected.mean()) < 0.01 * expected.mean() + 3 * error
     assert error < 0.01 * E
     assert len(PATCHES) == 146
+
+
+@pytest.mark.parametrize("solved", [True, False])
+def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(solved):
+    case, state = ROOMS["opal above clear"]()
+    view = traced(scenes.load(case, state), solved=solved, samples=16)
+    (whole,) = coefficient_pictures(view)
+    shown = luminance(view, outside(0.0), LUMINANCES).mean
+    assert whole["coefficient"].dims == ("row", "column", "bin")
+    assert np.allclose(whole["coefficient"].values @ LUMINANCES, shown, rtol=1e-4)
+    assert (whole["coefficient_se"] > 0).any()

@@ -1,0 +1,156 @@
+"""Light paths of a view on disk: a Zarr folder for the cells and one for each group of pixels.
+
+The light of the sky on the cells is computed anew from what is stored, with the same random
+numbers: it takes as long as that of one hour's sun.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.rendering.light_paths import Paths, TracedView
+from drcmitsuba.rendering.surface_light import SurfaceLight
+from drcmitsuba.runtime import zarr_folder
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport.cell_points import Drawn
+from drcmitsuba.transport.cell_rays import Blocks
+from drcmitsuba.transport.solved_cells import OneBounce, Transfer
+
+KEPT = 1 << 30
+"""Largest size of light paths that stay in memory [bytes]."""
+CELLS, STATED = "cells.zarr", "view.json"
+_SHORT = 1 << 16
+
+
+def _numpy(array: Any) -> np.ndarray:
+    """Array (number,) or (axis, number); whole numbers in two bytes where they fit."""
+    values = np.asarray(array.numpy())
+    if values.dtype == np.uint32 and values.max(initial=0) < _SHORT:
+        return values.astype(np.uint16)
+    return values
+
+
+def _dataset(arrays: dict[str, Any], **attributes: Any) -> xr.Dataset:
+    """Arrays, each with dims of its own."""
+    data = {}
+    for name, array in arrays.items():
+        values = _numpy(array)
+        data[name] = xr.Variable(("axis", f"of_{name}")[-values.ndim :], values)
+    return xr.Dataset(data, attrs=attributes)
+
+
+def save_paths(paths: Paths, folder: Path) -> None:
+    """Write the light paths of some pixels to a folder of a view."""
+    part = _dataset(paths.arrays(), first=paths.first, slots=paths.slots)
+    zarr_folder.write([part], folder / f"{paths.first:010d}.zarr", along="")
+
+
+def save_cells(light: SurfaceLight, folder: Path, stated: dict[str, Any]) -> None:
+    """Write the cells of a view, and last what the view is of."""
+    arrays: dict[str, Any] = {"keys": light.keys}
+    for r, drawn in enumerate(light.drawn):
+        if drawn is not None:
+            arrays |= {f"drawn_{r}_{k}": v for k, v in drawn._asdict().items() if v is not None}
+    attributes = {}
+    if light.transfer is not None:
+        blocks = light.transfer.blocks
+        arrays |= {"blocks_of": blocks.of, "blocks_share": blocks.share}
+        attributes["blocks"] = blocks.count
+        for r, bounce in enumerate(light.transfer.bounces):
+            arrays |= {f"bounce_{r}_{k}": v for k, v in bounce._asdict().items()}
+    zarr_folder.write([_dataset(arrays, **attributes)], folder / CELLS, along="")
+    (folder / STATED).write_text(json.dumps(stated), encoding="utf-8")
+
+
+def is_of(folder: Path, stated: dict[str, Any]) -> bool:
+    """Whether a folder holds the light paths of a view as it is stated."""
+    try:
+        return bool(json.loads((folder / STATED).read_text(encoding="utf-8")) == stated)
+    except (OSError, ValueError):
+        return False
+
+
+def _opened(folder: Path) -> xr.Dataset:
+    try:
+        return xr.open_zarr(folder, mask_and_scale=False, chunks=None)
+    except (OSError, KeyError, ValueError):
+        remedy = "delete the folder of the view, and render again"
+        raise InputError(folder, "light paths", "they cannot be read", remedy) from None
+
+
+def _array(kind: Any, values: np.ndarray) -> Any:
+    """Array of a type from NumPy, of one or three axes."""
+    if dr.depth_v(kind) > 1:
+        return kind(*(mi.Float(np.ascontiguousarray(axis)) for axis in values))
+    if kind is mi.UInt32:
+        values = values.astype(np.uint32)
+    return kind(np.ascontiguousarray(values))
+
+
+_KINDS = {"mi.UInt32": "UInt32", "mi.Float": "Float", "mi.Float16": "Float16",
+          "mi.Vector3f": "Vector3f"}  # fmt: skip
+
+
+def _paths(folder: Path) -> Paths:
+    """Light paths of some pixels."""
+    with _opened(folder) as data:
+        arrays = {
+            f.name: _array(getattr(mi, _KINDS[str(f.type)]), data[f.name].values)
+            for f in fields(Paths)[2:]
+        }
+        return Paths(int(data.attrs["first"]), int(data.attrs["slots"]), **arrays)
+
+
+def tiles(folder: Path) -> Iterator[Paths]:
+    """Light paths of all pixels, some at a time."""
+    for part in sorted(folder.glob("[0-9]*.zarr")):
+        yield _paths(part)
+
+
+def with_tiles_of(traced: TracedView, folder: Path) -> TracedView:
+    """Return a view whose light paths are read from a folder, once where they fit in memory."""
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    if size > KEPT // 2:
+        return replace(traced, tiles=lambda: tiles(folder))
+    kept = list(tiles(folder))
+    return replace(traced, tiles=lambda: iter(kept))
+
+
+def load_cells(light: SurfaceLight, folder: Path) -> SurfaceLight:
+    """Read the cells of a view, and compute the sky's light on them.
+
+    `light` has the deposit of the scene, and no cells yet.
+    """
+    with _opened(folder / CELLS) as data:
+
+        def array(name: str, kind: Any = None) -> Any:
+            values = data[name].values
+            if kind is None:
+                kinds = {"u": mi.UInt32, "f": mi.Float, "b": mi.Bool, "i": mi.Bool}
+                kind = kinds[values.dtype.kind]
+            return _array(kind, values)
+
+        replicates, keys = range(light.base.accuracy.replicates), array("keys")
+        drawn: list[Drawn | None] = [None for _ in replicates]
+        for r in replicates:
+            if f"drawn_{r}_rank" in data:
+                names = [name for name in Drawn._fields if f"drawn_{r}_{name}" in data]
+                drawn[r] = Drawn(**{name: array(f"drawn_{r}_{name}") for name in names})
+        transfer = None
+        if "blocks" in data.attrs:
+            blocks = Blocks(array("blocks_of"), int(data.attrs["blocks"]), array("blocks_share"))
+            bounces = (
+                OneBounce(*(array(f"bounce_{r}_{name}") for name in OneBounce._fields))
+                for r in replicates
+            )
+            transfer = Transfer(blocks, tuple(bounces))
+    return SurfaceLight.of(light.base, keys, tuple(drawn), transfer)

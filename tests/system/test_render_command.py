@@ -1,0 +1,145 @@
+"""The command `render`: files of pictures, frames and coefficient pictures, and bad input."""
+
+import errno
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from drcmitsuba import picture
+from drcmitsuba.rendering import stored_view
+from drcmitsuba.runtime import storage
+from tests.system.small_room import CASE, run
+
+VIEW = "\n[views.desk]\nposition = [2.0, 3.5, 1.2]\ndirection = [0, -1, 0]\n"
+DESK = '\n[[furniture]]\nname = "desk"\ncorner = [1.5, 3.0, 0.0]\nsize = [1, 1, 1.5]\n'
+SMALL = ("--size", "24", "--view", "desk", "-o", "out")
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """Folder in which one view has been rendered at noon and for two frames."""
+    folder = tmp_path_factory.mktemp("rendered")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        (folder / "room.toml").write_text(CASE + VIEW)
+        (folder / "frames.csv").write_text("time\n2015-03-20T09:00\n2015-03-20T15:30\n")
+        run(patch, "render", "room.toml", "--time", "03-20 12:00", *SMALL)
+        run(patch, "render", "room.toml", "--times", "frames.csv", "--tone", "false", *SMALL)
+        run(patch, "render", "room.toml", "--bins", *SMALL)
+    return folder
+
+
+def test_a_picture_says_view_and_time_in_both_formats(rendered):
+    shown = [picture.read(rendered / f"out/desk_03-20_1200{e}") for e in (".exr", ".hdr")]
+    for one in shown:
+        assert one.shape == (24, 24)
+        assert one.view.kind == "equidistant"
+        assert one.view.position == pytest.approx((2.0, 3.5, 1.2))
+        assert one.captured == "2015:03:20 12:00:00"
+    assert np.allclose(shown[0].luminance, shown[1].luminance, rtol=0.02, atol=1)
+    assert (rendered / "out/desk_03-20_1200.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_exr_has_a_channel_of_standard_errors(rendered):
+    import OpenEXR
+
+    with OpenEXR.File(str(rendered / "out/desk_03-20_1200.exr"), separate_channels=True) as opened:
+        error = opened.channels()["error"].pixels
+    mean = picture.read(rendered / "out/desk_03-20_1200.exr").luminance
+    assert ((error > 0) & (error < mean)).mean() > 0.5
+
+
+def test_frames_and_bins_follow_without_tracing_again(rendered, monkeypatch):
+    assert (rendered / "out/desk_03-20_0900.exr").exists()
+    assert (rendered / "out/desk_03-20_1530.png").exists()
+    with xr.open_zarr(rendered / "out/desk_bins.zarr") as bins:
+        assert dict(bins.sizes) == {"row": 24, "column": 24, "bin": 146}
+        assert float(bins["coefficient"].sum()) > 0
+    monkeypatch.setattr(stored_view, "save_paths", None)  # tracing would call it
+    monkeypatch.chdir(rendered)
+    before = picture.read("out/desk_03-20_1200.hdr").rgb
+    run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *SMALL)
+    assert np.array_equal(before, picture.read("out/desk_03-20_1200.hdr").rgb)
+
+
+def test_another_view_or_case_is_traced_anew(rendered, monkeypatch, tmp_path):
+    monkeypatch.chdir(rendered)
+    (tmp_path / "dark.toml").write_text(CASE.replace("0.65", "0.325") + VIEW)
+    before = picture.read("out/desk_03-20_1200.hdr").luminance.mean()
+    dark = ("render", tmp_path / "dark.toml", "--time", "03-20 12:00")
+    run(monkeypatch, *dark, "--size", "24", "-o", tmp_path / "out")
+    after = picture.read(tmp_path / "out/desk_03-20_1200.hdr").luminance.mean()
+    assert after == pytest.approx(before / 2, rel=0.1)
+
+
+def test_a_night_is_a_dark_picture_and_said(rendered, monkeypatch, capsys):
+    monkeypatch.chdir(rendered)
+    run(monkeypatch, "render", "room.toml", "--time", "12-21 23:00", *SMALL)
+    said = capsys.readouterr().out
+    assert "12-21 23:00: neither sky nor sun shines, the picture is dark" in said
+    assert "12-21 23:00 is outside of the period of the case" in said
+    assert picture.read("out/desk_12-21_2300.exr").luminance.max() == 0
+
+
+@pytest.mark.parametrize(
+    ("case", "options", "line"),
+    [
+        (CASE, ("--time", "03-20 12:00"), "views: none; add a table [views.NAME]"),
+        (CASE + VIEW + DESK, ("--time", "03-20 12:00"), "lies in or on 'desk'"),
+        (
+            CASE + VIEW.replace("2.0, 3.5, 1.2", "2.0, 5.0, 1.2"), ("--time", "03-20 12:00"),
+            "in, on or beyond a wall of the room",
+        ),
+        (
+            CASE + VIEW.replace("[0, -1, 0]", "[0, 0, -1]"), ("--time", "03-20 12:00"),
+            "views.desk.up: [0.0, 0.0, 1.0] along the direction",
+        ),
+        (CASE + VIEW, (), "--time, --times, --bins: none of them; give one of them"),
+        (CASE + VIEW, ("--time", "noon"), "--time: 'noon'; give month, day and"),
+        (CASE + VIEW, ("--time", "02-30 12:00"), "--time: '02-30 12:00'; give month, day and"),
+        (CASE + VIEW, ("--time", "03-20 12:00", "--view", "door"), "--view: 'door'; give one of"),
+        (CASE + VIEW, ("--bins", "--size", "wide"), "--size: 'wide'; give 512 or 800x600"),
+        (CASE + VIEW, ("--bins", "--size", "99999"), "size: 99999 by 99999 pixels; give 1 to"),
+        (CASE + VIEW, ("--bins", "--size", "5000"), "MB on the disk; give a smaller size"),
+        (CASE + VIEW, ("--bins", "--samples", "0"), "samples: 0; give 1 to"),
+        (CASE + VIEW, ("--bins", "--state", "ajar"), 'no state "ajar"; choose from: "open"'),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line(case, options, line, monkeypatch, capsys, tmp_path):
+    free = shutil._ntuple_diskusage(1 << 40, 1 << 40, 1 << 33)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: free)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "room.toml").write_text(case)
+    with pytest.raises(SystemExit) as stop:
+        run(monkeypatch, "render", "room.toml", *options)
+    said = capsys.readouterr().err
+    assert stop.value.code == 2
+    assert line in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_full_disk_leaves_nothing(monkeypatch, capsys, tmp_path):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device", "out")
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "room.toml").write_text(CASE + VIEW)
+    monkeypatch.setattr(storage.zarr_folder, "write", full)
+    with pytest.raises(SystemExit) as stop:
+        run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *SMALL)
+    assert stop.value.code == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_light_paths_that_are_damaged_are_refused(rendered, monkeypatch, capsys, tmp_path):
+    shutil.copytree(rendered, tmp_path / "copy")
+    monkeypatch.chdir(tmp_path / "copy")
+    shutil.rmtree("out/desk_light_paths/channel_0/cells.zarr")
+    with pytest.raises(SystemExit) as stop:
+        run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *SMALL)
+    assert stop.value.code == 2
+    assert "delete the folder of the view" in capsys.readouterr().err
