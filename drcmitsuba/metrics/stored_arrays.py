@@ -37,10 +37,9 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
         raise InputError(path, "results", "no such file or folder", "run the step that writes it")
     if not (path.is_dir() or path.is_file()):  # a device would never end
         raise InputError(path, "results", "no plain file", REMEDY)
-    if path.is_dir():
-        data = _attempt(path, lambda: xr.open_zarr(path, consolidated=False, chunks=None))
-    else:
-        data = _attempt(path, lambda: xr.open_dataset(path, engine="h5netcdf"))
+    data = _attempt(path, lambda: _opened(path, mask_and_scale=False))
+    if not _is_plain(data):
+        data = _attempt(path, lambda: _opened(path, mask_and_scale=True))
     missing = [v for v in variables if v not in data]
     if missing:
         raise InputError(path, "results", f"has no {missing[0]!r}", REMEDY)
@@ -48,6 +47,30 @@ def open_dataset(path: Path, *variables: str) -> xr.Dataset:
     if variables:
         data = _ordered(path, data)
     return _attempt(path, lambda: _with_plain_labels(data))
+
+
+def _opened(path: Path, *, mask_and_scale: bool) -> xr.Dataset:
+    """Open a file or folder without reading its arrays."""
+    if path.is_dir():
+        return xr.open_zarr(path, consolidated=False, chunks=None, mask_and_scale=mask_and_scale)
+    return xr.open_dataset(path, engine="h5netcdf", mask_and_scale=mask_and_scale)
+
+
+def _is_plain(data: xr.Dataset) -> bool:
+    """Whether values stand as they are: without a scale, and NaN for what is missing.
+
+    Then their fill value is taken out; with it xarray would copy every array once more.
+    """
+    for v in data.variables.values():
+        fill = v.attrs.get("_FillValue")
+        is_nan = isinstance(fill, np.floating) and np.isnan(fill) and v.dtype.kind == "f"
+        if {"scale_factor", "add_offset", "missing_value"} & v.attrs.keys() or not (
+            fill is None or is_nan
+        ):
+            return False
+    for v in data.variables.values():
+        v.attrs.pop("_FillValue", None)
+    return True
 
 
 def _with_plain_labels(data: xr.Dataset) -> xr.Dataset:

@@ -164,3 +164,15 @@ def test_positions_of_labels():
     with pytest.raises(schema.UnknownLabelsError, match="no 'sky_1' \\(2 missing\\)") as error:
         schema.positions(["sky_1", "ground", "sky_01"], known)
     assert error.value.labels == ("sky_1", "sky_01")
+
+
+@pytest.mark.parametrize("fill", [np.nan, -999.0, None])
+@pytest.mark.parametrize("scale", [None, 2.0])
+def test_scales_and_fill_values_of_files_are_undone(tmp_path, fill, scale):
+    values = np.array([1.5, np.nan, 3.0], np.float32)
+    encoding = {"_FillValue": fill} | ({} if scale is None else {"scale_factor": scale})
+    data = xr.Dataset({"values": ("sensor", values)})
+    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf", encoding={"values": encoding})
+    opened = stored_arrays.open_dataset(tmp_path / "a.nc").load()
+    np.testing.assert_array_equal(opened["values"], values)
+    opened.to_netcdf(tmp_path / "b.nc", engine="h5netcdf")  # no attribute stands in the way
