@@ -31,6 +31,7 @@ from drcmitsuba.transport.cell_points import Drawn
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Gathered, Met, product
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
@@ -54,6 +55,8 @@ class Replicate:
     cells: Irradiance | None = None
     transfer: Transfer | None = None
     indirect: Irradiance | None = None
+    light: CellLight | None = None
+    """Light of many cells after all bounces, in place of `cells` and `indirect`."""
 
     def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
         """Compute D of the cells [sr] at the points that stand for them, and what they reflect."""
@@ -66,6 +69,9 @@ class Replicate:
         if self.transfer is not None:
             self.indirect = Irradiance(*self.transfer.indirect(self.number, *self.cells))
             dr.eval(*self.indirect)
+            if len(self.cells.sky) > MANY * self.deposit.accuracy.paths:
+                self.light = CellLight.of(self.cells, self.indirect, self.transfer.blocks.of)
+                self.cells = self.indirect = None
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None
@@ -83,8 +89,13 @@ class Replicate:
     def interreflected(self, met: Met, sensors: int) -> np.ndarray:
         """G·D, shape (sensor, bin) [sr], with the paths of this replicate."""
         bins = sum(self.deposit.bins)
-        if self.cells is None or len(met) == 0:
+        if (self.cells is None and self.light is None) or len(met) == 0:
             return np.zeros((sensors, bins), np.float32)
+        if self.light is not None:
+            paths = self.deposit.accuracy.paths
+            _, cell, weight, _ = met.of_replicate(self.number, sensors, paths)
+            return self.light.gathered(cell, weight, paths)
+        assert self.cells is not None
         if self.transfer is None or self.indirect is None:
             first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each
             row = met.row - first

@@ -1,0 +1,73 @@
+"""G₁·H of many cells: sums over paths that end at their first diffuse vertex, without a matrix.
+
+A sensor's paths meet a few of the cells. Where these are many, a sum over the paths is faster than
+a product by G₁, of which almost all entries are 0; the values of four bins are read at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.transport.deposit import Irradiance
+
+MANY = 16
+"""Number of cells per path of a sensor from which on the paths are summed."""
+WIDE = 4
+"""Number of bins that are read at once."""
+
+
+@dataclass(frozen=True)
+class CellLight:
+    """Light H on the cells after all bounces."""
+
+    values: mi.Float
+    """H [sr] of every cell, with room for a multiple of `WIDE` bins."""
+    bins: int
+    """Number of bins of sky and suns together."""
+
+    @classmethod
+    def of(cls, D: Irradiance, X: Irradiance, block: mi.UInt32) -> CellLight:
+        """Add the light X (block, bin) of blocks of cells to D (cell, bin) [sr]."""
+        cells, sky = D.sky.shape
+        bins = sky + D.sun.shape[1]
+        wide = -(-bins // WIDE) * WIDE
+        entry = dr.arange(mi.UInt32, cells * wide)
+        cell, bin = entry // dr.opaque(mi.UInt32, wide), entry % dr.opaque(mi.UInt32, wide)
+        of_block, values = dr.gather(mi.UInt32, block, cell), mi.Float(0)
+        for d, x, first in ((D.sky, X.sky, 0), (D.sun, X.sun, sky)):
+            if d.shape[1] == 0:
+                continue
+            count, start = (dr.opaque(mi.UInt32, n) for n in (d.shape[1], first))
+            own = (bin >= start) & (bin < start + count)
+            values += dr.gather(mi.Float, d.array, cell * count + bin - start, own)
+            values += dr.gather(mi.Float, x.array, of_block * count + bin - start, own)
+        dr.eval(values)
+        return cls(values, bins)
+
+    def gathered(self, cell: mi.UInt32, weight: mi.Float, paths: int) -> np.ndarray:
+        """Sum over `paths` vertices of each sensor, one after another, shape (sensor, bin) [sr]."""
+        sensors, wide = dr.width(weight) // paths, -(-self.bins // WIDE)
+        total = _summed(self.values, cell, weight, sensors, paths, wide)
+        return total.numpy().reshape(sensors, WIDE * wide)[:, : self.bins]
+
+
+@dr.syntax
+def _summed(
+    values: mi.Float, cell: mi.UInt32, weight: mi.Float, sensors: int, paths: int, wide: int
+) -> mi.Float:
+    """Sum in double precision, flat (sensor, bin)."""
+    stride, each = dr.opaque(mi.UInt32, wide), dr.opaque(mi.UInt32, paths)
+    lane = dr.arange(mi.UInt32, sensors * wide)
+    vertex, column = lane // stride * each, lane % stride
+    end, total = vertex + each, mi.Vector4d(0)
+    while vertex < end:
+        at = dr.gather(mi.UInt32, cell, vertex) * stride + column
+        total += mi.Vector4d(dr.gather(mi.Vector4f, values, at)) * mi.Float64(
+            dr.gather(mi.Float, weight, vertex)
+        )
+        vertex += 1
+    return dr.ravel(mi.Vector4f(total))
