@@ -20,7 +20,6 @@ cell_rays, solved_cells
     H = D + T·H: light between surfaces, solved on cells.
 first_bounce
     G₁·H where cells are many.
-coefficients
 straight_suns
     C of straight light from suns alone.
 sensor_blocks, coefficients
