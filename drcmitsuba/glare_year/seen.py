@@ -89,14 +89,10 @@ def seen(
     kept, pixel = np.unique(ray, return_inverse=True)
     surfaces = surfaces.take(np.isin(surfaces.ray, kept))
     at = np.searchsorted(kept, np.arange(count)).clip(max=len(kept) - 1)
-    tile_of = sent.tile[kept]
-    first = np.flatnonzero(np.r_[True, np.diff(tile_of) > 0, True])
-    d = sent.directions[kept]
-    middle = np.add.reduceat(d, first[:-1], axis=0)
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-    omega = sent.solid_angle * np.bincount(pixel.ravel(), minlength=len(kept))
+    first = np.flatnonzero(np.r_[True, np.diff(sent.tile) > 0, True])
+    tiles = Tiles(first, sent.directions, pixel.ravel(), sent.solid_angle, forward)
     return Seen(
-        Tiles(first, middle, omega), d, _of_sky(outside, at, len(kept), subdivision),
+        tiles, sent.directions[kept], _of_sky(outside, at, len(kept), subdivision),
         Surfaces(
             at[surfaces.ray], surfaces.point + LIFT * surfaces.normal, surfaces.normal,
             surfaces.weight.reshape(-1, len(channels)) / np.pi,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -44,7 +44,10 @@ class Place:
         by_file, sharp : np.ndarray, shape (view, time)
             Sums with film peaks as wide as the cells of their BSDF, and as wide as a sun's disk.
         """
-        frames, tiles = eyes.frames[self.views], self.known.seen.tiles
+        frames = eyes.frames[self.views]
+        tiles = self.known.seen.tiles
+        if tiles.opening != rule.opening:
+            tiles = replace(tiles, opening=rule.opening)
         out = np.zeros((len(self.views), len(times)))
         weights = _weights(self.known.seen, frames)
         for start in range(0, len(times), HOURS):
@@ -83,7 +86,7 @@ class Place:
         if not len(seen.films) or not seen.glow.suns.size:
             return np.zeros((len(frames), len(times)))
         local = np.einsum("pi,vki->vpk", seen.directions[seen.films], frames)
-        weight = seen.tiles.solid_angle[seen.films] / position_index(local) ** 2
+        weight = seen.tiles.by_pixel[seen.films] / position_index(local) ** 2
         weight *= local[..., 2] > 0
         narrow = np.maximum(seen.glow.sharpness - 1, 0)
         by_sun = weight @ (seen.glow.suns.astype(float) ** 2 * narrow)
@@ -93,7 +96,7 @@ class Place:
 def _weights(shown: Seen, frames: np.ndarray) -> np.ndarray:
     """Share of each pixel in the mean luminance of each view, shape (view, pixel)."""
     ahead = frames[:, 2] @ shown.directions.T > 0
-    omega = ahead * shown.tiles.solid_angle
+    omega = ahead * shown.tiles.by_pixel
     return np.asarray(omega / omega.sum(axis=1, keepdims=True))
 
 

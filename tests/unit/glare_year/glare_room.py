@@ -50,4 +50,4 @@ def case_in(folder, *, material="glass", more="", times=TIMES):
 def sum_over(pixels, L, forward):
     """Vertical illuminance by the pixels [lx], shape (hour,)."""
     cosine = np.maximum(pixels.directions @ forward, 0)
-    return (cosine * pixels.tiles.solid_angle) @ L
+    return (cosine * pixels.tiles.by_pixel) @ L

@@ -1,10 +1,9 @@
 """Sources of many hours at once, against sources that are joined hour by hour."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
+from drcmitsuba.glare_year.pixels import rays
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.sources import Tiles, contrast_sums
 from drcmitsuba.picture.position_index import position_index
@@ -17,12 +16,6 @@ def _variant():
     backend.select()
 
 
-def spread(count, seed):
-    """Unit vectors all round."""
-    d = np.random.default_rng(seed).standard_normal((count, 3))
-    return d / np.linalg.norm(d, axis=1, keepdims=True)
-
-
 def frame_of(forward):
     forward = np.asarray(forward) / np.linalg.norm(forward)
     right = np.cross(forward, [0, 0, 1])
@@ -31,54 +24,60 @@ def frame_of(forward):
 
 
 def joined(d, bright, reach):
-    """Number of the component of each bright direction, by flooding."""
+    """Number of the component of each bright direction, by flooding; −1 of the others."""
     number = np.full(len(d), -1)
     for start in np.flatnonzero(bright):
         if number[start] < 0:
             number[start], edge = start, [start]
             while edge:
                 i = edge.pop()
-                near = bright & (number < 0) & (d @ d[i] >= np.cos(reach))
+                near = bright & (number < 0) & (np.linalg.norm(d - d[i], axis=1) <= reach)
                 number[near] = start
                 edge += list(np.flatnonzero(near))
     return number
 
 
+def by_tile(number, tile):
+    """Number of each ray's source, where rays of one tile are one source from the start."""
+    while True:
+        least = np.full(tile.max() + 1, len(number))
+        np.minimum.at(least, tile[number >= 0], number[number >= 0])
+        new = np.where(number < 0, -1, least[tile])
+        for old in np.unique(number[number >= 0]):
+            new[number == old] = new[number == old].min()
+        if (new == number).all():
+            return number
+        number = new
+
+
 def one_by_one(L, tiles, frame, threshold, peak):
-    """Σ L² ω / P² of one hour and view, tile by tile."""
-    first, omega, total = tiles.first, tiles.solid_angle, 0.0
-    inside = [slice(a, b) for a, b in pairwise(first)]
-    any_bright = np.array([(L[i] > threshold).any() for i in inside])
-    any_peak = np.array([(L[i] > peak).any() for i in inside])
-    for number, low, high in (
-        (joined(tiles.direction, any_bright, tiles.opening / 2), threshold, peak),
-        (joined(tiles.direction, any_peak, tiles.opening / 2), peak, np.inf),
-    ):
-        for source in np.unique(number[number >= 0]):
-            w, flux, towards = 0.0, 0.0, np.zeros(3)
-            for tile in np.flatnonzero(number == source):
-                d = tiles.direction[tile]
-                if d @ frame[2] <= 0:
-                    continue
-                values, sizes = L[inside[tile]], omega[inside[tile]]
-                of_source = (values > low) & (values <= high)
-                w += sizes[of_source].sum()
-                flux += (values * sizes)[of_source].sum()
-                towards += (values * sizes)[of_source].sum() * d
-            if w > 0:
-                P = position_index(frame @ towards / np.linalg.norm(towards))
-                total += flux**2 / w / P**2
+    """Σ L² ω / P² of one hour and view, ray by ray."""
+    values = L[tiles.pixel]
+    tile = np.repeat(np.arange(len(tiles)), np.diff(tiles.first))
+    ahead = tiles.direction[tile] @ frame[2] > 0
+    total, reach = 0.0, 2 * np.sin(tiles.opening / 4)
+    for low, high, chain in ((threshold, peak, threshold), (peak, np.inf, peak)):
+        number = by_tile(joined(tiles.rays, ahead & (values > chain), reach), tile)
+        counts = ahead & (values > low) & (values <= high)
+        for source in np.unique(number[counts]):
+            mine = counts & (number == source)
+            flux, omega = values[mine].sum() * tiles.solid_angle, mine.sum() * tiles.solid_angle
+            towards = (values[mine, None] * tiles.direction[tile[mine]]).sum(axis=0)
+            P = position_index(frame @ towards / np.linalg.norm(towards))
+            total += flux**2 / omega / P**2
     return total
 
 
 @pytest.mark.parametrize("hours", [1, 7])
 def test_sources_of_many_hours_are_those_joined_one_by_one(hours):
-    rng, tiles_count, each = np.random.default_rng(3), 400, 3
-    first = np.arange(tiles_count + 1) * each
-    omega = rng.uniform(0.5, 2, tiles_count * each) * 4 * np.pi / (tiles_count * each)
-    tiles = Tiles(first, spread(tiles_count, 5), omega, opening=0.3)
-    L = np.exp(rng.normal(6.5, 1.6, (tiles_count * each, hours))).astype(np.float32)
-    frames = np.stack([frame_of(d) for d in ([0, 1, 0.1], [1, 0.3, 0], [-1, -1, -0.3])])
+    rng, sent = np.random.default_rng(3), rays(np.array([[0.0, 1, 0], [1.0, 0, 0]]))
+    near = sent.directions @ [0.6, 0.75, 0.28] > 0.9  # 800 rays, many at the edges of views
+    _, tile = np.unique(sent.tile[near], return_inverse=True)
+    first = np.flatnonzero(np.r_[True, np.diff(tile) > 0, True])
+    pixel = np.cumsum(rng.random(near.sum()) < 0.3)  # some rays share a pixel
+    frames = np.stack([frame_of(d) for d in ([0, 1, 0.1], [1, 0.3, 0], [0.7, -0.6, -0.3])])
+    tiles = Tiles(first, sent.directions[near], pixel, sent.solid_angle, frames[:, 2], opening=0.1)
+    L = np.exp(rng.normal(6.4, 1.2, (pixel.max() + 1, hours))).astype(np.float32)
     ours = contrast_sums(L, tiles, frames, np.full(hours, 2000.0), 5000.0)
     theirs = [
         [one_by_one(L[:, h], tiles, frame, 2000.0, 5000.0) for h in range(hours)]
@@ -89,21 +88,22 @@ def test_sources_of_many_hours_are_those_joined_one_by_one(hours):
 
 
 def test_a_threshold_of_each_view_and_hour_counts():
-    tiles = Tiles(np.array([0, 1, 2]), np.array([[0.0, 1, 0], [1.0, 0, 0]]), np.array([0.01, 0.02]))
     frames = np.stack([frame_of([1, 1, 0]), frame_of([0, 1, 0.01])])
+    d = np.array([[0.0, 1, 0], [1.0, 0, 0]])
+    tiles = Tiles(np.arange(3), d, np.arange(2), 0.01, frames[:, 2])
     L = np.array([[3000.0, 500.0], [2500.0, 4000.0]], np.float32)
     limit = np.array([[2000.0, 2000.0], [2900.0, 100.0]])
     sums = contrast_sums(L, tiles, frames, limit, 1e5)
     P = position_index(np.einsum("vki,ti->vtk", frames, tiles.direction)) ** 2
     expected = [
-        [3000**2 * 0.01 / P[0, 0] + 2500**2 * 0.02 / P[0, 1], 4000**2 * 0.02 / P[0, 1]],
+        [3000**2 * 0.01 / P[0, 0] + 2500**2 * 0.01 / P[0, 1], 4000**2 * 0.01 / P[0, 1]],
         [3000**2 * 0.01 / P[1, 0], 500**2 * 0.01 / P[1, 0]],
     ]
     np.testing.assert_allclose(sums, expected, rtol=1e-5)
 
 
 def test_dark_hours_have_no_sources():
-    tiles = Tiles(np.array([0, 1]), np.array([[0.0, 1, 0]]), np.array([0.01]))
+    tiles = Tiles(np.arange(2), np.array([[0.0, 1, 0]]), np.arange(1), 0.01, np.eye(3)[1:2])
     sums = contrast_sums(np.zeros((1, 4), np.float32), tiles, frame_of([0, 1, 0])[None],
                          np.full(4, 2000.0), 5e4)  # fmt: skip
     assert (sums == 0).all()
