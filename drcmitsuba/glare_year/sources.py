@@ -42,7 +42,7 @@ class Links(NamedTuple):
 
     first: np.ndarray
     """First link of every tile, and last the number of links, int, shape (tile + 1,)."""
-    count: int
+    size: int
     one: mi.UInt32
     """Tile that a link leads from."""
     two: mi.UInt32
@@ -249,14 +249,14 @@ def _joined(
     tops = dr.compress(root)
     of_top = dr.gather(mi.UInt32, at, tops)
     edges = [np.zeros(0, int)] * 2
-    if across.count:
-        met = dr.compress(_meet(bits, hours, across))
+    met = dr.compress(_meet(bits, hours, across)) if across.size else mi.UInt32()
+    if dr.width(met):
         link, hour = met // hours, met % hours
-        ends = (dr.gather(mi.UInt32, tile, link) * hours + hour for tile in across[2:4])
-        edges = [
-            dr.gather(mi.UInt32, number, dr.gather(mi.UInt32, label, end)).numpy().astype(int)
-            for end in ends
-        ]
+        ends = (
+            dr.gather(mi.UInt32, tile, link) * hours + hour for tile in (across.one, across.two)
+        )
+        labels = (dr.gather(mi.UInt32, label, end) for end in ends)
+        edges = [dr.gather(mi.UInt32, number, top).numpy().astype(int) for top in labels]
     source = _of_views(tiles.ahead[:, (of_top // hours).numpy()], *edges)
     kept = dr.compress(counted)
     part = dr.gather(mi.UInt32, number, dr.gather(mi.UInt32, label, kept))
@@ -287,7 +287,7 @@ def _of_views(ahead: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray
 @dr.syntax
 def _meet(bits: mi.UInt32, hours: mi.UInt32, links: Links) -> mi.Bool:
     """Whether rays at the two ends of each link are bright and near each other in each hour."""
-    lane = dr.arange(mi.UInt32, links.count * int(hours[0]))
+    lane = dr.arange(mi.UInt32, links.size * int(hours[0]))
     link, hour = lane // hours, lane % hours
     own, shown = (
         dr.gather(mi.UInt32, bits, dr.gather(mi.UInt32, tile, link) * hours + hour)
