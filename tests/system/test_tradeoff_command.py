@@ -38,9 +38,11 @@ def few_settings(monkeypatch):
     """The default and two settings of a room that the reference is soon accurate for."""
     from drcmitsuba.annual.tradeoff import run as module
 
-    def short(case, folder):
+    def short(case, folder, solved_cells):
         names = ("default, yours", "samples × 1/8", "spacing × 2")
-        return [s for s in settings.design(case, folder) if s.name in names]
+        return [
+            s for s in settings.design(case, folder, solved_cells=solved_cells) if s.name in names
+        ]
 
     monkeypatch.setattr(module, "design", short)
 

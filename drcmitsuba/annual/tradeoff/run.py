@@ -124,9 +124,10 @@ def tradeoff(
     light = daylight(case)
     year = light.sky["time"].values
     times = year[some_hours(year)]
-    seconds = forecast(plan(default(case), light)).seconds
+    planned = plan(default(case), light)
+    seconds = forecast(planned).seconds
     with tempfile.TemporaryDirectory(prefix="drcmitsuba-") as folder:
-        settings = design(case, Path(folder))
+        settings = design(case, Path(folder), solved_cells=planned.scope.solved_cells)
         announce(announcement(len(settings), seconds, minutes))
         with stage("reference") as progress:
             job = partial(trace_reference, case, times, until)

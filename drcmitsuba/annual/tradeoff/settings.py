@@ -21,8 +21,8 @@ from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.scene.materials import film
 
 RAYS = (
-    "paths", "cell_sky_rays", "sensor_sky_rays", "sensor_sun_samples", "pane_points",
-    "film_sky_samples",
+    "paths", "cell_paths", "cell_sky_rays", "sensor_sky_rays", "sensor_sun_samples",
+    "pane_points", "film_sky_samples",
 )  # fmt: skip
 """Numbers of samples in [accuracy] that share one factor."""
 
@@ -50,7 +50,7 @@ class Setting:
         Short name, for table and picture.
     varied : str
         Varied quantity: "default", "yours", "samples", "cell size", "film", "sun model", "sky",
-        "sensor spacing" or "combination".
+        "interreflection", "sensor spacing" or "combination".
     """
 
     name: str
@@ -93,7 +93,14 @@ def default(case: Case) -> Case:
     return case.with_tables(accuracy=Accuracy(seed=case.accuracy.seed), sky=sky, sun=TrueSun())
 
 
-def design(case: Case, folder: Path) -> list[Setting]:
+def other_interreflection(case: Case, solved_cells: bool) -> Setting:
+    """Evaluate a case by the other way to follow light between surfaces."""
+    name = "bounces on paths" if solved_cells else "solved cells"
+    effects = case.effects.model_copy(update={"solved_cells": "off" if solved_cells else "all"})
+    return Setting(name, "interreflection", case.with_tables(effects=effects))
+
+
+def design(case: Case, folder: Path, *, solved_cells: bool) -> list[Setting]:
     """List the settings to evaluate, the most instructive first.
 
     Parameters
@@ -101,6 +108,8 @@ def design(case: Case, folder: Path) -> list[Setting]:
     case : Case
     folder : Path
         Folder for the files of coarser films, which must outlive the settings.
+    solved_cells : bool
+        Whether the plan solves the light between surfaces on cells; one setting does otherwise.
 
     Returns
     -------
@@ -128,6 +137,7 @@ def design(case: Case, folder: Path) -> list[Setting]:
         settings.append(Setting("yours", "yours", case.with_tables(accuracy=accuracy)))
     settings += [
         Setting("samples × 1/4", "samples", changed(samples(1 / 4))),
+        other_interreflection(base, solved_cells),
         Setting("cells 0.9 m", "cell size", changed(cells(0.9))),
         Setting("samples × 2", "samples", changed(samples(2))),
         Setting("sky MF 2", "sky", changed(sky=2)),

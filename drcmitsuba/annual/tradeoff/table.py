@@ -26,6 +26,7 @@ COLOURS = {
     "yours": INK,
     "samples": BLUE,
     "cell size": ORANGE,
+    "interreflection": "#8C6BB1",
     "film": "#CC79A7",
     "sun model": "#009E73",
     "sky": "#56B4E9",

@@ -59,11 +59,12 @@ def room(**tables):
 
 def test_one_setting_changes_at_a_time(tmp_path):
     case = room()
-    settings = design(case, tmp_path)
+    settings = design(case, tmp_path, solved_cells=True)
     base = settings[0].case
     assert settings[0].name == "default, yours"
     table = {
         "samples": "accuracy", "cell size": "accuracy", "sky": "sky", "sensor spacing": "sensors",
+        "interreflection": "effects",
     }  # fmt: skip
     for setting in settings[1:]:
         changed = {k for k in Case.model_fields if getattr(setting.case, k) != getattr(base, k)}
@@ -75,14 +76,12 @@ def test_one_setting_changes_at_a_time(tmp_path):
             assert setting.varied == "combination"
             assert changed
     assert len({s.name for s in settings}) == len(settings)
-    assert {"samples", "cell size", "sky", "sun model", "sensor spacing"} <= {
-        s.varied for s in settings
-    }
+    assert {*table, "sun model"} <= {s.varied for s in settings}
 
 
 def test_the_own_setting_is_listed_where_it_differs(tmp_path):
     case = room(accuracy={"paths": 64, "seed": 7, "target": "1 point"}, sky={"subdivision": 2})
-    first, second = design(case, tmp_path)[:2]
+    first, second = design(case, tmp_path, solved_cells=True)[:2]
     assert (first.varied, second.varied) == ("default", "yours")
     assert first.case.accuracy == Accuracy(seed=7)
     assert first.case.sky.subdivision == 1
@@ -112,7 +111,7 @@ def test_sensors_further_apart_keep_the_middle_of_their_grid(factor):
 
 def test_variants_keep_the_folder_of_the_case(tmp_path):
     case = load_case("classroom/reference/o3")
-    for setting in design(case, tmp_path):
+    for setting in design(case, tmp_path, solved_cells=True):
         assert setting.case.path(Path("x")) == case.path(Path("x"))
         assert setting.case.source == case.source
     assert default(case).materials == case.materials
@@ -121,7 +120,7 @@ def test_variants_keep_the_folder_of_the_case(tmp_path):
 def test_films_lose_levels(tmp_path):
     case = load_case("classroom/reference/o3")
     (fine,) = trees(case).values()
-    settings = {s.name: s.case for s in design(case, tmp_path)}
+    settings = {s.name: s.case for s in design(case, tmp_path, solved_cells=True)}
     normal = np.array([[0.0, 0.0, -1.0], [0.3, -0.5, -0.81]])
     for name, levels in (("film −1 level", 1), ("film −2 levels", 2)):
         file = film(settings[name].materials["film"].file).file
