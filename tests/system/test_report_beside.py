@@ -1,7 +1,9 @@
 """The report with what stands beside an evaluation: who lights points, glare, pictures."""
 
+import importlib.util
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -96,6 +98,19 @@ def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_fa
         assert cells[:6] == pytest.approx([100 * part / whole for part in shares])
         assert opened.complaints == []
         assert [u for u in opened.requests if not u.startswith(("file:", "data:"))] == []
+
+
+def test_axe_finds_nothing_serious(page, tmp_path_factory):
+    spec = importlib.util.find_spec("axe_core_python")
+    if browser.CHROMIUM is None or spec is None:
+        pytest.skip("no Chromium, or no axe-core-python")
+    rules = (Path(spec.submodule_search_locations[0]) / "axe.min.js").read_text("utf-8")
+    with browser.page(tmp_path_factory.mktemp("profile")) as opened:
+        opened.open(page)
+        opened(f"{rules}; 0")
+        asked = "axe.run().then((r) => r.violations.map((v) => [v.id, v.impact, v.nodes[0].html]))"
+        assert opened(asked) == []
+        assert opened("axe.run().then((r) => r.passes.length)") > 30
 
 
 @pytest.mark.parametrize(
