@@ -18,6 +18,8 @@ lights
     Who lights a point: its light by window, state, source and number of bounces.
 glare
     DGP of every view at every time stamp: a `GlareYear` with classes of EN 17037.
+view_distances
+    How far points see beyond clear openings, for the view quantities of `metrics`.
 bsdf, goniophotometer, design, report, ...
     The other rooms of the package, imported when they are first asked for.
 
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from drcmitsuba.sky import period as period
     from drcmitsuba.sky import weather as weather
     from drcmitsuba.transport import coefficients as coefficients
+    from drcmitsuba.transport.view_rays import view_distances as view_distances
 
 __version__ = "0.1.0"
 
@@ -71,6 +74,7 @@ _NAMES = {
     "period": "sky.period",
     "render": "rendering.prepared_view:render",
     "shipped_cases": "case.shipped:shipped_cases",
+    "view_distances": "transport.view_rays:view_distances",
     "weather": "sky.weather",
 }
 _ROOMS = (

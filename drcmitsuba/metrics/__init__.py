@@ -12,6 +12,8 @@ light_exposure
     Light exposure [lx·h], uniformity, hours in direct sun by day.
 provision
     Daylight hours and daylight provision of EN 17037.
+view_out
+    View out of EN 17037 as far as geometry tells: width, outside distance, layers, level.
 daylight_factor
     Daylight factor under an overcast sky.
 shade
@@ -55,6 +57,7 @@ from drcmitsuba.metrics.shade import closing_sensors, shade_closed
 from drcmitsuba.metrics.sunlight import ase, exposure_stamps, mse
 from drcmitsuba.metrics.thresholds import months
 from drcmitsuba.metrics.useful_daylight import udi
+from drcmitsuba.metrics.view_out import outside_distance, sight_angle, view_layers, view_level
 
 __all__ = [
     "Interval",
@@ -72,14 +75,18 @@ __all__ = [
     "months",
     "msda",
     "mse",
+    "outside_distance",
     "overcast_luminances",
     "provision",
     "sda",
     "shade_closed",
     "share_of_points",
+    "sight_angle",
     "smooth",
     "sunlight_hours",
     "udi",
     "uniformity",
+    "view_layers",
+    "view_level",
     "worst_point_hours",
 ]

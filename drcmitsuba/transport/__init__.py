@@ -24,6 +24,10 @@ straight_suns
     C of straight light from suns alone.
 sensor_blocks, coefficients
     C with the standard error of every entry.
+window_deposit, light_paths
+    D by the window that light comes in by; C by window and number of bounces.
+view_rays
+    How far points see beyond clear openings.
 sun_interpolation
     C of suns between the suns of a mesh.
 facade_basis

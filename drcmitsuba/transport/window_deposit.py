@@ -65,6 +65,13 @@ class Windows:
         hit = self._scene.ray_intersect_preliminary(ray, coherent=False, active=active)
         return active & hit.is_valid(), hit.prim_index // 2
 
+    def left_at(self, ray: mi.Ray3f) -> tuple[np.ndarray, np.ndarray]:
+        """Whether rays leave by a window, bool (ray,), and at which distance [m]."""
+        hit = self._scene.ray_intersect_preliminary(ray, coherent=False)
+        inward = dr.gather(mi.Vector3f, self._inward, hit.prim_index // 2, hit.is_valid())
+        leaves = hit.is_valid() & (dr.dot(inward, ray.d) < 0)
+        return leaves.numpy(), dr.select(leaves, hit.t, dr.inf).numpy()
+
     def mark(self, ray: mi.Ray3f, t: mi.Float, mark: mi.UInt32, active: mi.Bool) -> mi.UInt32:
         """Mark paths with 1 + the window by which they leave; see `gather.Crossings`.
 
