@@ -10,7 +10,7 @@ import numpy as np
 
 from drcmitsuba.metrics import thresholds
 from drcmitsuba.metrics.intervals.rules import TAIL
-from drcmitsuba.standards.quantities import Counted
+from drcmitsuba.standards.quantities import Counted, stamps_needed
 from drcmitsuba.standards.standard import Limit, Quantity
 from drcmitsuba.standards.year import OF_LIGHT, Year
 
@@ -41,6 +41,9 @@ class Deciding:
     """Hours of daylight below the threshold at such a point in each month [h], January first."""
     clock: list[float]
     """The same by the hour of the day [h], 24 values."""
+    light: float | None = None
+    """Factor of all light with which the limit would just hold, the states of the shade unchanged
+    [–]: to first order that of the transmittance of all panes. None for direct sun."""
 
     def text(self) -> str:
         """Sentence for people."""
@@ -63,7 +66,15 @@ class Deciding:
             months = [MONTHS.split()[i] for i in sorted(_largest(self.months))]
             hours = ", ".join(f"{i}–{i + 1} h" for i in sorted(_largest(self.clock)))
             out += f"; hours below are most in {', '.join(months)}, and at {hours}"
+        if self.light is not None and self.light < 1e3:
+            would = "still hold" if self.holds else "hold"
+            out += f"; with {_rounded(self.light)} times the light it would {would}"
         return f"{self.quantity}: {out}"
+
+
+def _rounded(factor: float) -> str:
+    """Write a factor with two digits, rounded up so that it suffices."""
+    return f"{math.ceil(100 * factor - 1e-6) / 100:.2f}"
 
 
 def _largest(values: list[float]) -> list[int]:
@@ -96,7 +107,9 @@ def deciding(
         E = _mean_of_space(year, lowest)[:, None]
         months, clock = _below(E, quantity.threshold, np.zeros(1, int), year)
         hours = math.ceil(stamps * year.step_hours)
-        return Deciding(limit.quantity, holds, hours, "h", [], 0, months, clock)
+        wanted = max(math.ceil(limit.at_least / year.step_hours), 1)
+        factor = quantity.threshold / max(float(np.sort(E[:, 0])[-wanted]), 1e-9)
+        return Deciding(limit.quantity, holds, hours, "h", [], 0, months, clock, factor)
     sensors = np.arange(len(year.space)) if space is None else counted.of_space(space)
     margin = counted.hours[sensors] - needed
     required = math.ceil(thresholds.exact(limit.at_least) * len(sensors) / 100)
@@ -109,7 +122,14 @@ def deciding(
     p = None if counted.drawn is None else counted.drawn.passing
     undecided = 0 if p is None else int(((p > TAIL) & (p < 1 - TAIL))[sensors].sum())
     listed = [_point(year, s, float(counted.hours[s]) - needed) for s in chosen[:MOST_POINTS]]
-    return Deciding(limit.quantity, holds, number, "points", listed, undecided, months, clock)
+    light = None
+    if quantity.light != "direct_sun" and required:
+        # The point that is the last one to be needed decides.
+        lasting = np.sort(year.lasting(quantity.light, stamps_needed(quantity, year))[sensors])
+        light = quantity.threshold / max(float(lasting[-required]), 1e-9)
+    return Deciding(
+        limit.quantity, holds, number, "points", listed, undecided, months, clock, light
+    )
 
 
 def _mean_of_space(year: Year, space: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,7 @@ class Year:
     evidence: Evidence
     at: np.ndarray
     """Time stamps that count, indices."""
+    _lasting: dict[tuple[str, int], np.ndarray] = field(default_factory=dict, repr=False)
 
     @cached_property
     def illuminance(self) -> xr.Dataset:
@@ -80,6 +81,14 @@ class Year:
         if C is None or sky is None:
             return None
         return C, sky if len(self.at) == sky.sizes["time"] else sky.isel(time=self.at)
+
+    def lasting(self, light: str, stamps: int) -> np.ndarray:
+        """Illuminance that each point has in so many time stamps, shape (sensor,) [lx]."""
+        key = light, stamps
+        if key not in self._lasting:
+            E = np.ascontiguousarray(self.illuminance[OF_LIGHT[light]].values.T)
+            self._lasting[key] = np.partition(E, E.shape[1] - stamps, axis=1)[:, -stamps]
+        return self._lasting[key]
 
     def can_draw(self, light: str) -> bool:
         """Whether there are replicates of a light."""

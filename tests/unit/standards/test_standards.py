@@ -258,6 +258,30 @@ def test_the_points_with_fewest_hours_to_spare_decide_what_holds():
 # ---- refusals ---------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [("lm-83-12", WORKING), ("leed-v4.1", WORKING), ("en-17037", WHOLE), ("breeam-hea01", WHOLE)],
+)
+@pytest.mark.parametrize("scale", [0.02, 0.06, 0.3])
+def test_the_factor_of_the_light_is_where_the_limit_changes(name, times, scale):
+    of_point = scale * np.geomspace(0.5, 3.0, 25)
+    d = standards.verdict(name, evidence(of_point, times=times)).deciding
+    limits = {
+        limit.at_least
+        for level in standards.read(name).levels
+        for limit in level.limits
+        if limit.quantity == d.quantity
+    }
+    below, above = (
+        standards.verdict(name, evidence(f * d.light * of_point, times=times))
+        .quantities[d.quantity].value
+        for f in (0.999, 1.001)
+    )  # fmt: skip
+    assert any(below < limit <= above for limit in limits)
+    assert d.holds == (d.light <= 1)
+    assert f"with {np.ceil(100 * d.light - 1e-6) / 100:.2f} times the light it would" in d.text()
+
+
 def test_a_period_that_does_not_cover_the_hours_is_refused_with_what_would():
     weekdays = WORKING[np.is_busday(WORKING.astype("datetime64[D]"))]
     E = evidence(lit(60, times=weekdays), times=weekdays)
