@@ -12,6 +12,8 @@ slats
     `cut_off`: the flattest slats that keep the sun out.
 best
     `best_state` of every hour by an objective.
+glare
+    `glare`: the first state in which no eye is dazzled.
 outside
     Weather that controls see.
 schedule_file
@@ -29,6 +31,7 @@ from drcmitsuba.controls.electric_light import (
     stepped_dimming,
     zone_illuminance,
 )
+from drcmitsuba.controls.glare import glare
 from drcmitsuba.controls.hysteresis import (
     closed_by,
     facade_irradiance,
@@ -50,6 +53,7 @@ __all__ = [
     "cut_off_angle",
     "dimming_to_off",
     "facade_irradiance",
+    "glare",
     "groups_of",
     "lighting_energy",
     "lm83",

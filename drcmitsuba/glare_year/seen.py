@@ -7,7 +7,6 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-import xarray as xr
 from drcmitsuba_plugins.patches import Patches, patch_index
 
 from drcmitsuba.glare_year.chains import Chains, Ends
@@ -18,7 +17,7 @@ from drcmitsuba.glare_year.suns import Images, images
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.schema import luminance
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 sparse = lazy.module("scipy.sparse")
 
@@ -38,6 +37,16 @@ class Surfaces:
     """Unit normals, shape (point, 3)."""
     weight: np.ndarray
     """Luminance over illuminance [1/sr], shape (point, channel)."""
+
+    def take(self, some: slice) -> Surfaces:
+        """Some of the points."""
+        return Surfaces(self.pixel[some], self.points[some], self.normals[some], self.weight[some])
+
+    def luminance(self, E: np.ndarray) -> np.ndarray:
+        """Luminance of the points [cd/m²], (time, point), by E (channel, time, point) [lx]."""
+        shares = list(LUMINANCE_WEIGHTS.values()) if len(E) > 1 else [1.0]
+        weights = self.weight.astype(np.float32).T
+        return sum(share * w * e for share, w, e in zip(shares, weights, E, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,14 +161,3 @@ class Luminances:
         ones = np.ones(len(pixel), np.float32)
         shape = (len(self.seen.directions), len(pixel))
         return sparse.csr_array((ones, (pixel, np.arange(len(pixel)))), shape)
-
-
-def surface_luminances(surfaces: Surfaces, E: xr.DataArray) -> np.ndarray:
-    """Luminance of surface points [cd/m²], float32, (time, point), from their illuminance [lx].
-
-    `E` has the dims (time, sensor), and `channel` where the case is coloured.
-    """
-    if "channel" not in E.dims:
-        return np.asarray(E.values * surfaces.weight[:, 0].astype(np.float32))
-    weight = xr.DataArray(surfaces.weight.astype(np.float32), dims=("sensor", "channel"))
-    return np.asarray(luminance(E * weight).transpose("time", "sensor").values)

@@ -1,11 +1,11 @@
-"""One state of the façade over the year: illuminance at the eyes, and what is seen from each."""
+"""One state of the façade: illuminance at the eyes, and what is seen from each of their places."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import xarray as xr
 
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulation import of_points
@@ -13,7 +13,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.glare_year.seen import Luminances, Seen, seen, surface_luminances
+from drcmitsuba.glare_year.seen import Luminances, Seen, seen
 from drcmitsuba.glare_year.sources import contrast_sums
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.picture.glare import LARGEST_FACTOR
@@ -22,6 +22,8 @@ from drcmitsuba.scene import scene
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight
 
+COEFFICIENTS = 1 << 23
+"""Largest number of coefficients of surfaces in one replicate that are in memory at once."""
 HOURS = 256
 """Time stamps whose luminances are in memory at once."""
 
@@ -33,15 +35,13 @@ class Place:
     views: np.ndarray
     """Indices of the views, int, shape (view,)."""
     known: Luminances
-    forward: np.ndarray
-    """Lines of sight, shape (view, 3)."""
 
     def sums(self, eyes: Eyes, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Σ L² ω / P² of the views at some time stamps, and that of peaks as sharp as suns.
 
         Returns
         -------
-        by_file, sharp : np.ndarray, shape (view, time)
+        by_file, sharp : np.ndarray, shape (time, view)
             Sums with film peaks as wide as the cells of their BSDF, and as wide as a sun's disk.
         """
         frames = eyes.frames[self.views]
@@ -62,7 +62,7 @@ class Place:
         if rule.threshold <= LARGEST_FACTOR:
             least[:] = 0  # a sun is brighter than any multiple of a mean
         out += self._of_suns(frames, times, least)
-        return out, out + self._sharp(frames, times)
+        return out.T, (out + self._sharp(frames, times)).T
 
     def _of_suns(self, frames: np.ndarray, times: np.ndarray, least: np.ndarray) -> np.ndarray:
         """Σ L² ω / P² of the suns' disks, shape (view, time)."""
@@ -100,93 +100,69 @@ def _weights(shown: Seen, frames: np.ndarray) -> np.ndarray:
     return np.asarray(omega / omega.sum(axis=1, keepdims=True))
 
 
-@dataclass(frozen=True, eq=False)
-class StateOfYear:
-    """One state of the façade: illuminance at the eyes, and what is seen from each place."""
-
-    illuminance: np.ndarray
-    """E_v by each replicate [lx], shape (replicate, time, view)."""
-    places: list[Place]
-
-    def sums(self, eyes: Eyes, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`Place.sums` of all views, shape (time, view) each."""
-        out = np.zeros((2, len(times), len(eyes)))
-        for place in self.places:
-            for target, values in zip(out, place.sums(eyes, rule, times), strict=True):
-                target[:, place.views] = values.T
-        return out[0], out[1]
+def at_eyes(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -> np.ndarray:
+    """Vertical illuminance at the eyes by each replicate of C [lx], (replicate, time, view)."""
+    with run.timed(f"eyes, {state}") as done:
+        C = of_points(
+            case, state, light.suns, light.sky.attrs["latitude"], looking.points, looking.forward,
+            run=run, progress=done,
+        )  # fmt: skip
+        return accumulate.replicates(C.map(luminance), light.sky, np.arange(len(looking)))
 
 
-def state_of_year(
-    case: Case, state: State, light: Daylight, looking: Eyes, run: Run
-) -> StateOfYear:
-    """Simulate one state of the façade.
+def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -> Iterator[Place]:
+    """Trace what is seen from each place in one state of the façade, place by place.
 
     Parameters
     ----------
     case : Case
     state : str
+        State of the façade, see `case.groups`.
     light : Daylight
     looking : Eyes
     run : Run
 
-    Returns
-    -------
-    StateOfYear
+    Yields
+    ------
+    Place
+        Its arrays take about 10 kB for every time stamp.
     """
     effects, sky = run.enabled_effects, light.sky
-    latitude = sky.attrs["latitude"]
     shining = np.flatnonzero(sky["sun"].values > 0)
     sun_index = np.full(sky.sizes["time"], -1)
     sun_index[shining] = np.arange(len(shining))
     suns = sky["sun_direction"].values[shining]
     channels = scene.channels_of(case, effects)
     world = scene.load(case, state, -1, effects)
-    groups = looking.by_place()
-    with run.timed(f"what is seen, {state}") as done:
-        every = []
-        for i, views in enumerate(groups):
-            shown = seen(
-                world, channels, looking.points[views[0]], looking.forward[views], suns,
-                case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
-            )  # fmt: skip
-            every.append(shown)
-            done((i + 1) / len(groups))
-        run.ray_counter.update(world.ray_counter.counted())
-    with run.timed(f"illuminance at the eyes, {state}") as done:
-        C = of_points(
-            case, state, light.suns, latitude, looking.points, looking.forward, run=run,
-            progress=done,
+    for i, views in enumerate(looking.by_place()):
+        shown = seen(
+            world, channels, looking.points[views[0]], looking.forward[views], suns,
+            case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
         )  # fmt: skip
-        E = accumulate.replicates(C.map(luminance), sky, np.arange(len(looking)))
-    places = []
-    with run.timed(f"luminance of surfaces, {state}") as done:
-        for i, (views, shown) in enumerate(zip(groups, every, strict=True)):
-            L = _of_surfaces(case, state, light, shown, run)
-            known = Luminances(shown, sky["sky"].values, sky["sun"].values, sun_index, L)
-            places.append(Place(views, known, looking.forward[views]))
-            done((i + 1) / len(groups))
-    return StateOfYear(E, places)
+        L = _of_surfaces(case, state, light, shown, run)
+        known = Luminances(shown, sky["sky"].values, sky["sun"].values, sun_index, L)
+        yield Place(views, known)
+    run.ray_counter.update(world.ray_counter.counted())
 
 
 def _of_surfaces(case: Case, state: State, light: Daylight, shown: Seen, run: Run) -> np.ndarray:
-    """Luminance of the surfaces of a place [cd/m²], (time, point)."""
-    points = shown.surfaces.points
-    if not len(points):
-        return np.zeros((light.sky.sizes["time"], 0), np.float32)
-    C = of_points(
-        case, state, light.suns, light.sky.attrs["latitude"], points, shown.surfaces.normals,
-        run=run,
-    )  # fmt: skip
-    average = C["replicates"].mean("replicate").expand_dims("replicate")
-    mean = C.drop_vars("replicates").assign(replicates=average)
-    every = np.arange(len(points))
-    if "channel" not in mean.dims:
-        E = xr.DataArray(accumulate.replicates(mean, light.sky, every)[0], dims=("time", "sensor"))
-        return surface_luminances(shown.surfaces, E)
-    by_channel = [
-        accumulate.replicates(mean.isel(channel=i), light.sky, every)[0]
-        for i in range(mean.sizes["channel"])
-    ]
-    E = xr.DataArray(np.stack(by_channel), dims=("channel", "time", "sensor"))
-    return surface_luminances(shown.surfaces, E)
+    """Luminance of the surfaces of a place [cd/m²], float32, (time, point)."""
+    surfaces, sky = shown.surfaces, light.sky
+    out = np.zeros((sky.sizes["time"], len(surfaces.points)), np.float32)
+    bins = len(light.suns.labels) + sky.sizes["bin"]
+    step = max(64, COEFFICIENTS // bins)
+    for start in range(0, len(surfaces.points), step):
+        here = slice(start, start + step)
+        some = surfaces.take(here)
+        C = of_points(
+            case, state, light.suns, sky.attrs["latitude"], some.points, some.normals, run=run
+        )
+        average = C["replicates"].mean("replicate").expand_dims("replicate")
+        C = C.drop_vars("replicates").assign(replicates=average)
+        every = np.arange(len(some.points))
+        channels = (
+            [C.isel(channel=k) for k in range(C.sizes["channel"])] if "channel" in C.dims else [C]
+        )
+        E = np.stack([accumulate.replicates(one, sky, every)[0] for one in channels])
+        out[:, here] = some.luminance(E)
+    return out

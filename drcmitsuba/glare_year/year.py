@@ -35,7 +35,7 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.glare_year.eyes import Eyes, eyes
 from drcmitsuba.glare_year.result import APPLIED, GlareYear
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.glare_year.state import StateOfYear, state_of_year
+from drcmitsuba.glare_year.state import at_eyes, places
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import FacadeStates
@@ -102,15 +102,14 @@ def glare(
     simulated = case if effects.shade else case.with_tables(shading=None, groups={})
     taken, notes = _taken(simulated, light, run)
     states = list(dict.fromkeys((*_states_of(simulated), *(() if taken is None else taken.states))))
-    years, sums = list[StateOfYear](), list[tuple[np.ndarray, np.ndarray]]()
     times = np.arange(light.sky.sizes["time"])
-    for state in states:
-        year = state_of_year(simulated, state, light, looking, run)
-        with run.timed(f"glare sources, {state}"):
-            sums.append(year.sums(looking, rule, times))
-        years.append(StateOfYear(year.illuminance, []))
-    E = np.stack([year.illuminance for year in years], axis=1)
-    S, sharp = (np.stack(values) for values in zip(*sums, strict=True))
+    E = np.stack([at_eyes(simulated, state, light, looking, run) for state in states], axis=1)
+    S, sharp = np.zeros((2, *E.shape[1:]))
+    for k, state in enumerate(states):
+        with run.timed(f"what is seen, {state}") as done:
+            for place in places(simulated, state, light, looking, run):
+                S[k][:, place.views], sharp[k][:, place.views] = place.sums(looking, rule, times)
+                done((place.views[-1] + 1) / len(looking))
     if taken is not None:
         states.append(APPLIED)
         at = np.array([states.index(state) for state in taken.states])[taken.index]

@@ -42,6 +42,47 @@ def toward(profile, azimuth=180.0):
     return [np.cos(h) * np.sin(a), np.cos(h) * np.cos(a), np.sin(h)]
 
 
+# ---- glare ------------------------------------------------------------------------------------
+
+
+def dgp_of(time, *by_state):
+    """DGP (state, time, view) of two views, of which the second is never dazzled."""
+    values = np.stack([np.array(by_state), np.full(np.shape(by_state), 0.2)], axis=-1)
+    names = np.array(["open", "half/open", "shut/shut", "applied"], object)[: len(by_state)]
+    dims = ("state", "time", "view")
+    return xr.DataArray(values, {"state": names, "time": time.values}, dims)
+
+
+def test_the_first_state_without_glare_is_taken():
+    time = hours(5)
+    dgp = dgp_of(time, [0.3, 0.41, 0.5, 0.9, 0.40], [0.3, 0.4, 0.45, 0.8, 0.3],
+                 [0.3, 0.2, 0.3, 0.7, 0.3], [0.1] * 5)  # fmt: skip
+    states = controls.glare(illuminance([0] * 5, time), weather(time), time, groups=TWO, dgp=dgp)
+    assert states.values.tolist() == [[0, 0], [1, 0], [2, 1], [2, 1], [0, 0]]
+    strict = partial(controls.glare, groups=TWO, dgp=dgp, limit=0.25)
+    assert strict(None, None, time[1:2]).values.tolist() == [[2, 1]]
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"limit": 0}, "limit: 0"),
+        ({"dgp": "time"}, "no value for 1 time stamps, 2015-06-21T10:00"),
+        ({"dgp": "dims"}, "dims time, view"),
+        ({"dgp": "nan"}, "NaN"),
+        ({"groups": SHADE}, "for 1 groups"),
+    ],
+)
+def test_unfit_glare_is_refused_in_one_line(change, complaint):
+    time = hours(3)
+    dgp = dgp_of(time, [0.3] * 3, [0.3] * 3)
+    unfit = {"time": dgp[:, :2], "dims": dgp[0], "nan": dgp * np.nan}
+    keys = {"groups": TWO, "dgp": dgp} | change
+    keys["dgp"] = unfit.get(change.get("dgp"), dgp)
+    with pytest.raises(InputError, match=complaint):
+        controls.glare(None, None, time, **keys)
+
+
 # ---- hysteresis -------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle
 from drcmitsuba.annual.run import Run
 from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.glare_year.state import state_of_year
+from drcmitsuba.glare_year.state import at_eyes, places
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.sky.daylight import daylight
@@ -49,7 +49,9 @@ def opened(folder, file):
     backend.select()
     light, looking = daylight(case), eyes(case)
     run = Run.of(case, plan(case, light).scope)
-    return case, light, looking, state_of_year(case, "open", light, looking, run)
+    illuminance = at_eyes(case, "open", light, looking, run)
+    (place,) = places(case, "open", light, looking, run)
+    return case, light, looking, place, illuminance
 
 
 def by_suns(known, forward):
@@ -66,11 +68,11 @@ def by_suns(known, forward):
 )
 def test_the_glow_adds_up_to_the_illuminance_at_the_eye(name, tmp_path):
     file = PRISM if name == "prism" else klems(tmp_path, through=PEAK)
-    _, _, looking, state = opened(tmp_path, file)
-    known = state.places[0].known
+    _, _, looking, place, illuminance = opened(tmp_path, file)
+    known = place.known
     L = known.at(np.arange(6))
     for i, forward in enumerate(looking.forward):
-        Ev = state.illuminance[:, :, i]
+        Ev = illuminance[:, :, i]
         error = Ev.std(axis=0, ddof=1) / np.sqrt(len(Ev))
         mean = Ev.mean(axis=0)
         difference = sum_over(known.seen, L, forward) + by_suns(known, forward) - mean
@@ -81,8 +83,8 @@ def test_the_glow_adds_up_to_the_illuminance_at_the_eye(name, tmp_path):
 
 
 def test_an_even_film_glows_by_its_illuminance(tmp_path):
-    _, light, _, state = opened(tmp_path, klems(tmp_path))
-    known = state.places[0].known
+    _, light, _, place, _ = opened(tmp_path, klems(tmp_path))
+    known = place.known
     films = known.seen.films
     L = known.at(np.arange(6))[films]
     sun = light.sky["sun_direction"].values @ np.array([0, -1.0, 0])
@@ -97,8 +99,7 @@ def test_an_even_film_glows_by_its_illuminance(tmp_path):
 
 @pytest.mark.slow
 def test_a_peak_as_narrow_as_the_sun_raises_the_sum_by_the_ratio_of_solid_angles(tmp_path):
-    case, light, looking, state = opened(tmp_path, klems(tmp_path, lifted=PEAK))
-    place = state.places[0]
+    case, light, looking, place, _ = opened(tmp_path, klems(tmp_path, lifted=PEAK))
     glow, basis = place.known.seen.glow, BASES[BASIS]
     peaks = glow.sharpness > 0
     assert peaks.any()

@@ -1,0 +1,43 @@
+"""Seconds of a year of glare once C and what is seen are known, for one view and for a hundred.
+
+    python -m tests.bench.bench_glare_year
+
+prints seconds of the processor and of the clock. The year has all its daylight hours, 8760 time
+stamps; a hundred views are twelve and a half places of eight views, of which one is measured.
+"""
+
+import time
+
+import numpy as np
+
+from drcmitsuba import load_case
+from drcmitsuba.annual.run import Run
+from drcmitsuba.case.weather import PeriodTable
+from drcmitsuba.glare_year.eyes import eyes
+from drcmitsuba.glare_year.rule import Rule
+from drcmitsuba.glare_year.state import places
+from drcmitsuba.plan import plan
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import daylight
+
+
+def main():
+    whole = PeriodTable(hours=(0, 24), calendar="LM-83")
+    case = load_case("classroom/o1").with_tables(period=whole)
+    backend.select()
+    light, looking = daylight(case), eyes(case, [[4.4, 3.0, 1.2]])
+    run = Run.of(case, plan(case, light).scope)
+    (place,) = places(case, "open", light, looking, run)
+    times = np.arange(light.sky.sizes["time"])
+    lit = int((light.sky["sky"].values > 0).any(axis=1).sum())
+    for _ in range(2):  # the first compiles kernels
+        start, used = time.perf_counter(), time.process_time()
+        place.sums(looking, Rule(), times)
+        seconds = time.perf_counter() - start, time.process_time() - used
+    print(f"{len(times)} time stamps, {lit} with daylight, 8 views of one place")
+    print(f"one place: {seconds[0]:.2f} s, {seconds[1]:.2f} s of the processor")
+    print(f"a hundred views: {12.5 * seconds[0]:.1f} s, {12.5 * seconds[1]:.1f} s of the processor")
+
+
+if __name__ == "__main__":
+    main()
