@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import mitsuba as mi
@@ -143,6 +144,14 @@ class Luminances:
     """Index of the time stamp's sun among the suns of `seen`, −1 without one, int, (time,)."""
     surfaces: np.ndarray
     """Luminance of the surface points [cd/m²], shape (time, point)."""
+
+    @cached_property
+    def largest(self) -> np.ndarray:
+        """Luminance that no pixel exceeds but by films [cd/m²], shape (time,); ∞ with films."""
+        if len(self.seen.films):
+            return np.where(self.sky.any(axis=1) | (self.sun > 0), np.inf, 0)
+        ends = np.bincount(self.seen.surfaces.pixel).max(initial=0)
+        return np.asarray(self.sky.max(axis=1) + ends * self.surfaces.max(axis=1, initial=0))
 
     def at(self, hours: np.ndarray) -> np.ndarray:
         """Luminances in some hours, without the disks of the suns, float32, (pixel, hour)."""

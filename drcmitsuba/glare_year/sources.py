@@ -90,7 +90,7 @@ class Tiles:
 
     @cached_property
     def links(self) -> tuple[Links, Links]:
-        """Links between tiles that the same views see, from both ends; others, from one end."""
+        """Links between tiles that the same views have in front of them, and other links."""
         of_tile = np.repeat(np.arange(len(self)), np.diff(self.first))
         spread = np.zeros(len(self))
         np.maximum.at(spread, of_tile, np.linalg.norm(self.rays - self.direction[of_tile], axis=1))
@@ -99,8 +99,7 @@ class Tiles:
         pairs = spatial.cKDTree(self.direction).query_pairs(width, output_type="ndarray")
         _, seen_by = np.unique(self.ahead, axis=1, return_inverse=True)
         alike = np.equal(*seen_by.ravel()[pairs].T)
-        both = np.concatenate([pairs[alike], pairs[alike][:, ::-1]])
-        return self._reaching(both, longest), self._reaching(pairs[~alike], longest)
+        return self._reaching(pairs[alike], longest), self._reaching(pairs[~alike], longest)
 
     def _reaching(self, pairs: np.ndarray, longest: float) -> Links:
         """Links of those pairs of tiles of which some rays are near each other."""
@@ -228,18 +227,19 @@ def _joined(
     dr.scatter(label, at, at)
     dr.eval(label)
     while True:
-        before = dr.gather(mi.UInt32, label, at)
-        least = _least(label, at, hours, bits, first, alike.two, alike.reach)
-        dr.eval(before, least)
-        if not dr.any(least != before):
+        hooked = mi.UInt32(label)
+        dr.eval(hooked)
+        _hook(hooked, label, at, hours, bits, first, alike.two, alike.reach)
+        dr.eval(hooked)
+        changed = dr.any(dr.gather(mi.UInt32, hooked, at) != dr.gather(mi.UInt32, label, at))
+        for _ in range(2):
+            jumped = dr.gather(mi.UInt32, hooked, dr.gather(mi.UInt32, hooked, at))
+            dr.eval(jumped)
+            dr.scatter(hooked, jumped, at)
+            dr.eval(hooked)
+        label = hooked
+        if not changed:
             break
-        for place in (before, at):  # the tile that gave its label takes the new one, too
-            dr.scatter_reduce(dr.ReduceOp.Min, label, least, place)
-        dr.eval(label)
-        jumped = dr.gather(mi.UInt32, label, dr.gather(mi.UInt32, label, at))
-        dr.eval(jumped)
-        dr.scatter(label, jumped, at)
-        dr.eval(label)
     root = dr.gather(mi.UInt32, label, at) == at
     number = dr.zeros(mi.UInt32, dr.width(bits))
     dr.eval(number)
@@ -302,26 +302,26 @@ def _meet(bits: mi.UInt32, hours: mi.UInt32, links: Links) -> mi.Bool:
 
 
 @dr.syntax
-def _least(
-    label: mi.UInt32, at: mi.UInt32, hours: mi.UInt32, bits: mi.UInt32, first: mi.UInt32,
-    others: mi.UInt32, reach: mi.UInt32,
-) -> mi.UInt32:  # fmt: skip
-    """Least label of each bright tile and of those that its rays reach, in the same hour."""
+def _hook(
+    hooked: mi.UInt32, label: mi.UInt32, at: mi.UInt32, hours: mi.UInt32, bits: mi.UInt32,
+    first: mi.UInt32, others: mi.UInt32, reach: mi.UInt32,
+) -> None:  # fmt: skip
+    """Give the tile of the larger label the smaller one, wherever linked tiles have two labels."""
     tile, hour = at // hours, at % hours
-    least, own = dr.gather(mi.UInt32, label, at), dr.gather(mi.UInt32, bits, at)
+    mine, own = dr.gather(mi.UInt32, label, at), dr.gather(mi.UInt32, bits, at)
     link, end = dr.gather(mi.UInt32, first, tile), dr.gather(mi.UInt32, first, tile + 1)
     while link < end:
         place = dr.gather(mi.UInt32, others, link) * hours + hour
         theirs = dr.gather(mi.UInt32, label, place)
-        if theirs < least:
-            shown, met, i = dr.gather(mi.UInt32, bits, place), mi.UInt32(0), mi.UInt32(0)
-            while (i < MOST_RAYS) & (met == 0):
-                one = dr.gather(mi.UInt32, reach, link * MOST_RAYS + i)
-                met = dr.select((own >> i) & 1 == 1, one & shown, 0)
-                i += 1
-            least = dr.select(met > 0, theirs, least)
+        shown = dr.gather(mi.UInt32, bits, place)
+        met, i = mi.UInt32(0), mi.UInt32(0)
+        while (theirs != mine) & (shown > 0) & (i < MOST_RAYS) & (met == 0):
+            one = dr.gather(mi.UInt32, reach, link * MOST_RAYS + i)
+            met = dr.select((own >> i) & 1 == 1, one & shown, 0)
+            i += 1
+        least, most = dr.minimum(mine, theirs), dr.maximum(mine, theirs)
+        dr.scatter_reduce(dr.ReduceOp.Min, hooked, least, most, met > 0)
         link += 1
-    return least
 
 
 def _sums(

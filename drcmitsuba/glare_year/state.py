@@ -50,21 +50,25 @@ class Place:
             tiles = replace(tiles, opening=rule.opening)
         out = np.zeros((len(self.views), len(times)))
         weights = _weights(self.known.seen, frames)
-        for start in range(0, len(times), HOURS):
-            hours = times[start : start + HOURS]
+        shining = np.flatnonzero(self.known.largest[times] > self._least(rule))
+        for start in range(0, len(shining), HOURS):
+            here = shining[start : start + HOURS]
+            hours = times[here]
             L = self.known.at(hours)
             if rule.threshold > LARGEST_FACTOR:
                 limit = np.full(len(hours), rule.threshold)
             else:
                 limit = rule.threshold * (weights @ L)
-            out[:, start : start + HOURS] = contrast_sums(L, tiles, frames, limit, rule.peak)
-        least = np.full((len(self.views), len(times)), rule.threshold)
-        if rule.threshold <= LARGEST_FACTOR:
-            least[:] = 0  # a sun is brighter than any multiple of a mean
-        out += self._of_suns(frames, times, least)
+            out[:, here] = contrast_sums(L, tiles, frames, limit, rule.peak)
+        out += self._of_suns(frames, times, self._least(rule))
         return out.T, (out + self._sharp(frames, times)).T
 
-    def _of_suns(self, frames: np.ndarray, times: np.ndarray, least: np.ndarray) -> np.ndarray:
+    @staticmethod
+    def _least(rule: Rule) -> float:
+        """Luminance below which nothing is bright, whatever the mean [cd/m²]."""
+        return rule.threshold if rule.threshold > LARGEST_FACTOR else 0.0
+
+    def _of_suns(self, frames: np.ndarray, times: np.ndarray, least: float) -> np.ndarray:
         """Σ L² ω / P² of the suns' disks, shape (view, time)."""
         known, images = self.known, self.known.seen.images
         by_sun = np.zeros((len(frames), int(known.sun_index.max(initial=-1)) + 1))
@@ -74,10 +78,14 @@ class Place:
         shown = L[images.sun] * images.transmittance
         local = np.einsum("mi,vki->vmk", images.direction, frames)
         parts = shown**2 * images.solid_angle / position_index(local) ** 2
-        parts *= (local[..., 2] > 0) & (shown > least.max(initial=0))
+        parts *= (local[..., 2] > 0) & (shown > least)
         for row, values in zip(by_sun, parts, strict=True):
             row += np.bincount(images.sun, values, len(row))
-        return np.where(index >= 0, by_sun[:, index], 0) if by_sun.size else np.zeros_like(least)
+        return (
+            np.where(index >= 0, by_sun[:, index], 0)
+            if by_sun.size
+            else np.zeros((len(frames), len(times)))
+        )
 
     def _sharp(self, frames: np.ndarray, times: np.ndarray) -> np.ndarray:
         """What Σ L² ω / P² grows by where peaks of films are as narrow as a sun, (view, time)."""
