@@ -2,14 +2,18 @@
 
 view_rays, eye_paths
     Rays of the pixels; their ways by mirrors and panes to the first diffuse surface.
-sky_rays, glow
-    Light of the sky and of scattering panes on these surfaces.
+sky_rays, glow, caustics
+    Light of the sky, of scattering panes and of components on these surfaces.
 surface_light
     Light on all surfaces of the scene, of which the rays gather.
 light_paths
     All of a picture that does not depend on the hour.
 outside, hour
     Sky, ground and sun of an hour, and the picture that they give.
+coefficient_pictures
+    Pictures of each sky bin.
+stored_view
+    Light paths on disk.
 rendering, prepared_view
     `render`, `prepare`: pictures with their standard error, and their files.
 """

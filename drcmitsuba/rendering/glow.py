@@ -18,6 +18,7 @@ from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import Look, PanePatches, looks
+from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.films import Films
 
 
@@ -109,7 +110,26 @@ class Glow:
         """Number of entries that a ray of `looked` gives."""
         return 2 * ((self.films is not None) + (self.patches is not None))
 
-    def radiance(self, lit: Deposit, L_sky: np.ndarray, L_sun: float, seed: int) -> mi.Float:
+    def answer(self, lit: Deposit, seed: int) -> mi.Float:
+        """BSDF of the films from the sun of a deposit into all rows of their mounts [1/sr]."""
+        if lit.films is None or not len(lit.films.suns):
+            return mi.Float()
+        return lit.films.answer_to_suns(lit.suns, lit.diameter, seed)
+
+    def split(self, answer: mi.Float) -> tuple[mi.Float, tuple[Peaks, ...]]:
+        """Take the narrow peaks out of an answer to one sun; what is left, and the peaks."""
+        if self.films is None or not dr.width(answer):
+            return answer, ()
+        first, rest, peaks = 0, [], []
+        for i, mount in enumerate(self.films.mounts):
+            rows = dr.arange(mi.UInt32, mount.rows) + dr.opaque(mi.UInt32, first)
+            left, taken = take_out(mount, i, dr.gather(mi.Float, answer, rows), mi.UInt32(0))
+            first += mount.rows
+            rest.append(left)
+            peaks += [] if taken is None else [taken]
+        return dr.concat(rest), tuple(peaks)
+
+    def radiance(self, lit: Deposit, L_sky: np.ndarray, L_sun: float, answer: mi.Float) -> mi.Float:
         """Radiance of all entries by a deposit, of the sky's bins and of one sun or none.
 
         Parameters
@@ -120,8 +140,8 @@ class Glow:
             Luminances of ground and sky [cd/m²]; empty for a deposit without the sky.
         L_sun : float
             Luminance of the sun [cd/m²].
-        seed : int
-            Seed of the directions on the sun.
+        answer : mi.Float, shape (row,)
+            BSDF from the sun, see `answer`; empty where no sun shines on a film.
 
         Returns
         -------
@@ -130,7 +150,7 @@ class Glow:
         """
         parts = []
         if self.films is not None:
-            parts.append(self._of_films(lit, L_sky, L_sun, seed))
+            parts.append(self._of_films(lit, L_sky, L_sun, answer))
         if self.patches is not None:
             parts.append(self._of_faces(lit, L_sky, L_sun))
         out = dr.concat(parts)
@@ -169,7 +189,9 @@ class Glow:
         row -= dr.gather(mi.UInt32, flat_indices(self.first), patch)
         return dr.gather(mi.UInt32, flat_indices(first), patch) + row
 
-    def _of_films(self, lit: Deposit, L_sky: np.ndarray, L_sun: float, seed: int) -> mi.Float:
+    def _of_films(
+        self, lit: Deposit, L_sky: np.ndarray, L_sun: float, answer: mi.Float
+    ) -> mi.Float:
         assert self.films is not None
         assert lit.films is not None
         assert lit.on_films is not None
@@ -178,10 +200,9 @@ class Glow:
         if len(L_sky):
             glow = (on_films.to_sky @ mi.TensorXf(flat(L_sky), (len(L_sky), 1))).array
             out += dr.gather(mi.Float, glow, self._rows_of(films.first_sky_rows()))
-        if len(films.suns):
-            to_sun = films.answer_to_suns(lit.suns, lit.diameter, seed)  # with all peaks
+        if dr.width(answer):
             of_mount = np.cumsum([0, *(m.rows for m in films.mounts)])[films.patches.owner]
-            f = dr.gather(mi.Float, to_sun, self._rows_of(of_mount))
+            f = dr.gather(mi.Float, answer, self._rows_of(of_mount))
             count = np.diff(self.first)
             patch = flat_indices(np.repeat(np.arange(len(count)), count))
             front, back = (

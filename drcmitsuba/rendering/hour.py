@@ -10,14 +10,19 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
+from drcmitsuba.rendering.caustics import Map
 from drcmitsuba.rendering.light_paths import Paths, TracedView
 from drcmitsuba.rendering.outside import Outside
-from drcmitsuba.rendering.surface_light import Sources
+from drcmitsuba.rendering.surface_light import Glowing, Sources
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.shadow_rays import straight
+
+PEAK_RAYS = 4
+"""Largest number of directions along the peaks of a film from each surface that a ray shows."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +43,10 @@ class _Tables:
     """Irradiance [lx], (replicate, cell)."""
     sky: mi.Float
     """Luminance of ground and patches [cd/m²]."""
-    glow: mi.Float
-    """Radiance of the panes' entries [cd/m²], (replicate, entry)."""
+    glow: Glowing
+    """Panes that scatter."""
+    caustics: tuple[Map, ...]
+    """Irradiance by components [lx]."""
 
 
 def luminance(traced: TracedView, outside: Outside, sky: np.ndarray) -> Luminance:
@@ -86,9 +93,10 @@ def _tiles(traced: TracedView, outside: Outside, sky: np.ndarray) -> Iterator[np
     sun = outside.sun if _lights(traced, outside) else 0.0
     sources = Sources(sky, sun, outside.direction)
     by_sun = light.under(outside.direction) if sun > 0 else []
-    glow = light.glow(traced.glow, sources, by_sun) if len(traced.glow) else mi.Float(0)
-    tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow)
-    dr.eval(tables.cells, tables.glow)
+    glow = light.glow(traced.glow, sources, by_sun)
+    caustics = () if traced.caustics is None else traced.caustics.under(sources)
+    tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow, caustics)
+    dr.eval(tables.cells, glow.whole, glow.rest)
     for paths in traced.tiles():
         of_slots = _slots(traced, paths, outside, tables, sun)
         yield of_slots.reshape(-1, light.base.accuracy.replicates).T
@@ -119,12 +127,15 @@ def _slots(
         add(paths.mirrored_slot, paths.mirrored * outside.with_sun(paths.mirrored_d))
     if dr.width(paths.pane):
         entry = paths.pane_slot % replicates * dr.opaque(mi.UInt32, len(traced.glow))
-        glow = dr.gather(mi.Float, tables.glow, entry + paths.pane_at)
+        glow = dr.gather(mi.Float, tables.glow.whole, entry + paths.pane_at)
         add(paths.pane_slot, paths.pane * glow)
     if dr.width(paths.weight):
         E = _irradiance(traced, paths, tables)
+        for one in tables.caustics:
+            E += one.on(mi.Point3f(paths.p), mi.Normal3f(paths.n), paths.slot % replicates)
         if sun > 0:
             E += _direct_sun(traced, paths, outside)
+            E += _along_peaks(traced, paths, outside, tables.glow)
         add(paths.slot, paths.weight * E * dr.inv_pi)
     return np.asarray(out.numpy()) / np.float32(traced.sampling.samples // replicates)
 
@@ -150,7 +161,7 @@ def _irradiance(traced: TracedView, paths: Paths, tables: _Tables) -> mi.Float:
     rays, whole = traced.sampling.panes, count * traced.sampling.panes
     for column in range(dr.width(paths.look) // max(1, whole)):
         here = dr.opaque(mi.UInt32, column * whole)
-        E += _sum(rays, replicate * entries, paths.look_at, paths.look, tables.glow, here)
+        E += _sum(rays, replicate * entries, paths.look_at, paths.look, tables.glow.rest, here)
     return E
 
 
@@ -182,3 +193,20 @@ def _direct_sun(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
         tau = straight(traced.scene, mi.Point3f(paths.p), d, cosine > 0)
     E = dr.opaque(mi.Float, outside.sun * disk_solid_angle(outside.diameter))
     return dr.select(tau > 0, tau * cosine * E, 0)
+
+
+def _along_peaks(traced: TracedView, paths: Paths, outside: Outside, glow: Glowing) -> mi.Float:
+    """Irradiance of the surfaces by the sun in the narrow peaks of films [lx]."""
+    films, E = traced.glow.films, mi.Float(0)
+    number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
+    seed = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_PEAKS)
+    for peaks in glow.peaks:
+        assert films is not None
+        with traced.scene.ray_counter.purpose(Stream.EYE_PEAKS.name):
+            D = peak_deposit(
+                traced.scene, films.patches, films.mounts[peaks.owner], peaks, dr.ravel(paths.p),
+                dr.ravel(paths.n), suns=outside.direction[None], diameter=outside.diameter,
+                most=PEAK_RAYS, seed=seed, numbers=number,
+            )  # fmt: skip
+        E += D.array * outside.sun
+    return E

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -17,6 +18,7 @@ import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.picture.view import PictureView
+from drcmitsuba.rendering.caustics import Caustics
 from drcmitsuba.rendering.eye_paths import EyePaths, follow
 from drcmitsuba.rendering.glow import Glow
 from drcmitsuba.rendering.sky_rays import Windows, sky_rays
@@ -134,6 +136,12 @@ class TracedView:
     glow: Glow
     tiles: Callable[[], Iterator[Paths]]
     """Gives the light paths of all pixels, some at a time."""
+
+    @cached_property
+    def caustics(self) -> Caustics | None:
+        """Photons of the components of the scene; None without any."""
+        base = self.light.base
+        return Caustics.of(self.scene, base.accuracy, base.subdivision, base.diameter)
 
 
 def _at(values: Any, index: mi.UInt32) -> Any:

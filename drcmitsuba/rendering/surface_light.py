@@ -25,7 +25,9 @@ from drcmitsuba.transport.cell_points import Drawn
 from drcmitsuba.transport.coefficients import Replicate
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
+from drcmitsuba.transport.film_peaks import Peaks
 from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.photons import PhotonTracer
 from drcmitsuba.transport.solved_cells import Transfer
 
 
@@ -53,6 +55,18 @@ def base_deposit(
 
 
 @dataclass(frozen=True)
+class Glowing:
+    """Panes that scatter, as they glow at an instant."""
+
+    whole: mi.Float
+    """Radiance of the panes' entries [cd/m²], flat (replicate, entry)."""
+    rest: mi.Float
+    """The same without the sun in the narrow peaks of films."""
+    peaks: tuple[Peaks, ...]
+    """Narrow peaks of films, which surfaces look for along their directions."""
+
+
+@dataclass(frozen=True)
 class SurfaceLight:
     """Cells of a scene, and the light of the sky on them."""
 
@@ -66,6 +80,8 @@ class SurfaceLight:
     """Light between cells; None where paths follow all bounces."""
     replicates: tuple[Replicate, ...]
     """The sky's light in every replicate."""
+    photons: PhotonTracer | None = None
+    """Photons to the cells; None without components."""
 
     @classmethod
     def of(
@@ -73,7 +89,13 @@ class SurfaceLight:
         transfer: Transfer | None,
     ) -> SurfaceLight:  # fmt: skip
         """Compute the light of the sky."""
-        light = cls(base, keys, drawn, transfer, ())
+        none, followed = np.zeros((0, 3)), base.scene.followed and dr.width(keys) > 0
+        photons = None
+        if followed:
+            photons = PhotonTracer.of(
+                base.scene, none, none, none, base.diameter, base.subdivision, base.accuracy
+            )
+        light = cls(base, keys, drawn, transfer, (), photons)
         return replace(light, replicates=tuple(light._lit(base)))
 
     @property
@@ -87,6 +109,11 @@ class SurfaceLight:
         for one, drawn in zip(every, self.drawn, strict=True):
             one.transfer = self.transfer
             if drawn is not None:
+                if self.photons is not None:
+                    seed = launch_seed(base.accuracy.seed, Stream.PHOTONS, one.number)
+                    subdivision = base.subdivision
+                    tracer = replace(self.photons, suns=base.suns, subdivision=subdivision)
+                    one.landed = tracer.traced(seed)
                 one.meet(drawn, self.keys)
         return every
 
@@ -95,7 +122,8 @@ class SurfaceLight:
         suns, base = sun[None], self.base
         films = None if base.films is None else base.films.with_suns(suns, base.diameter)
         base = replace(base, suns=suns, subdivision=None, films=films)
-        if films is None and base.patches is None and self.cells:
+        scattered = films is not None or base.patches is not None or self.photons is not None
+        if self.cells and not scattered:
             return self._straight(base)
         return self._lit(base)
 
@@ -133,16 +161,23 @@ class SurfaceLight:
             parts.append(E)
         return dr.concat(parts) if self.cells else mi.Float(0)
 
-    def glow(self, glow: Glow, sources: Sources, by_sun: list[Replicate]) -> mi.Float:
-        """Radiance of the panes' entries [cd/m²], flat (replicate, entry)."""
-        parts = []
+    def glow(self, glow: Glow, sources: Sources, by_sun: list[Replicate]) -> Glowing:
+        """Panes as they glow under the sources."""
+        if not len(glow):
+            return Glowing(mi.Float(0), mi.Float(0), ())
+        whole, rest, peaks = [], [], tuple[Peaks, ...]()
         for r, one in enumerate(self.replicates):
-            seed = launch_seed(self.base.accuracy.seed, Stream.EYE_PANES) + 2 + r
-            L = glow.radiance(one.deposit, sources.sky, 0, seed)
+            L = glow.radiance(one.deposit, sources.sky, 0, mi.Float())
+            whole.append(L)
+            rest.append(L)
             if by_sun:
-                L += glow.radiance(by_sun[r].deposit, np.zeros(0), sources.sun, seed)
-            parts.append(L)
-        return dr.concat(parts)
+                lit, none = by_sun[r].deposit, np.zeros(0)
+                seed = launch_seed(self.base.accuracy.seed, Stream.EYE_PANES) + 2 + r
+                answer = glow.answer(lit, seed)
+                left, peaks = glow.split(answer)
+                whole[-1] = L + glow.radiance(lit, none, sources.sun, answer)
+                rest[-1] = L + glow.radiance(lit, none, sources.sun, left)
+        return Glowing(dr.concat(whole), dr.concat(rest), peaks)
 
 
 def _irradiance(one: Replicate, kind: int, L: np.ndarray) -> mi.Float:

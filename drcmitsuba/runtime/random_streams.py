@@ -42,6 +42,8 @@ class Stream(Enum):
     """Rays from the surfaces that pixels show to scattering panes."""
     EYE_SUN = (21,)
     """Directions on the sun from the surfaces that pixels show."""
+    EYE_PEAKS = (23,)
+    """Directions along the peaks of films from the surfaces that pixels show."""
     SUN_RIMS = (0, 2)
     """Directions around the rim of each sun."""
     PATHS = (0, 4)

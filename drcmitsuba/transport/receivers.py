@@ -175,6 +175,8 @@ class Squares:
         No square reaches beyond the room, into furniture, or to a neighbour's centre, unless that
         would make its edge smaller than `SMALLEST`.
         """
+        if not len(points):
+            return cls((), np.zeros((0, 2)), np.zeros(0))
         near = 2 * np.minimum(_to_walls(scene, points), _to_things(scene, points, normals))
         if len(points) > 1:
             near = np.minimum(near, spatial.cKDTree(points).query(points, 2, p=np.inf)[0][:, 1])

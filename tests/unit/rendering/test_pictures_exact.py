@@ -7,11 +7,9 @@ luminances.
 
 from dataclasses import replace
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from drcmitsuba_plugins.patches import patch_index
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.picture.picture import Picture
@@ -19,24 +17,16 @@ from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance, replicates
 from drcmitsuba.rendering.light_paths import Sampling, trace
-from drcmitsuba.rendering.outside import Outside
 from drcmitsuba.rendering.view_rays import directions
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.surfaces import surfaces_of
+from tests.unit.rendering.path_traced import LUMINANCES, Patchwise, pictures
 from tests.unit.transport.exact_scenes import DIRECTIONS, PATCHES, SUNS, run
-from tests.unit.transport.test_coefficients_small_room import ROOMS, with_sources
+from tests.unit.transport.test_coefficients_small_room import ROOMS
 
-LUMINANCES = np.random.default_rng(3).uniform(2000, 9000, 146)
 SUN = 3e8
 EYE = PictureView("equidistant", (0.2, -1, -0.1), (0, 0, 1), (170, 170), (1.5, 3.2, 1.3))
 SIZE = 12
-
-
-class Patchwise(Outside):
-    """Outside whose sky has one luminance for each patch, as the reference has it."""
-
-    def sky(self, d):
-        return dr.gather(mi.Float, mi.Float(LUMINANCES.astype(np.float32)), patch_index(d, 1))
 
 
 def outside(sun=SUN):
@@ -49,21 +39,6 @@ def traced(world, *, solved, view=EYE, size=SIZE, samples=512, **accuracy):
         world, view, size, size, sampling=Sampling(samples, paths=8, sky=8, panes=4),
         accuracy=Accuracy(replicates=16, **accuracy), subdivision=1, diameter=0.5,
     )  # fmt: skip
-
-
-def by_path_tracing(surfaces, view, size, spp=512, count=16):
-    """Pictures of independent seeds, shape (replicate, row, column, bin)."""
-    target = [a + b for a, b in zip(view.position, view.direction, strict=True)]
-    look = mi.ScalarTransform4f().look_at(origin=view.position, target=target, up=view.up)
-    film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
-    eye = mi.load_dict(
-        {
-            "type": "fisheye", "mapping": view.kind, "angle": view.angles[0], "to_world": look,
-            "film": film,
-        }
-    )  # fmt: skip
-    integrator, world = mi.load_dict({"type": "coefficient"}), with_sources(surfaces)
-    return np.stack([integrator.render(world, eye, seed=i, spp=spp).numpy() for i in range(count)])
 
 
 @pytest.mark.parametrize("kind", ["perspective", "hemispherical", "equidistant", "equisolid"])
@@ -90,7 +65,7 @@ def test_a_superposed_picture_is_that_of_a_path_tracer(name, same):
         traced(world, solved=False, cell_size=0.1, cell_sky_rays=256, pane_points=64), outside(),
         LUMINANCES,
     )  # fmt: skip
-    there = by_path_tracing(surfaces_of(case, state), EYE, SIZE)
+    there = pictures(surfaces_of(case, state), EYE, SIZE, DIRECTIONS[0])
     by_sky, by_sun = there[..., :146] @ LUMINANCES, there[..., 146] * SUN
     dark = replicates(traced(world, solved=False, cell_size=0.1), outside(0.0), LUMINANCES)
     same(dark, other=by_sky, within=0.01)
@@ -101,11 +76,11 @@ def test_a_superposed_picture_is_that_of_a_path_tracer(name, same):
 def test_solved_cells_and_paths_give_one_picture(same):
     case, state = ROOMS["house opposite and bench"]()
     world = scenes.load(case, state)
-    pictures = [
+    both = [
         replicates(traced(world, solved=solved, cell_size=0.15), outside(), LUMINANCES)
         for solved in (True, False)
     ]
-    same(pictures[0], other=pictures[1], within=0.01)
+    same(both[0], other=both[1], within=0.01)
 
 
 @pytest.mark.parametrize("sun", [pytest.param(0.0, marks=pytest.mark.slow), SUN])
