@@ -32,6 +32,11 @@ FULL = 1 / 32
 """Share of entries from which on products with a full matrix are the faster ones."""
 
 
+def quick(G: csr_matrix) -> csr_matrix | np.ndarray:
+    """Matrix in the form whose products are the faster ones."""
+    return G if G.nnz < FULL * G.shape[0] * G.shape[1] else G.toarray()
+
+
 class MarkedVertices(NamedTuple):
     """Vertices of paths that met marked panes, one entry each."""
 
@@ -116,8 +121,7 @@ class MarkedPaths:
         shape = self.sensors, self.cells.count
         G = sparse.csr_matrix((weight / self.draws, place), shape)
         G.sum_duplicates()  # in double precision
-        G = G.astype(np.float32)
-        return G if G.nnz < FULL * G.shape[0] * G.shape[1] else G.toarray()
+        return quick(G.astype(np.float32))
 
     def marked(self) -> MarkedVertices:
         """Vertices of the paths with marks."""

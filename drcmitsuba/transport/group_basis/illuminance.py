@@ -10,7 +10,8 @@ element, and only suns that shine while an element is chosen are traced for it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import drjit as dr
@@ -25,6 +26,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.group_basis.marked_light import MarkedLight
 from drcmitsuba.transport.group_basis.trace import GroupTrace
 from drcmitsuba.transport.group_basis.year import BESIDES, HOURS, Year
+from drcmitsuba.transport.marked_paths import MarkedPaths
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -61,22 +63,78 @@ def illuminance(
     trace = GroupTrace.of(case, suns, accuracy, effects, channel=channel, wanted=wanted)
     paths, shape = trace.paths, (len(trace.points), trace.paths.blocks)
     marked = MarkedLight.by_replicate(paths.marked(), accuracy.replicates, shape)
-    for r, returned in enumerate(marked):
-        E, by_sky, by_suns = (year.dark(n) for n in (*shape, paths.cells.count))
-        G = paths.matrix(r)
-        for i, light in enumerate(trace.light(r), 1):
-            number, bins, S, D = light
-            sky = D.sky.numpy()
-            patches = sky.shape[1]
-            year.add_sky(E, number, (S[:, :patches] + G @ sky).T)
-            year.add_sky(by_sky, number, (paths.means @ sky).T)
-            year.add_suns(E, number, bins, np.ascontiguousarray(S[:, patches:].T))
-            year.add_suns(by_suns, number, bins, _by_bin(D.sun))
-            progress((r + i / (len(trace.elements) + 1)) / accuracy.replicates)
-        _gather(E, G, by_suns)
-        returned.add(E, by_sky + (paths.means @ by_suns.T).T, year.hours, year.chosen)
-        progress((r + 1) / accuracy.replicates)
-        yield E
+    with ThreadPoolExecutor(1) as thread:  # sums while further light is traced
+        before: list[Future[np.ndarray]] = []
+        for r, returned in enumerate(marked):
+            total, job = _Sums.of(year, paths, paths.matrix(r), returned), None
+            for i, light in enumerate(trace.light(r), 1):
+                sky, by_sun = light.cells.sky.numpy(), _by_bin(light.cells.sun)
+                if job is not None:
+                    job.result()  # the light of one element waits at most
+                job = thread.submit(total.add, light.number, light.bins, light.sensors, sky, by_sun)
+                progress((r + i / (len(trace.elements) + 1)) / accuracy.replicates)
+            before.append(thread.submit(total.gathered))
+            if len(before) > 1:
+                yield before.pop(0).result()
+        for last in before:
+            yield last.result()
+    progress(1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Illuminances of a year in one replicate, while light is added to them."""
+
+    year: Year
+    G: csr_matrix | np.ndarray
+    """G₀."""
+    means: csr_matrix
+    """Means over blocks of cells; a matrix, since only one thread may use the device."""
+    returned: MarkedLight
+    E: np.ndarray
+    """E of the sensors without paths from the suns' light on cells [lx], shape (time, sensor)."""
+    by_sky: np.ndarray
+    """D of blocks of cells by ground and sky [lx], shape (time, block)."""
+    by_suns: np.ndarray
+    """D of cells by the suns [lx], shape (time, cell)."""
+
+    @classmethod
+    def of(
+        cls, year: Year, paths: MarkedPaths, G: csr_matrix | np.ndarray, returned: MarkedLight
+    ) -> _Sums:
+        """Begin without light."""
+        dark = (year.dark(n) for n in (*returned.shape, paths.cells.count))
+        return cls(year, G, paths.means, returned, *dark)
+
+    def add(
+        self, element: int, bins: np.ndarray, sensors: np.ndarray, sky: np.ndarray,
+        by_sun: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Add the light of an element.
+
+        Parameters
+        ----------
+        element : int
+        bins : np.ndarray of int, shape (own bin,)
+        sensors : np.ndarray, shape (sensor, own bin)
+            S [sr].
+        sky : np.ndarray, shape (cell, sky bin)
+            D of the cells by ground and sky [sr].
+        by_sun : np.ndarray, shape (own sun, cell)
+            D of the cells by the suns [sr].
+        """
+        year, patches = self.year, sky.shape[1]
+        year.add_sky(self.E, element, (sensors[:, :patches] + self.G @ sky).T)
+        year.add_sky(self.by_sky, element, (self.means @ sky).T)
+        year.add_suns(self.E, element, bins, np.ascontiguousarray(sensors[:, patches:].T))
+        year.add_suns(self.by_suns, element, bins, by_sun)
+
+    def gathered(self) -> np.ndarray:
+        """Add what paths gather of the suns' light on cells: E (time, sensor) [lx]."""
+        _gather(self.E, self.G, self.by_suns)
+        D = self.by_sky + (self.means @ self.by_suns.T).T
+        self.returned.add(self.E, D, self.year.hours, self.year.chosen)
+        return self.E
 
 
 def _by_bin(D: mi.TensorXf) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drcmitsuba.runtime import lazy
 from drcmitsuba.transport.group_basis.marks import elements_of
-from drcmitsuba.transport.marked_paths import MarkedVertices
+from drcmitsuba.transport.marked_paths import MarkedVertices, quick
 
 sparse = lazy.module("scipy.sparse")
 
@@ -67,8 +67,8 @@ class MarkedLight:
                 continue
             once = here & (self.met[:, 1] < 0)
             place = self.sensor[once], self.block[once]
-            G = sparse.csr_matrix((self.weight[once], place), self.shape)
-            E[at] += D[at] @ G.toarray().T
+            G = quick(sparse.csr_matrix((self.weight[once], place), self.shape))
+            E[at] += (G @ D[at].T).T
             more = np.flatnonzero(here & (self.met[:, 1] >= 0))
             if not len(more):
                 continue
