@@ -1,9 +1,7 @@
 """Annual daylight simulation of daylight redirecting components on Mitsuba 3 and Dr.Jit.
 
-render
-    Pictures of a view of a case, in cd/m².
-load_case, evaluate
-    From a case file to a `Result` with metrics, illuminance and coefficients.
+load_case, evaluate, evaluate_within, render
+    From a case file to a `Result` with metrics, illuminance and coefficients; to pictures [cd/m²].
 metrics
     sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor).
 controls, standards
@@ -12,14 +10,10 @@ sky, weather, period
     Luminances L of the sky and the suns.
 coefficients, accumulate
     C = D + G·D and E = C·L.
-group_coefficients, controlled
-    C by group of panes and state; E of any states, hour by hour, and of those that a control takes.
-lights
-    Who lights a point: its light by window, state, source and number of bounces.
-glare
-    DGP of every view at every time stamp: a `GlareYear` with classes of EN 17037.
-view_distances
-    How far points see beyond clear openings, for the view quantities of `metrics`.
+group_coefficients, controlled, lights
+    C by group of panes and state; E of any states, or of a control; who lights a point.
+glare, view_distances
+    DGP of every view at every time stamp; how far points see beyond clear openings.
 bsdf, goniophotometer, design, report, ...
     The other rooms of the package, imported when they are first asked for.
 
@@ -39,6 +33,7 @@ if TYPE_CHECKING:
     from drcmitsuba.annual.lights import lights as lights
     from drcmitsuba.annual.result import Result as Result
     from drcmitsuba.annual.result import evaluate as evaluate
+    from drcmitsuba.annual.result import evaluate_within as evaluate_within
     from drcmitsuba.case.case import Case as Case
     from drcmitsuba.case.reading import load_case as load_case
     from drcmitsuba.case.shipped import shipped_cases as shipped_cases
@@ -67,6 +62,7 @@ _NAMES = {
     "coefficients": "transport.coefficients",
     "controlled": "annual.controlled:controlled",
     "evaluate": "annual.result:evaluate",
+    "evaluate_within": "annual.result:evaluate_within",
     "glare": "glare_year:glare",
     "group_coefficients": "annual.group_coefficients:group_coefficients",
     "lights": "annual.lights:lights",

@@ -14,11 +14,7 @@ A `Run` accompanies all steps: seed, enabled effects, stages with their seconds,
 
 from __future__ import annotations
 
-import re
-import resource
-import sys
-import time
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,30 +22,32 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from drcmitsuba.annual import simulation
+from drcmitsuba.annual import large_result, simulation
 from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
-from drcmitsuba.annual.attributes import settings as settings_of_case
+from drcmitsuba.annual.large_result import LargeResult
 from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.saved_result import SavedResult, with_record
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
-from drcmitsuba.plan import Plan, notes, photon_notes, plan
+from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast
 from drcmitsuba.runtime import backend, storage
-from drcmitsuba.runtime.background import beside
-from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.daylight import Daylight, daylight, luminances, save_luminances
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from drcmitsuba.report.document import Report
 
 
 @dataclass(frozen=True, repr=False)
-class Result:
+class Result(SavedResult):
     """Numbers of an evaluation; shows itself in Jupyter.
 
     Parameters
@@ -88,43 +86,6 @@ class Result:
         channels = self.illuminance.get("channel")
         return L if channels is None else L.assign(L=L["L"].expand_dims(channel=channels))
 
-    def save(self, folder: str | Path, stage: Stage = silent) -> Result:
-        """Write all results and plots to a folder, each file whole or not at all.
-
-        Parameters
-        ----------
-        folder : str or Path
-        stage : callable, optional
-
-        Returns
-        -------
-        Result
-            The same result, with the seconds and bytes of writing in `metrics` and `plan`.
-        """
-        folder = Path(folder)
-        start = time.perf_counter()
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in ("metrics.json", "plan.json"):  # without them, arrays are no result
-            (folder / name).unlink(missing_ok=True)
-        E, C = self.illuminance, self.by_state
-        with stage("writing") as done:
-            with beside(
-                lambda: storage.save_netcdf(E, folder / "illuminance.nc"),
-                lambda: storage.save_zarr(C.parts(), folder / "coefficients.zarr", along="state"),
-                lambda: save_luminances(self.daylight, folder / "sky.zarr", E.get("channel")),
-            ):
-                pictures = self._save_pictures(folder, part(done, 0.0, 0.9))
-            elapsed = round(time.perf_counter() - start, 3)
-            seconds = self.metrics["seconds"] | {"writing": elapsed}
-            metrics = self.metrics | {"seconds": seconds, "peak_memory_bytes": peak_memory()}
-            storage.save_json(metrics, folder / "metrics.json")
-            data = ("illuminance.nc", "coefficients.zarr", "sky.zarr", "metrics.json")
-            disk = sum(_bytes(folder / name) for name in (*data, *pictures))
-            cost = _with_actual(self.plan["cost"], metrics, {"disk_bytes": disk})
-            saved = replace(self, metrics=metrics, plan=self.plan | {"cost": cost})
-            storage.save_json(saved.plan, folder / "plan.json")
-        return saved
-
     def report(self) -> Report:
         """Report of this result, which shows itself in Jupyter and has `save(path)`.
 
@@ -137,86 +98,24 @@ class Result:
 
         return Report([Facade.of_result(self, self.metrics, self.plan)])
 
-    def _save_pictures(self, folder: Path, progress: Progress) -> list[str]:
-        """Draw the plots, remove those of an earlier evaluation, and return the file names."""
-        drawn = {}
-        if self.enabled_effects.pictures:
-            from drcmitsuba.report import figures, plots
+    @property
+    def described(self) -> xr.Dataset:
+        """Array with the time stamps, the sensors and the attributes of E: E itself."""
+        return self.illuminance
 
-            drawn = figures.pictures(self.case, self.illuminance, self.metrics)
-            for i, (name, figure) in enumerate(drawn.items(), start=1):
-                plots.save(figure, folder / name)
-                progress(i / len(drawn))
-        for old in [*folder.glob("*_plan.png"), folder / "monthly.png"]:
-            if old.name not in drawn:
-                old.unlink(missing_ok=True)
-        return list(drawn)
+    def _arrays(self, folder: Path) -> dict[str, Callable[[], None]]:
+        E, C, channels = self.illuminance, self.by_state, self.illuminance.get("channel")
+        E_file, C_file = folder / "illuminance.nc", folder / "coefficients.zarr"
+        return {
+            E_file.name: lambda: storage.save_netcdf(E, E_file),
+            C_file.name: lambda: storage.save_zarr(C.parts(), C_file, along="state"),
+            "sky.zarr": lambda: save_luminances(self.daylight, folder / "sky.zarr", channels),
+        }
 
-    def __repr__(self) -> str:
-        E = self.illuminance
-        numbers = ", ".join(f"{name} {_text(self.metrics[name])}" for name in ("sDA", "ASE"))
-        size = f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors"
-        return f"<Result of {self.case.name!r}: {numbers}; {size}>"
+    def _pictures(self) -> dict[str, Figure]:
+        from drcmitsuba.report import figures
 
-    def _repr_html_(self) -> str:
-        """Table of the metrics with their 95 % intervals, and the months as a picture."""
-        from html import escape
-
-        from drcmitsuba.report import figures, plots
-
-        figure = figures.monthly(self.case, self.illuminance, self.metrics)
-        rows = "".join(
-            f"<tr><th>{name.replace('_', ' ')}</th><td>{_text(self.metrics[name])}</td></tr>"
-            for name in ("sDA", "ASE", "shade_closed")
-        )
-        remarks = "".join(f"<p>{escape(n)}</p>" for n in self.metrics["settings"]["notes"])
-        image = plots.html_image(figure, "metrics by month")
-        head = f"<caption>{escape(self.case.name)}, 95 % intervals</caption>"
-        return f"<table>{head}{rows}</table>{image}{remarks}"
-
-
-def _text(number: Mapping[str, float]) -> str:
-    """Write a metric and its interval [%]."""
-    return f"{number['value']:.1f} % ({number['low']:.1f} … {number['high']:.1f})"
-
-
-def _bytes(path: Path) -> int:
-    """Size of a file, or of all files in a folder."""
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
-
-
-def _with_actual(
-    cost: Mapping[str, Any], metrics: Mapping[str, Any], more: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Entry `cost` of a plan, with the actual cost beside the forecast; `more`: rays, bytes."""
-    actual = {
-        **cost.get("actual", {}),
-        "seconds": round(sum(metrics["seconds"].values()), 3),
-        "memory_bytes": metrics["peak_memory_bytes"],
-        **more,
-    }
-    reason = f"took {actual['seconds']:.3g} s"
-    if "forecast" in cost:
-        reason = f"forecast {cost['forecast']['seconds']:.2g} s; {reason}"
-    if "rays" in actual:
-        reason += f" and {sum(actual['rays'].values())} rays"
-    return {**cost, "actual": actual, "reason": reason}
-
-
-def peak_memory() -> int:
-    """Largest memory that the process has held [bytes].
-
-    On Linux `getrusage` also counts the memory of the parent at the start of the process, so the
-    process' own status is read there.
-    """
-    status = Path("/proc/self/status")
-    if status.is_file():
-        line = re.search(r"^VmHWM:\s*(\d+) kB$", status.read_text(), re.MULTILINE)
-        if line is not None:
-            return 1024 * int(line[1])
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
+        return figures.pictures(self.case, self.illuminance, self.metrics)
 
 
 def evaluate(
@@ -248,22 +147,76 @@ def evaluate(
     BackendError
         No fit LLVM or GPU.
     """
-    if not isinstance(case, Case):
-        case = load_case(case)
-    backend.select()
-    blocks = BlockFolder.cache(blocks) if isinstance(blocks, str | Path) else blocks
-    run = replace(Run.of(case), stage=stage, blocks=blocks)
-    with run.timed("sky"):
-        sensor_points(case)  # refuses unfit sensors before the work begins
-        remarks = notes(case)  # reads the films' files, which may be unfit
-        light = daylight(case.with_dark_hours() if run.shares_blocks else case)
-        planned = plan(case, light)
-        run = replace(run, enabled_effects=planned.scope)
-        is_kept = known is not None or simulation.is_kept(planned.simulated, light, run)
-    expected = None
-    if not is_kept:  # known coefficients cost nothing
+    return _whole(_Begun.of(case, stage, known, blocks), known)
+
+
+def evaluate_within(
+    case: Case | str | Path, stage: Stage = silent, known: xr.Dataset | None = None,
+    blocks: BlockFolder | str | Path | None = None, memory: int | None = None,
+) -> Result | LargeResult:  # fmt: skip
+    """Evaluate a case as `evaluate`, without keeping C and E where they do not fit in memory.
+
+    Parameters
+    ----------
+    case, stage, known, blocks
+        As for `evaluate`.
+    memory : int, optional
+        Memory that the arrays may take [bytes]; by default three quarters of the machine's.
+        `output.illuminance` of the case decides unless it is "auto".
+
+    Returns
+    -------
+    Result or LargeResult
+        The latter where C and E are not kept.
+
+    Raises
+    ------
+    InputError
+        As `evaluate`; metrics alone are asked for beside an adaptive sun, a target or groups.
+    """
+    begun = _Begun.of(case, stage, known, blocks)
+    if known is None and large_result.is_large(begun.planned, memory):
+        return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
+    return _whole(begun, known)
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """Evaluation before its first ray."""
+
+    planned: Plan
+    run: Run
+    remarks: list[str]
+    """Notes on the films and the shade."""
+    expected: Forecast | None
+    """Forecast; None where C is known or stored, since it tells of work that is not done."""
+
+    @classmethod
+    def of(
+        cls, case: Case | str | Path, stage: Stage, known: xr.Dataset | None,
+        blocks: BlockFolder | str | Path | None,
+    ) -> _Begun:  # fmt: skip
+        case = case if isinstance(case, Case) else load_case(case)
+        backend.select()
+        blocks = BlockFolder.cache(blocks) if isinstance(blocks, str | Path) else blocks
+        run = replace(Run.of(case), stage=stage, blocks=blocks)
+        with run.timed("sky"):
+            sensor_points(case)  # refuses unfit sensors before the work begins
+            remarks = notes(case)  # reads the films' files, which may be unfit
+            light = daylight(case.with_dark_hours() if run.shares_blocks else case)
+            planned = plan(case, light)
+            run = replace(run, enabled_effects=planned.scope)
+            is_kept = known is not None or simulation.is_kept(planned.simulated, light, run)
+        if is_kept:
+            return cls(planned, run, remarks, None)
         with run.timed("forecast"):
-            expected = forecast(planned)
+            return cls(planned, run, remarks, forecast(planned))
+
+
+def _whole(begun: _Begun, known: xr.Dataset | None) -> Result:
+    """Evaluate with whole arrays."""
+    planned, run = begun.planned, begun.run
+    case, light = planned.facts.case, planned.facts.light
     by_state = None if known is None else Coefficients.of(known)
     coefficients, direct = simulation.simulate(case, light, run, by_state)
     with run.timed("accumulation and metrics"):
@@ -273,11 +226,7 @@ def evaluate(
         coefficients, evaluated, outcome = toward_target(
             planned.simulated, light, coefficients, evaluated, run
         )
-    if blocks is not None:
-        remarks += blocks.notes
-        if blocks.is_shared:
-            blocks.prune()
-    return summed_up(planned, coefficients, evaluated, run, remarks, outcome, expected)
+    return summed_up(planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected)
 
 
 def summed_up(
@@ -289,26 +238,9 @@ def summed_up(
     `remarks` are the notes on films and shade; a case with a target has an `outcome`.
     """
     case, light = planned.facts.case, planned.facts.light
-    settings = settings_of_case(case, light)
-    metrics = {
-        **evaluated.metrics,
-        "settings": {
-            **settings,
-            "variant": backend.select(),
-            "notes": [
-                *light.notes, *remarks, *planned.notes(), *photon_notes(coefficients.attrs)
-            ],
-        },
-        **({} if outcome is None else {"accuracy": asdict(outcome)}),
-        "seconds": dict(run.seconds),
-        "peak_memory_bytes": peak_memory(),
-    }  # fmt: skip
-    effects = planned.to_dict(coefficients.attrs)
-    if expected is None:
-        effects["cost"] = {"on": True, "reason": "no forecast"}
-    else:
-        effects = expected.beside(effects)
-    rays = {"rays": dict(run.ray_counter)} if run.ray_counter else {}
-    effects = effects | {"cost": _with_actual(effects["cost"], metrics, rays)}
+    more = {} if outcome is None else {"accuracy": asdict(outcome)}
+    metrics, effects = with_record(
+        planned, evaluated.metrics | more, coefficients.attrs, run, remarks, expected
+    )
     E = evaluated.illuminance
     return Result(case, metrics, E, coefficients, light, effects, run.enabled_effects)

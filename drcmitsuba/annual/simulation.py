@@ -57,7 +57,7 @@ def _scenes(case: Case, state: State, run: Run) -> Iterator[scene.Scene]:
         run.ray_counter.update(world.ray_counter.counted())
 
 
-def _joined(channels: list[xr.Dataset]) -> xr.Dataset:
+def joined_channels(channels: list[xr.Dataset]) -> xr.Dataset:
     """Join channels along the dim `channel`; a grey case has no such dim."""
     if len(channels) == 1:
         return channels[0]
@@ -134,7 +134,7 @@ def of_points(
     channels: list[xr.Dataset] = []
     for i, world in enumerate(_scenes(case, state, run)):
         done = part(progress, i / count, (i + 1) / count)
-        content = _content(world, points, normals, accuracy, subdivision)
+        content = block_content(world, points, normals, accuracy, subdivision)
         if isinstance(case.sun, Adaptive):
             nodes = mesh or (mesh_of(channels[0]) if channels else ())
             of_mesh = partial(
@@ -154,10 +154,10 @@ def of_points(
                 kept=run.kept(f"{case.name}, {state}", *content, followed), progress=done,
             )  # fmt: skip
         channels.append(C)
-    return _joined(channels)
+    return joined_channels(channels)
 
 
-def _content(
+def block_content(
     world: scene.Scene,
     points: np.ndarray,
     normals: np.ndarray,
@@ -176,7 +176,7 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     world = scene.load(case, OPEN, scene.channels_of(case, effects)[0], effects)
     suns = daylight.suns.where(effects.enabled_suns(daylight.suns))
-    content = _content(world, points, normals, accuracy, case.sky.subdivision)
+    content = block_content(world, points, normals, accuracy, case.sky.subdivision)
     return bool(run.kept(case.name, *content, suns).cover(len(points)))
 
 
@@ -377,7 +377,7 @@ def _state(
     points, normals = sensor_points(case)
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     channels = [known.isel(channel=i, drop=True) for i in range(known.sizes.get("channel", 0))]
-    C = _joined(
+    C = joined_channels(
         [
             with_straight(C, world, points, normals, suns, accuracy)
             for C, world in zip(channels or [known], _scenes(case, state, run), strict=True)

@@ -26,6 +26,7 @@ from drcmitsuba.case.furniture import Furniture, check_furniture
 from drcmitsuba.case.groups import OTHERS, Group
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.model import ModelTable
+from drcmitsuba.case.output import Output
 from drcmitsuba.case.room import Room
 from drcmitsuba.case.sensors import AnySensors, FloorSensors, Sensors
 from drcmitsuba.case.shading import AREA, THRESHOLD, Shading
@@ -98,6 +99,8 @@ class Case(Table):
     """Numbers of samples, and the intervals to reach."""
     effects: Effects = Effects()
     """Effects of light that are simulated."""
+    output: Output = Output()
+    """Arrays that an evaluation keeps."""
     design: Design | None = None
     """Design space and objective of `optimise`."""
 

@@ -15,7 +15,7 @@ from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
-    from drcmitsuba.annual.result import Result
+    from drcmitsuba.annual.saved_result import SavedResult
 
 
 MOST_ROWS = 40
@@ -87,6 +87,10 @@ def evaluate(
         Path | None,
         option("FOLDER", "Keep coefficients for any weather, thresholds, schedules and cases."),
     ] = None,
+    memory: Annotated[
+        str | None,
+        option("SIZE", 'Memory to keep within, as "3 GiB": arrays that do not fit are summed.'),
+    ] = None,
     variants: Annotated[
         str | None,
         option("NAMES", "Other façades: cases beside this one, such as o1,o2; each gets a folder."),
@@ -94,18 +98,21 @@ def evaluate(
 ) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
     if variants is not None:
-        for name, value in (("--coefficients", coefficients), ("--cache", cache)):
+        of_one = {"--coefficients": coefficients, "--cache": cache, "--memory": memory}
+        for name, value in of_one.items():
             if value is not None:
                 remedy = "give one of them"
                 raise InputError("command line", name, "beside --variants", remedy)
         _evaluate_variants(case, variants.split(","), output, weather)
         return
-    from drcmitsuba import evaluate as run
+    from drcmitsuba import evaluate_within
     from drcmitsuba.blocks.block_folder import BlockFolder
     from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.runtime import storage
+    from drcmitsuba.runtime.byte_size import byte_size
     from drcmitsuba.runtime.folder_lock import locked
 
+    most = None if memory is None else byte_size(memory, "--memory")
     loaded = load(case, weather)
     known = None
     if coefficients is not None:
@@ -115,13 +122,14 @@ def evaluate(
         storage.remove_abandoned(output)
         blocks = BlockFolder.of_results(output) if cache is None else BlockFolder.cache(cache)
         with stages() as stage:
-            result = run(loaded, importing(stage, *FOR_METRICS, *FOR_FILES), known, blocks)
+            work = importing(stage, *FOR_METRICS, *FOR_FILES)
+            result = evaluate_within(loaded, work, known, blocks, most)
             result.save(output, stage)
         blocks.finish()
     _show_result(result, output)
 
 
-def _show_result(result: Result, output: Path) -> None:
+def _show_result(result: SavedResult, output: Path) -> None:
     numbers = result.metrics
     show(*metrics_tables(numbers, result.case.name))
     if "accuracy" in numbers:

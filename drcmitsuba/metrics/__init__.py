@@ -30,6 +30,8 @@ bin_luminances, accumulate
     Luminances L of the bins of C; E from both.
 illuminance
     E of a case's period, the shade applied.
+sensor_counts
+    Counts by sensor and month, which metrics of a year of any size follow from.
 intervals
     95 % intervals of the metrics.
 evaluate_metrics

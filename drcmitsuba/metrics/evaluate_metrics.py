@@ -22,6 +22,7 @@ from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, values
+from drcmitsuba.metrics.sensor_counts import undecided
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import luminance
@@ -166,21 +167,6 @@ def _monthly(
     ]
 
 
-def _undecided(illuminance: xr.Dataset, draws: Draws) -> list[dict[str, Any]]:
-    """Sensors that neither pass nor fail clearly, with their probability of passing."""
-    x, y, z = (illuminance[axis].values for axis in "xyz")
-    grid = illuminance["grid"].values if "grid" in illuminance.coords else None
-    return [
-        {
-            "sensor": int(i), "x": float(x[i]), "y": float(y[i]), "z": float(z[i]),
-            **({} if grid is None else {"grid": str(grid[i])}),
-            "metric": metric, "probability": round(float(p[i]), 4),
-        }
-        for metric, p in draws.passing.items()
-        for i in draws.undecided(metric)
-    ]  # fmt: skip
-
-
 def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None) -> dict[str, Any]:
     """Compute all metrics with their 95 % intervals.
 
@@ -212,7 +198,7 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
         **{name: _monthly(name, months, spread) for name, months in monthly.items()},
     }
     if draws is not None:
-        numbers["undecided"] = _undecided(illuminance, draws)
+        numbers["undecided"] = undecided(illuminance, draws)
     if "facade_state" in illuminance.coords:
         numbers["groups"] = shares_of_states(illuminance, rules)
     if grids := sensors_by_grid(illuminance):

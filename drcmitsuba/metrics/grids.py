@@ -51,7 +51,7 @@ def grid_of_sensors(illuminance: xr.Dataset | xr.DataArray) -> np.ndarray:
     return number
 
 
-def count_by_grid(mask: np.ndarray, grid: np.ndarray) -> np.ndarray:
+def count_by_grid(mask: np.ndarray, grid: np.ndarray, grids: int = 0) -> np.ndarray:
     """Number of sensors of each grid at which a mask holds.
 
     Parameters
@@ -59,12 +59,14 @@ def count_by_grid(mask: np.ndarray, grid: np.ndarray) -> np.ndarray:
     mask : np.ndarray of bool, shape (time, sensor)
     grid : np.ndarray of int, shape (sensor,)
         From `grid_of_sensors`.
+    grids : int
+        Least number of grids; the last ones may have no sensor.
 
     Returns
     -------
     np.ndarray of int, shape (time, grid)
     """
-    sizes = np.bincount(grid)
+    sizes = np.bincount(grid, minlength=grids)
     if len(sizes) == 1:
         return np.count_nonzero(mask, axis=1)[:, None]
     parts = np.split(np.argsort(grid, kind="stable"), np.cumsum(sizes)[:-1])

@@ -84,8 +84,9 @@ def check_suns(
 
 
 def illuminance(
-    coefficients: Coefficients, sky: xr.Dataset, direct: xr.Dataset | None = None
-) -> xr.Dataset:
+    coefficients: Coefficients, sky: xr.Dataset, direct: xr.Dataset | None = None,
+    taken: FacadeStates | None = None,
+) -> xr.Dataset:  # fmt: skip
     """Illuminance E = C·L, the shade applied by the rule in the attributes of C.
 
     The 95 % interval of an entry is ± `interval_factor` (an attribute) standard errors: Student's
@@ -98,6 +99,8 @@ def illuminance(
         `Daylight.sky`, or from `daylight.from_luminances`.
     direct : xr.Dataset, optional
         Direct sun from `direct_sun`; computed by default.
+    taken : FacadeStates, optional
+        State of the façade at every time stamp; by default as the direct sun of these sensors says.
 
     Returns
     -------
@@ -113,7 +116,7 @@ def illuminance(
     """
     check_suns(coefficients.attrs, sky)
     direct = direct_sun(coefficients, sky) if direct is None else direct
-    taken = FacadeStates.of(coefficients.attrs, direct)
+    taken = FacadeStates.of(coefficients.attrs, direct) if taken is None else taken
     others = [coefficients.others.get(state) for state in taken.states[1:]]
     parts = direct.drop_vars("sun_group", errors="ignore")
     out = by_channel(accumulate.illuminance, coefficients.open, others, sky, taken.index, parts)

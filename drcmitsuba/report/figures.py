@@ -27,11 +27,29 @@ def pictures(case: Case, illuminance: xr.Dataset, numbers: dict[str, Any]) -> di
     There is a plan for each of the `sheets`; several have a number in their names.
     """
     t = case.metrics
-    stamps, step_hours = illuminance.sizes["time"], float(illuminance.attrs.get("step_hours", 1.0))
     total, direct = luminance(illuminance["total"]), luminance(illuminance["direct_sun"])
-    mean = total.mean("time", dtype=float).assign_attrs(units="lx", long_name="mean illuminance")
-    enough = (total >= t.sda_threshold).sum("time")
-    in_sun = (direct >= t.ase_threshold).sum("time")
+    sums = xr.Dataset(
+        {
+            "mean_illuminance": total.mean("time", dtype=float),
+            "enough": (total >= t.sda_threshold).sum("time"),
+            "in_sun": (direct >= t.ase_threshold).sum("time"),
+        }
+    )
+    return pictures_of_sums(case, illuminance, sums, numbers)
+
+
+def pictures_of_sums(
+    case: Case, illuminance: xr.Dataset, sums: xr.Dataset, numbers: dict[str, Any]
+) -> dict[str, Figure]:
+    """Draw all pictures of an evaluation from sums over its hours, by file name.
+
+    Of `illuminance` only the attributes, the coordinate `time` and those of the sensors are used;
+    `sums` are `mean_illuminance` [lx], and `enough` and `in_sun`, numbers of time stamps (sensor,).
+    """
+    t = case.metrics
+    stamps, step_hours = illuminance.sizes["time"], float(illuminance.attrs.get("step_hours", 1.0))
+    mean = sums["mean_illuminance"].assign_attrs(units="lx", long_name="mean illuminance")
+    enough, in_sun = sums["enough"], sums["in_sun"]
     autonomy_stamps = metrics.autonomy_stamps(t.sda_fraction, stamps)
     exposure_stamps = metrics.exposure_stamps(t.ase_hours, step_hours)
     passing = {"sDA": enough >= autonomy_stamps, "ASE": in_sun >= exposure_stamps}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba.annual import result as result_module
+from drcmitsuba.annual.saved_result import SavedResult
 from drcmitsuba.blocks import block_folder
 from drcmitsuba.runtime.folder_lock import locked
 from drcmitsuba.transport import coefficients
@@ -126,7 +126,7 @@ def test_a_run_that_was_stopped_while_files_were_written_is_no_result(
     run(monkeypatch, "evaluate", case, "-o", folder)
     with monkeypatch.context() as stopped:
         stopped.setattr(
-            result_module.Result,
+            SavedResult,
             "_save_pictures",
             lambda *a: (_ for _ in ()).throw(KeyboardInterrupt),
         )

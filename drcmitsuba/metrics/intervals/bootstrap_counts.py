@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +89,19 @@ class BootstrapCounts:
             if TAIL < p < 1 - TAIL:
                 q = passed.mean(axis=1)
                 self.hours[time] += (q > TAIL) & (q < 1 - TAIL)
+
+    def plus(self, other: BootstrapCounts) -> BootstrapCounts:
+        """Count the sensors of two blocks, this one's first; grids have the same numbers."""
+        out = copy(self)
+        grids = max(len(self.sizes), len(other.sizes))
+        counts = np.zeros((grids, *self.counts.shape[1:]), self.counts.dtype)
+        out.sizes = np.zeros(grids, self.sizes.dtype)
+        for part in (self, other):
+            counts[: len(part.sizes)] += part.counts
+            out.sizes[: len(part.sizes)] += part.sizes
+        out.counts, out.hours = counts, self.hours + other.hours
+        out.passing = np.concatenate([self.passing, other.passing])
+        return out
 
     def shares(self, grid: int | slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """Shares of all or a grid's sensors [%]: of the year (draw,), by month (month, draw)."""

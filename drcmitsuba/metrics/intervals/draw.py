@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import xarray as xr
 
@@ -13,7 +16,7 @@ from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Neede
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
 from drcmitsuba.metrics.intervals.spread import DrawnShares, Draws
-from drcmitsuba.metrics.intervals.sun import draw_sun
+from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.intervals.year_draws import YearDraws, closures_of
 from drcmitsuba.schema import luminance, mean_and_error
 
@@ -42,27 +45,64 @@ def draw(
     shut = Closures.never(stamps)
     if illuminance.attrs.get("has_shade", 1):
         shut = closures_of(xr.Dataset(E), sun, rules)
+    grid = grid_of_sensors(illuminance)
+    block = draw_block(coefficients, sky, illuminance, rules, sun, shut, grid, seed)
+    return block.draws(shut, metrics.months(E["total"]) - 1, list(sensors_by_grid(illuminance)))
+
+
+@dataclass(frozen=True)
+class BlockDraws:
+    """Draws of a block of sensors."""
+
+    autonomy: BootstrapCounts
+    """Sensors with enough daylight for sDA and msDA."""
+    exposure: BootstrapCounts
+    """Sensors with too much sun for ASE and MSE."""
+    mean: np.ndarray
+    """Mean over hours and sensors by each replicate [lx], shape (replicate,)."""
+
+    def plus(self, other: BlockDraws) -> BlockDraws:
+        """Draws of the sensors of two blocks, this one's first."""
+        mine, theirs = self.autonomy.sizes.sum(), other.autonomy.sizes.sum()
+        mean = (mine * self.mean + theirs * other.mean) / (mine + theirs)
+        exposure = self.exposure.plus(other.exposure)
+        return BlockDraws(self.autonomy.plus(other.autonomy), exposure, mean)
+
+    def draws(self, shut: Closures, month: np.ndarray, grids: Sequence[str]) -> Draws:
+        """Draws of all metrics; the `month` of each time stamp counts from 0."""
+        (sda, msda), (ase, mse) = self.autonomy.shares(), self.exposure.shares()
+        closed, closed_monthly = shut.shares(month)
+        return Draws(
+            {"sDA": sda, "ASE": ase, "shade_closed": closed},
+            {"msDA": msda, "MSE": mse, "shade_closed_monthly": closed_monthly},
+            {"sDA": self.autonomy.passing, "ASE": self.exposure.passing},
+            {"sDA": self.autonomy.hours, "ASE": self.exposure.hours},
+            _interval(self.mean),
+            dict(zip(shut.states, shut.possible, strict=True)),
+            {name: _shares(self.autonomy, self.exposure, i) for i, name in enumerate(grids)},
+        )
+
+
+def draw_block(
+    coefficients: Coefficients, sky: xr.Dataset, illuminance: xr.Dataset, rules: Rules,
+    sun: SunDraws, shut: Closures, grid: np.ndarray, seed: int,
+) -> BlockDraws:  # fmt: skip
+    """Draw a block of sensors, the state of the façade and the direct `sun` drawn before.
+
+    `grid` (sensor,) is the number of each sensor's grid; the rest as for `draw`.
+    """
+    E = {name: luminance(illuminance[name]) for name in illuminance.data_vars}
+    t, stamps = rules.metrics, sky.sizes["time"]
     year = YearDraws.of(coefficients, sky, E, sun, shut, seed)
     month = metrics.months(E["total"]) - 1
     in_month = np.bincount(month, minlength=12)
-    grids, grid = sensors_by_grid(illuminance), grid_of_sensors(illuminance)
     of_ase = [metrics.exposure_stamps(t.ase_hours, rules.step_hours, n, stamps) for n in in_month]
     hours = metrics.exposure_stamps(t.ase_hours, rules.step_hours)
     exposure = year.exposure(t.ase_threshold, Needed(month, np.array(of_ase), hours, grid))
     of_sda = [metrics.autonomy_stamps(t.sda_fraction, n) for n in in_month]
     hours = metrics.autonomy_stamps(t.sda_fraction, stamps)
     autonomy = year.autonomy(t.sda_threshold, Needed(month, np.array(of_sda), hours, grid))
-    (sda, msda), (ase, mse) = autonomy.shares(), exposure.shares()
-    closed, closed_monthly = shut.shares(month)
-    return Draws(
-        {"sDA": sda, "ASE": ase, "shade_closed": closed},
-        {"msDA": msda, "MSE": mse, "shade_closed_monthly": closed_monthly},
-        {"sDA": autonomy.passing, "ASE": exposure.passing},
-        {"sDA": autonomy.hours, "ASE": exposure.hours},
-        _mean_illuminance(coefficients.map(luminance), sky, shut),
-        dict(zip(shut.states, shut.possible, strict=True)),
-        {name: _shares(autonomy, exposure, i) for i, name in enumerate(grids)},
-    )
+    return BlockDraws(autonomy, exposure, _means(coefficients.map(luminance), sky, shut))
 
 
 def _shares(autonomy: BootstrapCounts, exposure: BootstrapCounts, grid: int) -> DrawnShares:
@@ -73,6 +113,11 @@ def _shares(autonomy: BootstrapCounts, exposure: BootstrapCounts, grid: int) -> 
 
 def _mean_illuminance(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> Interval:
     """Mean over hours and sensors [lx], from its replicates."""
+    return _interval(_means(coefficients, sky, shut))
+
+
+def _means(coefficients: Coefficients, sky: xr.Dataset, shut: Closures) -> np.ndarray:
+    """Mean over hours and sensors by each replicate [lx], shape (replicate,)."""
     total = np.zeros(coefficients.open.sizes["replicate"])
     for k, state in enumerate(shut.states):
         hours = shut.state == k
@@ -84,6 +129,11 @@ def _mean_illuminance(coefficients: Coefficients, sky: xr.Dataset, shut: Closure
             at = sky.isel(time=np.flatnonzero(hours))
             E = accumulate.replicates(C, at, np.zeros(1, np.int64))
             total += E.sum(axis=(1, 2), dtype=float)
-    mean, error = mean_and_error(total / len(shut.state))
-    half = t_factor(len(total)) * error
+    return total / len(shut.state)
+
+
+def _interval(means: np.ndarray) -> Interval:
+    """Mean of independent replicates [lx] with its interval."""
+    mean, error = mean_and_error(means)
+    half = t_factor(len(means)) * error
     return Interval(float(mean), float(mean - half), float(mean + half))

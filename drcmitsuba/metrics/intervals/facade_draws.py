@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -73,7 +73,7 @@ class Closures:
 
 
 @dataclass(frozen=True)
-class _SunlitSensors:
+class SunlitSensors:
     """Numbers of sensors in the sun by grid and group, and the entries in doubt among them."""
 
     count: np.ndarray
@@ -89,15 +89,21 @@ class _SunlitSensors:
     row: np.ndarray
     """Its row in `closing`, int, shape (entry,)."""
     closing: np.ndarray
-    """Whether entries of the direct sun reach the rule's threshold, shape (row, draw)."""
+    """Whether entries of the direct sun reach the rule's threshold (row, draw), packed in bits."""
 
     @classmethod
     def of(
-        cls, passes: np.ndarray, group: np.ndarray, grid: np.ndarray, groups: int, sun: SunDraws
-    ) -> _SunlitSensors:
+        cls,
+        passes: np.ndarray,
+        group: np.ndarray,
+        grid: np.ndarray,
+        groups: int,
+        sun: SunDraws,
+        grids: int = 0,
+    ) -> SunlitSensors:
         """Count; `passes` and `group` have the shape (time, sensor), `grid` (sensor,)."""
         count = np.stack(
-            [count_by_grid(passes & (group == g), grid) for g in range(groups)], axis=-1
+            [count_by_grid(passes & (group == g), grid, grids) for g in range(groups)], axis=-1
         )
         through = group[sun.time, sun.sensor]
         cell = grid[sun.sensor] * groups + through
@@ -108,7 +114,32 @@ class _SunlitSensors:
         by_mean = np.bincount(at, passes[time, sun.sensor[order]], count.size).astype(int)
         doubtful = np.bincount(at, minlength=count.size).reshape(count.shape)
         sure = count - by_mean.reshape(count.shape)
-        return cls(count, sure, doubtful, time, cell, order, sun.closing)
+        return cls(count, sure, doubtful, time, cell, order, np.packbits(sun.closing, axis=1))
+
+    def plus(self, other: SunlitSensors) -> SunlitSensors:
+        """Count the sensors of two blocks, the grids of which have the same numbers."""
+        time, cell = (
+            np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("time", "cell")
+        )
+        row = np.concatenate([self.row, other.row + len(self.closing)])
+        order = np.lexsort((cell, time))
+        return SunlitSensors(
+            self.count + other.count, self.sure + other.sure, self.doubtful + other.doubtful,
+            time[order], cell[order], row[order], np.concatenate([self.closing, other.closing]),
+        )  # fmt: skip
+
+    def without_certain(self, least: np.ndarray) -> SunlitSensors:
+        """Leave out the entries of hours and grids that close a single group for certain.
+
+        Grids ask for `least` sensors (grid,); further sensors do not change that.
+        """
+        if self.sure.shape[-1] > 1:
+            return self
+        kept = (self.sure[..., 0] < least)[self.time, self.cell]
+        rows, row = np.unique(self.row[kept], return_inverse=True)
+        return replace(
+            self, time=self.time[kept], cell=self.cell[kept], row=row, closing=self.closing[rows]
+        )
 
     def in_doubt(self, least: np.ndarray) -> np.ndarray:
         """Whether doubt remains about what a grid closes that asks for `least` sensors (grid,).
@@ -124,7 +155,8 @@ class _SunlitSensors:
         here = slice(*np.searchsorted(self.time, [hour, hour + 1]))
         cell, start = np.unique(self.cell[here], return_index=True)
         out = np.repeat(self.sure[hour].reshape(1, -1), DRAWS, axis=0)
-        out[:, cell] += np.add.reduceat(self.closing[self.row[here]], start, axis=0, dtype=int).T
+        closing = np.unpackbits(self.closing[self.row[here]], axis=1, count=DRAWS)
+        out[:, cell] += np.add.reduceat(closing, start, axis=0, dtype=int).T
         return out.reshape(DRAWS, *self.sure.shape[1:])
 
 
@@ -138,11 +170,25 @@ def draw_closures(
     a single one, `grid` the number of each sensor's grid (sensor,), `time` the time stamps, `sun`
     the draws of the direct sun.
     """
-    stamps, groups, sensors = len(mean), len(rule.groups), np.bincount(grid)
+    sunlit = sunlit_sensors(mean, group, grid, sun, rule)
+    return closures_from(sunlit, np.bincount(grid), time, rule)
+
+
+def sunlit_sensors(
+    mean: np.ndarray, group: np.ndarray | None, grid: np.ndarray, sun: SunDraws, rule: ShadeRule,
+    grids: int = 0,
+) -> SunlitSensors:  # fmt: skip
+    """Count the sensors in the sun; arguments as for `draw_closures`, of at least `grids` grids."""
     group = np.zeros((1, 1), np.int16) if group is None else group
-    sunlit = _SunlitSensors.of(
-        mean >= rule.threshold, np.broadcast_to(group, mean.shape), grid, groups, sun
-    )
+    group = np.broadcast_to(group, mean.shape)
+    return SunlitSensors.of(mean >= rule.threshold, group, grid, len(rule.groups), sun, grids)
+
+
+def closures_from(
+    sunlit: SunlitSensors, sensors: np.ndarray, time: xr.DataArray, rule: ShadeRule
+) -> Closures:
+    """Closures of all sensors; grids have so many `sensors` (grid,)."""
+    stamps, groups = len(sunlit.count), len(rule.groups)
     closed, in_doubt = rule.closed(sunlit.count, sensors), sunlit.in_doubt(rule.required(sensors))
     hours = np.flatnonzero(in_doubt.any(axis=-1))
     drawn = np.empty((len(hours), DRAWS, groups), bool)

@@ -67,14 +67,16 @@ class SunDraws:
 
 
 def draw_sun(
-    mean: np.ndarray, error: np.ndarray, limits: tuple[float, float], rays: int | None, seed: int
-) -> SunDraws:
+    mean: np.ndarray, error: np.ndarray, limits: tuple[float, float], rays: int | None, seed: int,
+    first: int = 0,
+) -> SunDraws:  # fmt: skip
     """Draw the direct sun near its thresholds; `rays` and `seed` as for `intervals.draw`.
 
     `mean` and `error` are the direct sun and its standard error (time, sensor) [lx], `limits` the
-    thresholds of ASE and of the shade [lx].
+    thresholds of ASE and of the shade [lx]. Each block of sensors has its own random numbers, by
+    the number of its `first` sensor.
     """
-    rng = np.random.default_rng([seed, 1])
+    rng = np.random.default_rng([seed, 1] if first == 0 else [seed, 1, first])
     lit = np.nonzero(mean > 0)
     mu, s = mean[lit], error[lit]
     different = list(dict.fromkeys(limits))  # those of LM-83 are the same: one array serves both

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.groups import OPEN
+from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Pilot
 from drcmitsuba.plan.forecast.work import Work
+from drcmitsuba.scene.sensors import sensor_points
 
 FLOAT, DOUBLE = 4, 8
 VARIABLES = 10
@@ -86,3 +89,17 @@ def memory(counted: Work) -> int:
         held["years"] = FLOAT * a.replicates * counted.entries
     most = sum(HELD[name] * size for name, size in held.items())
     return round(BASE + PHOTONS * any(p.scene.followed for p in pilots) + most)
+
+
+def whole_arrays(plan: Plan) -> float:
+    """Number of bytes that the process holds where C of all states and E are kept.
+
+    It is known without a pilot, as a cache needs it.
+    """
+    case, light = plan.facts.case, plan.facts.light
+    sensors, channels = len(sensor_points(case)[0]), 3 if plan.scope.channels else 1
+    bins = len(Patches(case.sky.subdivision)) + len(light.suns.labels)
+    parts = PARTS + case.accuracy.replicates
+    coefficients = FLOAT * channels * (1 + plan.scope.shade) * sensors * bins * parts
+    illuminance = FLOAT * channels * VARIABLES * plan.facts.hours * sensors
+    return BASE + HELD["coefficients"] * coefficients + HELD["illuminance"] * illuminance

@@ -1,0 +1,198 @@
+"""What results of an evaluation share: they save themselves and show themselves in Jupyter."""
+
+from __future__ import annotations
+
+import re
+import resource
+import sys
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import xarray as xr
+
+from drcmitsuba.annual.attributes import settings
+from drcmitsuba.annual.run import Run
+from drcmitsuba.case.case import Case
+from drcmitsuba.plan import Plan, photon_notes
+from drcmitsuba.plan.forecast import Forecast
+from drcmitsuba.runtime import backend, storage
+from drcmitsuba.runtime.background import beside
+from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ALL_ARRAYS = {"illuminance.nc", "coefficients.zarr", "sky.zarr", "sensors.nc"}
+"""Files of arrays of all kinds of results."""
+
+Own = TypeVar("Own", bound="SavedResult")
+
+
+class SavedResult(ABC):
+    """Result of an evaluation: a frozen dataclass with the fields below."""
+
+    case: Case
+    metrics: dict[str, Any]
+    plan: dict[str, Any]
+    enabled_effects: EnabledEffects
+
+    @property
+    @abstractmethod
+    def described(self) -> xr.Dataset:
+        """Array with the time stamps, the sensors and the attributes of E."""
+
+    @abstractmethod
+    def _arrays(self, folder: Path) -> dict[str, Callable[[], None]]:
+        """Functions that write the files of arrays to a folder, by name."""
+
+    @abstractmethod
+    def _pictures(self) -> dict[str, Figure]:
+        """Draw all pictures, by file name."""
+
+    def save(self: Own, folder: str | Path, stage: Stage = silent) -> Own:
+        """Write all results and plots to a folder, each file whole or not at all.
+
+        Parameters
+        ----------
+        folder : str or Path
+        stage : callable, optional
+
+        Returns
+        -------
+        SavedResult
+            The same result, with the seconds and bytes of writing in `metrics` and `plan`.
+        """
+        folder = Path(folder)
+        start = time.perf_counter()
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in ("metrics.json", "plan.json"):  # without them, arrays are no result
+            (folder / name).unlink(missing_ok=True)
+        arrays = self._arrays(folder)
+        for name in ALL_ARRAYS.difference(arrays):  # of an earlier evaluation
+            storage.remove(folder / name)
+        with stage("writing") as done:
+            with beside(*arrays.values()):
+                pictures = self._save_pictures(folder, part(done, 0.0, 0.9))
+            elapsed = round(time.perf_counter() - start, 3)
+            seconds = self.metrics["seconds"] | {"writing": elapsed}
+            metrics = self.metrics | {"seconds": seconds, "peak_memory_bytes": peak_memory()}
+            storage.save_json(metrics, folder / "metrics.json")
+            names = (*arrays, "metrics.json", *pictures)
+            disk = sum(_bytes(folder / name) for name in names)
+            cost = with_actual(self.plan["cost"], metrics, {"disk_bytes": disk})
+            saved = replace(self, metrics=metrics, plan=self.plan | {"cost": cost})  # type: ignore[type-var]
+            storage.save_json(saved.plan, folder / "plan.json")
+        return saved
+
+    def _save_pictures(self, folder: Path, progress: Progress) -> list[str]:
+        """Draw the plots, remove those of an earlier evaluation, and return the file names."""
+        drawn = {}
+        if self.enabled_effects.pictures:
+            from drcmitsuba.report import plots
+
+            drawn = self._pictures()
+            for i, (name, figure) in enumerate(drawn.items(), start=1):
+                plots.save(figure, folder / name)
+                progress(i / len(drawn))
+        for old in [*folder.glob("*_plan.png"), folder / "monthly.png"]:
+            if old.name not in drawn:
+                old.unlink(missing_ok=True)
+        return list(drawn)
+
+    def __repr__(self) -> str:
+        E = self.described
+        numbers = ", ".join(f"{name} {_text(self.metrics[name])}" for name in ("sDA", "ASE"))
+        size = f"{E.sizes['time']} time stamps × {E.sizes['sensor']} sensors"
+        return f"<{type(self).__name__} of {self.case.name!r}: {numbers}; {size}>"
+
+    def _repr_html_(self) -> str:
+        """Table of the metrics with their 95 % intervals, and the months as a picture."""
+        from html import escape
+
+        from drcmitsuba.report import figures, plots
+
+        figure = figures.monthly(self.case, self.described, self.metrics)
+        rows = "".join(
+            f"<tr><th>{name.replace('_', ' ')}</th><td>{_text(self.metrics[name])}</td></tr>"
+            for name in ("sDA", "ASE", "shade_closed")
+        )
+        remarks = "".join(f"<p>{escape(n)}</p>" for n in self.metrics["settings"]["notes"])
+        image = plots.html_image(figure, "metrics by month")
+        head = f"<caption>{escape(self.case.name)}, 95 % intervals</caption>"
+        return f"<table>{head}{rows}</table>{image}{remarks}"
+
+
+def _text(number: Mapping[str, float]) -> str:
+    """Write a metric and its interval [%]."""
+    return f"{number['value']:.1f} % ({number['low']:.1f} … {number['high']:.1f})"
+
+
+def _bytes(path: Path) -> int:
+    """Size of a file, or of all files in a folder."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def with_actual(
+    cost: Mapping[str, Any], metrics: Mapping[str, Any], more: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Entry `cost` of a plan, with the actual cost beside the forecast; `more`: rays, bytes."""
+    actual = {
+        **cost.get("actual", {}),
+        "seconds": round(sum(metrics["seconds"].values()), 3),
+        "memory_bytes": metrics["peak_memory_bytes"],
+        **more,
+    }
+    reason = f"took {actual['seconds']:.3g} s"
+    if "forecast" in cost:
+        reason = f"forecast {cost['forecast']['seconds']:.2g} s; {reason}"
+    if "rays" in actual:
+        reason += f" and {sum(actual['rays'].values())} rays"
+    return {**cost, "actual": actual, "reason": reason}
+
+
+def peak_memory() -> int:
+    """Largest memory that the process has held [bytes].
+
+    On Linux `getrusage` also counts the memory of the parent at the start of the process, so the
+    process' own status is read there.
+    """
+    status = Path("/proc/self/status")
+    if status.is_file():
+        line = re.search(r"^VmHWM:\s*(\d+) kB$", status.read_text(), re.MULTILINE)
+        if line is not None:
+            return 1024 * int(line[1])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def with_record(
+    planned: Plan, numbers: Mapping[str, Any], attributes: Mapping[str, Any], run: Run,
+    remarks: list[str], expected: Forecast | None,
+) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
+    """Contents of `metrics.json` and `plan.json`: numbers with their origin, plan with its cost.
+
+    `attributes` are those of C, `remarks` the notes on films and shade.
+    """
+    case, light = planned.facts.case, planned.facts.light
+    damaged = [] if run.blocks is None else run.blocks.notes
+    every = (light.notes, remarks, planned.notes(), photon_notes(attributes), damaged)
+    origin = settings(case, light) | {"variant": backend.select()}
+    metrics = {
+        **numbers,
+        "settings": {**origin, "notes": [note for notes in every for note in notes]},
+        "seconds": dict(run.seconds),
+        "peak_memory_bytes": peak_memory(),
+    }
+    effects = planned.to_dict(attributes)
+    if expected is None:
+        effects["cost"] = {"on": True, "reason": "no forecast"}
+    else:
+        effects = expected.beside(effects)
+    rays = {"rays": dict(run.ray_counter)} if run.ray_counter else {}
+    return metrics, effects | {"cost": with_actual(effects["cost"], metrics, rays)}

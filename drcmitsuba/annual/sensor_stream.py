@@ -1,0 +1,82 @@
+"""Coefficients of a case for one block of sensors after another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import xarray as xr
+
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulation import block_content, joined_channels
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficients import compute_blocks
+
+Stream = Iterator[tuple[slice, xr.Dataset]]
+"""Datasets of blocks of sensors, which follow each other."""
+
+
+def sensor_stream(
+    case: Case, state: State, suns: Suns, run: Run, progress: Progress = lambda share: None
+) -> Stream:
+    """Yield C of a state [sr] for blocks of sensors, as `simulation.transport` gives it.
+
+    Each block is stored by the run before it is yielded, so that a second stream only reads. The
+    sun is not adaptive, and there is one group of panes.
+    """
+    at, channels = sensor_coordinates(case), scene.channels_of(case, run.enabled_effects)
+    streams = [
+        _of_channel(
+            case, state, channel, suns, run,
+            part(progress, i / len(channels), (i + 1) / len(channels)),
+        )
+        for i, channel in enumerate(channels)
+    ]  # fmt: skip
+    for here, blocks in aligned(streams):
+        yield here, joined_channels(blocks).assign_coords(at.isel(sensor=here).coords)
+
+
+def _of_channel(
+    case: Case, state: State, channel: int, suns: Suns, run: Run, progress: Progress
+) -> Stream:
+    """C of one colour channel; its rays are added to the run in the end."""
+    world = scene.load(case, state, channel, run.enabled_effects)
+    points, normals = sensor_points(case)
+    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    subdivision = case.sky.subdivision
+    content = block_content(world, points, normals, accuracy, subdivision)
+    followed = suns.where(world.effects.enabled_suns(suns))
+    yield from compute_blocks(
+        world, points, normals, suns, accuracy, subdivision=subdivision,
+        kept=run.kept(f"{case.name}, {state}", *content, followed), progress=progress,
+    )  # fmt: skip
+    run.ray_counter.update(world.ray_counter.counted())
+
+
+def aligned(streams: Sequence[Stream]) -> Iterator[tuple[slice, list[xr.Dataset]]]:
+    """Yield the datasets of several streams for the same sensors, whatever their blocks are."""
+    current: list[tuple[slice, xr.Dataset] | None] = [None] * len(streams)
+    at = 0
+    while True:
+        for i, stream in enumerate(streams):
+            held = current[i]
+            if held is None or held[0].stop == at:
+                current[i] = next(stream, None)
+        blocks = [held for held in current if held is not None]
+        if len(blocks) < len(streams):
+            return
+        stop = min(here.stop for here, _ in blocks)
+        yield slice(at, stop), [_cut(here, C, at, stop) for here, C in blocks]
+        at = stop
+
+
+def _cut(here: slice, C: xr.Dataset, start: int, stop: int) -> xr.Dataset:
+    """Sensors from `start` to `stop` of a block."""
+    if (here.start, here.stop) == (start, stop):
+        return C
+    return C.isel(sensor=np.arange(start, stop) - here.start)

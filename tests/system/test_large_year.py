@@ -1,0 +1,154 @@
+"""A year summed block by block has the numbers of one whose arrays are kept, in little memory."""
+
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import drcmitsuba
+from drcmitsuba import load_case
+from drcmitsuba.annual.large_result import LargeResult
+from drcmitsuba.annual.result import Result
+from drcmitsuba.annual.sensor_stream import aligned
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.transport import coefficients
+from tests.system.small_room import SHADING, changed, run
+
+ALONE = '[output]\nilluminance = "metrics"\n[accuracy]'
+SHARES = ("sDA", "ASE", "shade_closed", "msDA", "MSE", "shade_closed_monthly")
+FURTHER = '\n[[furniture]]\nname = "desk"\ncorner = [0.2, 4.0, 0.0]\nsize = [0.5, 0.5, 0.7]\n'
+COLOURED = FURTHER + "reflectance = [0.6, 0.4, 0.2]\n"
+
+
+def case_of(folder, *changes, more=""):
+    path = folder / "case.toml"
+    text = changed(("months = [3, 6]", "months = [3]"), *changes)
+    path.write_text(text.replace("[sensors]", more + "[sensors]"))
+    return load_case(path)
+
+
+def compare(whole, large):
+    """Metrics and their intervals, and metrics of the sensors."""
+    assert isinstance(whole, Result)
+    assert isinstance(large, LargeResult)
+    for name in (*SHARES, "undecided"):
+        assert large.metrics[name] == whole.metrics[name], name
+    E, sensors = whole.illuminance, large.sensors
+    total = E["total"]
+    if "channel" in total.dims:
+        return
+    np.testing.assert_allclose(sensors["mean_illuminance"], total.mean("time"), rtol=1e-5)
+    np.testing.assert_array_equal(
+        sensors["autonomy"], 100 * (total >= 300).sum("time") / total.sizes["time"]
+    )
+    np.testing.assert_array_equal(sensors["sun_hours"], (E["direct_sun"] >= 1000).sum("time"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "more"),
+    [((), ""), (((SHADING, ""),), ""), ((("count = [5, 5]", "count = [3, 3]"),), COLOURED)],
+    ids=["shade", "no shade", "coloured"],  # channels are summed by luminance
+)
+def test_one_block_has_the_same_numbers(tmp_path, changes, more):
+    case = case_of(tmp_path, *changes, more=more)
+    large = drcmitsuba.evaluate_within(case, memory=1)
+    compare(drcmitsuba.evaluate(case), large)
+    assert large.metrics["settings"]["notes"][-1].startswith("E and C are not kept")
+
+
+def test_many_blocks_differ_by_draws_of_the_sun_alone(tmp_path, monkeypatch):
+    case = case_of(tmp_path, ("[accuracy]", ALONE))
+    monkeypatch.setattr(coefficients, "SENSORS", 7)
+    whole, large = drcmitsuba.evaluate(case), drcmitsuba.evaluate_within(case)
+    for name in ("sDA", "ASE", "shade_closed"):
+        assert large.metrics[name]["value"] == whole.metrics[name]["value"]
+    for name in ("msDA", "MSE"):
+        for mine, theirs in zip(large.metrics[name], whole.metrics[name], strict=True):
+            assert (mine is None) == (theirs is None)
+            assert mine is None or mine["value"] == theirs["value"]
+    # Blocks have their own draws of the sun; one of 25 sensors is 4 points.
+    for name in ("sDA", "ASE", "shade_closed"):
+        for end in ("low", "high"):
+            assert abs(large.metrics[name][end] - whole.metrics[name][end]) <= 4.0
+
+
+def test_the_command_writes_metrics_of_sensors_and_removes_other_arrays(
+    tmp_path, monkeypatch, capsys
+):
+    folder = tmp_path / "results"
+    path = tmp_path / "case.toml"
+    path.write_text(changed(("months = [3, 6]", "months = [3]")))
+    run(monkeypatch, "evaluate", path, "-o", folder)
+    run(monkeypatch, "evaluate", path, "-o", folder, "--memory", "1 MiB")
+    assert "E and C are not kept: they do not fit" in " ".join(capsys.readouterr().out.split())
+    left = {p.name for p in folder.iterdir()}
+    assert {"sensors.nc", "sky.zarr", "metrics.json", "plan.json", "autonomy_plan.png"} <= left
+    assert not left & {"illuminance.nc", "coefficients.zarr", "unfinished"}
+    with xr.open_dataset(folder / "sensors.nc") as sensors:
+        assert sensors.sizes["sensor"] == 25
+        assert sensors["autonomy"].attrs["units"] == "%"
+        assert set(sensors.coords) == {"x", "y", "z"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[accuracy]", f"[sun]\nmodel = 'adaptive'\n{ALONE}", "an adaptive sun"),
+        ("[accuracy]", f'{ALONE}\ntarget = "1 point"', "a target"),
+    ],
+)
+def test_what_is_not_summed_block_by_block_is_refused_by_name(tmp_path, old, new, words):
+    case = case_of(tmp_path, (old, new))
+    with pytest.raises(InputError, match=f"output.illuminance: the metrics alone beside {words}"):
+        drcmitsuba.evaluate_within(case)
+
+
+def test_a_size_of_memory_that_is_none_is_refused(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "case.toml"
+    path.write_text(changed())
+    with pytest.raises(SystemExit) as stop:
+        run(monkeypatch, "evaluate", path, "-o", tmp_path / "r", "--memory", "plenty")
+    assert stop.value.code == 2
+    assert "--memory" in capsys.readouterr().err
+    assert not (tmp_path / "r").exists()
+
+
+def test_streams_of_other_blocks_meet_sensor_by_sensor():
+    def stream(*edges):
+        for start, stop in pairwise(edges):
+            yield slice(start, stop), xr.Dataset({"n": ("sensor", np.arange(start, stop))})
+
+    seen = []
+    for here, (one, two) in aligned([stream(0, 3, 4, 9), stream(0, 4, 8, 9)]):
+        np.testing.assert_array_equal(one["n"], np.arange(here.start, here.stop))
+        np.testing.assert_array_equal(two["n"], one["n"])
+        seen.append((here.start, here.stop))
+    assert seen == [(0, 3), (3, 4), (4, 8), (8, 9)]
+
+
+MEMORY = """
+import sys
+from drcmitsuba import evaluate_within, load_case
+from drcmitsuba.annual.saved_result import peak_memory
+case = load_case("classroom/reference/existing")
+n = int(sys.argv[1])
+sensors = case.sensors.model_copy(update={"count": (n, n), "spacing": 7.0 / n})
+accuracy = case.accuracy.model_copy(update={"replicates": 2, "sensor_sky_rays": 256})
+case = case.with_tables(sensors=sensors, accuracy=accuracy)
+evaluate_within(case, memory=1)
+print(peak_memory())
+"""
+
+
+@pytest.mark.slow
+def test_memory_is_flat_from_5776_to_57600_sensors():
+    peaks = []
+    for count in (76, 240):
+        command = [sys.executable, "-c", MEMORY, str(count)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        peaks.append(int(done.stdout))
+    assert peaks[1] <= 1.1 * peaks[0]
+    assert peaks[1] <= 3 << 30
