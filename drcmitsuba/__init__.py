@@ -6,18 +6,15 @@ metrics
     sDA, ASE, msDA, MSE and the rule of the shade, on any DataArray (time, sensor).
 controls, standards
     States of groups of panes, electric light; verdicts on standards with their probability.
-sky, weather, period
-    Luminances L of the sky and the suns.
-coefficients, accumulate
-    C = D + G·D and E = C·L.
+sky, weather, period, coefficients, accumulate
+    Luminances L of the sky and the suns; C = D + G·D; E = C·L.
 group_coefficients, controlled, lights
     C by group of panes and state; E of any states, or of a control; who lights a point.
 glare, view_distances
     DGP of every view at every time stamp; how far points see beyond clear openings.
-bsdf, goniophotometer, design, report, ...
-    The other rooms of the package, imported when they are first asked for.
 
-Importing the package makes its Mitsuba plugins known to every JIT variant; it sets none.
+The other rooms are imported when they are first asked for. Importing the package makes its Mitsuba
+plugins known to every JIT variant; it sets none.
 """
 
 from typing import TYPE_CHECKING

@@ -6,12 +6,16 @@ simulation
     Coefficients C of both states of a case.
 sample_accumulator, adaptive_sampling
     Coefficients to which samples are added, until the intervals are as narrow as the target.
-result
+sensor_stream, large_year, large_result
+    A year of any number of sensors, summed block by block.
+saved_result, result
     `evaluate`, `Result`: from a case to numbers, files and pictures; the data flow in ten lines.
 lights
     Who lights a point: C and the year's light by window, state, source and number of bounces.
 variants, season
     Several façades of one room; monthly values relative to an open window.
+study
+    Many variations of a case.
 tradeoff
     Accuracy against time.
 """

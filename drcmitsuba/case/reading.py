@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.components import MeshComponent, StructureComponent
@@ -38,13 +39,17 @@ def load_case(path: str | Path) -> Case:
     """
     file = locate_case(path)
     is_model = file.suffix.lower() in ENDINGS
-    data = tables_of(file) if is_model else read_toml(file, MAX_BYTES)
-    case = checked(Case, data, file)
-    case._source, case._folder = str(file), file.parent
-    case = with_files(case)
+    case = case_from(tables_of(file) if is_model else read_toml(file, MAX_BYTES), file)
     if is_model:
         case = case.with_tables(sensors=usual_sensors(case.source, case.building))
     return case
+
+
+def case_from(tables: dict[str, Any], file: Path) -> Case:
+    """Check the tables of a case file; the paths in them are relative to the `file`."""
+    case = checked(Case, tables, file)
+    case._source, case._folder = str(file), file.parent
+    return with_files(case)
 
 
 def with_files(case: Case) -> Case:

@@ -29,6 +29,7 @@ from drcmitsuba.cli import (
     report,
     season,
     steps,
+    study,
     tradeoff,
 )
 from drcmitsuba.cli.startup import with_kernels
@@ -49,7 +50,7 @@ WITH_KERNELS: tuple[Callable[..., None], ...] = (
     evaluate.evaluate, comply.comply, plan.plan, case.case, tradeoff.tradeoff, optimise.optimise,
     season.season, steps.sky, steps.coefficients, steps.illuminance, steps.metrics, steps.plot,
     export.export, report.report, lights.lights, render.render, glare.glare,
-    films.bsdf, films.goniophotometer, information.doctor,
+    study.study, films.bsdf, films.goniophotometer, information.doctor,
 )  # fmt: skip
 WITHOUT_KERNELS: tuple[Callable[..., None], ...] = (
     information.new,

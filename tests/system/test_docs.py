@@ -82,7 +82,7 @@ def write(folder, name, text):
 def folder(tmp_path):
     """Folder with the files that the pages take for granted."""
     cases = ("office.toml", "film_office.toml", "corner_office.toml", "studio.toml", "desk.toml")
-    for name in (*cases, "my_prism.toml", "studio.rad", "frames.csv"):
+    for name in (*cases, "my_prism.toml", "studio.rad", "frames.csv", "study.toml"):
         write(tmp_path, name, named(name))
     sun = '\n[sun]\nmodel = "adaptive"\nfinest = 4\ntolerance = 0.5\n'
     write(tmp_path, "adaptive.toml", named("office.toml") + sun)

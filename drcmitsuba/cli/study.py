@@ -1,0 +1,45 @@
+"""The command `drcmitsuba study`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from rich.markup import escape
+from rich.table import Table
+
+from drcmitsuba.cli.options import Output, argument, option
+from drcmitsuba.cli.terminal import show, stages
+from drcmitsuba.runtime.errors import on_a_line
+
+MOST_ROWS = 20
+"""Largest number of rows in the table."""
+
+
+def study(
+    file: Annotated[Path, argument("STUDY", "Study file (TOML): a case, and keys with values.")],
+    output: Output = Path("study"),
+    cache: Annotated[
+        Path | None, option("FOLDER", "Cache of coefficients; by default one in the output.")
+    ] = None,
+) -> None:
+    """Evaluate many variations of a case: a table of their metrics."""
+    from drcmitsuba.annual.study import study as evaluate_rows
+    from drcmitsuba.case.study import load_study
+
+    plan = load_study(file)
+    with stages() as stage, stage("rows") as done:
+        made = evaluate_rows(plan, output, cache, done)
+    frame, keys = made.frame, list(made.keys)
+    table = Table("row", *map(escape, keys), "sDA %", "ASE %")
+    for _, row in frame.head(MOST_ROWS).iterrows():
+        values = (escape(on_a_line(str(row[key]))) for key in keys)
+        shares = ("–" if row["error"] else f"{row[name]:.1f}" for name in ("sDA", "ASE"))
+        table.add_row(str(row["row"]), *values, *shares)
+    if len(frame) > MOST_ROWS:
+        table.caption = f"{len(frame) - MOST_ROWS} more rows: table.csv"
+    show(table)
+    wrong = frame[frame["error"] != ""]
+    for _, row in wrong.head(MOST_ROWS).iterrows():
+        print(f"row {row['row']}: {on_a_line(row['error'])}")
+    print(f"{len(frame) - len(wrong)} of {len(frame)} rows have metrics; table.csv in {output}")

@@ -1,0 +1,192 @@
+"""A study evaluates many variations of a case once, tells wrong rows in its table, and goes on."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import drcmitsuba
+from drcmitsuba import load_case
+from drcmitsuba.annual.study import study
+from drcmitsuba.blocks import block_folder
+from drcmitsuba.case.study import load_study
+from drcmitsuba.report.study_charts import charts
+from drcmitsuba.runtime.errors import InputError
+from tests.system.small_room import changed, run
+
+TEXT = changed(
+    ("count = [5, 5]", "count = [3, 3]"), ("months = [3, 6]", "months = [3]"),
+    ("[accuracy]\nreplicates = 4", '[effects]\npictures = "off"\n[accuracy]\nreplicates = 2'),
+)  # fmt: skip
+GRID = """
+case = "case.toml"
+[grid]
+"metrics.sda_threshold" = [200, 400]
+"shading.threshold" = [300.0, 1000.0]
+"facade.south.strips.0.material" = ["glass", "brass"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "case.toml").write_text(TEXT)
+    (tmp_path / "study.toml").write_text(GRID)
+    return tmp_path
+
+
+def written(folder, text):
+    (folder / "study.toml").write_text('case = "case.toml"\n' + text)
+    return load_study(folder / "study.toml")
+
+
+def test_a_grid_traces_each_block_once_and_tells_wrong_rows(folder, monkeypatch, capsys):
+    blocks, write_block = [], block_folder.write_block
+    monkeypatch.setattr(
+        block_folder, "write_block", lambda *a: write_block(*a) or blocks.append(a[1])
+    )
+    run(monkeypatch, "study", folder / "study.toml", "-o", folder / "out")
+    assert len(blocks) == 2  # the open and the shaded state, for four rows
+    out = " ".join(capsys.readouterr().out.split())
+    assert "row 2: " in out
+    assert 'unknown material "brass"' in out
+    assert "4 of 8 rows have metrics" in out
+    table = pd.read_csv(folder / "out" / "table.csv")
+    assert list(table["row"]) == [*range(1, 9)]
+    assert list(table.columns[1:4]) == list(load_study(folder / "study.toml").grid)
+    right = table[table["error"].isna()]
+    assert list(right["row"]) == [1, 3, 5, 7]
+    assert table["sDA"].isna().sum() == 4
+    for name in ("sDA", "ASE", "shade_closed", "msDA_3", "MSE_3"):
+        assert (right[f"{name}_low"] <= right[name]).all()
+        assert (right[name] <= right[f"{name}_high"]).all()
+    changes = [
+        ("[shading]\n", "[shading]\nthreshold = 300.0\n"),
+        ("[sensors]", "[metrics]\nsda_threshold = 400.0\n[sensors]"),
+    ]
+    text = TEXT
+    for old, new in changes:
+        text = text.replace(old, new)
+    (folder / "alone.toml").write_text(text)
+    alone = drcmitsuba.evaluate(load_case(folder / "alone.toml")).metrics
+    of_table = right[right["row"] == 5].iloc[0]
+    for name in ("sDA", "ASE", "shade_closed"):
+        assert of_table[name] == pytest.approx(alone[name]["value"], rel=1e-5)
+    assert {p.name for p in (folder / "out").glob("*.png")} == {"parallel.png", "scatter.png"}
+
+    # The same study again only reads; a damaged row is evaluated anew.
+    rows = sorted((folder / "out" / "rows").iterdir())
+    assert len(rows) == 4
+    rows[0].write_text('{"sDA":')
+    evaluated, evaluate = [], drcmitsuba.annual.study.evaluate_within
+    monkeypatch.setattr(
+        "drcmitsuba.annual.study.evaluate_within",
+        lambda case, **o: evaluated.append(case) or evaluate(case, **o),
+    )
+    before = (folder / "out" / "table.csv").read_text()
+    run(monkeypatch, "study", folder / "study.toml", "-o", folder / "out")
+    assert len(evaluated) == 1
+    assert len(blocks) == 2
+    assert (folder / "out" / "table.csv").read_text() == before
+
+
+def test_a_study_that_was_stopped_goes_on(folder, monkeypatch):
+    plan, evaluated = load_study(folder / "study.toml"), []
+    evaluate = drcmitsuba.annual.study.evaluate_within
+
+    def stopped(case, **options):
+        if len(evaluated) == 2:
+            raise KeyboardInterrupt
+        evaluated.append(case)
+        return evaluate(case, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("drcmitsuba.annual.study.evaluate_within", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            study(plan, folder / "out", folder / "cache")
+    assert not (folder / "out" / "table.csv").exists()
+    assert len([*(folder / "out" / "rows").iterdir()]) == 2
+    table = study(plan, folder / "out", folder / "cache")
+    assert table.frame["sDA"].notna().sum() == 4
+    assert "sDA" in table._repr_html_()
+
+
+def test_rows_come_from_columns_and_from_csv(folder):
+    rows = written(
+        folder, "[columns]\n'metrics.sda_threshold' = [200, 300]\n'name' = ['a', 'b']"
+    ).each()
+    assert rows == [
+        {"metrics.sda_threshold": 200, "name": "a"}, {"metrics.sda_threshold": 300, "name": "b"},
+    ]  # fmt: skip
+    (folder / "rows.csv").write_text("metrics.sda_threshold,sensors.count.0,name\n200,2,x\n,3,\n")
+    plan = written(folder, 'rows = "rows.csv"')
+    assert plan.each() == [
+        {"metrics.sda_threshold": 200, "sensors.count.0": 2, "name": "x"}, {"sensors.count.0": 3},
+    ]  # fmt: skip
+    case = plan.case_of(plan.each()[0])
+    assert (case.metrics.sda_threshold, case.sensors.count, case.name) == (200, (2, 3), "x")
+    assert plan.case_of(plan.each()[1]).name == "small room"
+
+
+def test_a_sample_fills_its_bounds_evenly(folder):
+    bounds = "'room.floor' = [0.1, 0.4]\n'room.walls' = [0.3, 0.7]"
+    text = f"[sample]\ncount = 64\n[sample.between]\n{bounds}"
+    rows = written(folder, text).each()
+    floor, walls = (np.array([row[key] for row in rows]) for key in ("room.floor", "room.walls"))
+    # A Halton sequence has as many points in each eighth and each ninth, up to one or two.
+    assert np.histogram(floor, 8, (0.1, 0.4))[0].tolist() == [8] * 8
+    assert abs(np.histogram(walls, 9, (0.3, 0.7))[0] - 64 / 9).max() <= 1
+    assert written(folder, text).each() == rows
+    assert written(folder, text.replace("64", "64\nseed = 1")).each() != rows
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "grid, columns, rows, sample: none; give one"),
+        ("[grid]\na = [1]\n[columns]\na = [1]", "grid, columns; give one"),
+        ("[grid]\na = []", "0 rows"),
+        ("[columns]\na = [1]\nb = [1, 2]", "equally many"),
+        ('rows = "none.csv"', "no such file"),
+        ('rows = "bad.csv"', "more or fewer fields"),
+        ("[sample]\ncount = 2\nbetween = { a = [2, 1] }", "rising bounds"),
+        ("[gird]\na = [1]", "unknown key"),
+        (f"[grid]\na = {[*range(400)]}\nb = {[*range(400)]}", "160000 rows"),
+    ],
+)
+def test_an_unfit_study_is_refused_in_a_line(folder, text, words):
+    (folder / "bad.csv").write_text("a,b\n1\n")
+    with pytest.raises(InputError, match=words):
+        study(written(folder, text), folder / "out")
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("nothing.there", "unknown key"),
+        ("room.size.7", "no entry 7"),
+        ("name.of", "a value where the key has a table"),
+        ("materials.glass.transmittance", "transmittance"),
+    ],
+)
+def test_a_wrong_key_or_value_is_told_in_the_table(folder, key, words):
+    table = study(written(folder, f"[grid]\n'{key}' = [7.5]"), folder / "out").frame
+    assert words in table["error"][0]
+    assert np.isnan(table["sDA"][0])
+    json.dumps(table["error"].tolist())
+
+
+def test_pictures_of_texts_numbers_and_single_values():
+    rows = 5
+    frame = pd.DataFrame({
+        "row": range(1, rows + 1), "a": ["x", "y", "x", "$z$", "y"], "b": [1.0] * rows,
+        "c": np.linspace(0, 1000, rows), **{m: np.linspace(10, 90, rows) for m in ("sDA", "ASE")},
+        **{f"{m}_{e}": np.linspace(10, 90, rows) for m in ("sDA", "ASE") for e in ("low", "high")},
+    })  # fmt: skip
+    drawn = charts(frame, ["a", "b", "c"])
+    labels = [text.get_text() for text in drawn["parallel.png"].axes[0].texts]
+    assert {"x", "y", "$z$", "1", "0", "500", "1000", "10", "90"} <= set(labels)
+    names = [text.get_text() for text in drawn["scatter.png"].axes[0].texts]
+    assert names == ["1", "2", "3", "4", "5"]
+    assert charts(frame.assign(sDA=np.nan), ["a"]) == {}
