@@ -46,6 +46,8 @@ MOST_POINTS = 24
 """Largest number of points."""
 MOST_STATES = 4
 """Largest number of states of the façade, those of the most hours."""
+MOST_WINDOWS = 12
+"""Largest number of windows that are told apart by their materials, too."""
 NEAR = 1.0
 """Largest distance from a point to its nearest sensor [m]."""
 
@@ -163,7 +165,7 @@ def lights(
         for i, state in enumerate(hours):
             share = part(done, i / len(hours), (i + 1) / len(hours))
             parts.append(_coefficients(planned.simulated, state, suns, sensors, run, share))
-    C = xr.concat(parts, xr.DataArray(np.array([*hours], object), dims="state", name="state"))
+    C = _by_state(parts, [*hours])
     at = sensor_coordinates(case).isel(sensor=sensors)
     C = C.assign_coords(at.coords).assign_coords(sensor=sensors)
     within = np.stack([*hours.values()])
@@ -243,13 +245,18 @@ def _suns(sky: xr.Dataset, diameter: float) -> Suns:
 
 
 def _windows(case: Case) -> list[Window]:
-    """Windows of a case: its `[groups]`, or the panes of each material and direction."""
+    """Windows of a case: its `[groups]`, or the panes of each material and direction.
+
+    Of more than `MOST_WINDOWS` all panes of a direction are one.
+    """
     groups = PaneGroups.of_windows(case)
-    quads: list[list[np.ndarray]] = [[] for _ in range(len(groups))]
+    names = [*groups.states.names]
+    if len(names) > MOST_WINDOWS:
+        names = [", ".join(facings) for facings in groups.facings]
+    quads: dict[str, list[np.ndarray]] = {name: [] for name in names}
     for panes in grouped_panes(case, groups=groups):
-        quads[panes.group].append(panes.quads)
-    named = zip(groups.states.names, quads, strict=True)
-    return [Window(name, np.concatenate(mine)) for name, mine in named if mine]
+        quads[names[panes.group]].append(panes.quads)
+    return [Window(name, np.concatenate(mine)) for name, mine in quads.items() if mine]
 
 
 def _coefficients(
@@ -269,7 +276,16 @@ def _coefficients(
         )
         for i, (channel, weight) in enumerate(zip(channels, weights, strict=True))
     ]  # fmt: skip
-    return reduce(lambda a, b: a + b, of_channels)  # errors, too: all channels share their paths
+    with xr.set_options(arithmetic_join="exact"):
+        return reduce(lambda a, b: a + b, of_channels)  # errors, too: channels share their paths
+
+
+def _by_state(parts: list[xr.Dataset], states: list[State]) -> xr.Dataset:
+    """Join C of all states; what some states have no light of is 0 there, as between panes."""
+    names = list(dict.fromkeys(name for part in parts for name in part["window"].values))
+    alike = [part.reindex(window=np.array(names, object), fill_value=0) for part in parts]
+    states_dim = xr.DataArray(np.array(states, object), dims="state", name="state")
+    return xr.concat(alike, states_dim, join="exact")
 
 
 def _exposure(

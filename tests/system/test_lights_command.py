@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 import drcmitsuba
+from drcmitsuba.annual import lights
 from tests.system.small_room import SITE, changed, run
 
 DAYS = ("months = [3, 6]", "months = [12]\nhours = [10, 14]")
@@ -30,14 +31,14 @@ def test_lights_of_all_sensors_are_their_illuminance(evaluated):
     case, result = evaluated
     E = result.illuminance
     points = np.stack([E[axis].values for axis in "xy"], axis=1)
-    lights = drcmitsuba.lights(case, points, results=result)
-    exposure = lights.dataset["exposure"].sum(["state", "window", "source", "bounces"])
+    of_all = drcmitsuba.lights(case, points, results=result)
+    exposure = of_all.dataset["exposure"].sum(["state", "window", "source", "bounces"])
     expected = E["total"].sum("time") * E.attrs["step_hours"]
     assert exposure.values == pytest.approx(expected.values, rel=2e-6)
     closed = float(E["shade_closed"].sum())
-    assert lights.dataset["hours"].sel(state="shaded") == closed > 0
-    assert lights.shares.sum(["window", "source", "bounces"]).values == pytest.approx(1, rel=1e-6)
-    assert "<img" in lights._repr_html_()
+    assert of_all.dataset["hours"].sel(state="shaded") == closed > 0
+    assert of_all.shares.sum(["window", "source", "bounces"]).values == pytest.approx(1, rel=1e-6)
+    assert "<img" in of_all._repr_html_()
 
 
 def test_command_writes_a_dataset_and_pictures(case, evaluated, monkeypatch, capsys):
@@ -71,6 +72,24 @@ def test_points_that_are_none_are_refused_in_one_line(case, points, line, monkey
     assert line in error
     assert error.count("\n") == 1
     assert not (case.parent / "none").exists()
+
+
+def test_states_of_which_one_has_light_from_pane_to_pane_stand_side_by_side():
+    names = [["south", "elsewhere"], ["south", "elsewhere", "pane to pane"]]
+    parts = [
+        xr.Dataset({"by_window": ("window", np.arange(1.0, len(n) + 1))}, {"window": n})
+        for n in names
+    ]
+    C = lights._by_state(parts, ["open", "shaded"])["by_window"]
+    assert C["window"].values.tolist() == names[1]
+    assert C.values.tolist() == [[1, 2, 0], [1, 2, 3]]
+
+
+def test_very_many_windows_are_told_apart_by_their_direction_alone(case, monkeypatch):
+    loaded = drcmitsuba.load_case(case)
+    assert [window.name for window in lights._windows(loaded)] == ["glass (south)"]
+    monkeypatch.setattr(lights, "MOST_WINDOWS", 0)
+    assert [window.name for window in lights._windows(loaded)] == ["south"]
 
 
 def test_results_of_another_case_are_refused(case, evaluated):
