@@ -133,7 +133,7 @@ def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -
     Yields
     ------
     Place
-        Its arrays take about 10 kB for every time stamp.
+        Its arrays take 10 to 60 kB for every time stamp, the most where it looks at films.
     """
     effects, sky = run.enabled_effects, light.sky
     shining = np.flatnonzero(sky["sun"].values > 0)

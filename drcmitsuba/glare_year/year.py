@@ -107,9 +107,11 @@ def glare(
     S, sharp = np.zeros((2, *E.shape[1:]))
     for k, state in enumerate(states):
         with run.timed(f"what is seen, {state}") as done:
+            judged = 0
             for place in places(simulated, state, light, looking, run):
                 S[k][:, place.views], sharp[k][:, place.views] = place.sums(looking, rule, times)
-                done((place.views[-1] + 1) / len(looking))
+                judged += len(place.views)
+                done(judged / len(looking))
     if taken is not None:
         states.append(APPLIED)
         at = np.array([states.index(state) for state in taken.states])[taken.index]
