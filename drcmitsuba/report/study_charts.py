@@ -92,8 +92,9 @@ def _scatter(known: pd.DataFrame) -> Figure:
         for (a, b), rows in known.groupby(["ASE", "sDA"])["row"]:
             numbers = ", ".join(map(str, rows[:3])) + ", …" * (len(rows) > 3)
             ax.annotate(numbers, (a, b), textcoords="offset points", xytext=(5, 4), fontsize=7)
-    for limits, values in ((ax.set_xlim, x), (ax.set_ylim, y)):
-        limits(max(-2.0, values.min() - 10), min(104.0, values.max() + 10))
+    for limits, name in ((ax.set_xlim, "ASE"), (ax.set_ylim, "sDA")):
+        low, high = known[f"{name}_low"].min(), known[f"{name}_high"].max()
+        limits(max(-2.0, low - 5), min(104.0, high + 5))
     ax.set_xlabel("ASE [%]")
     ax.set_ylabel("sDA [%]")
     ax.set_title("rows of the study, 95 % intervals", loc="left", fontsize=10)
