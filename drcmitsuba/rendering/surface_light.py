@@ -114,8 +114,21 @@ class SurfaceLight:
                     subdivision = base.subdivision
                     tracer = replace(self.photons, suns=base.suns, subdivision=subdivision)
                     one.landed = tracer.traced(seed)
-                one.meet(drawn, self.keys)
+                self._meet(one, drawn)
         return every
+
+    def _meet(self, one: Replicate, drawn: Drawn) -> None:
+        """Compute D of the cells [sr] in a replicate, and what they reflect."""
+        p, n, key, lit = drawn.p, drawn.n, (Stream.CELLS, one.number), one.deposit
+        D = lit.straight(
+            p, n, key, lit.accuracy.cell_sky_rays, numbers=self.keys, within=drawn.within
+        )
+        D = D.plus(lit.scattered(p, n, key, self.keys))
+        one.cells = D if one.landed is None else D.plus(one.landed.on(self.keys))
+        dr.eval(*one.cells)
+        if self.transfer is not None:
+            one.indirect = Irradiance(*self.transfer.indirect(one.number, *one.cells))
+            dr.eval(*one.indirect)
 
     def under(self, sun: np.ndarray) -> list[Replicate]:
         """Light of one sun, a unit vector (3,), in every replicate."""
