@@ -114,3 +114,12 @@ def test_coefficient_pictures_sum_up_to_the_sky_of_an_hour(solved):
     assert whole["coefficient"].dims == ("row", "column", "bin")
     assert np.allclose(whole["coefficient"].values @ LUMINANCES, shown, rtol=1e-4)
     assert (whole["coefficient_se"] > 0).any()
+
+
+def test_light_between_many_cells_reaches_the_picture():
+    case, state = ROOMS["glazing with inner reflectance"]()
+    world = scenes.load(case, state)
+    both = [traced(world, solved=solved, samples=16, cell_size=0.2) for solved in (True, False)]
+    assert both[0].light.cells > 1000
+    by_cells, by_paths = (luminance(one, outside(0.0), LUMINANCES).mean.mean() for one in both)
+    assert abs(by_cells / by_paths - 1) < 0.03
