@@ -2,51 +2,38 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import product
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 import xarray as xr
-from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.annual.attributes import attributes, fingerprint
 from drcmitsuba.annual.group_coefficients import illuminance_of_states
+from drcmitsuba.annual.hours_in_any_weather import hours_in_any_weather
+from drcmitsuba.annual.pane_group_of_sun import with_pane_group
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import BLOCKED, OPEN, SHADED, VARYING, GroupStates, State
-from drcmitsuba.case.sun import Adaptive, ThreePhase
+from drcmitsuba.case.groups import OPEN, SHADED, VARYING, GroupStates, State
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import possible_states
-from drcmitsuba.metrics.facade_states import FacadeStates, ShadeRule, most_states, sunlit
+from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 from drcmitsuba.sky.daylight import Daylight, sources
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.launch_size import SENSORS
-from drcmitsuba.transport.openings import in_rooms
-from drcmitsuba.transport.shadow_rays import RIM, sun_deposit
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
-
-PATCH_WIDTH = 10.0
-"""Angle across Tregenza's patches, roughly [deg]."""
-BRIGHTEST = 1.3e5
-"""Largest direct normal illuminance of any weather [lx]: that of the sun in space."""
 
 
 def _scenes(case: Case, state: State, run: Run) -> Iterator[scene.Scene]:
@@ -106,7 +93,7 @@ def transport(
     C = of_points(
         case, state, suns, latitude, points, normals, run=run, mesh=mesh, progress=progress
     ).assign_coords(at.coords)
-    return C if sensors is not None else _with_pane_group(case, state, C, suns, run)
+    return C if sensors is not None else with_pane_group(case, state, C, suns, run)
 
 
 def of_points(
@@ -180,60 +167,6 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     return bool(run.kept(case.name, *content, suns).cover(len(points)))
 
 
-def _with_pane_group(case: Case, state: State, C: xr.Dataset, suns: Suns, run: Run) -> xr.Dataset:
-    """Add the group of panes through which each sun comes straight to C of the open state.
-
-    It is the group without which the most light is lost. The rays are the same in all scenes, of
-    which each has one group of panes blocked. With a single group C stays as it is.
-    """
-    groups = PaneGroups.of(case)
-    if state != OPEN or len(groups) < 2:
-        return C
-    points, normals = sensor_points(case)
-    suns = suns.where(run.enabled_effects.enabled_suns(suns))
-    if isinstance(case.sun, ThreePhase):  # patches of the sky stand for the sun
-        patches = Patches(case.sky.subdivision)
-        labels, directions = tuple(patches.labels[1:]), patches.directions[1:]
-        suns = Suns(labels, directions, PATCH_WIDTH / case.sky.subdivision)
-    dim = "sun" if "sun_straight" in C else "bin"
-    coloured = len(scene.channels_of(case, run.enabled_effects)) > 1
-    channel = 1 if coloured else -1  # green stands for all colours
-    kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter, "samples": RIM}
-    seed = launch_seed(run.seed, Stream.PANE_GROUPS)
-
-    def straight(blocked: int | None) -> np.ndarray:
-        """D of the suns (sensor, sun) [sr] with a group of panes blocked."""
-        indices = [BLOCKED if g == blocked else 0 for g in range(len(groups))]
-        world = scene.load(case, groups.states.label(indices), channel, run.enabled_effects)
-        kept = run.kept(f"{case.name}, group {blocked}", world.content, points, normals, seed, suns)
-        D = kept.kept(len(points), partial(of_scene, world))["D"]
-        return np.asarray(D.transpose("sensor", "sun").values)
-
-    def of_scene(world: scene.Scene) -> xr.Dataset:
-        D = []
-        for start in range(0, len(points), SENSORS):
-            here = slice(start, start + SENSORS)
-            closed = in_rooms(world, points[here])
-            within = None if closed is None else mi.Bool(closed)
-            p, n = flat(points[here]), flat(normals[here])
-            D.append(sun_deposit(world, p, n, seed=seed, within=within, **kind).numpy())
-        run.ray_counter.update(world.ray_counter.counted())
-        return xr.Dataset({"D": (("sensor", "sun"), np.concatenate(D))})
-
-    out = np.full((len(points), len(suns.labels)), -1, np.float32)
-    if suns.labels:
-        whole = straight(None)
-        most = 1e-3 * whole  # rounding loses nothing
-        for g in range(len(groups)):
-            lost = whole - straight(g)
-            out[lost > most] = g
-            most = np.maximum(most, lost)
-    values = xr.DataArray(out, dims=("sensor", dim), coords={dim: np.array(suns.labels, object)})
-    return C.assign(
-        pane_group=values.reindex({dim: C[dim]}, fill_value=np.float32(-1)).drop_vars(dim)
-    )
-
-
 def simulate(
     case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None,
     needed: Callable[[xr.Dataset], np.ndarray] | None = None,
@@ -277,7 +210,7 @@ def simulate(
     if needed is not None:
         taken = {SHADED: needed(direct)}
     elif case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
-        taken = _in_any_weather(simulated, daylight, coefficients, marked)
+        taken = hours_in_any_weather(simulated, daylight, coefficients, marked)
     else:
         taken = possible_states(simulated, daylight.step_hours, direct, marked)
     groups = GroupStates.of_attributes(marked)
@@ -298,39 +231,6 @@ def simulate(
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
     return Coefficients(coefficients.open, others), direct
-
-
-def _in_any_weather(
-    case: Case, daylight: Daylight, coefficients: Coefficients, marked: dict[str, Any]
-) -> dict[State, np.ndarray]:
-    """Time stamps (time,) at which the façade may take each state, however bright the sun is.
-
-    Under a brighter sun one shade closes in more hours. Of several groups any may close through
-    which the brightest sun comes, each with or without the others.
-    """
-    radius = math.radians(case.outside.sun_diameter / 2)
-    brightest = BRIGHTEST / (math.pi * math.sin(radius) ** 2)  # [cd/m²]
-    sky = daylight.sky.assign(sun=xr.full_like(daylight.sky["sun"], brightest))
-    direct = illuminance.direct_sun(coefficients, sky)
-    rule = ShadeRule.of(marked)
-    assert rule is not None
-    if len(rule.groups) == 1:
-        return possible_states(case, daylight.step_hours, direct, marked)
-    may_close = (sunlit(direct, rule) > 0).any(axis=1) & rule.by_rule
-    taken: dict[State, np.ndarray] = {}
-    for closes in product((False, True), repeat=len(rule.groups)):
-        hours = (may_close | ~np.array(closes)).all(axis=1)
-        if not hours.any():
-            continue
-        indices = rule.indices(np.tile(closes, (len(hours), 1)), direct["time"])
-        for state in np.unique(indices[hours], axis=0):
-            label = rule.groups.label(state)
-            if label != OPEN:
-                taken[label] = hours & (indices == state).all(axis=1)
-        if len(taken) > most_states(rule.groups):
-            got = "too many states of the façade for any weather"
-            raise InputError(case.source, "groups", got, "evaluate the case with its weather")
-    return taken
 
 
 def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:
@@ -383,4 +283,4 @@ def _state(
             for C, world in zip(channels or [known], _scenes(case, state, run), strict=True)
         ]
     )
-    return _with_pane_group(case, state, C, suns, run)
+    return with_pane_group(case, state, C, suns, run)
