@@ -143,7 +143,8 @@ def of_variants(cases: Sequence[Case]) -> tuple[Wall, Tiles, Palette, list[np.nd
     return wall, tiles, palette, padded
 
 
-_MAY_DIFFER = {"name", "facade", "materials", "design"}
+_MAY_DIFFER = {"name", "facade", "materials", "design", "views"}
+"""Tables of which the year of a variant takes nothing, or its own."""
 
 
 def _check_alike(cases: Sequence[Case]) -> None:
