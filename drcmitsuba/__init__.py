@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from drcmitsuba.annual.controlled import controlled as controlled
     from drcmitsuba.annual.group_coefficients import group_coefficients as group_coefficients
     from drcmitsuba.annual.lights import lights as lights
+    from drcmitsuba.annual.lights import lights_of_sensors as lights_of_sensors
     from drcmitsuba.annual.result import Result as Result
     from drcmitsuba.annual.result import evaluate as evaluate
     from drcmitsuba.annual.result import evaluate_within as evaluate_within
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from drcmitsuba.glare_year import GlareYear as GlareYear
     from drcmitsuba.glare_year import glare as glare
     from drcmitsuba.metrics import accumulate as accumulate
-    from drcmitsuba.rendering.prepared_view import render as render
+    from drcmitsuba.rendering.frames import render as render
     from drcmitsuba.runtime import backend as backend
     from drcmitsuba.runtime.errors import BackendError as BackendError
     from drcmitsuba.runtime.errors import InputError as InputError
@@ -63,9 +64,10 @@ _NAMES = {
     "glare": "glare_year:glare",
     "group_coefficients": "annual.group_coefficients:group_coefficients",
     "lights": "annual.lights:lights",
+    "lights_of_sensors": "annual.lights:lights_of_sensors",
     "load_case": "case.reading:load_case",
     "period": "sky.period",
-    "render": "rendering.prepared_view:render",
+    "render": "rendering.frames:render",
     "shipped_cases": "case.shipped:shipped_cases",
     "view_distances": "transport.view_rays:view_distances",
     "weather": "sky.weather",

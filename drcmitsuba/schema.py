@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -155,7 +155,19 @@ def luminance(values: xr.DataArray) -> xr.DataArray:
     return (values * weights).sum("channel").astype(values.dtype)
 
 
-def mean_and_error(replicates: np.ndarray, axis: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of independent replicates and its standard error, along `axis`."""
-    n = replicates.shape[axis]
-    return replicates.mean(axis=axis), replicates.std(axis=axis, ddof=1) / np.sqrt(n)
+def mean_and_error(
+    replicates: np.ndarray | Sequence[np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of independent replicates, along the first axis, and its standard error.
+
+    Few passes are made; differences from the first replicate keep the digits.
+    """
+    n, first = len(replicates), replicates[0]
+    total, squares = np.zeros_like(first), np.zeros_like(first)
+    for values in replicates[1:]:
+        difference = values - first
+        total += difference
+        squares += difference * difference
+    total /= n
+    squares -= n * total * total
+    return first + total, np.sqrt(np.maximum(squares, 0) / (n * (n - 1)))

@@ -27,7 +27,8 @@ from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, possible_states
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
-from drcmitsuba.sky.daylight import Daylight, sources
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import sources
 from drcmitsuba.transport.sun_interpolation import mesh_of
 
 ROUNDS_AT_ONCE = 8

@@ -25,7 +25,8 @@ from drcmitsuba.plan.forecast import Forecast
 from drcmitsuba.plan.forecast.size import whole_arrays
 from drcmitsuba.runtime import storage
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
-from drcmitsuba.sky.daylight import Daylight, save_luminances
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import save_luminances
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -44,7 +44,8 @@ from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_coordinates
 from drcmitsuba.schema import luminance
-from drcmitsuba.sky.daylight import Daylight, sources
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import sources
 from drcmitsuba.sky.sun_models import Suns
 
 

@@ -27,18 +27,22 @@ from drcmitsuba.annual.adaptive_sampling import SamplingOutcome, toward_target
 from drcmitsuba.annual.large_result import LargeResult
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.saved_result import SavedResult, with_record
+from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.plan.forecast import Forecast, forecast
 from drcmitsuba.runtime import backend, storage
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.sky.daylight import Daylight, daylight, luminances, save_luminances
+from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.luminances import luminances, save_luminances
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -153,6 +157,7 @@ def evaluate(
 def evaluate_within(
     case: Case | str | Path, stage: Stage = silent, known: xr.Dataset | None = None,
     blocks: BlockFolder | str | Path | None = None, memory: int | None = None,
+    workers: Workers | None = None, light: Daylight | None = None,
 ) -> Result | LargeResult:  # fmt: skip
     """Evaluate a case as `evaluate`, without keeping C and E where they do not fit in memory.
 
@@ -163,6 +168,11 @@ def evaluate_within(
     memory : int, optional
         Memory that the arrays may take [bytes]; by default three quarters of the machine's.
         `output.illuminance` of the case decides unless it is "auto".
+    workers : Workers, optional
+        Processes that make the blocks, from `workers.opened`; `blocks` is a folder that all see.
+    light : Daylight, optional
+        Daylight of the case, with the suns of dark hours where `blocks` is a cache; by default
+        computed.
 
     Returns
     -------
@@ -174,7 +184,7 @@ def evaluate_within(
     InputError
         As `evaluate`; metrics alone are asked for beside an adaptive sun, a target or groups.
     """
-    begun = _Begun.of(case, stage, known, blocks)
+    begun = _Begun.of(case, stage, known, blocks, workers, light)
     if known is None and large_result.is_large(begun.planned, memory):
         return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
     return _whole(begun, known)
@@ -194,16 +204,23 @@ class _Begun:
     @classmethod
     def of(
         cls, case: Case | str | Path, stage: Stage, known: xr.Dataset | None,
-        blocks: BlockFolder | str | Path | None,
+        blocks: BlockFolder | str | Path | None, workers: Workers | None = None,
+        light: Daylight | None = None,
     ) -> _Begun:  # fmt: skip
         case = case if isinstance(case, Case) else load_case(case)
         backend.select()
         blocks = BlockFolder.cache(blocks) if isinstance(blocks, str | Path) else blocks
-        run = replace(Run.of(case), stage=stage, blocks=blocks)
+        elsewhere = None
+        if workers is not None and not isinstance(case.sun, Adaptive):  # its mesh is one block
+            if blocks is None:
+                raise InputError("evaluate", "workers", "no folder", "give blocks=…")
+            elsewhere = workers.elsewhere(case, blocks, case.accuracy.seed)
+        run = replace(Run.of(case), stage=stage, blocks=blocks, elsewhere=elsewhere)
         with run.timed("sky"):
             sensor_points(case)  # refuses unfit sensors before the work begins
             remarks = notes(case)  # reads the films' files, which may be unfit
-            light = daylight(case.with_dark_hours() if run.shares_blocks else case)
+            if light is None:
+                light = daylight(case.with_dark_hours() if run.shares_blocks else case)
             planned = plan(case, light)
             run = replace(run, enabled_effects=planned.scope)
             is_kept = known is not None or simulation.is_kept(planned.simulated, light, run)

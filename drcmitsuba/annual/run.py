@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,9 +12,15 @@ import drjit as dr
 import mitsuba as mi
 
 from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockFolder, BlockSeries
+from drcmitsuba.blocks.part import EVERY_BLOCK, Part
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
 from drcmitsuba.runtime.progress import Progress, Stage, silent, timed
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
+from drcmitsuba.sky.sun_models import Suns
+
+MakeElsewhere = Callable[[State, Suns, Progress], None]
+"""Function that has other processes make the blocks of a state for some suns."""
 
 METHOD = 1
 """Version of the method by which C is computed; blocks of another one are not used."""
@@ -35,6 +42,10 @@ class Run:
         Seconds of the finished stages by name; number of rays so far by kind.
     blocks : BlockFolder, optional
         Coefficients of earlier runs; without it, nothing is stored.
+    part : Part
+        Blocks that this run makes.
+    elsewhere : callable, optional
+        Has other processes make blocks before this one looks for them.
     """
 
     seed: int
@@ -43,6 +54,8 @@ class Run:
     seconds: dict[str, float] = field(default_factory=dict)
     ray_counter: Counter[str] = field(default_factory=Counter)
     blocks: BlockFolder | None = None
+    part: Part = EVERY_BLOCK
+    elsewhere: MakeElsewhere | None = None
 
     @classmethod
     def of(cls, case: Case, enabled_effects: EnabledEffects = ALL_EFFECTS) -> Run:
@@ -63,4 +76,9 @@ class Run:
         if self.blocks is None:
             return NOTHING_KEPT
         program = METHOD, mi.__version__, dr.__version__, mi.variant()
-        return self.blocks.series(about, program, *content)
+        return self.blocks.series(about, program, *content, part=self.part)
+
+    def distribute(self, state: State, suns: Suns, progress: Progress) -> None:
+        """Have other processes make the blocks of a state, where there are any."""
+        if self.elsewhere is not None:
+            self.elsewhere(state, suns, progress)

@@ -1,4 +1,4 @@
-"""What results of an evaluation share: they save themselves and show themselves in Jupyter."""
+"""Results of an evaluation share this: they save themselves and show themselves in Jupyter."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 ALL_ARRAYS = {"illuminance.nc", "coefficients.zarr", "sky.zarr", "sensors.nc"}
 """Files of arrays of all kinds of results."""
+DRAWN = ("*_plan.png", "monthly.png", "illuminance_*.png", "sun_path.png")
+"""Pictures of an evaluation, by the patterns of their names, those of `plot` among them."""
 
 Own = TypeVar("Own", bound="SavedResult")
 
@@ -99,7 +101,7 @@ class SavedResult(ABC):
             for i, (name, figure) in enumerate(drawn.items(), start=1):
                 plots.save(figure, folder / name)
                 progress(i / len(drawn))
-        for old in [*folder.glob("*_plan.png"), folder / "monthly.png"]:
+        for old in (path for name in DRAWN for path in folder.glob(name)):
             if old.name not in drawn:
                 old.unlink(missing_ok=True)
         return list(drawn)

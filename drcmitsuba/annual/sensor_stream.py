@@ -30,8 +30,9 @@ def sensor_stream(
     sun is not adaptive, and there is one group of panes.
     """
     at, channels = sensor_coordinates(case), scene.channels_of(case, run.enabled_effects)
+    run.distribute(state, suns, progress)
     streams = [
-        _of_channel(
+        channel_stream(
             case, state, channel, suns, run,
             part(progress, i / len(channels), (i + 1) / len(channels)),
         )
@@ -41,10 +42,10 @@ def sensor_stream(
         yield here, joined_channels(blocks).assign_coords(at.isel(sensor=here).coords)
 
 
-def _of_channel(
+def channel_stream(
     case: Case, state: State, channel: int, suns: Suns, run: Run, progress: Progress
 ) -> Stream:
-    """C of one colour channel; its rays are added to the run in the end."""
+    """Yield C of one colour channel for the blocks of the run's part; its rays are added to it."""
     world = scene.load(case, state, channel, run.enabled_effects)
     points, normals = sensor_points(case)
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})

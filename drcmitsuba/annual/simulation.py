@@ -30,7 +30,8 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
-from drcmitsuba.sky.daylight import Daylight, sources
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import sources
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.sun_interpolation import mesh_of, meshed, with_straight
@@ -88,7 +89,9 @@ def transport(
     """
     run = Run.of(case) if run is None else run
     (points, normals), at = sensor_points(case), sensor_coordinates(case)
-    if sensors is not None:
+    if sensors is None:
+        run.distribute(state, suns, progress)
+    else:
         points, normals, at = points[sensors], normals[sensors], at.isel(sensor=sensors)
     C = of_points(
         case, state, suns, latitude, points, normals, run=run, mesh=mesh, progress=progress

@@ -14,19 +14,24 @@ import pandas as pd
 
 from drcmitsuba.annual.attributes import fingerprint
 from drcmitsuba.annual.result import evaluate_within
+from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.study import Row, Study
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import BackendError, InputError
 from drcmitsuba.runtime.folder_lock import locked
-from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
+from drcmitsuba.sky.daylight import Daylight, daylight
 
 ANNUAL, MONTHLY = ("sDA", "ASE", "shade_closed"), ("msDA", "MSE")
 CACHE = "cache"
 """Folder of the study's own cache."""
+_LAST_DAYLIGHT: dict[str, Daylight] = {}
+"""Daylight of the last row by its key: a sky takes longer than all else where light is stored."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ class StudyTable:
         storage.save_csv(self.frame, folder / "table.csv")
         if find_spec("pyarrow") is not None:
             with storage.whole(folder / "table.parquet") as temporary:
-                self.frame.to_parquet(temporary)
+                _of_one_type(self.frame, self.keys).to_parquet(temporary)
         for name, figure in study_charts.charts(self.frame, self.keys).items():
             style.save(figure, folder / name)
 
@@ -60,9 +65,17 @@ class StudyTable:
         return str(self.frame[[*self.keys, *ANNUAL, "error"]].to_html())
 
 
+def _of_one_type(frame: pd.DataFrame, keys: tuple[str, ...]) -> pd.DataFrame:
+    """Table whose columns have one type, as Parquet asks: numbers beside texts become texts."""
+    kinds = {key: {type(value) for value in frame[key].dropna()} for key in keys}
+    mixed = [key for key, types in kinds.items() if str in types and len(types) > 1]
+    texts = {key: frame[key].map(str, na_action="ignore") for key in mixed}
+    return frame.assign(**texts)
+
+
 def study(
     plan: Study, folder: Path, cache: str | Path | None = None,
-    progress: Progress = lambda share: None,
+    progress: Progress = lambda share: None, workers: Workers | None = None,
 ) -> StudyTable:  # fmt: skip
     """Evaluate all rows of a study; those that an earlier run has finished are read.
 
@@ -75,6 +88,8 @@ def study(
     cache : str or Path, optional
         Cache of coefficients; by default one in the folder.
     progress : callable
+    workers : Workers, optional
+        Processes that evaluate rows, from `workers.opened`; they see the cache by the same path.
 
     Returns
     -------
@@ -90,6 +105,8 @@ def study(
     with locked(folder):
         storage.remove_abandoned(folder)
         blocks = BlockFolder.cache(folder / CACHE if cache is None else cache)
+        if workers is not None:
+            _evaluate_elsewhere(plan, rows, folder / "rows", blocks, workers, progress)
         for number, row in enumerate(rows, start=1):
             lines.append({"row": number, **row, **_line(plan, row, folder / "rows", blocks)})
             progress(number / len(rows))
@@ -98,6 +115,56 @@ def study(
         table = StudyTable(_ordered(pd.DataFrame(lines), keys), keys)
         table.save(folder)
     return table
+
+
+@dataclass(frozen=True)
+class RowJob:
+    """Evaluation of a row by a worker."""
+
+    case: Case
+    cache: Path
+
+    def make(self, progress: Progress) -> dict[str, Any]:
+        """Metrics of the row; without any where it is unfit, which the caller finds, too."""
+        try:
+            return _numbers(self.case, BlockFolder.cache(self.cache))
+        except (InputError, BackendError):
+            return {}
+
+
+def _evaluate_elsewhere(
+    plan: Study, rows: list[Row], folder: Path, blocks: BlockFolder, workers: Workers,
+    progress: Progress,
+) -> None:  # fmt: skip
+    """Have workers evaluate the rows that are not done: first one of each light, then the rest."""
+    first, others = dict[str, Case](), dict[Path, Case]()
+    for row in rows:
+        try:
+            case = plan.case_of(row)
+            file, light = folder / f"{_key(case)}.json", _light_key(case)
+        except InputError:
+            continue
+        if _stored(file) is None and file not in others:
+            first.setdefault(light, case)
+            others[file] = case
+    leading = [file for file, case in others.items() if any(case is one for one in first.values())]
+    following = [file for file in others if file not in leading]
+    begin = 0.0
+    for files in (leading, following):
+        jobs = [RowJob(others[file], blocks.path.absolute()) for file in files]
+        end = begin + len(files) / max(1, len(others))
+        for number, numbers in workers.each(jobs, part(progress, begin, end)):
+            if numbers:
+                storage.save_json(numbers, files[number])
+        begin = end
+
+
+def _light_key(case: Case) -> str:
+    """Digest of what the light of a row depends on: rows of the same one share their blocks."""
+    if case.shading is not None:
+        rule = {"threshold": THRESHOLD, "area": AREA}
+        case = case.with_tables(shading=case.shading.model_copy(update=rule))
+    return content_key(fingerprint(case, ALL_EFFECTS), case.site, case.period)
 
 
 def _ordered(frame: pd.DataFrame, keys: tuple[str, ...]) -> pd.DataFrame:
@@ -114,20 +181,38 @@ def _line(plan: Study, row: Row, folder: Path, blocks: BlockFolder) -> dict[str,
         file = folder / f"{_key(case)}.json"
         numbers = _stored(file)
         if numbers is None:
-            numbers = evaluate_within(case, blocks=blocks).metrics
-            numbers = {name: numbers[name] for name in (*ANNUAL, *MONTHLY)}
+            numbers = _numbers(case, blocks)
             storage.save_json(numbers, file)
     except (InputError, BackendError) as error:
         return {"error": str(error)}
     return {**_flat(numbers), "error": ""}
 
 
+def _numbers(case: Case, blocks: BlockFolder) -> dict[str, Any]:
+    """Evaluate a row: its metrics."""
+    numbers = evaluate_within(case, blocks=blocks, light=_daylight(case)).metrics
+    return {name: numbers[name] for name in (*ANNUAL, *MONTHLY)}
+
+
+def _daylight(case: Case) -> Daylight:
+    """Daylight of a row; that of the row before where both have the same weather, sky and sun."""
+    tables = {"weather", "site", "period", "sky", "sun", "outside", "effects"}
+    key = content_key(case.model_dump_json(include=tables), _files_of_weather(case))
+    if key not in _LAST_DAYLIGHT:
+        _LAST_DAYLIGHT.clear()
+        _LAST_DAYLIGHT[key] = daylight(case.with_dark_hours())
+    return _LAST_DAYLIGHT[key]
+
+
+def _files_of_weather(case: Case) -> list[Path]:
+    files = [case.path(f) for f in (case.weather.file, case.period.timestamps) if f is not None]
+    return [file for file in files if file.is_file()]
+
+
 def _key(case: Case) -> str:
     """Digest of everything that a row's numbers depend on, the contents of its files included."""
-    files = [case.path(f) for f in (case.weather.file, case.period.timestamps) if f is not None]
-    contents = [file for file in files if file.is_file()]
     program = version("drcmitsuba"), fingerprint(case, ALL_EFFECTS)
-    return content_key(program, case.model_dump_json(), contents)
+    return content_key(program, case.model_dump_json(), _files_of_weather(case))
 
 
 def _stored(file: Path) -> Mapping[str, Any] | None:

@@ -4,6 +4,8 @@ content_key
     Digest of everything that a block depends on.
 block_file
     One block: a zarr folder in a ZIP archive, whose checksums find damage.
+part
+    Every n-th block: the share of a worker.
 block_folder
     Blocks of a run, or of many runs that share a cache.
 """

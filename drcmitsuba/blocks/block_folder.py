@@ -16,6 +16,7 @@ import xarray as xr
 
 from drcmitsuba.blocks.block_file import attributes_of, read_block, write_block
 from drcmitsuba.blocks.content_key import content_key
+from drcmitsuba.blocks.part import EVERY_BLOCK, Part
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
@@ -42,6 +43,8 @@ class BlockSeries:
     """Words for lists."""
     notes: list[str] = field(default_factory=list)
     """Notes on damaged blocks, to which this series adds."""
+    part: Part = EVERY_BLOCK
+    """Blocks that are made; the others are passed over."""
 
     def get(self, here: slice) -> xr.Dataset | None:
         """Dataset of some sensors; None where it is not stored, or damaged."""
@@ -129,7 +132,7 @@ class BlockFolder:
         if folder.exists() and not (folder / HEADER).is_file():
             if not folder.is_dir():
                 raise InputError(folder, "--cache", "it is a file", "name a folder")
-            if any(folder.iterdir()):
+            if any(p.name[0] != "." for p in folder.iterdir()):  # others may be making it
                 raise InputError(folder, "--cache", "it holds other files", "name a new folder")
         there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
         if not os.access(there, os.W_OK | os.X_OK):
@@ -149,9 +152,9 @@ class BlockFolder:
                 raise InputError(folder, "--cache", got, remedy)
         return cls(folder, True)
 
-    def series(self, about: str, *content: Any) -> BlockSeries:
+    def series(self, about: str, *content: Any, part: Part = EVERY_BLOCK) -> BlockSeries:
         """Blocks that depend on some content; `about` are words for lists."""
-        return BlockSeries(self.path / content_key(FORMAT, *content), about, self.notes)
+        return BlockSeries(self.path / content_key(FORMAT, *content), about, self.notes, part)
 
     @property
     def limit(self) -> int:

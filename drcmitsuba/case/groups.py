@@ -28,10 +28,12 @@ OPEN: State = "open"
 SHADED: State = "shaded"
 VARYING: State = "varying"
 """In place of the states of a year that takes more of them than are simulated one by one."""
+APPLIED: State = "applied"
+"""In place of a state: the state that the shade takes at each time stamp."""
 BLOCKED, HIDDEN = -1, -2
 """Indices of states that every group has beside its own: black sheets, or holes, for panes."""
 _SPECIAL = {BLOCKED: "(blocked)", HIDDEN: "(hidden)"}
-RESERVED = {OPEN, SHADED, VARYING, *_SPECIAL.values()}
+RESERVED = {OPEN, SHADED, VARYING, APPLIED, *_SPECIAL.values()}
 """Names that no state of a group has but by this module."""
 OTHERS = "(others)"
 """Group of the panes that belong to no group, which has one state only."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
 from rich.markup import escape
 from rich.table import Table
 
@@ -14,7 +15,7 @@ from drcmitsuba.cli.terminal import show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
-    from drcmitsuba.standards import Evidence, Refusal, Verdict
+    from drcmitsuba.standards import Evidence, Refusal, Verdict, ViewOut
     from drcmitsuba.standards.verdict import Margin, Outcome
 
 
@@ -26,6 +27,9 @@ def comply(
     output: OptionalOutput = None,
     as_json: AsJson = False,
     weather: Weather = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Trace the view out of EN 17037, too (a case only).")
+    ] = False,
 ) -> None:
     """Judge an evaluation by standards: level, margin and probability of passing.
 
@@ -41,6 +45,9 @@ def comply(
     if is_folder and weather is not None:
         got = "results have their own weather"
         raise InputError("command line", "--weather", got, "give it with a case")
+    if is_folder and view:
+        got = "results have no geometry"
+        raise InputError("command line", "--view", got, "give it with a case")
     if is_folder:
         evidence = standards.Evidence.of_folder(source)
     else:
@@ -49,7 +56,13 @@ def comply(
         judged: list[Verdict | Refusal] = [*standards.each(standard, evidence)]
     else:
         judged = standards.verdicts(evidence)
-    told = {"source": evidence.source, "standards": [verdict.to_dict() for verdict in judged]}
+    told: dict[str, Any] = {
+        "source": evidence.source,
+        "standards": [verdict.to_dict() for verdict in judged],
+    }
+    seen = _view(source, weather) if view else None
+    if seen is not None:
+        told["view_out"] = seen.to_dict()
     if output is not None:
         storage.save_json(told, output / "compliance.json")
     if as_json:
@@ -59,6 +72,8 @@ def comply(
             _show_verdict(verdict)  # type: ignore[arg-type]
     else:
         _show_all(judged)
+    if seen is not None and not as_json:
+        print("\n".join(seen.text()))
     if output is not None and not as_json:
         print(f"verdicts are in {output / 'compliance.json'}")
 
@@ -81,6 +96,14 @@ def _evaluated(case: str, names: list[str], weather: Path | None, output: Path |
         if output is not None:
             result.save(output, stage)
     return standards.Evidence.of_result(result)
+
+
+def _view(case: str, weather: Path | None) -> ViewOut:
+    """View out of the sensors of a case."""
+    from drcmitsuba import view_distances
+    from drcmitsuba.standards import view_out
+
+    return view_out(view_distances(load(case, weather)))
 
 
 def _show_all(judged: list[Verdict | Refusal]) -> None:

@@ -9,13 +9,23 @@ from typing import TYPE_CHECKING, Annotated
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
+from drcmitsuba.cli.options import (
+    Cache,
+    CaseName,
+    Output,
+    Scheduler,
+    Weather,
+    WorkerCount,
+    load,
+    option,
+)
 from drcmitsuba.cli.startup import FOR_FILES, FOR_METRICS, importing
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
     from drcmitsuba.annual.saved_result import SavedResult
+    from drcmitsuba.case.case import Case
 
 
 MOST_ROWS = 40
@@ -83,13 +93,16 @@ def evaluate(
         Path | None,
         option("FOLDER", "coefficients.zarr of this case; any weather may have made it."),
     ] = None,
-    cache: Annotated[
-        Path | None,
-        option("FOLDER", "Keep coefficients for any weather, thresholds, schedules and cases."),
-    ] = None,
+    cache: Cache = None,
     memory: Annotated[
         str | None,
         option("SIZE", 'Memory to keep within, as "3 GiB": arrays that do not fit are summed.'),
+    ] = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
+    block: Annotated[
+        str | None,
+        option("I/N", "Make one of N parts of the blocks in the cache, and no results."),
     ] = None,
     variants: Annotated[
         str | None,
@@ -98,14 +111,21 @@ def evaluate(
 ) -> None:
     """Evaluate a year: illuminance, sDA, ASE, msDA, MSE, plots."""
     if variants is not None:
-        of_one = {"--coefficients": coefficients, "--cache": cache, "--memory": memory}
+        of_one = {
+            "--coefficients": coefficients, "--cache": cache, "--memory": memory,
+            "--workers": workers, "--scheduler": scheduler, "--block": block,
+        }  # fmt: skip
         for name, value in of_one.items():
             if value is not None:
                 remedy = "give one of them"
                 raise InputError("command line", name, "beside --variants", remedy)
         _evaluate_variants(case, variants.split(","), output, weather)
         return
+    if block is not None:
+        _make_part(load(case, weather), block, cache)
+        return
     from drcmitsuba import evaluate_within
+    from drcmitsuba.annual.workers import opened
     from drcmitsuba.blocks.block_folder import BlockFolder
     from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.runtime import storage
@@ -123,10 +143,28 @@ def evaluate(
         blocks = BlockFolder.of_results(output) if cache is None else BlockFolder.cache(cache)
         with stages() as stage:
             work = importing(stage, *FOR_METRICS, *FOR_FILES)
-            result = evaluate_within(loaded, work, known, blocks, most)
+            with opened(workers, scheduler) as others:
+                result = evaluate_within(loaded, work, known, blocks, most, others)
             result.save(output, stage)
         blocks.finish()
     _show_result(result, output)
+
+
+def _make_part(case: Case, block: str, cache: Path | None) -> None:
+    """Make a part of the blocks in a cache."""
+    from drcmitsuba.annual.block_parts import make_part
+    from drcmitsuba.blocks.block_folder import BlockFolder
+    from drcmitsuba.blocks.part import Part
+
+    which = Part.of(block)
+    if cache is None:
+        remedy = "name the folder that all parts share: --cache FOLDER"
+        raise InputError("command line", "--block", "no --cache", remedy)
+    blocks = BlockFolder.cache(cache)
+    with stages() as stage:
+        make_part(case, blocks, which, stage)
+    show_notes(blocks.notes)
+    print(f"part {which} of the blocks is in {cache}; the same command without --block evaluates")
 
 
 def _show_result(result: SavedResult, output: Path) -> None:

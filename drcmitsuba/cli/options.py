@@ -98,6 +98,17 @@ ReportOutput = Annotated[
 ]
 FilmOutput = Annotated[Path | None, _output("FILE", "The film's .xml.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON in place of the table.")]
+Cache = Annotated[
+    Path | None,
+    option("FOLDER", "Keep coefficients for any weather, thresholds, schedules and cases."),
+]
+WorkerCount = Annotated[
+    int | None, typer.Option("--workers", metavar="N", help="Processes on this machine.")
+]
+Scheduler = Annotated[
+    str | None,
+    option("ADDRESS", "Dask scheduler whose workers do the work: tcp://host:8786."),
+]
 Depth = Annotated[int, option("NUMBER", "Levels of the tensor tree.")]
 
 

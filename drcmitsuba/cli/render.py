@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -51,12 +52,15 @@ def render(
     tone: Annotated[Tone, option("NAME", "PNG: human, exposure or false (colour).")] = Tone.human,
     pixels: Annotated[Pixels, option("NAME", "EXR: float or half.")] = Pixels.float,
     samples: Annotated[int, option("NUMBER", "Rays in each pixel.")] = 8,
-    state: Annotated[str, option("NAME", "State of the façade: open or shaded.")] = "open",
+    state: Annotated[
+        str, option("NAME", "Façade: open, shaded or, as the shade is in each hour, applied.")
+    ] = "open",
     output: Output = Path("results"),
     weather: Weather = None,
 ) -> None:
     """Render a view: .exr with its standard error, .hdr and .png, in cd/m²."""
-    from drcmitsuba.rendering import Sampling, prepare
+    from drcmitsuba.case.groups import APPLIED
+    from drcmitsuba.rendering import Sampling, frames, prepare
     from drcmitsuba.rendering.prepared_view import instant_of
     from drcmitsuba.sky.period import read_timestamps
 
@@ -66,23 +70,33 @@ def render(
     if len(given) != 1:
         got = " and ".join(given) or "none of them"
         raise InputError("command line", "--time, --times, --bins", got, "give one of them")
+    if bins and state == APPLIED:
+        got = f"--state {APPLIED} with --bins"
+        raise InputError("command line", "--state", got, "bins have no hour: give open or shaded")
     instants = [] if time is None else [instant_of(time)]
     if times is not None:
         instants = list(read_timestamps(times))
     wanted, sampling, notes = _size(size), Sampling(samples=samples), dict[str, None]()
     loaded = load(case, weather)
     files: list[Path] = []
+    shown: Counter[str] = Counter()
     with stages() as stage:
-        prepared = prepare(
-            loaded, view, size=wanted, sampling=sampling, state=state, folder=output, stage=stage
-        )
-        with stage("pictures") as done:
-            if bins:
+        if bins:
+            prepared = prepare(
+                loaded, view, size=wanted, sampling=sampling, state=state, folder=output,
+                stage=stage,
+            )  # fmt: skip
+            with stage("pictures") as done:
                 files += prepared.save_bins(output, done)
-            for i, instant in enumerate(instants, 1):
-                rendering = prepared.at(instant)
-                files += rendering.save(output, tone.value, pixels.value)
-                notes |= dict.fromkeys(rendering.notes)
-                done(i / len(instants))
+        for rendering in frames(
+            loaded, view, instants, size=wanted, sampling=sampling, state=state, folder=output,
+            stage=stage,
+        ):  # fmt: skip
+            files += rendering.save(output, tone.value, pixels.value)
+            notes |= dict.fromkeys(rendering.notes)
+            shown[rendering.state] += 1
+    if state == APPLIED:
+        each = ", ".join(f"{name} in {count}" for name, count in shown.items())
+        notes |= {f"façade {each} of {len(instants)} pictures": None}
     show_notes(notes)
     print(f"{len(instants)} pictures are in {output}" if times else "\n".join(map(str, files)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -13,12 +14,13 @@ from drcmitsuba.cli.terminal import show, show_notes, stages
 
 def sky(case: CaseName, output: Output = Path("results"), weather: Weather = None) -> None:
     """Compute the luminances L of sky and suns: sky.zarr."""
-    from drcmitsuba.sky import daylight
+    from drcmitsuba.sky.daylight import daylight
+    from drcmitsuba.sky.luminances import save_luminances
 
     loaded = load(case, weather)
     with stages() as stage, stage("sky"):
-        sources = daylight.daylight(loaded)
-        daylight.save_luminances(sources, output / "sky.zarr")
+        sources = daylight(loaded)
+        save_luminances(sources, output / "sky.zarr")
     print(f"{sources.sky.sizes['time']} time stamps are in {output / 'sky.zarr'}")
 
 
@@ -105,16 +107,29 @@ def metrics(
 
 def plot(
     folder: Annotated[Path, argument("FOLDER", "Folder of an evaluation.")],
+    point: Annotated[
+        list[str] | None, option("X,Y", "Year of the sensor nearest to it [m]; may be repeated.")
+    ] = None,
+    section: Annotated[
+        str | None, option("X,Y,X,Y", "Ends of the section [m]; by default across the room.")
+    ] = None,
 ) -> None:
-    """Draw the plots of an evaluation again."""
+    """Draw the plots of an evaluation again, and further ones.
+
+    Further ones are a mountain and a section of the mean illuminance, temporal maps (day × hour),
+    and the path of the sun with the hours that close the shade.
+    """
     from drcmitsuba.case.case import Case
     from drcmitsuba.case.reading import with_files
     from drcmitsuba.metrics import stored_arrays
     from drcmitsuba.report import figures, metrics_file, plots
+    from drcmitsuba.report.year_figures import year_figures
     from drcmitsuba.runtime import backend
     from drcmitsuba.runtime.errors import InputError
     from drcmitsuba.runtime.toml import checked
 
+    points = [_numbers(text, 2, "--point", "X,Y") for text in point or ()]
+    ends = None if section is None else _numbers(section, 4, "--section", "X,Y,X,Y")
     path, file = folder / "illuminance.nc", folder / "metrics.json"
     E = stored_arrays.loaded(path, stored_arrays.open_dataset(path, "total", "direct_sun"))
     numbers = metrics_file.read_numbers(file, E.sizes["sensor"])
@@ -126,7 +141,22 @@ def plot(
             backend.select()
         except InputError as error:
             show_notes([f"the plans have no rooms, since the model cannot be read: {error}"])
+    line = None if ends is None else (ends[:2], ends[2:])
     drawn = figures.pictures(case, E, numbers)
+    drawn |= year_figures(case, E, numbers, points=points, line=line)
     saved = [plots.save(figure, folder / name) for name, figure in drawn.items()]
     for picture in saved:
         print(picture)
+
+
+def _numbers(text: str, count: int, name: str, form: str) -> list[float]:
+    """Finite numbers of an option such as "1,2", as many as its form has."""
+    from drcmitsuba.runtime.errors import InputError
+
+    try:
+        numbers = [float(number) for number in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise InputError("command line", name, repr(text), f"give {name} {form} in metres")
+    return numbers

@@ -8,7 +8,7 @@ from typing import Annotated
 from rich.markup import escape
 from rich.table import Table
 
-from drcmitsuba.cli.options import Output, argument, option
+from drcmitsuba.cli.options import Output, Scheduler, WorkerCount, argument, option
 from drcmitsuba.cli.terminal import show, stages
 from drcmitsuba.runtime.errors import on_a_line
 
@@ -22,14 +22,17 @@ def study(
     cache: Annotated[
         Path | None, option("FOLDER", "Cache of coefficients; by default one in the output.")
     ] = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Evaluate many variations of a case: a table of their metrics."""
     from drcmitsuba.annual.study import study as evaluate_rows
+    from drcmitsuba.annual.workers import opened
     from drcmitsuba.case.study import load_study
 
     plan = load_study(file)
-    with stages() as stage, stage("rows") as done:
-        made = evaluate_rows(plan, output, cache, done)
+    with stages() as stage, opened(workers, scheduler) as others, stage("rows") as done:
+        made = evaluate_rows(plan, output, cache, done, others)
     frame, keys = made.frame, list(made.keys)
     table = Table("row", *map(escape, keys), "sDA %", "ASE %")
     for _, row in frame.head(MOST_ROWS).iterrows():

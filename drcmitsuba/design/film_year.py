@@ -36,8 +36,9 @@ from drcmitsuba.runtime.random_streams import Draw, Key
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import mean_and_error
-from drcmitsuba.sky.daylight import Daylight, luminances
+from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
+from drcmitsuba.sky.luminances import luminances
 from drcmitsuba.transport.coefficients import estimate
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches, looks

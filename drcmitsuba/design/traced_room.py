@@ -20,8 +20,8 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import positions
-from drcmitsuba.sky import daylight as lights
 from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Blend
 from drcmitsuba.transport.cell_points import draw_points
 from drcmitsuba.transport.cells import Cells, Grid
@@ -53,7 +53,7 @@ class AnnualIlluminance:
         sky = daylight.sky
         # An adaptive sun model has no blend: each time stamp's own sun takes its place.
         known = "blend_bin" in sky
-        blend = lights.blended(sky) if known else Blend.own(sky["sun_bin"].values)
+        blend = blended(sky) if known else Blend.own(sky["sun_bin"].values)
         labels = [*map(str, sky["bin"].values), *daylight.suns.labels]
         column = positions(blend.bins, labels, missing=0).astype(np.uint32)
         sun = blend.weights * sky["sun"].values[:, None]

@@ -42,7 +42,7 @@ def matrices(coefficients: Coefficients, sky: xr.Dataset) -> Matrices:
     ----------
     coefficients : Coefficients
     sky : xr.Dataset
-        `Daylight.sky`, or from `daylight.from_luminances`.
+        `Daylight.sky`, or from `sky.luminances.from_luminances`.
 
     Returns
     -------

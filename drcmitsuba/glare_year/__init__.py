@@ -14,8 +14,8 @@ films, suns
     Glow of films; images of the suns.
 seen
     Luminances of what is seen from a place.
-sources
-    Glare sources of every hour.
+tiles, components, sources
+    Rays near each other; graphs; glare sources of every hour.
 state
     One state of the façade over the year.
 result

@@ -33,8 +33,6 @@ EXCEEDED = 0.05
 """Share of the occupied hours in which a class may be exceeded [–]."""
 NONE = "none"
 """Class of a view that exceeds even the largest DGP for too long."""
-APPLIED = "applied"
-"""In place of a state: the state that the shade takes at each time stamp."""
 
 
 @dataclass(frozen=True, eq=False)

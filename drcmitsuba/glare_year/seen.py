@@ -1,4 +1,4 @@
-"""What is seen from one place: luminances of its pixels in every hour, and images of the suns."""
+"""View from one place: luminances of its pixels in every hour, and images of the suns."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba.glare_year.chains import Chains, Ends
 from drcmitsuba.glare_year.films import Glow, glow
 from drcmitsuba.glare_year.pixels import merged, rays
-from drcmitsuba.glare_year.sources import Tiles
 from drcmitsuba.glare_year.suns import Images, images
+from drcmitsuba.glare_year.tiles import Tiles
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
@@ -44,15 +44,15 @@ class Surfaces:
         return Surfaces(self.pixel[some], self.points[some], self.normals[some], self.weight[some])
 
     def luminance(self, E: np.ndarray) -> np.ndarray:
-        """Luminance of the points [cd/m²], (time, point), by E (channel, time, point) [lx]."""
+        """Luminance of the points [cd/m²], (point, time), by E (channel, point, time) [lx]."""
         shares = list(LUMINANCE_WEIGHTS.values()) if len(E) > 1 else [1.0]
         weights = self.weight.astype(np.float32).T
-        return sum(share * w * e for share, w, e in zip(shares, weights, E, strict=True))
+        return sum(share * w[:, None] * e for share, w, e in zip(shares, weights, E, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is seen from one place, apart from the illuminance of the surfaces."""
+    """View from one place, without the illuminance of the surfaces in it."""
 
     tiles: Tiles
     directions: np.ndarray
@@ -143,7 +143,7 @@ class Luminances:
     sun_index: np.ndarray
     """Index of the time stamp's sun among the suns of `seen`, −1 without one, int, (time,)."""
     surfaces: np.ndarray
-    """Luminance of the surface points [cd/m²], shape (time, point)."""
+    """Luminance of the surface points [cd/m²], shape (point, time)."""
 
     @cached_property
     def largest(self) -> np.ndarray:
@@ -151,13 +151,13 @@ class Luminances:
         if len(self.seen.films):
             return np.where(self.sky.any(axis=1) | (self.sun > 0), np.inf, 0)
         ends = np.bincount(self.seen.surfaces.pixel).max(initial=0)
-        return np.asarray(self.sky.max(axis=1) + ends * self.surfaces.max(axis=1, initial=0))
+        return np.asarray(self.sky.max(axis=1) + ends * self.surfaces.max(axis=0, initial=0))
 
     def at(self, hours: np.ndarray) -> np.ndarray:
         """Luminances in some hours, without the disks of the suns, float32, (pixel, hour)."""
         seen, lit = self.seen, self.sun_index[hours] >= 0
         sky = np.ascontiguousarray(self.sky[hours].T, np.float32)
-        parts = [seen.sky @ sky, self._onto(seen.surfaces.pixel) @ self.surfaces[hours].T]
+        parts = [seen.sky @ sky, self._onto(seen.surfaces.pixel) @ self.surfaces[:, hours]]
         if len(seen.films):
             shining = seen.glow.sky @ sky
             suns = seen.glow.suns[:, self.sun_index[hours][lit]]

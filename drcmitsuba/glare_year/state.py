@@ -24,13 +24,13 @@ from drcmitsuba.sky.daylight import Daylight
 
 COEFFICIENTS = 1 << 23
 """Largest number of coefficients of surfaces in one replicate that are in memory at once."""
-HOURS = 256
-"""Time stamps whose luminances are in memory at once."""
+LUMINANCES = 1 << 25
+"""Largest number of luminances of pixels in hours that are in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """What is seen from one place in one state of the façade, and its luminances."""
+    """View from one place in one state of the façade, and its luminances."""
 
     views: np.ndarray
     """Indices of the views, int, shape (view,)."""
@@ -51,8 +51,9 @@ class Place:
         out = np.zeros((len(self.views), len(times)))
         weights = _weights(self.known.seen, frames)
         shining = np.flatnonzero(self.known.largest[times] > self._least(rule))
-        for start in range(0, len(shining), HOURS):
-            here = shining[start : start + HOURS]
+        step = max(64, LUMINANCES // len(self.known.seen.tiles.rays))
+        for start in range(0, len(shining), step):
+            here = shining[start : start + step]
             hours = times[here]
             L = self.known.at(hours)
             if rule.threshold > LARGEST_FACTOR:
@@ -88,7 +89,7 @@ class Place:
         )
 
     def _sharp(self, frames: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """What Σ L² ω / P² grows by where peaks of films are as narrow as a sun, (view, time)."""
+        """Growth of Σ L² ω / P² where peaks of films are as narrow as a sun, (view, time)."""
         known, seen = self.known, self.known.seen
         index = known.sun_index[times]
         if not len(seen.films) or not seen.glow.suns.size:
@@ -154,9 +155,9 @@ def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -
 
 
 def _of_surfaces(case: Case, state: State, light: Daylight, shown: Seen, run: Run) -> np.ndarray:
-    """Luminance of the surfaces of a place [cd/m²], float32, (time, point)."""
+    """Luminance of the surfaces of a place [cd/m²], float32, (point, time)."""
     surfaces, sky = shown.surfaces, light.sky
-    out = np.zeros((sky.sizes["time"], len(surfaces.points)), np.float32)
+    out = np.zeros((len(surfaces.points), sky.sizes["time"]), np.float32)
     bins = len(light.suns.labels) + sky.sizes["bin"]
     step = max(64, COEFFICIENTS // bins)
     for start in range(0, len(surfaces.points), step):
@@ -171,6 +172,6 @@ def _of_surfaces(case: Case, state: State, light: Daylight, shown: Seen, run: Ru
         channels = (
             [C.isel(channel=k) for k in range(C.sizes["channel"])] if "channel" in C.dims else [C]
         )
-        E = np.stack([accumulate.replicates(one, sky, every)[0] for one in channels])
-        out[:, here] = some.luminance(E)
+        E = np.stack([accumulate.replicates(one, sky, every)[0].T for one in channels])
+        out[here] = some.luminance(E)
     return out

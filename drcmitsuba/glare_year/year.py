@@ -25,19 +25,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from drcmitsuba.annual.attributes import attributes
+from drcmitsuba.annual.applied_states import applied_states
 from drcmitsuba.annual.attributes import settings as settings_of_case
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.simulation import transport
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import OPEN, VARYING, State
+from drcmitsuba.case.components import StructureComponent
+from drcmitsuba.case.groups import APPLIED, OPEN, VARYING, State
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.glare_year.eyes import Eyes, eyes
-from drcmitsuba.glare_year.result import APPLIED, GlareYear
+from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
 from drcmitsuba.glare_year.state import at_eyes, places
-from drcmitsuba.metrics import illuminance
-from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
@@ -80,7 +78,8 @@ def glare(
     Raises
     ------
     InputError
-        There is no view, a view lies in a solid or outside the room, or the case is unfit.
+        There is no view, a view lies in a solid or outside the room, a façade has a structure of
+        components, or the case is unfit.
     BackendError
         No fit LLVM or GPU.
 
@@ -91,6 +90,7 @@ def glare(
     """
     if not isinstance(case, Case):
         case = load_case(case)
+    _refuse_structures(case)
     backend.select()
     run, rule = replace(Run.of(case), stage=stage), Rule() if rule is None else rule
     looking = eyes(case, points)
@@ -125,6 +125,18 @@ def glare(
     return GlareYear(case, hours, replicates, settings, dict(run.seconds))
 
 
+def _refuse_structures(case: Case) -> None:
+    """Raise InputError where a façade has a structure, such as lamellae, as geometry.
+
+    Rays of an eye and photons differ there by more than their errors.
+    """
+    for name in case.standing:
+        if isinstance(case.components.get(name), StructureComponent):
+            got = "structures that are geometry have no year of glare"
+            remedy = "put a film with its BSDF there, as drcmitsuba goniophotometer makes it"
+            raise InputError(case.source, f"components.{name}", got, remedy)
+
+
 def _states_of(case: Case) -> tuple[State, ...]:
     """States in which glare is computed: all groups open, all in their next state, and so on."""
     if case.shading is None and not case.groups:
@@ -140,18 +152,9 @@ def _states_of(case: Case) -> tuple[State, ...]:
 
 def _taken(case: Case, light: Daylight, run: Run) -> tuple[FacadeStates | None, tuple[str, ...]]:
     """State that the shade takes at each time stamp; None without a shade, or with a note."""
-    marked = attributes(case, light, run.enabled_effects)
-    if not marked["has_shade"]:
+    taken = applied_states(case, light, run)
+    if taken is None:
         return None, ()
-    # The shade closes by direct sun: nothing else is simulated.
-    only_sun = replace(run.enabled_effects, sky=False, ground=False, depth=0, solved_cells=False)
-    with run.timed("sun on the sensors") as done:
-        C = transport(
-            case, OPEN, light.suns, light.sky.attrs["latitude"], progress=done,
-            run=replace(run, enabled_effects=only_sun),
-        )  # fmt: skip
-    direct = illuminance.direct_sun(Coefficients(C.assign_attrs(marked)), light.sky)
-    taken = FacadeStates.of(marked, direct)
     if VARYING in taken.states or len(taken.states) > MOST_STATES:
         note = "glare with the shade applied is left out: its groups take too many states"
         return None, (note,)

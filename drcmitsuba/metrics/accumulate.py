@@ -20,7 +20,7 @@ from drcmitsuba.metrics.bin_luminances import (
     sun_luminances,
 )
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.schema import describe
+from drcmitsuba.schema import describe, mean_and_error
 
 BLOCK = 1 << 16
 """Number of entries (time, sensor) in a block: they stay in the cache from sum to sum."""
@@ -99,19 +99,6 @@ def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
     return _array(sky, np.where(dark, of_hour[:, None], nearest).astype(np.float32))
 
 
-def _mean_and_error(replicates: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard error of arrays in few passes; differences from the first keep digits."""
-    n, first = len(replicates), replicates[0]
-    total, squares = np.zeros_like(first), np.zeros_like(first)
-    for values in replicates[1:]:
-        difference = values - first
-        total += difference
-        squares += difference * difference
-    total /= n
-    squares -= n * total * total
-    return first + total, np.sqrt(np.maximum(squares, 0) / (n * (n - 1)))
-
-
 def by_source(
     coefficients: xr.Dataset, sky: xr.Dataset, direct: xr.Dataset | None = None
 ) -> xr.Dataset:
@@ -138,7 +125,7 @@ def by_source(
         A bin of the sky has no coefficients, or they are NaN.
     """
     if "illuminance" in coefficients:
-        mean, error = _mean_and_error(list(_known(coefficients, sky)))
+        mean, error = mean_and_error(list(_known(coefficients, sky)))
         return xr.Dataset({"total": _array(sky, mean), "total_se": _array(sky, error)})
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = sun_luminances(coefficients, sky)
@@ -157,7 +144,7 @@ def by_source(
             by_sun = [suns[here] @ c for c in by_bin]
             total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
             for name, values in zip(names, (by_sky, by_sun, total), strict=True):
-                out[name][here], out[f"{name}_se"][here] = _mean_and_error(values)
+                out[name][here], out[f"{name}_se"][here] = mean_and_error(values)
     _refuse_gaps(out["total"], sky)
     if "sun_straight" in coefficients:
         straight = direct_sun(coefficients, sky) if direct is None else direct

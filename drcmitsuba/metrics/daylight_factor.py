@@ -88,6 +88,9 @@ def daylight_factor(
     InputError
         Other dims, bins of no whole sky, values that are not finite.
     """
+    if not isinstance(coefficients, xr.DataArray):
+        got = type(coefficients).__name__
+        raise InputError("coefficients", "type", got, "give an xarray DataArray")
     if set(coefficients.dims) != {"sensor", "bin"}:
         got = ", ".join(map(str, coefficients.dims)) or "none"
         remedy = "give C of one state: direct + interreflected"

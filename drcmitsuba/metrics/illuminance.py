@@ -96,7 +96,7 @@ def illuminance(
     ----------
     coefficients : Coefficients
     sky : xr.Dataset
-        `Daylight.sky`, or from `daylight.from_luminances`.
+        `Daylight.sky`, or from `sky.luminances.from_luminances`.
     direct : xr.Dataset, optional
         Direct sun from `direct_sun`; computed by default.
     taken : FacadeStates, optional
@@ -141,7 +141,7 @@ def replicates(coefficients: Coefficients, sky: xr.Dataset) -> xr.DataArray:
     coefficients : Coefficients
         C of all states [sr]; a coloured case counts by its luminance.
     sky : xr.Dataset
-        `Daylight.sky`, or from `daylight.from_luminances`.
+        `Daylight.sky`, or from `sky.luminances.from_luminances`.
 
     Returns
     -------

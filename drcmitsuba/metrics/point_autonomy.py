@@ -89,6 +89,8 @@ def share_of_points(values: xr.DataArray, at_least: float) -> float:
     InputError
         Other dims, no sensor, values that are not finite.
     """
+    if not isinstance(values, xr.DataArray):
+        raise InputError("values", "type", type(values).__name__, "give an xarray DataArray")
     if values.dims != ("sensor",) or values.size == 0 or not np.isfinite(values.values).all():
         got = f"dims {', '.join(map(str, values.dims)) or 'none'}, {values.size} values"
         raise InputError("values", "sensor", got, "give a finite value for each sensor")

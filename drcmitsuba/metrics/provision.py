@@ -45,6 +45,8 @@ def daylight_hours(
     InputError
         Another dim, values that are not finite, fewer time stamps than `hours`.
     """
+    if not isinstance(diffuse, xr.DataArray):
+        raise InputError("diffuse", "type", type(diffuse).__name__, "give an xarray DataArray")
     values = diffuse.values
     if diffuse.dims != ("time",) or not np.isfinite(values).all():
         got = f"dims {', '.join(map(str, diffuse.dims)) or 'none'}, or values that are not finite"

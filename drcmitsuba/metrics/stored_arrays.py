@@ -14,7 +14,7 @@ import xarray as xr
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import DATES, DIMS, LARGEST, LARGEST_OTHER, MOST, NUMBERS, TEXTS
-from drcmitsuba.sky.daylight import from_luminances
+from drcmitsuba.sky.luminances import from_luminances
 
 HOLLOW = 1000
 """Largest ratio of an array's bytes in memory to the bytes of its file."""

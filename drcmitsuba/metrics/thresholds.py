@@ -40,6 +40,8 @@ def months(array: xr.DataArray, name: str = "illuminance") -> np.ndarray:
     InputError
         The time stamps are not dates.
     """
+    if not isinstance(array, xr.DataArray):
+        raise InputError(name, "type", type(array).__name__, "give an xarray DataArray")
     key = "clock" if "clock" in array.coords else "time"
     if key not in array.coords or array[key].dims != ("time",) or array[key].dtype.kind != "M":
         raise InputError(name, key, "no dates along time", "give a datetime64 for each time stamp")

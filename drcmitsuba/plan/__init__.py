@@ -2,7 +2,7 @@
 
 panes
     Materials of the façades by their effect on light; largest albedo and depth.
-effect, decide
+facts, effect, decide, reflected
     One function for each effect, with the quantity that decides it.
 planning
     `plan`: all decisions about a case, and the enabled effects that transport reads.
@@ -14,8 +14,8 @@ forecast
     Rays, seconds, memory and disk of an evaluation.
 """
 
-from drcmitsuba.plan.decide import Facts
 from drcmitsuba.plan.effect import Effect
+from drcmitsuba.plan.facts import Facts
 from drcmitsuba.plan.notes import notes, photon_notes
 from drcmitsuba.plan.planning import Plan, plan
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
@@ -13,69 +11,12 @@ from drcmitsuba.case.sun import Adaptive, ThreePhase, TrueSun
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
+from drcmitsuba.plan.facts import Facts
 from drcmitsuba.scene.components import PlacedComponent
 from drcmitsuba.scene.materials import albedo, film, lets_through
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import is_coloured
-from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns, outside
-from drcmitsuba.scene.surfaces import bounds_of_rooms
-from drcmitsuba.sky.daylight import Daylight
-
-NEGLIGIBLE = 1e-3
-"""Part of the light in a room that may be lost by cutting paths, where the case has no target."""
-FINEST_TARGET = 0.5
-"""Half width of the interval of the mean illuminance below which cells are not enough [%]."""
-CELLS_OF_SENSOR = 50
-"""Number of cells for each sensor above which paths from the sensors cost less."""
-CELLS_OF_MODEL = 700
-"""Number of cells of a model, on the faces of its bounds, above which blocks might join rooms."""
-RAY_BYTES = 48
-"""Memory of a ray from cell to cell [bytes]."""
-MOST_BYTES = 4 << 30
-"""Largest memory of all of them [bytes]."""
-
-
-@dataclass(frozen=True)
-class Facts:
-    """Facts about a case that decide on its effects.
-
-    Parameters
-    ----------
-    case : Case
-    light : Daylight
-    components : tuple of PlacedComponent
-    reach : SunVisibility or None
-        Openings and obstructions of the room; None where there is no room.
-    reached : VisibleSuns
-        Suns of `light.suns` that can get in.
-    """
-
-    case: Case
-    light: Daylight
-    components: tuple[PlacedComponent, ...]
-    reach: SunVisibility | None
-    reached: VisibleSuns
-
-    @property
-    def hours(self) -> int:
-        """Number of time stamps."""
-        return self.light.sky.sizes["time"]
-
-    @property
-    def shut(self) -> bool:
-        """Whether the room has no opening at all."""
-        return self.reach is not None and len(self.reach.openings) == 0
-
-    @property
-    def shadeless(self) -> bool:
-        """Whether there is no clear pane, which a shade could cover."""
-        return not any(self.case.is_clear(name) for name in panes.used(self.case))
-
-    @property
-    def surrounded(self) -> bool:
-        """Whether anything outside may send light back."""
-        return bool(outside(self.case) or self.case.standing or self.case.building.layers)
+from drcmitsuba.scene.sun_visibility import outside
 
 
 def sky(facts: Facts) -> Effect:
@@ -306,65 +247,6 @@ def most_direct(facts: Facts) -> tuple[float, int]:
         bound = bound * facts.reach.visible(directions, case.outside.sun_diameter).mask
     closes = bound > 0 if bends else bound >= case.shade_rule[0]
     return float(bound.max(initial=0)), int(closes.sum())
-
-
-def interreflection(facts: Facts) -> tuple[Effect, int | None]:
-    """Decide on interreflection, and on the largest number of surfaces of a path, None without."""
-    case = facts.case
-    goal = case.accuracy.goal
-    part = 0.1 * goal.value / 100 if goal is not None and goal.unit == "%" else NEGLIGIBLE
-    albedo, name = panes.most_reflecting(case, facts.components, facts.surrounded)
-    most = panes.depth(albedo, part)
-    quantities = {"largest_albedo": round(albedo, 4), "depth": most}
-    if most == 0:
-        return Effect(False, "every surface is black", quantities), 0
-    reason = f"largest reflectance {albedo:.2f} ({name})"
-    if most is None:
-        return Effect(True, f"{reason}: to any depth", quantities), None
-    reason += (
-        f": over {most} surfaces, after which less than {100 * part:.2g} % of the light is left"
-    )
-    return Effect(True, reason, quantities), most
-
-
-def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) -> Effect:
-    """Light between surfaces solved on cells, instead of paths that follow all bounces.
-
-    `depth` is that of `interreflection`; `sensors` is their number, by default that of the case.
-    """
-    case, a = facts.case, facts.case.accuracy
-    if depth == 0:
-        return Effect(False, "every surface is black")
-    goal = a.goal
-    if goal is not None and goal.unit == "%" and goal.value < FINEST_TARGET:
-        got = f"the target, {goal.value:g} % of the mean, is near the bias of cells"
-        return Effect(False, f"{got}: on paths", {"target": goal.value})
-    extent = _extent(case)
-    if extent is None:
-        return Effect(False, "no room encloses the sensors: on paths")
-    x, y, z = extent
-    cells = 2 * (x * y + y * z + z * x) / a.cell_size**2
-    sensors = len(sensor_points(case)[0]) if sensors is None else sensors
-    quantities = {"cells": round(cells), "sensors": sensors}
-    if sensors < cells / CELLS_OF_SENSOR:
-        return Effect(False, f"{sensors} sensors and some {cells:.0f} cells: on paths", quantities)
-    if case.room is None and cells > CELLS_OF_MODEL:
-        got = f"some {cells:.0f} cells of a model would be joined, perhaps those of two rooms"
-        return Effect(False, f"{got}: on paths", quantities)
-    size = RAY_BYTES * a.replicates * a.cell_paths * cells
-    if size > MOST_BYTES:
-        got = f"the transfer between some {cells:.0f} cells takes {size / 2**30:.1f} GiB"
-        return Effect(False, f"{got}: on paths", quantities)
-    reason = f"{sensors} sensors share the light between some {cells:.0f} cells"
-    return Effect(True, reason, quantities)
-
-
-def _extent(case: Case) -> np.ndarray | None:
-    """Extent of the rooms [m], shape (3,); None without any."""
-    if case.room is not None:
-        return np.array(case.room.size)
-    bounds = bounds_of_rooms(case)
-    return None if bounds is None else bounds[1] - bounds[0]
 
 
 def colour(facts: Facts) -> Effect:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.plan import decide
-from drcmitsuba.plan.decide import Facts
+from drcmitsuba.plan import decide, reflected
 from drcmitsuba.plan.effect import Effect
+from drcmitsuba.plan.facts import Facts
 from drcmitsuba.scene.components import place
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.leaks import refuse_leaks
@@ -78,7 +78,7 @@ def plan(case: Case, light: Daylight) -> Plan:
     suns = light.suns
     reached = everything if reach is None else reach.visible(suns.directions, suns.diameter)
     facts = Facts(case, light, components, reach, reached)
-    interreflection, depth = decide.interreflection(facts)
+    interreflection, depth = reflected.interreflection(facts)
     decisions = {
         "sky": decide.sky(facts),
         "ground": decide.ground(facts),
@@ -93,7 +93,7 @@ def plan(case: Case, light: Daylight) -> Plan:
         "obstructions": decide.obstructions(facts),
         "shaded_state": decide.shaded_state(facts),
         "interreflection": interreflection,
-        "solved_cells": decide.solved_cells(facts, depth),
+        "solved_cells": reflected.solved_cells(facts, depth),
         "colour": decide.colour(facts),
         "pictures": decide.pictures(facts),
         "gradients": decide.gradients(facts),

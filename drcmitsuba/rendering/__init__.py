@@ -15,11 +15,14 @@ coefficient_pictures
 stored_view
     Light paths on disk.
 rendering, prepared_view
-    `render`, `prepare`: pictures with their standard error, and their files.
+    `prepare`: pictures with their standard error, and their files.
+frames
+    `render`, `frames`: pictures at instants, whose façade may follow the control of the case.
 """
 
+from drcmitsuba.rendering.frames import frames, render
 from drcmitsuba.rendering.light_paths import Sampling
-from drcmitsuba.rendering.prepared_view import PreparedView, prepare, render
+from drcmitsuba.rendering.prepared_view import PreparedView, prepare
 from drcmitsuba.rendering.rendering import Rendering
 
-__all__ = ["PreparedView", "Rendering", "Sampling", "prepare", "render"]
+__all__ = ["PreparedView", "Rendering", "Sampling", "frames", "prepare", "render"]

@@ -22,7 +22,7 @@ from drcmitsuba.case.reading import load_case
 from drcmitsuba.picture.exr_header import BT709
 from drcmitsuba.picture.picture import MOST_PIXELS, RADIANCE, Picture
 from drcmitsuba.picture.view import PictureView, of_model
-from drcmitsuba.plan import decide, plan
+from drcmitsuba.plan import plan, reflected
 from drcmitsuba.rendering import stored_view
 from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance
@@ -57,6 +57,8 @@ class PreparedView:
     name: str
     view: PictureView
     """View in the coordinates of the case [m]."""
+    state: State
+    """State of the façade."""
     channels: tuple[TracedView, ...]
     """Light paths in every colour channel."""
 
@@ -94,7 +96,7 @@ class PreparedView:
             captured=date.replace("-", ":").replace("T", " "),
         )  # fmt: skip
         notes = _notes(self.case, instant, light)
-        return Rendering(picture, error[0], self.case.name, self.name, instant, notes)
+        return Rendering(picture, error[0], self.case.name, self.name, self.state, instant, notes)
 
     def save_bins(self, folder: str | Path, done: Progress = lambda share: None) -> list[Path]:
         """Write the coefficient pictures of ground and sky patches, each whole or not at all.
@@ -201,7 +203,7 @@ def _effects(case: Case, pixels: int) -> EnabledEffects:
     """Effects of a picture at any hour, and whether light between surfaces is solved on cells."""
     planned = plan(case, daylight(case))
     scope = planned.scope
-    solved = decide.solved_cells(planned.facts, scope.depth, pixels)
+    solved = reflected.solved_cells(planned.facts, scope.depth, pixels)
     solved = solved.decided("solved_cells", case.effects.solved_cells)
     return replace(
         scope, sky=True, suns=True, shade=True, solved_cells=solved.on and scope.depth != 0
@@ -255,7 +257,7 @@ def prepare(
         "columns": columns, "state": state, "seed": case.accuracy.seed,
         "sampling": asdict(sampling), "variant": mi.variant(),
     }  # fmt: skip
-    path = None if folder is None else Path(folder) / f"{file_name(name)}_light_paths"
+    path = None if folder is None else Path(folder) / f"{_kept_name(name, state)}_light_paths"
     turned, channels = _in_the_scene(case, shown), scene.channels_of(case, effects)
     parts, traced = [f"channel_{max(0, channel)}" for channel in channels], []
     numbers: dict[str, Any] = {
@@ -287,7 +289,12 @@ def prepare(
             stored_view.with_tiles_of(one, path / name_of_part)
             for one, name_of_part in zip(traced, parts, strict=True)
         ]
-    return PreparedView(case, name, shown, tuple(traced))
+    return PreparedView(case, name, shown, state, tuple(traced))
+
+
+def _kept_name(view: str, state: State) -> str:
+    """Part of a folder's name for a view in a state of the façade."""
+    return file_name(view if state == OPEN else f"{view}_{state}")
 
 
 def _refuse_size(size: int, path: Path | None) -> None:
@@ -325,30 +332,3 @@ def _in_the_scene(case: Case, view: PictureView) -> PictureView:
 def _triple(values: np.ndarray) -> tuple[float, float, float]:
     x, y, z = map(float, values)
     return x, y, z
-
-
-def render(
-    case: Case | str | Path, view: str | None = None, time: str | np.datetime64 = "03-21 12:00", *,
-    size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
-    stage: Stage = silent,
-) -> Rendering:  # fmt: skip
-    """Render a view of a case at an instant, in cd/m².
-
-    Parameters
-    ----------
-    time : str or np.datetime64
-        Local standard time, such as "03-21 10:30".
-    case, view, size, sampling, state, stage
-        As for `prepare`, which serves many instants of one view.
-
-    Returns
-    -------
-    Rendering
-
-    Raises
-    ------
-    InputError
-        As `prepare`, or the time is no instant of the weather.
-    """
-    instant = instant_of(time) if isinstance(time, str) else time
-    return prepare(case, view, size=size, sampling=sampling, state=state, stage=stage).at(instant)

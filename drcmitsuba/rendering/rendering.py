@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.picture import exr, hdr, tone
 from drcmitsuba.picture.false_colour import false_colour, save_png
 from drcmitsuba.picture.picture import Picture
@@ -39,6 +40,8 @@ class Rendering:
     """Name of the case."""
     view: str
     """Name of the view."""
+    state: State
+    """State of the façade."""
     time: np.datetime64
     """Instant, local standard time."""
     notes: tuple[str, ...] = ()
@@ -86,7 +89,9 @@ class Rendering:
 
     @property
     def _title(self) -> str:
-        return f"{self.case}, {self.view}, {str(self.time.astype('datetime64[m]'))[5:]}"
+        when = str(self.time.astype("datetime64[m]"))[5:].replace("T", " ")
+        facade = "" if self.state == OPEN else f", façade {self.state}"
+        return f"{self.case}, {self.view}, {when}{facade}"
 
     def _shown(self, how: Tone) -> np.ndarray:
         """Pixels of a screen (row, column, 3)."""

@@ -22,12 +22,12 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Drawn
-from drcmitsuba.transport.coefficients import Replicate
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.film_peaks import Peaks
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.photons import PhotonTracer
+from drcmitsuba.transport.replicate import Replicate
 from drcmitsuba.transport.solved_cells import Transfer
 
 
@@ -114,21 +114,9 @@ class SurfaceLight:
                     subdivision = base.subdivision
                     tracer = replace(self.photons, suns=base.suns, subdivision=subdivision)
                     one.landed = tracer.traced(seed)
-                self._meet(one, drawn)
+                one.meet(drawn, self.keys)
+                one.join()
         return every
-
-    def _meet(self, one: Replicate, drawn: Drawn) -> None:
-        """Compute D of the cells [sr] in a replicate, and what they reflect."""
-        p, n, key, lit = drawn.p, drawn.n, (Stream.CELLS, one.number), one.deposit
-        D = lit.straight(
-            p, n, key, lit.accuracy.cell_sky_rays, numbers=self.keys, within=drawn.within
-        )
-        D = D.plus(lit.scattered(p, n, key, self.keys))
-        one.cells = D if one.landed is None else D.plus(one.landed.on(self.keys))
-        dr.eval(*one.cells)
-        if self.transfer is not None:
-            one.indirect = Irradiance(*self.transfer.indirect(one.number, *one.cells))
-            dr.eval(*one.indirect)
 
     def under(self, sun: np.ndarray) -> list[Replicate]:
         """Light of one sun, a unit vector (3,), in every replicate."""

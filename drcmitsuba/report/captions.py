@@ -21,14 +21,29 @@ DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 def caption(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> str:
     """Weather, period and 95 % intervals of an evaluation, with numbers as in `metrics.json`.
 
-    Such as "723170TYA.CSV; Jan–Dec, Mon–Fri, 8–18 h: 2610 h; 95 % intervals: sDA 83.3–84.7 %,
-    ASE 39.8–39.8 %".
+    Such as "723170TYA.CSV, 36.1° N, 80.0° W; Jan–Dec, Mon–Fri, 8–18 h: 2610 h; 95 % intervals: sDA
+    83.3–84.7 %, ASE 39.8–39.8 %".
     """
-    weather = numbers.get("settings", {}).get("weather_source", "")
-    source = f"{Path(weather).name}; " if weather else ""
     ends = (f"{name} {numbers[name]['low']:.1f}–{numbers[name]['high']:.1f} %" for name in METRICS)
     bounds = ", ".join(ends).replace(" ", NO_BREAK).replace("," + NO_BREAK, ", ")
-    return f"{source}{period_text(case, illuminance)}; 95 % intervals: {bounds}"
+    return f"{place_and_period(case, illuminance, numbers)}; 95 % intervals: {bounds}"
+
+
+def place_and_period(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, Any]) -> str:
+    """Weather file, place, months, days and hours of an evaluation; arguments as for `caption`."""
+    weather = numbers.get("settings", {}).get("weather_source", "")
+    parts = [Path(weather).name] if weather else []
+    if {"latitude", "longitude"} <= set(illuminance.attrs):
+        parts.append(place_text(illuminance.attrs["latitude"], illuminance.attrs["longitude"]))
+    where = ", ".join(parts)
+    return f"{where}; {period_text(case, illuminance)}" if where else period_text(case, illuminance)
+
+
+def place_text(latitude: float, longitude: float) -> str:
+    """Place in degrees, as "36.1° N, 80.0° W"."""
+    north, east = "S" if latitude < 0 else "N", "W" if longitude < 0 else "E"
+    text = f"{abs(latitude):.1f}° {north}, {abs(longitude):.1f}° {east}"
+    return text.replace("° ", f"°{NO_BREAK}")
 
 
 def period_text(case: Case, illuminance: xr.Dataset) -> str:

@@ -14,8 +14,8 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report import plots
 from drcmitsuba.report.captions import caption, is_rated, period_name
+from drcmitsuba.report.colour_scale import round_levels, scale
 from drcmitsuba.report.outlines import outlines_in_plan
-from drcmitsuba.report.plan_view import scale
 from drcmitsuba.report.sheets import MOST_SHEETS, Sheet, sheets
 from drcmitsuba.schema import luminance
 
@@ -60,7 +60,10 @@ def pictures_of_sums(
         for name, sensors in sensors_by_grid(mean).items()
     }
     plans: dict[str, tuple[xr.DataArray, dict[str, Any]]] = {
-        "illuminance": (mean, {"title": f"mean illuminance{shade}", "texts": averages}),
+        "illuminance": (mean, {
+            "title": f"mean illuminance{shade}", "texts": averages,
+            "contours": round_levels(np.ma.masked_invalid(mean.values)),
+        }),
         "autonomy": (
             100 * enough / stamps,
             {

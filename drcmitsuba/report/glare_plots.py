@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib.dates as mdates
 import numpy as np
 import xarray as xr
 from matplotlib import colormaps
@@ -12,7 +11,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 
-from drcmitsuba.report.style import GREY, INK, LINES, NAME, halo
+from drcmitsuba.report.style import GREY, INK, LINES, halo, head
+from drcmitsuba.report.temporal_map import temporal_map
 
 LIMITS = (0.35, 0.40, 0.45)
 """DGP between whose classes the colours change."""
@@ -28,8 +28,7 @@ def year(dgp: xr.DataArray, *, title: str = "", caption: str = "") -> Figure:
     Parameters
     ----------
     dgp : DataArray (time,)
-        Daylight glare probability with the coordinate `time`; time stamps that are left out stay
-        blank.
+        Daylight glare probability with the coordinate `time`, as for `temporal_map`.
     title, caption : str
         Words above the picture.
 
@@ -37,37 +36,21 @@ def year(dgp: xr.DataArray, *, title: str = "", caption: str = "") -> Figure:
     -------
     Figure
     """
-    time = dgp["time"].values.astype("datetime64[m]")
-    day = (time.astype("datetime64[D]") - time.astype("datetime64[D]").min()).astype(int)
-    minute = (time - time.astype("datetime64[D]")).astype(int)
-    step = np.diff(np.unique(minute)).min(initial=60)
-    rows = (minute - minute.min()) // step
-    grid = np.full((int(rows.max()) + 1, int(day.max()) + 1), np.nan)
-    grid[rows, day] = dgp.values
-    figure = Figure(figsize=(9, 3.6), layout="constrained")
-    ax = figure.subplots()
     norm = BoundaryNorm([0, *LIMITS, 1], len(COLOURS))
-    first = mdates.date2num(time.astype("datetime64[D]").min())
-    hours = minute.min() / 60, (minute.min() + step * len(grid)) / 60
-    ax.imshow(
-        grid, cmap=ListedColormap(COLOURS), norm=norm, origin="lower", aspect="auto",
-        interpolation="nearest", extent=(first, first + grid.shape[1], *hours),
-    )  # fmt: skip
-    ax.xaxis_date()
-    ax.xaxis.set_major_locator(mdates.MonthLocator())
-    ax.xaxis.set_major_formatter(mdates.DateFormatter("%b"))
-    ax.set_ylabel("hour of the day, standard time")
-    mappable = ScalarMappable(norm, ListedColormap(COLOURS))
-    bar = figure.colorbar(mappable, ax=ax, spacing="uniform", ticks=LIMITS)
-    bar.ax.set_title("DGP", fontsize=9)
+    ax = temporal_map(
+        dgp, norm=norm, cmap=ListedColormap(COLOURS), label="", title=title, caption=caption
+    )
+    bar = ax.images[0].colorbar
+    assert bar is not None
+    bar.set_ticks(LIMITS)
+    bar.ax.set_title("DGP [–]", fontsize=9)
     for i, word in enumerate(WORDS):
         colour = "white" if i == len(WORDS) - 1 else INK
         bar.ax.text(
-            0.5, (i + 0.5) / len(WORDS), word, rotation=90, ha="center", va="center", fontsize=6.5,
+            0.5, (i + 0.5) / len(WORDS), word, rotation=90, ha="center", va="center", fontsize=6.8,
             color=colour, transform=bar.ax.transAxes,
         )  # fmt: skip
-    _head(figure, title, caption)
-    return figure
+    return ax.get_figure(root=True)
 
 
 def plan(
@@ -118,11 +101,5 @@ def plan(
     ax.set_xlabel("x [m]")
     ax.set_ylabel("y [m]")
     figure.colorbar(ScalarMappable(norm, colours), ax=ax, label="share of the hours [%]")
-    _head(figure, title, caption)
+    head(ax, title, caption)
     return figure
-
-
-def _head(figure: Figure, title: str, caption: str) -> None:
-    """Write the title, and the caption in small letters below it."""
-    figure.suptitle(title, x=0.02, ha="left", fontsize=10, fontweight="bold", **NAME)
-    figure.axes[0].set_title(caption, loc="left", fontsize=7.5, color=GREY, **NAME)

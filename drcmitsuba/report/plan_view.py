@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import textwrap
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -11,13 +10,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator
 
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report import tiles
+from drcmitsuba.report.colour_scale import colour_bar, label_of, scale
 from drcmitsuba.report.sensor_marks import SensorMarks
 from drcmitsuba.report.style import GREY, INK, LINES, NAME, halo
 from drcmitsuba.runtime.errors import InputError
@@ -45,6 +44,7 @@ def plan(
     norm: Normalize | None = None,
     limit: float | None = None,
     limit_label: str = "limit",
+    contours: Sequence[float] = (),
     texts: Mapping[str, str] = MappingProxyType({}),
 ) -> Figure:
     """Plan of the room with one value for each sensor in false colours, north up.
@@ -74,6 +74,8 @@ def plan(
         sensors that count from the others, another line marks the limit on the colour bar.
     limit_label : str
         Name of the limit's line in the legend.
+    contours : sequence of float
+        Values along which lines are drawn between the sensors of each grid, in increasing order.
     texts : mapping of str to str
         Lines of text to write on grids, by the grid's name.
 
@@ -92,7 +94,7 @@ def plan(
     the next sensor; all others become discs, and arrows along their normals where these do not
     face up.
     """
-    x, y = _positions(values)
+    x, y = positions(values)
     numbers = np.ma.masked_invalid(np.asarray(values.values, dtype=float))
     norm = scale(numbers, norm, limit)
     marks = [
@@ -123,20 +125,22 @@ def plan(
     shown = np.ma.clip(numbers, norm.vmin, norm.vmax)
     for mark in marks:
         picture = mark.draw(ax, shown, norm, inch)
+    for mark in marks if len(contours) else ():
+        mark.contours(ax, numbers, contours)
     _draw_lines(ax, lines)
     _add_legend(figure, ax, keys, limit_label)
     if texts:
         _write_texts(ax, marks, texts, inch)
     elif tiles.closest(x, y) * inch >= LEGIBLE:
         _write_numbers(ax, x, y, numbers, norm)
-    _add_colour_bar(figure, bar, picture, numbers, norm)
+    colour_bar(picture, numbers, bar)
     if limit is not None:
         bar.axhline(limit, **LINES["limit"])
-    bar.set_ylabel(_label(values) if label is None else label)
+    bar.set_ylabel(label_of(values) if label is None else label)
     return figure
 
 
-def _positions(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
+def positions(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates x and y of the sensors [m], shape (sensor,) each."""
     if values.dims != ("sensor",) or values.size == 0:
         dims = ", ".join(f"{dim}: {size}" for dim, size in values.sizes.items())
@@ -145,18 +149,6 @@ def _positions(values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
         if key not in values.coords or values[key].dims != ("sensor",):
             raise InputError("plan", key, "no such coordinate of sensor", "give x and y in metres")
     return values["x"].values.astype(float), values["y"].values.astype(float)
-
-
-def scale(
-    numbers: np.ma.MaskedArray, norm: Normalize | None = None, limit: float | None = None
-) -> Normalize:
-    """Scale of the colours; default: 0 to the largest value, or to a little above a limit."""
-    if norm is None:
-        highest = numbers.max() if limit is None else max(float(numbers.max()), 1.1 * limit)
-        return Normalize(min(0.0, numbers.min()), highest or 1.0)
-    norm = copy.copy(norm)
-    norm.autoscale_None(numbers)
-    return norm
 
 
 def _closed(polygon: np.ndarray) -> np.ndarray:
@@ -265,22 +257,3 @@ def _write_texts(
                     fontsize=min(size, 10), weight="bold", path_effects=halo(2.4, "white"), **NAME,
                 )  # fmt: skip
                 break
-
-
-def _add_colour_bar(
-    figure: Figure, bar: Axes, picture: Any, numbers: np.ma.MaskedArray, norm: Normalize
-) -> None:
-    """Draw the scale of the colours, with arrows where values lie beyond it."""
-    below, above = bool((numbers < norm.vmin).any()), bool((numbers > norm.vmax).any())
-    extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
-    figure.colorbar(picture, cax=bar, extend=extend)
-    if isinstance(norm, LogNorm):  # 200, 500, 1000 rather than powers of ten
-        bar.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        bar.yaxis.set_major_formatter("{x:g}")
-        bar.minorticks_off()
-
-
-def _label(values: xr.DataArray) -> str:
-    name = str(values.attrs.get("long_name", values.name or ""))
-    units = values.attrs.get("units")
-    return f"{name} [{units}]".strip() if units else name

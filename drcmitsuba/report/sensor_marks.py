@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from matplotlib.colors import Normalize
 
 from drcmitsuba.report import tiles
 from drcmitsuba.report.sheets import facing_up
+from drcmitsuba.report.style import COLOURS, INK, LINES, halo
 from drcmitsuba.report.tiles import SensorTiles
 
 LONG = 0.7
@@ -69,12 +71,27 @@ class SensorMarks:
             return np.zeros((0, 2, 2))
         return self.grid.boundary(passed[self.sensors])
 
+    def contours(self, ax: Axes, numbers: np.ma.MaskedArray, levels: Sequence[float]) -> None:
+        """Draw lines of equal values, of all in the plan, between the grid's sensors.
+
+        A grid of a single row has none.
+        """
+        if self.grid is None or min(self.grid.shape) < 2:
+            return
+        lines = ax.contour(
+            *np.moveaxis(self.grid.centres, -1, 0), self.grid.grid(numbers[self.sensors]), levels,
+            colors=LINES["contour"]["color"], linewidths=LINES["contour"]["linewidth"],
+        )  # fmt: skip
+        lines.set_path_effects(LINES["contour"]["path_effects"])
+        for text in lines.clabel(fmt="{:g}".format, fontsize=9, colors=INK, inline_spacing=2):
+            text.set_path_effects(halo(2.4, "white"))
+
     def draw(self, ax: Axes, shown: np.ma.MaskedArray, norm: Normalize, inch: float) -> Any:
         """Draw the values of all sensors in the plan at those of the grid.
 
         `inch` is the length of a metre on paper [inch].
         """
-        colours: dict[str, Any] = {"cmap": "viridis", "norm": norm}
+        colours: dict[str, Any] = {"cmap": COLOURS, "norm": norm}
         values = shown[self.sensors]
         if self.grid is not None:
             cells = self.grid.grid(values)

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.report.tiles import neighbour_distance
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 
@@ -137,7 +138,7 @@ def _side_by_side(grids: list[np.ndarray], at: np.ndarray) -> list[np.ndarray]:
     """
     piles: list[_Pile] = []
     for grid in grids:
-        near = _spacing(at[grid]) / 2
+        near = neighbour_distance(at[grid]) / 2
         free = (pile for pile in piles if pile.has_room(at, grid, near))
         pile = next(free, None)
         if pile is None and len(piles) == MOST_PILES:
@@ -147,12 +148,3 @@ def _side_by_side(grids: list[np.ndarray], at: np.ndarray) -> list[np.ndarray]:
             piles.append(pile)
         pile.add(at, grid)
     return [np.sort(np.concatenate(pile.grids)) for pile in piles]
-
-
-def _spacing(at: np.ndarray) -> float:
-    """Distance from a point to its nearest neighbour in plan, the median of all (sensor, 2) [m]."""
-    unique = np.unique(np.round(at, 6), axis=0)
-    if len(unique) == 1:
-        return 0.1
-    distance, _ = spatial.cKDTree(unique).query(unique, k=2)
-    return float(np.median(distance[:, 1]))

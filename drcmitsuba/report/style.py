@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import base64
 import os
+import textwrap
 import warnings
 from io import BytesIO
 from pathlib import Path
@@ -23,6 +24,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 BLUE, ORANGE, GREY, INK = "#0072B2", "#D55E00", "#5A5A5A", "#222222"
+COLOURS = "viridis"
+"""Colours of values: their lightness grows evenly, so that they are legible in grey, too."""
 METRICS = {"sDA": BLUE, "msDA": BLUE, "ASE": ORANGE, "MSE": ORANGE}
 """Colours of the metrics' bars and lines."""
 
@@ -37,10 +40,29 @@ LINES: dict[str, dict[str, Any]] = {
     "furniture": {"color": "white", "linewidth": 1.0, "path_effects": halo(2.4, INK)},
     "surroundings": {"color": GREY, "linewidth": 1.2, "linestyle": (0, (4, 2))},
     "glazing": {"color": "#56B4E9", "linewidth": 4, "solid_capstyle": "butt"},
+    "contour": {"color": INK, "linewidth": 0.9, "path_effects": halo(2.2, "white")},
     "limit": {"color": ORANGE, "linewidth": 2.0, "path_effects": halo(3.6, "white")},
 }
 """Lines of a plan by their name in the legend."""
 NAME = {"parse_math": False}  # dollars in a case's name do not begin a formula
+
+
+def new_axes(size: tuple[float, float], **settings: Any) -> Axes:
+    """Return the only axes of a new figure of a width and height [inch]."""
+    return Figure(figsize=size, layout="constrained").add_subplot(**settings)
+
+
+def head(ax: Axes, title: str, caption: str = "", above: float = 5.0) -> None:
+    """Write the title and, in small letters below it, the caption, from [pt] above the axes on."""
+    width = ax.get_figure(root=True).get_figwidth() * ax.get_position().width / 0.8
+    small = textwrap.wrap(caption, max(20, int(width / 0.075)))
+    heading = textwrap.wrap(title, max(20, int(width / 0.1)))
+    pad = above + 2 + 11.5 * len(small)
+    ax.set_title("\n".join(heading), loc="left", fontsize=11, weight="bold", y=1, pad=pad, **NAME)
+    ax.annotate(
+        "\n".join(small), (0, 1), (0, above), "axes fraction", "offset points", va="bottom",
+        fontsize=8.5, color=GREY, linespacing=1.15, **NAME,
+    )  # fmt: skip
 
 
 def write(figure: Figure, file: Path | IO[bytes], dpi: int) -> None:

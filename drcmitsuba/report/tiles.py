@@ -6,6 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drcmitsuba.runtime import lazy
+
+spatial = lazy.module("scipy.spatial")
+
 
 def spacing(x: np.ndarray, y: np.ndarray) -> float:
     """Typical distance between neighbours [m], for sensors that form no grid."""
@@ -27,6 +31,15 @@ def around(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.concatenate([centres - half, centres + half])
 
 
+def neighbour_distance(at: np.ndarray) -> float:
+    """Distance from a point to its nearest neighbour in plan, the median of all (sensor, 2) [m]."""
+    unique = np.unique(np.round(at, 6), axis=0)
+    if len(unique) == 1:
+        return 0.1
+    distance, _ = spatial.cKDTree(unique).query(unique, k=2)
+    return float(np.median(distance[:, 1]))
+
+
 @dataclass(frozen=True)
 class SensorTiles:
     """Tiles of a rectangular grid of sensors, turned or with gaps.
@@ -35,11 +48,14 @@ class SensorTiles:
     ----------
     corners : np.ndarray, shape (row + 1, column + 1, 2)
         Corners of the tiles x, y [m].
+    centres : np.ndarray, shape (row, column, 2)
+        Places x, y of the grid, in which its sensors stand [m].
     row, column : np.ndarray of int, shape (sensor,)
         Row and column of each sensor in the grid.
     """
 
     corners: np.ndarray
+    centres: np.ndarray
     row: np.ndarray
     column: np.ndarray
 
@@ -66,12 +82,20 @@ class SensorTiles:
         if places > 2 * len(x) or len(np.unique(row * len(at_u) + column)) < len(x):
             return None
         edge_u, edge_v = _edges(at_u, distance[near]), _edges(at_v, distance[near])
-        return cls(np.stack(np.meshgrid(edge_u, edge_v), axis=-1) @ turn, row, column)
+        corners, centres = (
+            np.stack(np.meshgrid(*along), axis=-1) @ turn
+            for along in ((edge_u, edge_v), (at_u, at_v))
+        )
+        return cls(corners, centres, row, column)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of rows and columns."""
+        return self.corners.shape[0] - 1, self.corners.shape[1] - 1
 
     def grid(self, values: np.ndarray) -> np.ma.MaskedArray:
         """Values of the sensors in the grid, shape (row, column); gaps are masked."""
-        places = np.subtract(self.corners.shape[:2], 1)
-        grid = np.ma.masked_all(places, dtype=values.dtype)
+        grid = np.ma.masked_all(self.shape, dtype=values.dtype)
         grid[self.row, self.column] = values
         return grid
 

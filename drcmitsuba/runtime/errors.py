@@ -23,6 +23,10 @@ class InputError(ValueError):
         parts = (on_a_line(part) for part in (self.source, field, got, remedy))
         super().__init__("{}: {}: {}; {}".format(*parts))
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str, str]]:
+        """Let other processes raise it here."""
+        return InputError, (self.source, self.field, self.got, self.remedy)
+
 
 LONGEST = 300
 """Largest number of characters of a part of the line: names and values may come from any file."""

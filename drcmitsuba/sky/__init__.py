@@ -16,6 +16,8 @@ sun_models
     Which suns stand for the sun of every time stamp.
 daylight
     Sky and suns of a case, with remarks on its period.
+luminances
+    L[time, bin] of all bins, suns among them.
 """
 
 from drcmitsuba.sky.cie import CieSky

@@ -13,6 +13,8 @@ deciding
     Points and hours that decide a level.
 verdict
     `Verdict`: level, margin, probability.
+view
+    `ViewOut`, `view_out`: levels of the view out of EN 17037.
 judgement
     `verdict` on one standard, `each` of several, `verdicts` on all; those that are `not_covered`.
 """
@@ -21,16 +23,19 @@ from drcmitsuba.standards.evidence import Evidence
 from drcmitsuba.standards.judgement import Refusal, each, not_covered, verdict, verdicts
 from drcmitsuba.standards.standard import Standard, names, read
 from drcmitsuba.standards.verdict import Verdict
+from drcmitsuba.standards.view import ViewOut, view_out
 
 __all__ = [
     "Evidence",
     "Refusal",
     "Standard",
     "Verdict",
+    "ViewOut",
     "each",
     "names",
     "not_covered",
     "read",
     "verdict",
     "verdicts",
+    "view_out",
 ]

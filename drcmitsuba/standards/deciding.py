@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,25 @@ MOST_POINTS = 20
 """Largest number of points that are listed."""
 FEW = 3
 """Number of months and of hours of the day that are named."""
-MONTHS = "January February March April May June July August September October November December"
+WORDS = {
+    "decides_point": "point",
+    "decides_points": "points",
+    "decides_h": "h",
+    "decides_spare_points": "it fails where {number} drop out",
+    "decides_lack_points": "it wants {number} more",
+    "decides_spare_h": "{number} fewer would fail it",
+    "decides_lack_h": "it lacks {number}",
+    "decides_nearest_has": "the nearest, at x {x} m, y {y} m, has {hours} h to spare",
+    "decides_nearest_lacks": "the nearest, at x {x} m, y {y} m, lacks {hours} h",
+    "decides_open": "{count} of all points are too close to call",
+    "decides_dark": "hours below are most in {months}, and at {hours}",
+    "decides_light": "with {factor} times the light it would hold",
+    "decides_light_still": "with {factor} times the light it would still hold",
+    "decides_months": (
+        "January February March April May June July August September October November December"
+    ),
+}
+"""Parts of the sentence on what decides; the report has them in its table of labels."""
 
 
 @dataclass(frozen=True)
@@ -45,31 +64,29 @@ class Deciding:
     """Factor of all light with which the limit would just hold, the states of the shade unchanged
     [–]: to first order that of the transmittance of all panes. None for direct sun."""
 
-    def text(self) -> str:
-        """Sentence for people."""
-        number = f"{self.count:,} {self.unit if self.count != 1 else self.unit.rstrip('s')}"
-        if self.unit == "h":
-            out = f"{number} fewer would fail it" if self.holds else f"it lacks {number}"
-        elif self.holds:
-            out = f"it fails where {number} drop out"
-        else:
-            out = f"it wants {number} more"
+    def text(self, words: Mapping[str, str] = WORDS) -> str:
+        """Sentence for people; `words` are its parts in another language, as `WORDS` has them."""
+        held, unit = self.holds, self.unit
+        number = words[f"decides_{'point' if self.count == 1 and unit == 'points' else unit}"]
+        first = words[f"decides_{'spare' if held else 'lack'}_{unit}"]
+        parts = [first.format(number=f"{self.count:,} {number}")]
         if self.points:
             nearest = self.points[0]
-            at = f"x {nearest['x']:.2f} m, y {nearest['y']:.2f} m"
-            hours = f"{abs(nearest['hours']):,g} h"
-            more = f"has {hours} to spare" if self.holds else f"lacks {hours}"
-            out += f"; the nearest, at {at}, {more}"
+            at = {axis: f"{nearest[axis]:.2f}" for axis in "xy"}
+            hours = f"{abs(nearest['hours']):,g}"
+            words_of = words["decides_nearest_has" if held else "decides_nearest_lacks"]
+            parts.append(words_of.format(**at, hours=hours))
         if self.undecided:
-            out += f"; {self.undecided} of all points are too close to call"
+            parts.append(words["decides_open"].format(count=self.undecided))
         if any(self.months):
-            months = [MONTHS.split()[i] for i in sorted(_largest(self.months))]
+            names = words["decides_months"].split()
+            months = ", ".join(names[i] for i in sorted(_largest(self.months)))
             hours = ", ".join(f"{i}–{i + 1} h" for i in sorted(_largest(self.clock)))
-            out += f"; hours below are most in {', '.join(months)}, and at {hours}"
+            parts.append(words["decides_dark"].format(months=months, hours=hours))
         if self.light is not None and self.light < 1e3:
-            would = "still hold" if self.holds else "hold"
-            out += f"; with {_rounded(self.light)} times the light it would {would}"
-        return f"{self.quantity}: {out}"
+            words_of = words["decides_light_still" if held else "decides_light"]
+            parts.append(words_of.format(factor=_rounded(self.light)))
+        return f"{self.quantity}: {'; '.join(parts)}"
 
 
 def _rounded(factor: float) -> str:

@@ -22,7 +22,8 @@ from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
 from drcmitsuba.schema import luminance
-from drcmitsuba.sky.daylight import Daylight, from_luminances
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import from_luminances
 
 OF_E = ("total", "total_open", "direct_sun")
 """Illuminances that standards ask for; each has its standard error."""

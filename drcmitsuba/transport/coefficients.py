@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import reduce
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 import xarray as xr
@@ -27,89 +26,20 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.cell_points import Drawn
-from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.first_bounce import MANY, CellLight
-from drcmitsuba.transport.gather_blocks import Gathered, Met, product
+from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
-from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
+from drcmitsuba.transport.photons import FluxLedger, PhotonTracer
+from drcmitsuba.transport.replicate import Replicate
 from drcmitsuba.transport.sensor_blocks import joined
-from drcmitsuba.transport.solved_cells import Transfer, solved
-from drcmitsuba.transport.straight_suns import sensor_numbers
+from drcmitsuba.transport.solved_cells import solved
 
 PHOTONS_SHARE = 0.8
 """Share of the progress bar that photons take."""
 
 _PARTS = ("straight", "direct", "interreflected")
-
-
-@dataclass
-class Replicate:
-    """One independent estimate: its deposit, and D of the cells."""
-
-    number: int
-    deposit: Deposit
-    landed: Landed | None = None
-    cells: Irradiance | None = None
-    transfer: Transfer | None = None
-    indirect: Irradiance | None = None
-    light: CellLight | None = None
-    """Light of many cells after all bounces, in place of `cells` and `indirect`."""
-
-    def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
-        """Compute D of the cells [sr] at the points that stand for them, and what they reflect."""
-        p, n, key = drawn.p, drawn.n, (Stream.CELLS, self.number)
-        rays = self.deposit.accuracy.cell_sky_rays
-        straight = self.deposit.straight(p, n, key, rays, numbers=keys, within=drawn.within)
-        D = straight.plus(self.deposit.scattered(p, n, key, keys))
-        self.cells = D if self.landed is None else D.plus(self.landed.on(keys))
-        dr.eval(*self.cells)  # a pending sum would keep all of its parts for every replicate
-        if self.transfer is not None:
-            self.indirect = Irradiance(*self.transfer.indirect(self.number, *self.cells))
-            dr.eval(*self.indirect)
-            if len(self.cells.sky) > MANY * self.deposit.accuracy.paths:
-                self.light = CellLight.of(self.cells, self.indirect, self.transfer.blocks.of)
-                self.cells = self.indirect = None
-
-    def sensors(
-        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """D of sensors (sensor, bin) [sr]: by straight and mirrored light; by all light."""
-        key, sky_rays = (Stream.SENSORS, self.number), self.deposit.accuracy.sensor_sky_rays
-        numbers = sensor_numbers(here)
-        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within)
-        direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
-        D, D_straight = direct.numpy(), straight.numpy()
-        if self.landed is None:
-            return D_straight, D
-        return D_straight + self.landed.mirrored[here], D + self.landed.sensors[here]
-
-    def interreflected(self, met: Met, sensors: int) -> np.ndarray:
-        """G·D, shape (sensor, bin) [sr], with the paths of this replicate."""
-        bins = sum(self.deposit.bins)
-        if (self.cells is None and self.light is None) or len(met) == 0:
-            return np.zeros((sensors, bins), np.float32)
-        if self.light is not None:
-            paths = self.deposit.accuracy.paths
-            _, cell, weight, _ = met.of_replicate(self.number, sensors, paths)
-            return self.light.gathered(cell, weight, paths)
-        assert self.cells is not None
-        if self.transfer is None or self.indirect is None:
-            first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each
-            row = met.row - first
-            mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
-            parts = (product(row, met.cell, met.weight, mine, sensors, d) for d in self.cells)
-            return Irradiance(*parts).numpy()
-        row, cell, weight, _ = met.of_replicate(self.number, sensors, self.deposit.accuracy.paths)
-        block, seen = dr.gather(mi.UInt32, self.transfer.blocks.of, cell), weight > 0
-        parts = (
-            product(row, cell, weight, seen, sensors, d)
-            + product(row, block, weight, seen, sensors, x)
-            for d, x in zip(self.cells, self.indirect, strict=True)
-        )
-        return Irradiance(*parts).numpy()
 
 
 def compute(
@@ -132,7 +62,8 @@ def compute(
     subdivision : int or None
         Reinhart's factor MF of the sky; None leaves out ground and sky.
     kept : BlockSeries
-        Stored coefficients of blocks of sensors: those that are there are not computed again.
+        Stored coefficients of blocks of sensors: those that are there are not computed again, and
+        those outside its part are passed over.
     progress : callable
         Takes the share of the work that is done.
 
@@ -178,14 +109,16 @@ def compute_blocks(
         """C with zeros for the suns that are not followed."""
         if len(followed) == len(labels):
             return C
-        return C.reindex(bin=np.array(labels, dtype=object), fill_value=np.float32(0))
+        number = {label: i for i, label in enumerate(labels)}
+        return _with_zeros(C, labels, [number[label] for label in followed])
 
     done = 0
-    for here in kept.cover(len(points)):
-        C = kept.get(here)
-        if C is None:
-            break
-        yield here, widened(C)
+    for block, here in enumerate(kept.cover(len(points))):
+        if kept.part.holds(block):
+            C = kept.get(here)
+            if C is None:
+                break
+            yield here, widened(C)
         done = here.stop
         progress(done / len(points))
     if done == len(points):
@@ -204,6 +137,19 @@ def compute_blocks(
     )  # fmt: skip
     for here, C in blocks:
         yield here, widened(C)
+
+
+def _with_zeros(C: xr.Dataset, labels: list[str], at: list[int]) -> xr.Dataset:
+    """C with bins of all labels: its own are those `at` some indices, the others are 0."""
+
+    def widened(part: xr.DataArray) -> xr.Variable:
+        out = np.zeros((*part.shape[:-1], len(labels)), part.dtype)
+        out[..., at] = part.values
+        return xr.Variable(part.dims, out, part.attrs)
+
+    parts = {name: widened(part) for name, part in C.items()}
+    coords = {**C.drop_vars("bin").coords, "bin": np.array(labels, dtype=object)}
+    return xr.Dataset(parts, coords, C.attrs)
 
 
 def _dark(
@@ -285,8 +231,9 @@ def estimate_blocks(
         keys = gathered.cells.keys
         for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
             replicate.meet(drawn, keys)
+            replicate.pack()
     for block, here in enumerate(gathered.blocks):
-        if here.start < done:
+        if here.start < done or not kept.part.holds(block):
             continue
         C = kept.get(here)
         if C is None:
@@ -315,7 +262,7 @@ def _of_block(
         progress((replicate.number + 1) / len(replicates))
     out = {}
     for name, values in zip(_PARTS, zip(*estimates, strict=True), strict=True):
-        mean, error = mean_and_error(np.stack(values))
+        mean, error = mean_and_error(values)
         out[name], out[f"{name}_se"] = mean.astype(np.float32), error.astype(np.float32)
     return as_dataset(labels, points[here], out, np.stack(totals))
 

@@ -12,7 +12,7 @@ Sources are not collected: a path that leaves the scene adds nothing.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -25,6 +25,7 @@ from drcmitsuba.scene.materials import max_reflectance
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.cells import Grid, Vertices
+from drcmitsuba.transport.vertex_store import VertexStore
 
 ROULETTE_DEPTH = 3
 """Depth from which paths undergo roulette."""
@@ -164,49 +165,6 @@ def expected_bounces(
     return max(USUAL, 1.2 * len(met) / (len(some) * paths))
 
 
-class _VertexStore:
-    """Vertices of a launch, in the order in which its lanes meet them; up to `capacity` are kept.
-
-    With `once`, the vertex of every lane has the place of its lane. Only `marked` vertices carry
-    the mark of their path; `told` ones, whether they lie in a room.
-    """
-
-    def __init__(self, capacity: int, marked: bool, told: bool, once: bool):
-        self._capacity, self._room = capacity, dr.opaque(mi.UInt32, capacity)
-        self._lane = dr.arange(mi.UInt32, capacity) if once else None
-        self._counter = dr.zeros(mi.UInt32, 1)
-        whole = ("row", "key", "tag", "mark") if marked else ("row", "key", "tag")
-        self._columns = {name: dr.zeros(mi.UInt32, capacity) for name in whole}
-        if told:
-            self._columns["within"] = dr.zeros(mi.Bool, capacity)
-        for name, width in (("weight", 1), ("p", 3), ("n", 3)):
-            self._columns[name] = dr.zeros(mi.Float, width * capacity)
-        dr.make_opaque(self._counter, self._columns)  # a loop that is being recorded adds to them
-
-    def add(self, active: mi.Bool, **values: Any) -> None:
-        """Add the vertices of the active lanes, by the names of `Vertices`."""
-        if self._lane is not None:
-            slot, kept = self._lane, active
-        else:
-            slot = dr.scatter_inc(self._counter, mi.UInt32(0), active)
-            kept = active & (slot < self._room)
-        for name, column in self._columns.items():
-            dr.scatter(column, values[name], slot, kept)
-
-    def vertices(self) -> tuple[Vertices, int]:
-        """Vertices that were kept, and how many were met."""
-        dr.eval(self._counter, self._columns)
-        if self._lane is not None:
-            return Vertices(**self._columns), self._capacity
-        met = int(self._counter[0])
-        kept = {}
-        for name, column in self._columns.items():
-            size = min(met, self._capacity) * (3 if name in ("p", "n") else 1)
-            kept[name] = dr.gather(type(column), column, dr.arange(mi.UInt32, size))
-        dr.eval(kept)
-        return Vertices(**kept), met
-
-
 def _numbers(
     sensors: int, lanes: int, paths: int, first: int, among: int
 ) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32]:
@@ -243,7 +201,7 @@ def _trace(
     wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
     told = within is not None
     marked = not (marks is None and crossings is None)
-    store = _VertexStore(capacity, marked, told, once)
+    store = VertexStore(capacity, marked, told, once)
     in_room = dr.gather(mi.Bool, mi.Bool(within), sensor) if told else mi.Bool(False)
     ctx = mi.BSDFContext() if marks is None else marks.context
     ray = mi.Ray3f(p, wo)

@@ -81,21 +81,31 @@ class Openings:
         """Whether no point can look out of the room."""
         return len(self.quads) == 0 and (self.within is None or bool(dr.all(self.within)))
 
-    def passed(self, row: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
-        """Whether rays from p, the points `row`, may leave the room; in doubt yes."""
+    def passed(
+        self, row: mi.UInt32, p: mi.Point3f, d: mi.Vector3f, spread: mi.Float | float = 0.0
+    ) -> mi.Bool:
+        """Whether cones of directions about d from p, the points `row`, may leave the room.
+
+        A ray at angle δ ≤ `spread` [rad] to an axis of incidence θ meets the wall, at distance h,
+        within h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it. In doubt yes.
+        """
         result = mi.Bool(False)
         if self.within is not None:
             result = ~dr.gather(mi.Bool, self.within, row)
+        s, c = dr.sincos(mi.Float(spread))
         for i in range(len(self.quads)):
             corner, n = (dr.gather(mi.Vector3f, self._numbers, 5 * i + k) for k in (0, 1))
             length = dr.gather(mi.Vector3f, self._numbers, 5 * i + 4)
-            height, cosine = dr.dot(p - corner, n), dr.dot(d, n)
-            y = p - height / cosine * d - corner
-            inside = (cosine < 0) & (height > -1e-3)
+            height, cosine = dr.dot(p - corner, n), -dr.dot(d, n)
+            outermost = cosine * c - dr.safe_sqrt(1 - cosine * cosine) * s
+            margin = dr.select(s > 0, height * s / (cosine * outermost), 0) + 1e-3
+            y = p + height / cosine * d - corner
+            inside = (height > -1e-3) & (cosine > 0)
             for k in (0, 1):
                 along = dr.dot(y, dr.gather(mi.Vector3f, self._numbers, 5 * i + 2 + k))
-                inside &= (along > -1e-3) & (along < length[k] + 1e-3)
-            result |= inside
+                inside &= (along > -margin) & (along < length[k] + margin)
+            grazes = (s > 0) & (outermost < 0.01) & (cosine > -s)
+            result |= inside | grazes
         return result
 
     @cached_property

@@ -89,20 +89,30 @@ def sky_deposit(
     block = max(1, SHADOW_RAYS // rays)
     for start in range(0, count, block):
         n_points = min(block, count - start)
-        lane = dr.arange(mi.UInt32, n_points * rays)
-        row = lane // rays + dr.opaque(mi.UInt32, start)
-        p = dr.gather(mi.Point3f, points, row)
-        frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
-        number = dr.gather(mi.UInt32, numbers, row)
-        d = frame.to_world(first_directions(lane % rays, number, seed))
+        lane = dr.arange(mi.UInt32, n_points * rays) + dr.opaque(mi.UInt32, start) * rays
+        row, p, d = _cosine_rays(points, normals, numbers, lane, rays, seed)
         active = scene.effects.shines(d)
-        if openings is not None:
-            active &= openings.passed(row, p, d)
+        if openings is not None:  # few rays leave a room: the others would cost as much
+            chosen = dr.compress(active & openings.passed(row, p, d))
+            if not dr.width(chosen):
+                continue
+            lane, active = dr.gather(mi.UInt32, lane, chosen), mi.Bool(True)
+            row, p, d = _cosine_rays(points, normals, numbers, lane, rays, seed)
         tau = straight(scene, p, d, active)
         index = row * bins + patch_index(d, subdivision)
         dr.scatter_add(out, mi.Float64(tau * (np.pi / rays)), index, tau > 0)
         dr.eval(out)
     return mi.TensorXf(mi.Float(out), (count, bins))
+
+
+def _cosine_rays(
+    points: mi.Float, normals: mi.Float, numbers: mi.UInt32, lane: mi.UInt32, rays: int, seed: int
+) -> tuple[mi.UInt32, mi.Point3f, mi.Vector3f]:
+    """Receiver, origin and direction of lanes receiver · rays + index."""
+    row = lane // rays
+    frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
+    d = first_directions(lane % rays, dr.gather(mi.UInt32, numbers, row), seed)
+    return row, dr.gather(mi.Point3f, points, row), frame.to_world(d)
 
 
 def sun_deposit(
@@ -148,6 +158,7 @@ def sun_deposit(
     of_pairs = _by_pairs(
         scene, openings, points, normals, suns, diameter, samples, seed, numbers, rim, through
     )
+    directions, radius = flat(suns), dr.opaque(mi.Float, np.radians(diameter) / 2)
     block = max(1, SHADOW_RAYS // CLUSTER)
     stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
     for start in range(0, len(rows), block):
@@ -157,8 +168,17 @@ def sun_deposit(
         group = dr.gather(mi.UInt32, group_of, candidate)
         member = dr.gather(mi.Int32, sun_of, group * CLUSTER + lane % CLUSTER)
         sun, exists = mi.UInt32(member), member >= 0
-        dr.scatter(out, of_pairs(row, sun, exists), row * stride + sun, exists)
-        dr.eval(out)
+        p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
+        centre = dr.gather(mi.Vector3f, directions, sun, exists)
+        exists &= dr.dot(n, centre) > -dr.sin(radius)
+        if openings is not None:
+            exists &= openings.passed(row, p, centre, radius)
+        chosen = dr.compress(exists)  # few pairs: lanes of the others would cost as much
+        if dr.width(chosen):
+            pair = dr.gather(mi.UInt32, row * stride + sun, chosen)
+            active = dr.full(mi.Bool, True, dr.width(pair))
+            dr.scatter(out, of_pairs(pair // stride, pair % stride, active), pair)
+            dr.eval(out)
     return mi.TensorXf(out, (count, n_suns))
 
 

@@ -19,7 +19,8 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
-from drcmitsuba.sky.daylight import daylight, sources
+from drcmitsuba.sky.daylight import daylight
+from drcmitsuba.sky.luminances import sources
 
 GROUPS, STATES = 10, 20
 HOURS_AGAIN = 3

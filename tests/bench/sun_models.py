@@ -27,6 +27,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky import daylight
+from drcmitsuba.sky.luminances import sources
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.sun_interpolation import meshed, with_straight
 
@@ -57,7 +58,7 @@ def light_of(case: Case, model: str, hour: str) -> daylight.Daylight:
     )
     of_month = daylight.daylight(changed)
     sky = of_month.sky.sel(time=[np.datetime64(hour)])
-    suns = of_month.suns.only(daylight.sources(sky))
+    suns = of_month.suns.only(sources(sky))
     return daylight.Daylight(sky, of_month.sun, suns, of_month.step_hours, of_month.source)
 
 

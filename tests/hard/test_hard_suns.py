@@ -12,7 +12,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.sky import daylight as lights
-from drcmitsuba.sky import sun_labels, sun_models, sun_position, weather
+from drcmitsuba.sky import luminances, sun_labels, sun_models, sun_position, weather
 from drcmitsuba.sky.period import Period
 from drcmitsuba.sky.sun import direction
 from drcmitsuba.sky.sun_models import mesh
@@ -207,7 +207,9 @@ def test_year_of_a_file(suffix, leap, name, tmp_path, holds):
     assert night.sum() > 1000
     holds("hours of the year but 8760", abs(len(L) - 8760), 0)
     holds("luminance at night", L[night].max() + sun[night].max(), 0)
-    holds("luminances that are not finite", ~np.isfinite(lights.luminances(light)["L"].values), 0)
+    holds(
+        "luminances that are not finite", ~np.isfinite(luminances.luminances(light)["L"].values), 0
+    )
     # Not its luminance: the efficacy of direct light may be 0 at the horizon.
     dark = (light.sun["solar_zenith"].values >= 90) & (read.data["dni"].values > 0)
     holds("hours of sun without a sun", dark.sum(), 0)

@@ -1,4 +1,4 @@
-"""A file `lights.nc` of known shares, as `drcmitsuba lights` writes it beside an evaluation."""
+"""Files of known shares, as `drcmitsuba lights` writes them beside an evaluation."""
 
 import numpy as np
 import xarray as xr
@@ -31,4 +31,20 @@ def write_lights(folder, sensors=(0, 12), **attributes):
     attributes = {"by_evaluation": 1, "subdivision": 1, "settings": settings, **attributes}
     made = xr.Dataset(data, coords, attributes)
     made.to_netcdf(folder / "lights.nc", engine="h5netcdf")
+    return made
+
+
+def write_light_of_sensors(folder):
+    """Write the file for all sensors: of the nth one, the film has the n-fold light."""
+    with xr.open_dataset(folder / "illuminance.nc", engine="h5netcdf") as E:
+        settings, count = E.attrs["settings"], E.sizes["sensor"]
+    light = np.array([*EXPOSURE.values()])[None, :, :, None, None] * np.ones(count)
+    light[:, 1] *= np.arange(count)
+    share = np.array([0.25, 0.5, 0.25])[:, None]
+    made = xr.Dataset(
+        {"exposure": (("state", "window", "source", "bounces", "sensor"), light * share)},
+        {"window": [*EXPOSURE], "source": ["ground", "sky", "sun"], "sensor": np.arange(count)},
+        {"by_evaluation": 1, "settings": settings},
+    )
+    made.to_netcdf(folder / "light_of_sensors.nc", engine="h5netcdf")
     return made

@@ -10,7 +10,7 @@ from drcmitsuba.metrics import evaluate_metrics, illuminance, stored_arrays
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.sky import daylight as light_module
+from drcmitsuba.sky import luminances
 from tests.system.test_evaluate import CASE, DAYS, changed
 
 MODELS = ["true_sun", "three_phase", "five_phase", "daysim", "adaptive"]
@@ -34,9 +34,9 @@ def results(tmp_path_factory):
 def test_files_on_disk_give_the_same_illuminance(results, tmp_path, model):
     result = results[model]
     storage.save_zarr(result.coefficients, tmp_path / "C.zarr")
-    light_module.save_luminances(result.daylight, tmp_path / "L.zarr")
+    luminances.save_luminances(result.daylight, tmp_path / "L.zarr")
     C = stored_arrays.open_dataset(tmp_path / "C.zarr", "replicates").load()
-    L = light_module.from_luminances(stored_arrays.open_dataset(tmp_path / "L.zarr", "L", "sun"))
+    L = luminances.from_luminances(stored_arrays.open_dataset(tmp_path / "L.zarr", "L", "sun"))
     E = illuminance.illuminance(Coefficients.of(C), L)
     for name, expected in result.illuminance.data_vars.items():
         np.testing.assert_allclose(E[name], expected, rtol=1e-4, atol=0.05, err_msg=name)

@@ -214,6 +214,8 @@ def test_a_disk_that_fills_up_beside_the_pictures_gives_one_line(
         (["evaluate", "a", "b"], "command line: Got unexpected extra argument"),
         (["evaluate", "--wether", "x"], "command line: No such option: --wether"),
         (["evaluate", "classroom/exsting"], "did you mean the shipped case classroom/existing?"),
+        (["plot", "nowhere", "--point", "1"], "--point: '1'; give --point X,Y in metres"),
+        (["plot", "nowhere", "--section", "1,2,3,nan"], "give --section X,Y,X,Y in metres"),
         (["plot", "nowhere"], "illuminance.nc: results: no such file or folder; run the step"),
         (["metrics", "nowhere.nc"], "nowhere.nc: results: no such file or folder"),
         (["illuminance", "nowhere", "nowhere"], "nowhere: results: no such file or folder"),
@@ -389,8 +391,12 @@ def test_plots_are_drawn_again(run, results):
     pictures = {name for name in RESULTS if name.endswith(".png")}
     for name in pictures:
         (results / name).unlink()
-    code, out, err = run("plot", results)
+    code, out, err = run("plot", results, "--point", "0.7,0.8", "--point", "0.8,0.7")
     assert (code, err) == (0, "")
+    pictures |= {
+        f"{name}.png" for name in ("illuminance_mountain", "illuminance_section", "sun_path",
+                                   "illuminance_year", "illuminance_year_0")
+    }  # fmt: skip
     assert {Path(line).name for line in out.split()} == pictures
     assert all((results / name).read_bytes().startswith(b"\x89PNG") for name in pictures)
 

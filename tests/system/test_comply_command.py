@@ -64,8 +64,16 @@ def test_json_goes_to_stdout(run, results):
 def test_a_case_is_evaluated_first(run, results, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "case.toml").write_text(CASE.replace(DAYS, YEAR))
-    code, _, err = run("comply", "case.toml", "--standard", "lm-83-12", "-o", "kept")
+    code, out, err = run("comply", "case.toml", "--standard", "lm-83-12", "-o", "kept", "--view")
     assert (code, err) == (0, "")
+    assert "view out of EN 17037, as far as geometry tells: minimum " in out
+    seen = json.loads((tmp_path / "kept" / "compliance.json").read_text())["view_out"]
+    level = drcmitsuba.metrics.view_level(
+        drcmitsuba.view_distances(drcmitsuba.load_case("case.toml"))
+    )
+    of_level = [100 * float((level >= i).mean()) for i in (1, 2, 3)]
+    assert [*seen["share"].values()] == pytest.approx(of_level)
+    assert seen["median"]["distance"] is None  # nothing stands outside
     kept = json.loads((tmp_path / "kept" / "compliance.json").read_text())["standards"][0]
     assert (tmp_path / "kept" / "illuminance.nc").is_file()
     of_folder = standards.verdict("lm-83-12", standards.Evidence.of_folder(results)).to_dict()
@@ -83,6 +91,7 @@ def test_a_period_that_does_not_fit_is_refused_before_the_simulation(refused, tm
 def test_other_versions_missing_files_and_mixed_results_are_refused(refused, copied, tmp_path):
     assert "no such standard" in refused("comply", copied, "--standard", "leed-v4")
     assert "give it with a case" in refused("comply", copied, "--weather", "w.epw")
+    assert "give it with a case" in refused("comply", copied, "--view")
     assert "no such file" in refused("comply", tmp_path)
     path = copied / "illuminance.nc"
     with xr.open_dataset(path, engine="h5netcdf") as data:

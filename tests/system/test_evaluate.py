@@ -267,7 +267,8 @@ def test_the_chain_of_verbs_gives_the_numbers_of_evaluate(
     run(monkeypatch, "plan", case, "-o", tmp_path)
     run(monkeypatch, "plot", tmp_path)
     assert {p.name for p in tmp_path.iterdir()} == {
-        "case.toml", *(p.name for p in small[1].iterdir())
+        "case.toml", "illuminance_mountain.png", "illuminance_section.png", "illuminance_year.png",
+        "sun_path.png", *(p.name for p in small[1].iterdir()),
     }  # fmt: skip
 
 

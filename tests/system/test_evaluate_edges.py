@@ -11,6 +11,7 @@ from drcmitsuba import load_case, metrics, schema
 from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import daylight as light_module
+from drcmitsuba.sky import luminances
 from drcmitsuba.sky.sun_models import Suns
 from tests import SHARED
 from tests.system.small_room import CASE, DAYS, SHADING, SITE, STRIPS, VARIABLES, changed, run
@@ -248,11 +249,11 @@ def test_calendars_have_their_hours(tmp_path, calendar, hours):
     (tmp_path / "case.toml").write_text(changed((DAYS, f'calendar = "{calendar}"')))
     light = light_module.daylight(load_case(tmp_path / "case.toml"))
     assert light.sky.sizes["time"] == hours
-    L = light_module.luminances(light)
+    L = luminances.luminances(light)
     assert L.sizes["bin"] == 146 + int((light.sky["sun"] > 0).sum())
     everything = light_module.daylight(load_case(tmp_path / "case.toml").with_dark_hours())
     assert everything.suns.labels == Suns.of(light.sun, 0.5).labels
-    back = light_module.from_luminances(L)
+    back = luminances.from_luminances(L)
     np.testing.assert_allclose(back["sky"], light.sky["sky"], rtol=1e-6)
     np.testing.assert_allclose(back["sun"], light.sky["sun"], rtol=1e-6)
 

@@ -9,7 +9,9 @@ import xarray as xr
 
 from drcmitsuba import group_coefficients, load_case
 from drcmitsuba.case.schedule import HOURS
+from drcmitsuba.rendering.frames import states_at
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.pane_groups import PaneGroups
 from tests.system.small_room import CASE, SITE
 
 EAST = """
@@ -42,6 +44,12 @@ def evaluated(run, folder, text, *options):
     return xr.load_dataset(folder / "out" / "illuminance.nc"), out
 
 
+def states_of(folder, E):
+    """States of the façade in every hour of an evaluated case."""
+    groups = PaneGroups.of(load_case(folder / "case.toml")).states
+    return [groups.label(states) for states in E["facade_state"].values.astype(int).tolist()]
+
+
 def numbers(folder):
     return json.loads((folder / "out" / "metrics.json").read_text())
 
@@ -57,6 +65,8 @@ def test_each_façade_closes_on_its_own(run, tmp_path):
     assert min(shut) > 0
     assert max(shut) < 100
     assert "group of panes" in out
+    frames = E["time"].values + np.timedelta64(20, "m")
+    assert states_of(tmp_path, E) == states_at(load_case(tmp_path / "case.toml"), frames)
     together, _ = evaluated(run, tmp_path, TWO.replace("[shading]", '[shading]\ngroups="together"'))
     assert "groups" not in numbers(tmp_path)
     # What the two have in common is the same; a façade that stays open lets more light in.
@@ -112,6 +122,7 @@ def test_a_schedule_sets_the_state_of_every_hour(run, tmp_path):
     hour = (E["time"].dt.dayofyear.values - 1) * 24 + E["time"].dt.hour.values
     expected = np.array([[0, 0], [1, 1], [2, 0], [2, 1], [1, 0]])[hour % 5]
     np.testing.assert_array_equal(E["facade_state"], expected)
+    assert states_of(tmp_path, E) == states_at(load_case(tmp_path / "case.toml"), E["time"].values)
     is_open = (expected == 0).all(axis=1)
     np.testing.assert_array_equal(E["total"][is_open], E["total_open"][is_open])
     share = E["total"].mean("sensor") / E["total_open"].mean("sensor")

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import drcmitsuba
-from drcmitsuba.annual import lights
+from drcmitsuba.annual import light_tracing, lights
 from tests.system.small_room import SITE, changed, run
 
 DAYS = ("months = [3, 6]", "months = [12]\nhours = [10, 14]")
@@ -39,6 +39,23 @@ def test_lights_of_all_sensors_are_their_illuminance(evaluated):
     assert of_all.dataset["hours"].sel(state="shaded") == closed > 0
     assert of_all.shares.sum(["window", "source", "bounces"]).values == pytest.approx(1, rel=1e-6)
     assert "<img" in of_all._repr_html_()
+
+
+@pytest.mark.parametrize(("block", "each", "whole"), [(20, 2e-6, 2e-6), (12, 0.3, 0.05)])
+def test_light_of_all_sensors_is_their_illuminance(
+    case, evaluated, block, each, whole, monkeypatch, capsys
+):
+    """In one block the random numbers are those of the evaluation, in two they are others."""
+    E, folder = evaluated[1].illuminance, case.parent / "results"
+    monkeypatch.setattr(lights, "BLOCK", block)
+    run(monkeypatch, "lights", case, "-o", folder)
+    assert "all sensors" in capsys.readouterr().out
+    with xr.open_dataset(folder / "light_of_sensors.nc", engine="h5netcdf") as data:
+        exposure = data["exposure"].sum(["state", "window", "source", "bounces"]).values
+        assert data["exposure"].sizes["source"] == 3
+    expected = E["total"].sum("time").values * E.attrs["step_hours"]
+    assert exposure == pytest.approx(expected, rel=each)
+    assert exposure.sum() == pytest.approx(expected.sum(), rel=whole)
 
 
 def test_command_writes_a_dataset_and_pictures(case, evaluated, monkeypatch, capsys):
@@ -80,16 +97,16 @@ def test_states_of_which_one_has_light_from_pane_to_pane_stand_side_by_side():
         xr.Dataset({"by_window": ("window", np.arange(1.0, len(n) + 1))}, {"window": n})
         for n in names
     ]
-    C = lights._by_state(parts, ["open", "shaded"])["by_window"]
+    C = light_tracing._by_state(parts, ["open", "shaded"])["by_window"]
     assert C["window"].values.tolist() == names[1]
     assert C.values.tolist() == [[1, 2, 0], [1, 2, 3]]
 
 
 def test_very_many_windows_are_told_apart_by_their_direction_alone(case, monkeypatch):
     loaded = drcmitsuba.load_case(case)
-    assert [window.name for window in lights._windows(loaded)] == ["glass (south)"]
-    monkeypatch.setattr(lights, "MOST_WINDOWS", 0)
-    assert [window.name for window in lights._windows(loaded)] == ["south"]
+    assert [window.name for window in light_tracing._windows(loaded)] == ["glass (south)"]
+    monkeypatch.setattr(light_tracing, "MOST_WINDOWS", 0)
+    assert [window.name for window in light_tracing._windows(loaded)] == ["south"]
 
 
 def test_results_of_another_case_are_refused(case, evaluated):

@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 
 from drcmitsuba import picture
-from drcmitsuba.rendering import stored_view
+from drcmitsuba.rendering import prepare, stored_view
 from drcmitsuba.runtime import storage
-from tests.system.small_room import CASE, run
+from tests.system.small_room import CASE, SHADING, changed, run
 
 VIEW = "\n[views.desk]\nposition = [2.0, 3.5, 1.2]\ndirection = [0, -1, 0]\n"
 DESK = '\n[[furniture]]\nname = "desk"\ncorner = [1.5, 3.0, 0.0]\nsize = [1, 1, 1.5]\n'
@@ -64,6 +64,20 @@ def test_frames_and_bins_follow_without_tracing_again(rendered, monkeypatch):
     assert np.array_equal(before, picture.read("out/desk_03-20_1200.hdr").rgb)
 
 
+def test_frames_have_the_state_that_the_shade_takes_in_their_hour(rendered, monkeypatch, capsys):
+    monkeypatch.chdir(rendered)
+    (rendered / "day.csv").write_text("time\n2015-03-20T09:40\n2015-03-25T09:10\n")
+    run(monkeypatch, "render", "room.toml", "--times", "day.csv", "--state", "applied", *SMALL)
+    assert "façade shaded in 1, open in 1 of 2 pictures" in capsys.readouterr().out
+    shown = {t: picture.read(f"out/desk_{t}.exr").rgb for t in ("03-20_0940", "03-25_0910")}
+    for state, (time, rgb) in zip(("shaded", "open"), shown.items(), strict=True):
+        when = time[:8] + ":" + time[8:]
+        fixed = prepare("room.toml", "desk", size=24, state=state).at(when.replace("_", " "))
+        assert np.array_equal(rgb, fixed.picture.rgb)
+        assert fixed.state == state
+    assert not (rendered / "out/desk_open_light_paths").exists()
+
+
 def test_another_view_or_case_is_traced_anew(rendered, monkeypatch, tmp_path):
     monkeypatch.chdir(rendered)
     (tmp_path / "dark.toml").write_text(CASE.replace("0.65", "0.325") + VIEW)
@@ -104,6 +118,11 @@ def test_a_night_is_a_dark_picture_and_said(rendered, monkeypatch, capsys):
         (CASE + VIEW, ("--bins", "--size", "99999"), "size: 99999 by 99999 pixels; give 1 to"),
         (CASE + VIEW, ("--bins", "--size", "5000"), "MB on the disk; give a smaller size"),
         (CASE + VIEW, ("--bins", "--samples", "0"), "samples: 0; give 1 to"),
+        (CASE + VIEW, ("--bins", "--state", "applied"), "with --bins; bins have no hour"),
+        (
+            changed((SHADING, "")) + VIEW, ("--time", "03-20 12:00", "--state", "applied"),
+            "shading: none; add [shading] or [groups] to the case, or give another state",
+        ),
         (CASE + VIEW, ("--bins", "--state", "ajar"), 'no state "ajar"; choose from: "open"'),
     ],
 )  # fmt: skip

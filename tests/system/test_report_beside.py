@@ -1,6 +1,8 @@
 """The report with what stands beside an evaluation: who lights points, glare, pictures."""
 
+import csv
 import importlib.util
+import io
 import json
 import shutil
 from pathlib import Path
@@ -14,7 +16,7 @@ import drcmitsuba
 from drcmitsuba.report.document import Report
 from tests import browser
 from tests.system.small_room import CASE
-from tests.system.stored_lights import EXPOSURE, write_lights
+from tests.system.stored_lights import EXPOSURE, write_light_of_sensors, write_lights
 
 GLARE = {
     "DGP": {
@@ -36,6 +38,7 @@ def results(tmp_path_factory):
     (folder / "case.toml").write_text(CASE.replace("[3, 6]", "[3]\nhours = [11, 13]"))
     drcmitsuba.evaluate(folder / "case.toml").save(folder / "r")
     write_lights(folder / "r")
+    write_light_of_sensors(folder / "r")
     (folder / "r" / "glare.json").write_text(json.dumps(GLARE))
     noise = np.random.default_rng(1).integers(0, 255, (1500, 2000, 3), dtype=np.uint8)
     Image.fromarray(noise).save(folder / "r" / "desk 03-21.png")
@@ -74,6 +77,17 @@ def test_markdown_has_them_too(results):
     assert "\\<i\\>desk" in text
 
 
+def test_csv_has_lights_and_glare(results):
+    rows = [*csv.DictReader(io.StringIO(Report.of_folders([results]).csv()))]
+    lights = [row for row in rows if row["metric"].startswith("light from")]
+    of_sensor = [float(row["value"]) for row in lights if row["space"] == "point 12"]
+    assert sum(of_sensor) == pytest.approx(sum(map(sum, EXPOSURE.values())))
+    assert {row["unit"] for row in lights} == {"lx h"}
+    (glare,) = (row for row in rows if row["metric"] == "DGP above 0.35, open")
+    assert [float(glare[key]) for key in ("value", "low", "high")] == [7.5, 6.0, 9.0]
+    assert "probability of class medium, open" in {row["metric"] for row in rows}
+
+
 def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_factory):
     if browser.CHROMIUM is None:
         pytest.skip("no Chromium")
@@ -98,6 +112,41 @@ def test_the_browser_tells_who_lights_the_nearest_traced_point(page, tmp_path_fa
         assert cells[:6] == pytest.approx([100 * part / whole for part in shares])
         assert opened.complaints == []
         assert [u for u in opened.requests if not u.startswith(("file:", "data:"))] == []
+
+
+def test_the_browser_tells_who_lights_the_chosen_point(page, tmp_path_factory):
+    if browser.CHROMIUM is None:
+        pytest.skip("no Chromium")
+    with browser.page(tmp_path_factory.mktemp("profile")) as opened:
+        opened.open(page)
+        opened("document.getElementById('traced').value = '1'")
+        opened("document.getElementById('traced').dispatchEvent(new Event('change'))")
+        opened("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        told = opened("document.getElementById('point-map-text-0').textContent")
+        number = int(told.split(",")[0].removeprefix("point "))
+        first, film = (np.array(light) for light in EXPOSURE.values())
+        whole = first.sum() + number * film.sum()
+        assert number == 12
+        assert f"film <b> {100 * number * film.sum() / whole:.0f} %" in told
+        assert f"glass (south) {100 * first.sum() / whole:.0f} % (sun straight" in told
+        assert f"ground {100 * first[0] / whole:.0f})" in told
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d.assign_attrs(settings="other"),
+        lambda d: d.isel(sensor=slice(1, None)),
+        lambda d: d.assign(exposure=d["exposure"] * np.nan),
+        lambda d: d.assign(exposure=d["exposure"].sum("source")),
+        lambda d: d.drop_vars("exposure"),
+    ],
+)
+def test_damaged_light_of_all_sensors_is_refused_in_one_line(copied, refused, change):
+    with xr.open_dataset(copied / "light_of_sensors.nc", engine="h5netcdf") as data:
+        made = change(data.load())
+    made.to_netcdf(copied / "light_of_sensors.nc", engine="h5netcdf")
+    assert "light_of_sensors.nc" in refused("report", copied)
 
 
 def test_axe_finds_nothing_serious(page, tmp_path_factory):

@@ -1,6 +1,7 @@
 """A study evaluates many variations of a case once, tells wrong rows in its table, and goes on."""
 
 import json
+from importlib.util import find_spec
 
 import numpy as np
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 
 import drcmitsuba
 from drcmitsuba import load_case
-from drcmitsuba.annual.study import study
+from drcmitsuba.annual.study import StudyTable, study
 from drcmitsuba.blocks import block_folder
 from drcmitsuba.case.study import load_study
 from drcmitsuba.report.study_charts import charts
@@ -52,6 +53,10 @@ def test_a_grid_traces_each_block_once_and_tells_wrong_rows(folder, monkeypatch,
     assert 'unknown material "brass"' in out
     assert "4 of 8 rows have metrics" in out
     table = pd.read_csv(folder / "out" / "table.csv")
+    if find_spec("pyarrow") is not None:
+        packed = pd.read_parquet(folder / "out" / "table.parquet")
+        packed = packed.replace({"error": {"": np.nan}})
+        pd.testing.assert_frame_equal(packed, table, check_dtype=False)
     assert list(table["row"]) == [*range(1, 9)]
     assert list(table.columns[1:4]) == list(load_study(folder / "study.toml").grid)
     right = table[table["error"].isna()]
@@ -175,6 +180,20 @@ def test_a_wrong_key_or_value_is_told_in_the_table(folder, key, words):
     assert words in table["error"][0]
     assert np.isnan(table["sDA"][0])
     json.dumps(table["error"].tolist())
+
+
+@pytest.mark.parametrize(
+    "values", [["x", 2.5, None, True], [None] * 4, [1, 2.5, None, 3], ["a", "b", None, "c"]]
+)
+def test_columns_of_any_values_are_packed(tmp_path, values):
+    pytest.importorskip("pyarrow")
+    nothing = {name: [np.nan] * 4 for name in ("sDA", "ASE")}
+    frame = pd.DataFrame({"row": range(1, 5), "a": pd.Series(values, dtype=object), **nothing})
+    StudyTable(frame.assign(error="wrong"), ("a",)).save(tmp_path)
+    packed = pd.read_parquet(tmp_path / "table.parquet")
+    for value, read in zip(values, packed["a"], strict=True):
+        assert pd.isna(read) if value is None else read in (value, str(value))
+    assert (packed["error"] == "wrong").all()
 
 
 def test_pictures_of_texts_numbers_and_single_values():

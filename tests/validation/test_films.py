@@ -100,6 +100,7 @@ def agree(case: Case, same, plain_coefficients, directions=SOUTH, quick=False, w
         same(mine[..., bins].sum(axis=2), other=theirs[..., bins].sum(axis=2), within=within)
 
 
+@pytest.mark.slow
 def test_prism_film(same, plain_coefficients):
     agree(room(PRISM), same, plain_coefficients, quick=True)
 

@@ -86,7 +86,7 @@ def few(case):
     return C, radiance.scene_text(surfaces_of(case)), points, normals
 
 
-@pytest.mark.parametrize("program", ["rcontrib", "rfluxmtx"])
+@pytest.mark.parametrize("program", ["rcontrib", pytest.param("rfluxmtx", marks=pytest.mark.slow)])
 def test_sky(few, program, same, tmp_path):
     C, *room = few
     room = radiance.Room(*room, tmp_path)

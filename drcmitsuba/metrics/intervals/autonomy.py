@@ -132,9 +132,8 @@ def draw_autonomy(
         may |= of_state[1] & here[:, None]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
-    hour = np.full(len(sure), -1)  # the last row of `taken`, which no time stamp uses
+    hour = np.full(len(sure), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
-    taken = np.concatenate([closures.drawn, np.zeros((1, DRAWS), closures.drawn.dtype)])
     # The matrices are small: threads of the library would wait for each other most of the time.
     with threadpool_limits(1, user_api="blas"):
         for start in range(0, len(tally.sensors), BLOCK):
@@ -142,12 +141,15 @@ def draw_autonomy(
             E = [state.replicates(block) for state in states]
             for i, sensor in enumerate(block):
                 time = tally.wanted(sensor, np.flatnonzero(doubtful[:, sensor]))
-                at = hour[time][:, None]
-                in_draw = np.where(at >= 0, taken[at[:, 0]], closures.state[time][:, None])
+                varies = hour[time] >= 0
                 passed = np.zeros((len(time), DRAWS), bool)
                 for k, state in enumerate(states):
-                    one = closures.possible[k, time]
-                    by_state = state.passes(E[k][:, :, i], sensor, time[one], drawn, threshold)
-                    passed[one] = np.where(in_draw[one] == k, by_state, passed[one])
+                    own = E[k][:, :, i]
+                    one = ~varies & (closures.state[time] == k)
+                    passed[one] = state.passes(own, sensor, time[one], drawn, threshold)
+                    some = varies & closures.possible[k, time]
+                    if some.any():
+                        by_state = state.passes(own, sensor, time[some], drawn, threshold)
+                        passed[some] |= by_state & (closures.drawn[hour[time[some]]] == k)
                 tally.add(sensor, time, passed)
     return tally

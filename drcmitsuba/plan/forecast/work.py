@@ -16,7 +16,7 @@ from drcmitsuba.plan.forecast.pilot import Amount, Pilot, spread
 from drcmitsuba.plan.forecast.summed import GroupSum, is_summed, states_of_year
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
-from drcmitsuba.sky.daylight import sources
+from drcmitsuba.sky.luminances import sources
 from drcmitsuba.sky.sun_models import Suns, mesh
 from drcmitsuba.transport.cell_rays import EDGE, MOST_BLOCKS
 from drcmitsuba.transport.shadow_rays import RIM

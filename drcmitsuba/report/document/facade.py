@@ -15,6 +15,7 @@ from drcmitsuba import standards
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import with_files
 from drcmitsuba.metrics.evaluate_metrics import settings_of
+from drcmitsuba.report.document.light_of_sensors import light_of_sensors
 from drcmitsuba.report.document.stored_lights import stored_lights
 from drcmitsuba.report.document.stored_pictures import Glare, stored_glare
 from drcmitsuba.report.metrics_file import read_numbers
@@ -53,6 +54,8 @@ class Facade:
     """Folder in which pictures may stand."""
     lights: xr.Dataset | None = None
     """Light of some points by where it comes from."""
+    light_of_sensors: xr.Dataset | None = None
+    """The same of all points, without their sky domes."""
     glare: Glare | None = None
     """Glare of views, by state of the façade."""
 
@@ -70,7 +73,7 @@ class Facade:
     def of_folder(cls, folder: str | Path) -> Callable[[], Facade]:
         """Read the files of `evaluate -o FOLDER`; C, L and the plan may be missing.
 
-        So may `lights.nc` and `glare.json`, which other commands add.
+        So may `lights.nc`, `light_of_sensors.nc` and `glare.json`, which other commands add.
 
         Returns
         -------
@@ -101,9 +104,10 @@ class Facade:
                 notes = ("the plans have no rooms, since the model's files cannot be read here",)
         plan = _plan(folder / "plan.json")
         lights, glare = stored_lights(folder, evidence.illuminance), stored_glare(folder)
+        of_all = light_of_sensors(folder, evidence.illuminance)
         return lambda: replace(
             cls._judged(case, evidence, numbers, plan, notes),
-            folder=folder, lights=lights, glare=glare,
+            folder=folder, lights=lights, light_of_sensors=of_all, glare=glare,
         )  # fmt: skip
 
     @classmethod

@@ -16,15 +16,18 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from drcmitsuba.report.document import charts, record, stored_lights, tables, verdicts
 from drcmitsuba.report.document.facade import Facade
 from drcmitsuba.report.document.hours import Hours
 from drcmitsuba.report.document.labels import labels
+from drcmitsuba.report.document.light_of_sensors import Light, shares
 from drcmitsuba.report.document.plans import MOST_CORNERS, MOST_POINTS, plans, shown_points
 from drcmitsuba.report.document.stored_pictures import Picture, glare_table, pictures
 from drcmitsuba.report.document.table import Number, Table, text
+from drcmitsuba.report.lights import of_period
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import InputError
 
@@ -142,6 +145,7 @@ class Report:
             {
                 "name": name, "count": facade.illuminance.sizes["sensor"],
                 **plans(facade, points, corners), "lights": self._domes(facade),
+                "lit_by": _light_of(facade, points),
             }
             for (facade, name), points in zip(self._each, shown, strict=True)
         ]  # fmt: skip
@@ -178,13 +182,13 @@ class Report:
         return _environment().get_template("page.md").render(self._content)
 
     def csv(self) -> str:
-        """Metrics with all their digits as CSV: one row for each number."""
+        """Metrics, lights and glare with all their digits as CSV: one row for each number."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(["facade", "space", "month", "metric", "value", "low", "high", "unit"])
         for facade, name in self._each:
-            for row in _numbers(facade):
-                writer.writerow([_inert(name), *row, "%"])
+            for row in (*_numbers(facade), *_lights(facade), *_glare(facade)):
+                writer.writerow([_inert(name), *row])
         return out.getvalue()
 
     def save(self, path: str | Path) -> Path:
@@ -201,18 +205,49 @@ class Report:
         return f'<iframe title="{escape(labels()["title"])}" {frame} srcdoc="{page}"></iframe>'
 
 
+def _light_of(facade: Facade, shown: np.ndarray) -> Light | None:
+    known = facade.light_of_sensors
+    return None if known is None else shares(known, shown)
+
+
 def _numbers(facade: Facade) -> Iterator[list[Any]]:
-    """Space, month, metric, value, low and high of every number [%]."""
+    """Space, month, metric, value, low, high and unit of every metric."""
     keys = ("value", "low", "high")
     for metric in ("sDA", "ASE", "shade_closed"):
-        yield ["", "", metric, *(facade.numbers[metric][key] for key in keys)]
+        yield ["", "", metric, *(facade.numbers[metric][key] for key in keys), "%"]
     for metric in tables.MONTHLY:
         for month, number in enumerate(facade.numbers[metric], start=1):
             if number is not None:
-                yield ["", month, metric, *(number[key] for key in keys)]
+                yield ["", month, metric, *(number[key] for key in keys), "%"]
     for grid, numbers in facade.numbers.get("grids", {}).items():
         for metric in ("sDA", "ASE"):
-            yield [_inert(text(grid)), "", metric, *(numbers[metric][key] for key in keys)]
+            yield [_inert(text(grid)), "", metric, *(numbers[metric][key] for key in keys), "%"]
+
+
+def _lights(facade: Facade) -> Iterator[list[Any]]:
+    """The same of the light of every traced point by window, source and number of bounces."""
+    if facade.lights is None:
+        return
+    light = of_period(facade.lights).transpose("sensor", "window", "source", "bounces")
+    for index, value in np.ndenumerate(light.values):
+        sensor, window, source = (
+            str(light[dim].values[i]) for dim, i in zip(light.dims[:3], index[:3], strict=True)
+        )
+        metric = text(f"light from {source} by {window} after {index[3]} bounces")
+        yield [f"point {sensor}", "", metric, float(value), "", "", "lx h"]
+
+
+def _glare(facade: Facade) -> Iterator[list[Any]]:
+    """The same of the hours with glare of every view, and the probability of its class."""
+    for state, views in (facade.glare or {}).items():
+        for view, of in views.items():
+            place = _inert(text(view))
+            for limit, hours in of.above.items():
+                metric = text(f"DGP above {limit}, {state}")
+                yield [place, "", metric, hours.value, hours.low, hours.high, "%"]
+            for name, share in of.probability.items():
+                metric = text(f"probability of class {name}, {state}")
+                yield [place, "", metric, 100 * share, "", "", "%"]
 
 
 def _inert(name: str) -> str:

@@ -53,7 +53,7 @@ def _short(verdict: Verdict | Refusal) -> Cell:
         return (OPEN + t["undecided"],)
     shown = next((o for o in reversed(verdict.levels) if o.reached), verdict.levels[0])
     words = t["reached"] if shown.reached else t["not_reached"]
-    told = words.format(level=text(shown.name), probability=likelihood(verdict.probability))
+    told = words.format(level=text(shown.name), probability=_likelihood(verdict.probability))
     duty = ("; ", t["has_duty"]) if verdict.duties else ()
     return (YES if shown.reached else NO) + told, "; ", *_margin(shown.margin), *duty
 
@@ -89,13 +89,21 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
         tables.append(Table(t["levels"], head, tuple(_row(outcome) for outcome in outcomes)))
     remarks = [] if verdict.undecided is None else [verdict.undecided]
     if verdict.deciding is not None:
-        remarks.append(t["decides"].format(text=verdict.deciding.text()))
+        remarks.append(t["decides"].format(text=verdict.deciding.text(t)))
     remarks += [t["duty"].format(text=duty) for duty in verdict.duties]
     remarks += verdict.notes
     parts = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
     remarks += dict.fromkeys(t["source"].format(sure=p.sure, text=p.source) for p in parts)
     stated = _stated(verdict)
     return Judgement(name, _title(verdict), stated, tuple(tables), tuple(map(text, remarks)))
+
+
+def _likelihood(probability: float | None) -> str:
+    """Probability in the words of the report."""
+    t, told = labels(), likelihood(probability)
+    return {"certain": t["certain"], "ruled out": t["ruled_out"], "unknown": t["unknown"]}.get(
+        told, told
+    )
 
 
 def _quantity(verdict: Verdict, name: str) -> Cell:
@@ -109,7 +117,7 @@ def _row(outcome: Outcome) -> tuple[Cell, ...]:
     failing = sum(not held for held in outcome.spaces.values())
     if len(outcome.spaces) > 1 and failing:
         reached += t["spaces_fail"].format(failing=failing, count=len(outcome.spaces))
-    probability = likelihood(outcome.probability)
+    probability = _likelihood(outcome.probability)
     return plain(outcome.name), (reached,), (probability,), _margin(outcome.margin)
 
 

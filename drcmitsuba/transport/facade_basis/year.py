@@ -16,7 +16,8 @@ import numpy as np
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.schema import positions
-from drcmitsuba.sky.daylight import Daylight, blended
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.luminances import blended
 from drcmitsuba.transport.facade_basis.basis import Basis
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles, elements
 

@@ -34,13 +34,13 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_in_state import grouped_panes, groups_with_surfaces
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.coefficients import Replicate
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.group_basis.elements import Element, elements_of_case
 from drcmitsuba.transport.group_basis.marks import MOST_ELEMENTS, GroupMarks
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.marked_paths import MarkedPaths
+from drcmitsuba.transport.replicate import Replicate
 
 
 class ElementDeposit(NamedTuple):
@@ -153,6 +153,7 @@ class GroupTrace:
         cells = Irradiance(*(dr.zeros(mi.TensorXf, (0, n)) for n in element.deposit.bins))
         if gathered.cells.count:
             replicate.meet(gathered.drawn[r], gathered.cells.keys)
+            replicate.join()
             assert replicate.cells is not None
             cells = replicate.cells
         sensors = np.empty((len(self.points), len(element.bins)), np.float32)

@@ -5,7 +5,8 @@ import pytest
 
 from drcmitsuba.glare_year.pixels import rays
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.glare_year.sources import Tiles, contrast_sums
+from drcmitsuba.glare_year.sources import contrast_sums
+from drcmitsuba.glare_year.tiles import Tiles
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -100,6 +101,16 @@ def test_a_threshold_of_each_view_and_hour_counts():
         [3000**2 * 0.01 / P[1, 0], 500**2 * 0.01 / P[1, 0]],
     ]
     np.testing.assert_allclose(sums, expected, rtol=1e-5)
+
+
+def test_a_view_has_no_source_behind_it():
+    frames = np.stack([frame_of([0, 1, 0]), frame_of([0, -1, 0])])
+    tiles = Tiles(np.arange(2), np.array([[0.0, 1, 0]]), np.arange(1), 0.01, frames[:, 2])
+    L, limit = np.full((1, 3), 3000, np.float32), np.full(3, 2000.0)
+    sums = contrast_sums(L, tiles, frames, limit, 5e4)
+    np.testing.assert_allclose(sums, [[3000**2 * 0.01] * 3, [0] * 3], rtol=1e-5)
+    away = Tiles(np.arange(2), tiles.rays, np.arange(1), 0.01, frames[1:, 2])
+    assert (contrast_sums(L, away, frames[1:], limit, 5e4) == 0).all()
 
 
 def test_dark_hours_have_no_sources():

@@ -13,6 +13,7 @@ from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.packing import STEPS, levels, packed, unpacked
 from drcmitsuba.report.document.report import _environment, _inert
 from drcmitsuba.report.document.table import Number, Table, interval, share, text
+from drcmitsuba.standards.deciding import WORDS
 from tests import ROOT
 
 TEMPLATES = ROOT / "drcmitsuba" / "report" / "document" / "templates"
@@ -109,6 +110,10 @@ def test_templates_and_script_use_words_of_the_table():
     assert used <= every.keys()
     for word in every.values():  # braces are names of values
         assert all(name.isidentifier() for _, name, _, _ in string.Formatter().parse(word) if name)
+
+
+def test_the_sentence_on_what_decides_stands_in_the_table():
+    assert {key: labels()[key] for key in WORDS} == WORDS
 
 
 def test_the_validation_of_the_report_is_that_of_the_tests():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.collections import QuadMesh
+from matplotlib.text import Text
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.report import figures
@@ -70,8 +71,7 @@ def line(figure, name):
 
 
 def texts(figure):
-    artists = figure.findobj(lambda artist: hasattr(artist, "get_text"))
-    return [artist.get_text() for artist in artists if artist.get_text()]
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
 
 
 def said(figure):

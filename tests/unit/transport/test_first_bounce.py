@@ -38,6 +38,6 @@ def test_both_ways_to_gather_give_the_same_coefficients(monkeypatch):
     backend.select()
     case = Case.model_validate(CASE)
     by_matrix = of_case(case, cells=True)["replicates"].values
-    monkeypatch.setattr("drcmitsuba.transport.coefficients.MANY", 0)
+    monkeypatch.setattr("drcmitsuba.transport.first_bounce.MANY", 0)
     by_paths = of_case(case, cells=True)["replicates"].values
     np.testing.assert_allclose(by_paths, by_matrix, rtol=1e-5, atol=1e-7)

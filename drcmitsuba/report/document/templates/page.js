@@ -459,8 +459,25 @@
     for (const f of all) $(`point-map-text-${f.index}`).textContent = pointText(f);
   }
 
+  function lightText(f, i) { // shares of the windows in the light of a point, the largest first
+    const { windows, shares } = f.lit_by, words = t.js_light_parts.split(",");
+    const of = windows.map((window, w) => {
+      const parts = words.map((word, k) => [word, shares[(w * words.length + k) * f.points + i] / 10]);
+      return { window, share: parts.reduce((sum, [, part]) => sum + part, 0), parts };
+    });
+    return of.filter(({ share }) => share >= 0.5).sort((a, b) => b.share - a.share)
+      .map(({ window, share, parts }) => filled(t.js_light_window, {
+        window, share: share.toFixed(0),
+        parts: parts.filter(([, part]) => part >= 0.5).map(([word, part]) => `${word} ${part.toFixed(0)}`).join(", "),
+      })).join("; ");
+  }
+
   function pointText(f) {
-    const i = chosen[f.index];
+    const i = chosen[f.index], text = numbersText(f, i);
+    return f.lit_by ? filled(t.js_light_year, { text, parts: lightText(f, i) }) : text;
+  }
+
+  function numbersText(f, i) {
     return filled(t.js_point, {
       number: f.sensor[i], x: (f.x[i] / 1000).toFixed(2), y: (f.y[i] / 1000).toFixed(2),
       mean: (f.mean[i] / 10).toFixed(0), threshold: f.sda_threshold,

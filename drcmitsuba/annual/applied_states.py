@@ -1,0 +1,50 @@
+"""State that the shade takes at each time stamp, by the direct sun alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from drcmitsuba.annual.attributes import attributes
+from drcmitsuba.annual.run import Run
+from drcmitsuba.annual.simulation import transport
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import OPEN
+from drcmitsuba.metrics import illuminance
+from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.sky.daylight import Daylight
+
+
+def applied_states(case: Case, light: Daylight, run: Run) -> FacadeStates | None:
+    """State of the façade at every time stamp: by the rule of the shade, or by schedules.
+
+    The shade closes by direct sun on the sensors: nothing else is simulated.
+
+    Parameters
+    ----------
+    case : Case
+    light : Daylight
+    run : Run
+        Its effects say whether the shade may close.
+
+    Returns
+    -------
+    FacadeStates or None
+        None where no group of panes may change its state.
+
+    Raises
+    ------
+    InputError
+        A sensor or a schedule is unfit.
+    """
+    marked = attributes(case, light, run.enabled_effects)
+    if not marked["has_shade"]:
+        return None
+    only_sun = replace(run.enabled_effects, sky=False, ground=False, depth=0, solved_cells=False)
+    with run.timed("sun on the sensors") as done:
+        C = transport(
+            case, OPEN, light.suns, light.sky.attrs["latitude"], progress=done,
+            run=replace(run, enabled_effects=only_sun),
+        )  # fmt: skip
+    direct = illuminance.direct_sun(Coefficients(C.assign_attrs(marked)), light.sky)
+    return FacadeStates.of(marked, direct)

@@ -1,0 +1,117 @@
+"""Tiles of an eye's rays, and which of their rays are near enough to make one source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from drcmitsuba.runtime import lazy
+
+spatial = lazy.module("scipy.spatial")
+
+MOST_RAYS = 16
+"""Largest number of rays of a tile."""
+GROUPS = MOST_RAYS // 4
+"""Number of groups of four rays of a tile."""
+PAIRS = 1 << 13
+"""Number of pairs of tiles whose rays are compared at once."""
+
+
+class Links(NamedTuple):
+    """Pairs of tiles whose rays may be within half of the opening angle."""
+
+    first: np.ndarray
+    """First link of every tile, and last the number of links, int, shape (tile + 1,)."""
+    two: np.ndarray
+    """Tile that a link leads to, int, shape (link,)."""
+    reach: np.ndarray
+    """Rays of the second tile, as bits, that are near any of some rays of the first: of each group
+    of four rays every subset, shape (link, GROUPS, 16)."""
+    alike: np.ndarray
+    """Whether the same views have both tiles in front of them, bool, shape (link,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """Rays of an eye by tile."""
+
+    first: np.ndarray
+    """First ray of every tile, and last the number of rays, int, shape (tile + 1,)."""
+    rays: np.ndarray
+    """Unit vectors, sorted by tile, at most `MOST_RAYS` of each, shape (ray, 3)."""
+    pixel: np.ndarray
+    """Pixel whose luminance each ray has, int, shape (ray,)."""
+    solid_angle: float
+    """Solid angle of a ray [sr]."""
+    forward: np.ndarray
+    """Lines of sight of the views, shape (view, 3)."""
+    opening: float = 0.2
+    """Opening angle within which bright rays are one source [rad]."""
+
+    def __len__(self) -> int:
+        """Count the tiles."""
+        return len(self.first) - 1
+
+    @cached_property
+    def direction(self) -> np.ndarray:
+        """Unit vectors to the tiles' centres, shape (tile, 3)."""
+        middle = np.add.reduceat(self.rays, self.first[:-1], axis=0)
+        return np.asarray(middle / np.linalg.norm(middle, axis=1, keepdims=True))
+
+    @cached_property
+    def by_pixel(self) -> np.ndarray:
+        """Solid angles of the pixels [sr], shape (pixel,)."""
+        return self.solid_angle * np.bincount(self.pixel)
+
+    @cached_property
+    def ahead(self) -> np.ndarray:
+        """Whether each view has each tile in front of it, shape (view, tile)."""
+        return np.asarray(self.forward @ self.direction.T > 0)
+
+    @cached_property
+    def members(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pixels of the tiles: the first of each tile and last their number, indices, and rays.
+
+        A pixel's rays of the tile are bits: bit i stands for the tile's ray i.
+        """
+        of_tile = np.repeat(np.arange(len(self)), np.diff(self.first))
+        bit = 1 << (np.arange(len(self.rays)) - self.first[of_tile])
+        pair, at = np.unique(np.stack([of_tile, self.pixel], 1), axis=0, return_inverse=True)
+        rays = np.bincount(at.ravel(), bit).astype(np.uint32)
+        return np.searchsorted(pair[:, 0], np.arange(len(self) + 1)), pair[:, 1], rays
+
+    @cached_property
+    def links(self) -> Links:
+        """Links between tiles."""
+        of_tile = np.repeat(np.arange(len(self)), np.diff(self.first))
+        spread = np.zeros(len(self))
+        np.maximum.at(spread, of_tile, np.linalg.norm(self.rays - self.direction[of_tile], axis=1))
+        longest = 2 * np.sin(self.opening / 4)
+        width = longest + 2 * spread.max(initial=0)
+        pairs = spatial.cKDTree(self.direction).query_pairs(width, output_type="ndarray")
+        return self._reaching(pairs, longest)
+
+    def _reaching(self, pairs: np.ndarray, longest: float) -> Links:
+        """Links of those pairs of tiles of which some rays are near each other."""
+        sizes = np.diff(self.first)
+        inside = np.minimum(np.arange(MOST_RAYS), sizes[:, None] - 1)
+        d = self.rays[self.first[:-1, None] + inside]  # a last ray may stand more than once
+        bits = np.where(np.arange(MOST_RAYS) < sizes[:, None], 1 << np.arange(MOST_RAYS), 0)
+        pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
+        reach = np.zeros((len(pairs), MOST_RAYS), np.uint32)
+        for start in range(0, len(pairs), PAIRS):
+            one, two = pairs[start : start + PAIRS].T
+            near = 1 - np.einsum("pix,pjx->pij", d[one], d[two]) <= longest**2 / 2
+            reach[start : start + PAIRS] = (near * bits[two][:, None]).sum(axis=2)
+        linked = reach.any(axis=1)
+        one, two = pairs[linked].T
+        single = reach[linked].reshape(-1, GROUPS, 4)
+        every = np.zeros((len(one), GROUPS, 16), np.uint32)
+        for i in range(4):  # a subset with ray i is one without it, and ray i
+            every[..., 1 << i : 2 << i] = every[..., : 1 << i] | single[..., i : i + 1]
+        _, seen_by = np.unique(self.ahead, axis=1, return_inverse=True)
+        alike = seen_by.ravel()[one] == seen_by.ravel()[two]
+        return Links(np.searchsorted(one, np.arange(len(self) + 1)), two, every, alike)

@@ -1,0 +1,84 @@
+"""How light between surfaces is followed: to which depth, on paths or solved on cells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.plan import panes
+from drcmitsuba.plan.effect import Effect
+from drcmitsuba.plan.facts import Facts
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import bounds_of_rooms
+
+NEGLIGIBLE = 1e-3
+"""Part of the light in a room that may be lost by cutting paths, where the case has no target."""
+FINEST_TARGET = 0.5
+"""Half width of the interval of the mean illuminance below which cells are not enough [%]."""
+CELLS_OF_SENSOR = 50
+"""Number of cells for each sensor above which paths from the sensors cost less."""
+CELLS_OF_MODEL = 700
+"""Number of cells of a model, on the faces of its bounds, above which blocks might join rooms."""
+RAY_BYTES = 48
+"""Memory of a ray from cell to cell [bytes]."""
+MOST_BYTES = 4 << 30
+"""Largest memory of all of them [bytes]."""
+
+
+def interreflection(facts: Facts) -> tuple[Effect, int | None]:
+    """Decide on interreflection, and on the largest number of surfaces of a path, None without."""
+    case = facts.case
+    goal = case.accuracy.goal
+    part = 0.1 * goal.value / 100 if goal is not None and goal.unit == "%" else NEGLIGIBLE
+    albedo, name = panes.most_reflecting(case, facts.components, facts.surrounded)
+    most = panes.depth(albedo, part)
+    quantities = {"largest_albedo": round(albedo, 4), "depth": most}
+    if most == 0:
+        return Effect(False, "every surface is black", quantities), 0
+    reason = f"largest reflectance {albedo:.2f} ({name})"
+    if most is None:
+        return Effect(True, f"{reason}: to any depth", quantities), None
+    reason += (
+        f": over {most} surfaces, after which less than {100 * part:.2g} % of the light is left"
+    )
+    return Effect(True, reason, quantities), most
+
+
+def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) -> Effect:
+    """Light between surfaces solved on cells, instead of paths that follow all bounces.
+
+    `depth` is that of `interreflection`; `sensors` is their number, by default that of the case.
+    """
+    case, a = facts.case, facts.case.accuracy
+    if depth == 0:
+        return Effect(False, "every surface is black")
+    goal = a.goal
+    if goal is not None and goal.unit == "%" and goal.value < FINEST_TARGET:
+        got = f"the target, {goal.value:g} % of the mean, is near the bias of cells"
+        return Effect(False, f"{got}: on paths", {"target": goal.value})
+    extent = _extent(case)
+    if extent is None:
+        return Effect(False, "no room encloses the sensors: on paths")
+    x, y, z = extent
+    cells = 2 * (x * y + y * z + z * x) / a.cell_size**2
+    sensors = len(sensor_points(case)[0]) if sensors is None else sensors
+    quantities = {"cells": round(cells), "sensors": sensors}
+    if sensors < cells / CELLS_OF_SENSOR:
+        return Effect(False, f"{sensors} sensors and some {cells:.0f} cells: on paths", quantities)
+    if case.room is None and cells > CELLS_OF_MODEL:
+        got = f"some {cells:.0f} cells of a model would be joined, perhaps those of two rooms"
+        return Effect(False, f"{got}: on paths", quantities)
+    size = RAY_BYTES * a.replicates * a.cell_paths * cells
+    if size > MOST_BYTES:
+        got = f"the transfer between some {cells:.0f} cells takes {size / 2**30:.1f} GiB"
+        return Effect(False, f"{got}: on paths", quantities)
+    reason = f"{sensors} sensors share the light between some {cells:.0f} cells"
+    return Effect(True, reason, quantities)
+
+
+def _extent(case: Case) -> np.ndarray | None:
+    """Extent of the rooms [m], shape (3,); None without any."""
+    if case.room is not None:
+        return np.array(case.room.size)
+    bounds = bounds_of_rooms(case)
+    return None if bounds is None else bounds[1] - bounds[0]

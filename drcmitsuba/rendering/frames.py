@@ -1,0 +1,154 @@
+"""Frames of a view, whose façade has one state, or follows the control of the case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from drcmitsuba.annual.applied_states import applied_states
+from drcmitsuba.annual.run import Run
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import APPLIED, OPEN, State
+from drcmitsuba.case.reading import load_case
+from drcmitsuba.case.weather import PeriodTable
+from drcmitsuba.plan import plan
+from drcmitsuba.rendering.light_paths import Sampling
+from drcmitsuba.rendering.prepared_view import COLUMNS, Size, instant_of, prepare
+from drcmitsuba.rendering.rendering import Rendering
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.luminances import sources
+
+EVERY_HOUR = PeriodTable(calendar="LM-83", hours=(0, 24))
+"""Period that has every hour of the year."""
+
+
+def frames(
+    case: Case | str | Path, view: str | None, times: Sequence[str | np.datetime64], *,
+    size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
+    folder: str | Path | None = None, stage: Stage = silent,
+) -> Iterator[Rendering]:  # fmt: skip
+    """Render a view of a case at some instants, state of the façade by state.
+
+    Light paths are traced once for every state that occurs; those of one state are in memory at a
+    time.
+
+    Parameters
+    ----------
+    times : sequence of str or np.datetime64
+        Local standard times, such as "03-21 10:30".
+    state : str
+        State of the façade, or `applied`: at each time the one that the shade takes in its hour.
+    case, view, size, sampling, folder, stage
+        As for `prepare`.
+
+    Yields
+    ------
+    Rendering
+        One for each time, those of one state after another.
+
+    Raises
+    ------
+    InputError
+        As `prepare`; a time is no instant of the weather; or the state is `applied`, and the case
+        has no shade.
+    """
+    if not isinstance(case, Case):
+        case = load_case(case)
+    instants = [instant_of(time) if isinstance(time, str) else time for time in times]
+    by_time = [state] * len(instants)
+    if state == APPLIED:
+        by_time = states_at(case, np.array(instants), stage)
+    for one in dict.fromkeys(by_time):
+        mine = [instant for instant, own in zip(instants, by_time, strict=True) if own == one]
+        prepared = prepare(
+            case, view, size=size, sampling=sampling, state=one, folder=folder, stage=stage
+        )
+        with stage("pictures" if len(mine) == len(instants) else f"pictures, {one}") as done:
+            for i, instant in enumerate(mine, 1):
+                rendering = prepared.at(instant)
+                done(i / len(mine))
+                yield rendering
+        del prepared  # before the light paths of the next state
+
+
+def render(
+    case: Case | str | Path, view: str | None = None, time: str | np.datetime64 = "03-21 12:00", *,
+    size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
+    stage: Stage = silent,
+) -> Rendering:  # fmt: skip
+    """Render a view of a case at an instant, in cd/m².
+
+    Parameters
+    ----------
+    time : str or np.datetime64
+        Local standard time, such as "03-21 10:30".
+    case, view, size, sampling, state, stage
+        As for `frames`, which serves many instants.
+
+    Returns
+    -------
+    Rendering
+
+    Raises
+    ------
+    InputError
+        As `frames`.
+    """
+    (one,) = frames(case, view, [time], size=size, sampling=sampling, state=state, stage=stage)
+    return one
+
+
+def states_at(case: Case, instants: np.ndarray, stage: Stage = silent) -> list[State]:
+    """State of the façade that the control of a case takes in the hours of some instants.
+
+    Parameters
+    ----------
+    case : Case
+    instants : np.ndarray of datetime64, shape (time,)
+        Local standard time of the nominal year.
+    stage : callable, optional
+        Shows the stages of the work.
+
+    Returns
+    -------
+    list of str
+        State at each instant: as `evaluate` has it, also in hours outside of the case's period.
+
+    Raises
+    ------
+    InputError
+        The case has no shade, or an instant is not in the weather.
+    """
+    groups = PaneGroups.of(case).states
+    if not len(groups):
+        remedy = f"add [shading] or [groups] to the case, or give another state than {APPLIED}"
+        raise InputError(case.source, "shading", "none", remedy)
+    backend.select()
+    light, row = _hours_of(case, instants)
+    run = replace(Run.of(case, plan(case, light).scope), stage=stage)
+    taken = applied_states(case, light, run)
+    if taken is None:
+        return [OPEN] * len(instants)
+    return [groups.label(states) for states in taken.of_group[row].tolist()]
+
+
+def _hours_of(case: Case, instants: np.ndarray) -> tuple[Daylight, np.ndarray]:
+    """Daylight of the hours in which instants lie, and the row of each instant in it.
+
+    Time stamps of a case's own are instants, not hours: its control decides at the instants.
+    """
+    asked = daylight(case, instants)
+    if case.period.timestamps is not None:
+        return asked, np.arange(len(instants))
+    year = daylight(case.with_tables(period=EVERY_HOUR))
+    hours = np.searchsorted(year.sky["time"].values, instants, side="right") - 1
+    rows, row = np.unique(hours, return_inverse=True)
+    sky, sun = year.sky.isel(time=rows), year.sun.isel(time=rows)
+    return replace(year, sky=sky, sun=sun, suns=year.suns.only(sources(sky))), row

@@ -1,0 +1,175 @@
+"""Further pictures of an evaluation: mountains, a section, temporal maps, the path of the sun."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.report.captions import place_and_period
+from drcmitsuba.report.colour_scale import scale
+from drcmitsuba.report.figures import has_shade
+from drcmitsuba.report.mountain import forms_rows, mountain
+from drcmitsuba.report.outlines import outlines_in_plan
+from drcmitsuba.report.section import section, through_middle
+from drcmitsuba.report.sheets import MOST_SHEETS, sheets
+from drcmitsuba.report.sun_path import sun_path
+from drcmitsuba.report.temporal_map import temporal_map
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.schema import luminance
+from drcmitsuba.sky.weather import Site
+
+NEAR = 1.0
+"""Largest distance from a point to its nearest sensor in plan [m]."""
+MOST_POINTS = 24
+"""Largest number of points."""
+Place = Sequence[float]
+"""Place x, y [m]."""
+
+
+def year_figures(
+    case: Case, illuminance: xr.Dataset, numbers: dict[str, Any], *,
+    points: Sequence[Place] = (), line: tuple[Place, Place] | None = None,
+) -> dict[str, Figure]:  # fmt: skip
+    """Draw further pictures of an evaluation.
+
+    Parameters
+    ----------
+    case : Case
+    illuminance : xr.Dataset
+        E as on disk [lx].
+    numbers : mapping
+        Content of `metrics.json`.
+    points : sequence of (x, y)
+        Points [m] whose nearest sensor gets a temporal map of its own.
+    line : tuple of two (x, y), optional
+        Ends of the section [m]. By default it goes through the middle of the sensors of the first
+        plan, away from the glazing.
+
+    Returns
+    -------
+    dict of str to Figure
+        By file name: `illuminance_mountain.png`, where the sensors form rows and columns,
+        `illuminance_section.png`, `illuminance_year.png` of the mean over all sensors,
+        `illuminance_year_N.png` of sensor N, and `sun_path.png`, where E has the place.
+
+    Raises
+    ------
+    InputError
+        No sensor stands near a point or on the line, or there are too many points.
+    """
+    E = luminance(illuminance["total"]).assign_attrs(units="lx", long_name="illuminance")
+    shade = ", shade applied" if has_shade(case, illuminance) else ""
+    caption = place_and_period(case, illuminance, numbers)
+    mean = E.mean("time", dtype=float).assign_attrs(E.attrs | {"long_name": "mean illuminance"})
+    drawn = _in_plan(
+        case, illuminance, mean, line, f"{case.name}: mean illuminance{shade}", caption
+    )
+    drawn["illuminance_year.png"] = temporal_map(
+        E.mean("sensor", keep_attrs=True), caption=caption,
+        title=f"{case.name}: mean illuminance of all sensors{shade}",
+    ).figure  # fmt: skip
+    for sensor in sensors_near(illuminance, points):
+        x, y = (float(illuminance[axis][sensor]) for axis in "xy")
+        drawn[f"illuminance_year_{sensor}.png"] = temporal_map(
+            E.isel(sensor=sensor), caption=caption,
+            title=f"{case.name}: illuminance of sensor {sensor} at ({x:g}, {y:g}) m{shade}",
+        ).figure  # fmt: skip
+    site, attributes = site_of(case.name, illuminance), illuminance.attrs
+    if site is not None:
+        closed = illuminance.get("shade_closed", xr.zeros_like(illuminance["time"], dtype=bool))
+        drawn["sun_path.png"] = sun_path(
+            closed, site,
+            step=float(attributes.get("step_hours", 1.0)),
+            sun_time=str(attributes.get("sun_time", "middle")),
+            title=f"{case.name}: suns of the period" + ", and of the closed shade" * bool(shade),
+            caption=caption,
+        ).figure  # fmt: skip
+    return drawn
+
+
+def site_of(name: str, illuminance: xr.Dataset) -> Site | None:
+    """Place of E by its attributes; None where it has none.
+
+    Raises
+    ------
+    InputError
+        There is no such place on earth.
+    """
+    most = {"latitude": 90.0, "longitude": 360.0, "timezone": 24.0}
+    if not set(most) <= set(illuminance.attrs):
+        return None
+    at = {key: float(illuminance.attrs[key]) for key in most}
+    for key, largest in most.items():
+        if not abs(at[key]) <= largest:
+            remedy = f"give a number up to {largest:g}"
+            raise InputError("illuminance", key, f"{at[key]:g}", remedy)
+    return Site(name, **at, elevation=0.0)
+
+
+def sensors_near(illuminance: xr.Dataset, points: Sequence[Place]) -> list[int]:
+    """Numbers of the sensors nearest to points x, y [m], each once.
+
+    Raises
+    ------
+    InputError
+        Too many points, or one that is far from all sensors.
+    """
+    at = np.column_stack([illuminance[axis].values for axis in "xy"])
+    if len(points) > MOST_POINTS:
+        raise InputError("points", "points", f"{len(points)}", f"give at most {MOST_POINTS}")
+    chosen = []
+    for point in points:
+        away = np.hypot(*(at - np.asarray(point, float)).T)
+        nearest = int(np.argmin(away))
+        if not away[nearest] <= NEAR:
+            got = f"no sensor within {NEAR:g} m of {point[0]:g}, {point[1]:g}"
+            x, y = at[nearest].round(3)
+            raise InputError("points", "point", got, f"the nearest one is at {x:g}, {y:g}")
+        chosen.append(nearest)
+    return [*dict.fromkeys(chosen)]
+
+
+def _in_plan(
+    case: Case, illuminance: xr.Dataset, mean: xr.DataArray, line: tuple[Place, Place] | None,
+    title: str, caption: str,
+) -> dict[str, Figure]:  # fmt: skip
+    """Mountains of all sheets, in the same colours, and a section through the first one."""
+    every, drawn = sheets(illuminance), {}
+    at = np.column_stack([illuminance[axis].values for axis in "xy"])
+    norm = scale(np.ma.masked_invalid(mean.values))
+    for k, sheet in enumerate(every[:MOST_SHEETS], start=1):
+        here = mean[sheet.sensors]
+        lines = outlines_in_plan(case, at[sheet.sensors], sheet)
+        outlines = {kind: lines.get(kind, ()) for kind in ("room", "glazing")}
+        if sheet.faces_up and forms_rows(here):
+            number = f"_{k}" if len(every) > 1 else ""
+            drawn[f"illuminance_mountain{number}.png"] = mountain(
+                here, norm=norm, title=title, caption=caption, **outlines
+            ).figure
+        ends = line or through_middle(here, _inwards(at[sheet.sensors], outlines["glazing"]))
+        if k == 1 and not np.array_equal(*ends):
+            counted = mean if line else here
+            error = illuminance.get("total_se")
+            if error is not None:
+                error = luminance(error).mean("time")[slice(None) if line else sheet.sensors]
+            band = "; band: 95 % interval at most, as if errors of all hours had one sign"
+            drawn["illuminance_section.png"] = section(
+                counted, error, start=ends[0], end=ends[1], title=title,
+                caption=caption + band * (error is not None),
+            ).figure  # fmt: skip
+    return drawn
+
+
+def _inwards(at: np.ndarray, glazing: Sequence[np.ndarray]) -> np.ndarray:
+    """Direction x, y away from the first line of glazing, or else along the longer side."""
+    if not len(glazing):
+        return np.eye(2)[np.argmax(np.ptp(at, axis=0))]
+    pane = np.asarray(glazing[0], float)
+    along = pane[-1] - pane[0] if len(pane) == 2 else pane[1] - pane[0]
+    inwards = np.array([-along[1], along[0]])
+    return inwards * (1 if (at.mean(axis=0) - pane.mean(axis=0)) @ inwards >= 0 else -1)
