@@ -235,7 +235,10 @@ def opened(count: int | None = None, scheduler: str | None = None) -> Iterator[W
 def _client(count: int | None, scheduler: str | None) -> Iterator[Client]:
     """Client of a scheduler; of one on this machine where `count` workers are wanted."""
     if count is not None:
+        # A server of pages starts even without a dashboard; on port 0 two runs stay out of each
+        # other's way.
         own = {"host": "127.0.0.1", "port": 0, "dashboard": False}
+        own |= {"dashboard_address": "127.0.0.1:0"}
         spec = {"cls": distributed.Scheduler, "options": own}
         with (
             distributed.SpecCluster(_on_this_machine(count), spec, silence_logs=logging.CRITICAL)

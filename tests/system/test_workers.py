@@ -154,7 +154,7 @@ def test_a_part_beside_groups_or_an_adaptive_sun_is_refused(tmp_path, monkeypatc
 def test_a_worker_with_another_version_is_refused_by_name(tmp_path):
     with (
         distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
