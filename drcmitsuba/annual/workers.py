@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -32,6 +32,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.runtime import backend, lazy
 from drcmitsuba.runtime.errors import InputError, was_stopped
+from drcmitsuba.runtime.interruption import kept_from_children
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.sky.sun_models import Suns
 
@@ -240,12 +241,14 @@ def _client(count: int | None, scheduler: str | None) -> Iterator[Client]:
         own = {"host": "127.0.0.1", "port": 0, "dashboard": False}
         own |= {"dashboard_address": "127.0.0.1:0"}
         spec = {"cls": distributed.Scheduler, "options": own}
-        with (
-            distributed.SpecCluster(_on_this_machine(count), spec, silence_logs=logging.CRITICAL)
-            as cluster,
-            distributed.Client(cluster, set_as_default=False) as client,
-        ):  # fmt: skip
-            yield client
+        with ExitStack() as opened_here:
+            with kept_from_children():  # also from workers that its threads start later
+                cluster = distributed.SpecCluster(
+                    _on_this_machine(count), spec, silence_logs=logging.CRITICAL
+                )
+                opened_here.enter_context(cluster)
+            client = distributed.Client(cluster, set_as_default=False)
+            yield opened_here.enter_context(client)
         return
     try:
         client = distributed.Client(scheduler, timeout=ANSWER, set_as_default=False)

@@ -11,6 +11,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from types import FrameType
 
 STOPPED = 130
@@ -50,3 +51,21 @@ def raised() -> Iterator[None]:
     finally:
         for number in caught:
             signal.signal(number, _exit_at_once)
+
+
+@contextmanager
+def kept_from_children() -> Iterator[None]:
+    """Keep Ctrl-C for good from threads and processes that begin within; it waits meanwhile.
+
+    A terminal sends Ctrl-C to every process of a command. Workers leave it to the one that has
+    started them, which ends them.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # multiprocessing would start it, and let Ctrl-C in again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -87,6 +87,29 @@ def test_two_workers_of_which_one_is_killed_make_the_blocks_of_one_process(rough
     assert shares[-1] == 1.0
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_ctrl_c_of_a_terminal_leaves_one_line_whole_blocks_and_no_worker(rough, tmp_path):
+    folder = tmp_path / "out"
+    command = [sys.executable, "-m", "drcmitsuba.cli", "evaluate", str(rough), "-o", str(folder)]
+    process = subprocess.Popen(
+        [*command, "--workers", "2"], cwd=ROOT, stderr=subprocess.PIPE, text=True,
+        stdout=subprocess.DEVNULL, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    while not [*folder.rglob("*.zip")]:
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
+    error = process.communicate(timeout=60)[1]
+    assert (process.returncode, error) == (130, "drcmitsuba: stopped\n")
+    with pytest.raises(ProcessLookupError):  # nobody is left of the command's group
+        for _ in range(100):  # multiprocessing's own tracker ends a moment after the others
+            os.killpg(process.pid, 0)
+            time.sleep(0.1)
+    assert {path.name for path in folder.iterdir()} == {"unfinished"}
+    assert stored(folder)
+
+
 @pytest.fixture
 def computed(monkeypatch):
     """Blocks of four sensors, and a list of those that are computed and stored."""
