@@ -19,6 +19,11 @@ from tests.system.small_room import SHADING, changed, run
 
 ALONE = '[output]\nilluminance = "metrics"\n[accuracy]'
 SHARES = ("sDA", "ASE", "shade_closed", "msDA", "MSE", "shade_closed_monthly")
+GROUPS = """
+[groups.left]
+panes = ["glass"]
+states = ["shade"]
+"""
 FURTHER = '\n[[furniture]]\nname = "desk"\ncorner = [0.2, 4.0, 0.0]\nsize = [0.5, 0.5, 0.7]\n'
 COLOURED = FURTHER + "reflectance = [0.6, 0.4, 0.2]\n"
 
@@ -98,6 +103,7 @@ def test_the_command_writes_metrics_of_sensors_and_removes_other_arrays(
     [
         ("[accuracy]", f"[sun]\nmodel = 'adaptive'\n{ALONE}", "an adaptive sun"),
         ("[accuracy]", f'{ALONE}\ntarget = "1 point"', "a target"),
+        (SHADING, GROUPS + ALONE.removesuffix("[accuracy]"), "groups of panes"),
     ],
 )
 def test_what_is_not_summed_block_by_block_is_refused_by_name(tmp_path, old, new, words):
@@ -127,6 +133,11 @@ def test_streams_of_other_blocks_meet_sensor_by_sensor():
         np.testing.assert_array_equal(two["n"], one["n"])
         seen.append((here.start, here.stop))
     assert seen == [(0, 3), (3, 4), (4, 8), (8, 9)]
+
+
+def test_whole_arrays_are_kept_where_the_case_wants_them_whatever_the_memory(tmp_path):
+    case = case_of(tmp_path, ("[accuracy]", ALONE.replace("metrics", "all")))
+    assert isinstance(drcmitsuba.evaluate_within(case, memory=1), Result)
 
 
 MEMORY = """

@@ -249,8 +249,8 @@ def test_sky(name, case_of, same, tmp_path):
     mine = C["replicates"].values.mean(axis=1)
     traced = room(case, points, normals, tmp_path)
     options = [*SHARP, *UNBIASED, "-ss", "1", "-ad", "1024"]
-    same(mine, other=traced.sky(options, repeats=12).mean(axis=1), within=0.002)
-    same(mine, other=traced.sky_by_rfluxmtx(options, repeats=12).mean(axis=1), within=0.002)
+    same(mine, other=traced.sky(options, repeats=16).mean(axis=1), within=0.002)
+    same(mine, other=traced.sky_by_rfluxmtx(options, repeats=16).mean(axis=1), within=0.002)
 
 
 @pytest.mark.slow
