@@ -7,9 +7,9 @@ grid. The model takes seconds that one process measured with the threads of one 
 
     seconds(n) = own + start + Σ_states (shared + max over workers of Σ seconds of its blocks)
 
-`own` is what the command needs where all blocks are stored, `start` the start of n workers, `shared`
-what each worker computes before its first block. `further` rows are simulated: each worker is then
-a machine like one of two workers here, which read and write the folder of blocks without delay.
+`own` is what the command needs where all blocks are stored, `start` the start of n workers,
+`shared` what each worker computes before its first block. `further` rows are simulated: each worker
+is a machine like one of two workers here, and the folder of blocks costs no time.
 """
 
 from __future__ import annotations
