@@ -101,12 +101,12 @@ def evaluate_variants(
         with own.timed(case.name):
             planned = plan(case, light)
             own = replace(own, enabled_effects=planned.scope)
-            coefficients, direct = _coefficients(basis, share, planned)
+            coefficients, direct = coefficients_of(basis, share, planned)
             evaluated = evaluate_metrics(case, light, coefficients, direct)
         yield summed_up(planned, coefficients, evaluated, own, remark)
 
 
-def _coefficients(
+def coefficients_of(
     basis: facade_basis.Basis, share: np.ndarray, planned: Plan
 ) -> tuple[Coefficients, xr.Dataset]:
     """C of a façade, shaded only for hours in which the shade may close, and its direct sun."""

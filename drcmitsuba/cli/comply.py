@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,8 +16,11 @@ from drcmitsuba.cli.terminal import show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
+    from drcmitsuba.design.change import Change
     from drcmitsuba.standards import Evidence, Refusal, Verdict, ViewOut
     from drcmitsuba.standards.verdict import Margin, Outcome
+
+CHANGE = "Find the least change of the façade that reaches the next level (a case with [design])."
 
 
 def comply(
@@ -30,6 +34,7 @@ def comply(
     view: Annotated[
         bool, typer.Option("--view", help="Trace the view out of EN 17037, too (a case only).")
     ] = False,
+    change: Annotated[bool, typer.Option("--change", help=CHANGE)] = False,
 ) -> None:
     """Judge an evaluation by standards: level, margin and probability of passing.
 
@@ -45,9 +50,11 @@ def comply(
     if is_folder and weather is not None:
         got = "results have their own weather"
         raise InputError("command line", "--weather", got, "give it with a case")
-    if is_folder and view:
-        got = "results have no geometry"
-        raise InputError("command line", "--view", got, "give it with a case")
+    if is_folder and (view or change):
+        name, got = "--view" if view else "--change", "results have no geometry"
+        raise InputError("command line", name, got, "give it with a case")
+    if change and not standard:
+        raise InputError("command line", "--change", "no standard", "name one: --standard NAME")
     if is_folder:
         evidence = standards.Evidence.of_folder(source)
     else:
@@ -63,6 +70,9 @@ def comply(
     seen = _view(source, weather) if view else None
     if seen is not None:
         told["view_out"] = seen.to_dict()
+    changes = _changes(source, weather, judged) if change else []
+    if changes:
+        told["changes"] = [each.to_dict() for each in changes]
     if output is not None:
         storage.save_json(told, output / "compliance.json")
     if as_json:
@@ -72,6 +82,9 @@ def comply(
             _show_verdict(verdict)  # type: ignore[arg-type]
     else:
         _show_all(judged)
+    if not as_json:
+        for line in _lines(changes):
+            print(line)
     if seen is not None and not as_json:
         print("\n".join(seen.text()))
     if output is not None and not as_json:
@@ -104,6 +117,31 @@ def _view(case: str, weather: Path | None) -> ViewOut:
     from drcmitsuba.standards import view_out
 
     return view_out(view_distances(load(case, weather)))
+
+
+def _changes(
+    case: str, weather: Path | None, judged: Sequence[Verdict | Refusal]
+) -> list[Change | Refusal]:
+    """Least changes of a case's façade for the next level of each standard, or why none is told."""
+    from drcmitsuba.design.cheapest_change import cheapest_changes
+    from drcmitsuba.standards import Verdict
+
+    with stages() as stage:
+        verdicts = [each for each in judged if isinstance(each, Verdict)]
+        return cheapest_changes(load(case, weather), verdicts, stage)
+
+
+def _lines(changes: Sequence[Change | Refusal]) -> Iterator[str]:
+    """Lines of the changes, headed by their standards where there are several."""
+    from drcmitsuba.standards import Refusal
+
+    for change in changes:
+        head = f"{change.standard}: " if len(changes) > 1 else ""
+        if isinstance(change, Refusal):
+            yield f"{head}cheapest change: cannot be told: {change.reason}"
+            continue
+        first, *others = change.text()
+        yield from (head + first, *others)
 
 
 def _show_all(judged: list[Verdict | Refusal]) -> None:

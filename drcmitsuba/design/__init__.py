@@ -3,6 +3,8 @@
 - `parameters`: values with bounds and a start; `facade_maps`: from parameters to façades
 - `measure`: rating of a year, smooth and hard; `search`: step, history, loop and optimum
 - `layout`, `problem`, `optimise`, `realise`: the façade, from `[design]` to a case to be built
+- `cheapest_change`, `change`: the least change for the next level of a standard; `requirement`,
+  `change_problem`, `change_search`, `composed_facades`, `present_facade`
 - `tilt`, `tilt_search`: the tilt of lamellae
 - `film`, `film_bins`, `film_year`: a year as a function of its film; `film_problem`, `film_search`
 - `reflectances`, `traced_room`, `bounce_counts`: a year as a function of the reflectances in a room

@@ -21,6 +21,9 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose
 from drcmitsuba.transport.facade_basis import Tiles
 
+THIN = 1e-6
+"""Height that counts as none [m]."""
+
 
 @dataclass(frozen=True)
 class Panes:
@@ -133,11 +136,36 @@ class Window:
         within = inward(values, self.parameters)
         return self.panes.between(self._edges(values), self._edges(within))
 
+    def values_of(self, share: np.ndarray) -> dict[str, np.ndarray]:
+        """Values of the parameters, (1,) each, of a composition (tile, material) of whole tiles.
+
+        Another composition than this map's has the same areas of window and film. A film of no
+        height, or as high as its window, has the position 1.
+        """
+        bottom, area = self.panes.tiles.bounds[:, 2], self.panes.tiles.area
+        glazed = 1 - share[:, self.panes.materials.index("wall")]
+        film = share[:, self.panes.materials.index(self.panes.film)]
+        height, of_film = float(glazed @ area) / self._width, float(film @ area) / self._width
+        sill = float(bottom[glazed > 0].min(initial=self.sill.high))
+        foot = float(bottom[film > 0].min(initial=np.inf))
+        play = height - of_film
+        values = {
+            self.sill.key: sill,
+            self.wwr.key: height * self._width / self.wall,
+            self.dwr.key: of_film / height if height > 0 else self.dwr.low,
+            self.position.key: (foot - sill) / play if of_film > 0 and play > THIN else 1.0,
+        }
+        return {key: np.array([value]) for key, value in values.items()}
+
+    @property
+    def _width(self) -> float:
+        """Width of the panes at every height [m]."""
+        bounds = self.panes.tiles.bounds
+        return float(self.panes.tiles.area.sum() / (bounds[:, 3].max() - bounds[:, 2].min()))
+
     def _edges(self, values: Values) -> Edges:
         sill, wwr, dwr, position = (values[p.key] for p in self.parameters)
-        bounds = self.panes.tiles.bounds
-        width = float(self.panes.tiles.area.sum() / (bounds[:, 3].max() - bounds[:, 2].min()))
-        height = wwr * (self.wall / width)
+        height = wwr * (self.wall / self._width)
         film = dwr * height
         foot = sill + position * (height - film)
         return Edges(sill, sill + height, foot, foot + film)
@@ -160,3 +188,10 @@ class Strips:
         """Give the composition, mi.TensorXf (tile, material)."""
         window = values[self.window.key] + dr.zeros(mi.Float, self.panes.count)
         return self.panes.composition(window, window * values[self.film.key])
+
+    def values_of(self, share: np.ndarray) -> dict[str, np.ndarray]:
+        """Values of the parameters, (tile,) each, of a composition (tile, material)."""
+        window = 1 - share[:, self.panes.materials.index("wall")]
+        film = share[:, self.panes.materials.index(self.panes.film)]
+        part = np.divide(film, window, out=np.zeros_like(film), where=window > 0)
+        return {self.window.key: window, self.film.key: part}

@@ -21,6 +21,7 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial, check_
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.toml import Side, checked
+from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport import facade_basis
 from drcmitsuba.transport.facade_basis import BasisYear
@@ -116,12 +117,20 @@ class Layout:
     def year(self, stage: Stage = silent) -> facade_basis.BasisYear:
         """Year of the façade's basis under the daylight of the case's period.
 
-        True suns replace an adaptive sun model, whose mesh would follow one composition.
-
         Raises
         ------
         InputError
             The weather is unfit, or a basis cannot represent the case.
+        """
+        return facade_basis.BasisYear.of(*self.basis(self.heights, 1, stage))
+
+    def basis(
+        self, heights: np.ndarray, groups: int | None = None, stage: Stage = silent
+    ) -> tuple[facade_basis.Basis, Daylight]:
+        """Façade basis with tiles between heights [m], and the daylight of the case's period.
+
+        True suns replace an adaptive sun model, whose mesh would follow one composition. `groups`
+        and errors are those of `facade_basis.compute`.
         """
         case = self.case
         if isinstance(case.sun, Adaptive):
@@ -130,13 +139,13 @@ class Layout:
             daylight = daylight_of(case)
         wall = facade_basis.Wall(case, self.side)
         materials = ("wall", self.clear, self.film)
-        tiles, palette = facade_basis.of_grid(wall, self.heights, self.segments, materials)
+        tiles, palette = facade_basis.of_grid(wall, heights, self.segments, materials)
         with stage("façade basis") as done:
             basis = facade_basis.compute(
                 wall, tiles, palette, daylight.suns, case.accuracy,
-                groups=1, subdivision=case.sky.subdivision, progress=done,
+                groups=groups, subdivision=case.sky.subdivision, progress=done,
             )  # fmt: skip
-        return facade_basis.BasisYear.of(basis, daylight)
+        return basis, daylight
 
     @property
     def search(self) -> Search:

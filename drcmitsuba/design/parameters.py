@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import drjit as dr
+import numpy as np
 
 from drcmitsuba.runtime.errors import InputError
 
@@ -79,6 +80,10 @@ class Map(Protocol):
 
     def share(self, values: Values) -> Any:
         """Composition, mi.TensorXf (tile, material); rows add up to 1."""
+        ...
+
+    def values_of(self, share: np.ndarray) -> Mapping[str, np.ndarray]:
+        """Values of the parameters, (count,) each, of a composition (tile, material)."""
         ...
 
 

@@ -172,26 +172,24 @@ class FacadeProblem(RatedProblem):
         free = mi.Float(np.clip(x, 0, 1).astype(np.float32))
         dr.enable_grad(free)
         share, E = self.illuminance(self.values(free))
-        window, film = self._window_area(share), self._area(share, self.goal.film)
+        window, film = self.window_area(share), self._area(share, self.goal.film)
         aim, ase = self.measure.smooth(E, sharpness)
         value = aim - self._cost(film)
         numbers = [float(v[0]) for v in (value, aim, ase, film, window)]
-        gradients = _gradients(free, (value, ase, window))
+        slopes = gradients(free, (value, ase, window))
         hard = self._hard(E, film=numbers[3], window=numbers[4])
         smooth = FacadeScore(*numbers)
-        return FacadeCandidate(
-            np.array(x, float), sharpness, smooth, hard, share.numpy(), *gradients
-        )
+        return FacadeCandidate(np.array(x, float), sharpness, smooth, hard, share.numpy(), *slopes)
 
     def hard(self, share: np.ndarray) -> FacadeScore:
         """Rate any composition (tile, material) by hard numbers, such as a named variant."""
         composition = mi.TensorXf(np.asarray(share, np.float32))
-        film, window = self._area(composition, self.goal.film), self._window_area(composition)
+        film, window = self._area(composition, self.goal.film), self.window_area(composition)
         E = self.year.illuminance(composition)
         return self._hard(E, float(film[0]), float(window[0]))
 
-    def area_error(self, score: FacadeScore) -> float:
-        """Deviation of the panes' area as a fraction; 0 within `AREA_TOLERANCE`."""
+    def area_error(self, score: Any) -> float:
+        """Deviation of a score's `window_area` as a fraction; 0 within `AREA_TOLERANCE`."""
         if self.goal.window_area is None:
             return 0.0
         low, high = self.goal.window_area
@@ -223,7 +221,7 @@ class FacadeProblem(RatedProblem):
         """Cost [%] of an area of film [m²]."""
         return film_area * (self.goal.film_cost / float(self.year.tiles.area.sum()))
 
-    def _window_area(self, share: mi.TensorXf) -> mi.Float:
+    def window_area(self, share: mi.TensorXf) -> mi.Float:
         """Area of all panes [m²]."""
         return float(self.year.tiles.area.sum()) - self._area(share, "wall")
 
@@ -235,13 +233,13 @@ class FacadeProblem(RatedProblem):
         return dr.sum(dr.gather(mi.Float, share.array, column) * area)
 
 
-def _gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
+def gradients(x: mi.Float, outputs: Sequence[mi.Float]) -> list[np.ndarray]:
     """Gradients (free,) of several outputs by reverse passes over one graph."""
-    gradients = []
+    of_each = []
     for i, y in enumerate(outputs):
         last = i + 1 == len(outputs)
         if dr.grad_enabled(y):
             dr.backward(y, flags=dr.ADFlag.Default if last else dr.ADFlag.ClearInterior)
-        gradients.append(dr.grad(x).numpy().astype(float))
+        of_each.append(dr.grad(x).numpy().astype(float))
         dr.set_grad(x, 0)
-    return gradients
+    return of_each

@@ -91,7 +91,9 @@ def test_a_period_that_does_not_fit_is_refused_before_the_simulation(refused, tm
 def test_other_versions_missing_files_and_mixed_results_are_refused(refused, copied, tmp_path):
     assert "no such standard" in refused("comply", copied, "--standard", "leed-v4")
     assert "give it with a case" in refused("comply", copied, "--weather", "w.epw")
-    assert "give it with a case" in refused("comply", copied, "--view")
+    for option in ("--view", "--change"):
+        assert "give it with a case" in refused("comply", copied, option)
+    assert "name one: --standard NAME" in refused("comply", tmp_path / "case.toml", "--change")
     assert "no such file" in refused("comply", tmp_path)
     path = copied / "illuminance.nc"
     with xr.open_dataset(path, engine="h5netcdf") as data:

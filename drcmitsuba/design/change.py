@@ -1,0 +1,142 @@
+"""The least change of a façade for a level of a standard, in numbers and words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drcmitsuba.standards import Verdict
+from drcmitsuba.standards.verdict import likelihood
+
+SAME_VALUE = 5e-4
+"""Difference of a parameter that counts as none, in its unit."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """Area that changes from one material to another."""
+
+    before: str
+    after: str
+    area: float
+    """Area [m²]."""
+    bottom: float
+    top: float
+    """Heights of the lowest and the highest edge of the tiles that it lies in [m]."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        at = {"bottom": self.bottom, "top": self.top}
+        return {"from": self.before, "to": self.after, "m2": self.area, **at}
+
+    def text(self) -> str:
+        """Write the area with its materials, and where it lies."""
+        at = f"between {self.bottom:.2f} and {self.top:.2f} m"
+        return f"{self.area:.2f} m² of {self.before} to {self.after} {at}"
+
+
+@dataclass(frozen=True)
+class Change:
+    """What would have to change for a level of a standard."""
+
+    standard: str
+    level: str
+    """Level that is not reached."""
+    now: Verdict
+    """The façade as it is, judged by the basis."""
+    changed: Verdict
+    """The façade with the least change that reaches the level; the one that comes nearest to it if
+    none does."""
+    reaches: bool
+    """Whether the changed façade reaches the level."""
+    tried: int
+    """Number of façades that the search judged."""
+    finished: bool
+    """False if Ctrl-C stopped the search."""
+    area: float
+    """Area that takes another material [m²]."""
+    moves: tuple[Move, ...]
+    """Its parts by material, the largest first."""
+    facade_area: float
+    """Area of the façade [m²]."""
+    parameters: Mapping[str, tuple[float, float]]
+    """Free parameters of one value each, now and then."""
+    composition: Mapping[str, list[float]]
+    """Share of every tile by material."""
+
+    @property
+    def probability(self) -> float | None:
+        """Probability that the changed façade reaches the level."""
+        return next(o.probability for o in self.changed.levels if o.name == self.level)
+
+    @property
+    def is_needed(self) -> bool:
+        """False where the façade as it is reaches the level by this simulation."""
+        return not next(o.reached for o in self.now.levels if o.name == self.level)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON; areas in m², quantities in their units."""
+        quantities = {
+            name: {"now": self.now.quantities[name].to_dict(), "then": i.to_dict()}
+            for name, i in self.changed.quantities.items()
+        }
+        return {
+            "standard": self.standard,
+            "level": self.level,
+            "needed": self.is_needed,
+            "reaches": self.reaches,
+            "probability": self.probability,
+            "changed_m2": self.area,
+            "changed_percent": 100 * self.area / self.facade_area,
+            "moves": [move.to_dict() for move in self.moves],
+            "parameters": {k: {"now": a, "then": b} for k, (a, b) in self.parameters.items()},
+            "quantities": quantities,
+            "composition": dict(self.composition),
+            "tried": self.tried,
+            "finished": self.finished,
+        }
+
+    def text(self) -> list[str]:
+        """Lines for people."""
+        if not self.is_needed:
+            return [
+                f"cheapest change for {self.level}: none: the same façade reaches it in the "
+                f"simulation of all façades ({self._quantities(self.now)}; "
+                f"probability {likelihood(self.probability)})"
+            ]
+        some = "the search was stopped; " if not self.finished else ""
+        if not self.reaches:
+            return [
+                f"cheapest change for {self.level}: none of the {self.tried} façades that were "
+                f"tried within the bounds of [design] reaches it",
+                f"  {some}nearest: {self._described()}: {self._quantities(self.changed)}",
+            ]
+        return [
+            f"cheapest change for {self.level}: {self._described()}",
+            f"  then {self._quantities(self.changed)}; probability {likelihood(self.probability)}",
+            f"  now  {self._quantities(self.now)}, from the same simulation",
+            f"  {some}the least change of {self.tried} façades that were tried",
+            *(f"  duty: {duty}" for duty in self.changed.duties if duty not in self.now.duties),
+        ]
+
+    def _described(self) -> str:
+        """Write the change: "0.92 m² of film to glass between 2.10 and 2.70 m (4.0 % of …)"."""
+        if not self.moves:
+            return "the façade as it is"
+        share = 100 * self.area / self.facade_area
+        moves = ", ".join(move.text() for move in self.moves)
+        values = [
+            f"{name} {b:.3f}" if abs(a - b) < SAME_VALUE else f"{name} {a:.3f} → {b:.3f}"
+            for name, (a, b) in self.parameters.items()
+        ]
+        return "; ".join([f"{moves} ({share:.1f} % of the façade)", *values])
+
+    def _quantities(self, judged: Verdict) -> str:
+        values = []
+        for name, i in judged.quantities.items():
+            unit = judged.units[name]
+            digits = 1 if unit == "%" else 0
+            value, low, high = (f"{x:.{digits}f}" for x in (i.value, i.low, i.high))
+            values.append(f"{name} {value} ({low} … {high}) {unit}")
+        return ", ".join(values)

@@ -1,0 +1,147 @@
+"""A level of a standard asked of façades of one basis: hard outcome and smooth margins.
+
+A margin is how far a quantity lies above its limit, in parts of all points or of the limit's hours:
+
+    m = (value − limit) / 100 %,  or value / limit − 1
+
+There is one for each limit and each space that it is asked of. The standard's own count decides
+whether the level is reached; a search only follows the margins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from drcmitsuba import metrics
+from drcmitsuba.metrics import smooth, smooth_step
+from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.standards import Evidence
+from drcmitsuba.standards.quantities import Counted, count, stamps_needed
+from drcmitsuba.standards.standard import Level, Limit, Quantity, Standard
+from drcmitsuba.standards.verdict import Outcome, outcome
+from drcmitsuba.standards.year import OF_LIGHT, Year
+from drcmitsuba.transport.facade_basis.year import Illuminances
+
+ALL_POINTS = 100.0
+"""Limit [%] at which the hours of the worst point tell more than the share of the points."""
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A level that a façade has to reach.
+
+    Parameters
+    ----------
+    standard : Standard
+    level : Level
+        One of the standard's levels.
+    at : np.ndarray of int, shape (counted,)
+        Time stamps that the standard counts, from `standards.coverage.hours_of`.
+    coordinates : xr.Dataset
+        Coordinates `time` of the year, and of the sensors.
+    rules : Rules
+        Rule of the shade, from `evaluate_metrics.rules`.
+    """
+
+    standard: Standard
+    level: Level
+    at: np.ndarray
+    coordinates: xr.Dataset
+    rules: Rules
+
+    def hard(self, E: Illuminances) -> tuple[Outcome, np.ndarray]:
+        """Outcome of the level by the standard's count, and its margins, shape (margin,)."""
+        year = self._year(E.open.numpy(), E.shaded.numpy(), E.direct.numpy())
+        names = dict.fromkeys(limit.quantity for limit in self.level.limits)
+        counted = {name: count(self.standard.quantities[name], year) for name in names}
+        margins = [
+            self._hard_margin(limit, counted[limit.quantity], space)
+            for limit, space in self._asked(year)
+        ]
+        return outcome(self.level, counted, year), np.array(margins)
+
+    def smooth(self, E: Illuminances, sharpness: float) -> list[mi.Float]:
+        """Smooth twins of the margins of `hard`, with gradients.
+
+        The twin of the shade's rule counts all sensors as one grid.
+        """
+        total, rules, year = E.open, self.rules, self._dark
+        if any(self._quantity(limit).light == "total" for limit in self.level.limits):
+            closed = smooth.shade_closed(
+                E.direct, rules.shade_threshold, rules.shade_area, sharpness=sharpness
+            )
+            total = smooth.applied(E.open, E.shaded, closed)
+        of_light = {"total": total, "open": E.open, "direct_sun": E.direct}
+        margins = []
+        for limit, space in self._asked(year):
+            sensors = np.flatnonzero(year.space == space) if space is not None else None
+            counted = _taken(of_light[self._quantity(limit).light], self.at, sensors)
+            margins.append(self._smooth_margin(limit, counted, year, sharpness))
+        return margins
+
+    def _quantity(self, limit: Limit) -> Quantity:
+        return self.standard.quantities[limit.quantity]
+
+    def _asked(self, year: Year) -> list[tuple[Limit, int | None]]:
+        """Limits, each with the index of the space that it is asked of, None for all points."""
+        spaces = range(len(year.spaces)) if self.level.scope == "spaces" else (None,)
+        return [(limit, space) for limit in self.level.limits for space in spaces]
+
+    @cached_property
+    def _dark(self) -> Year:
+        """Hours without light, which tell the spaces."""
+        sizes = self.coordinates.sizes
+        none = np.zeros((sizes["time"], sizes["sensor"]), np.float32)
+        return self._year(none, none, none)
+
+    def _year(self, open: np.ndarray, shaded: np.ndarray, direct: np.ndarray) -> Year:
+        """Hours of the standard, the shade applied by its rule, without errors of E [lx]."""
+        rules, dims = self.rules, ("time", "sensor")
+        E = {name: (dims, e) for name, e in (("total_open", open), ("direct_sun", direct))}
+        out = xr.Dataset(E, self.coordinates.coords, {"step_hours": rules.step_hours})
+        closed = metrics.shade_closed(out["direct_sun"], rules.shade_threshold, rules.shade_area)
+        out["total"] = dims, np.where(closed.values[:, None], shaded, open)
+        none = np.zeros_like(open)
+        out = out.assign({f"{name}_se": (dims, none) for name in OF_LIGHT.values()})
+        return Year(Evidence(out, None, None, {}, "façade basis"), self.at)
+
+    def _hard_margin(self, limit: Limit, counted: Counted, space: int | None) -> float:
+        if self._quantity(limit).of == "mean":
+            hours = counted.value if space is None else counted.by_space[space]
+            return float(hours) / limit.at_least - 1
+        if limit.at_least == ALL_POINTS:
+            own = counted.hours if space is None else counted.hours[counted.of_space(space)]
+            return float(own.min()) / counted.needed_hours - 1
+        share = counted.value if space is None else counted.by_space[space]
+        return (float(share) - limit.at_least) / 100
+
+    def _smooth_margin(
+        self, limit: Limit, E: mi.TensorXf, year: Year, sharpness: float
+    ) -> mi.Float:
+        quantity, step = self._quantity(limit), self.rules.step_hours
+        needed = stamps_needed(quantity, year)
+        if quantity.of == "mean":
+            hours = smooth.mean_hours(E, quantity.threshold, step, sharpness=sharpness)
+            return hours / limit.at_least - 1
+        if limit.at_least == ALL_POINTS:
+            hours = smooth.worst_point_hours(E, quantity.threshold, step, sharpness=sharpness)
+            return hours / (needed * step) - 1
+        stamps = smooth_step.stamps_reached(E, quantity.threshold, sharpness)
+        return (smooth_step.share(stamps, needed, sharpness) - limit.at_least) / 100
+
+
+def _taken(E: mi.TensorXf, at: np.ndarray, sensors: np.ndarray | None) -> mi.TensorXf:
+    """E at some time stamps and sensors, by default all sensors, (counted, sensor) [lx]."""
+    stamps, count = E.shape
+    if len(at) == stamps and sensors is None:
+        return E
+    columns = np.arange(count) if sensors is None else sensors
+    index = np.asarray(at)[:, None] * count + columns
+    return mi.TensorXf(dr.gather(mi.Float, E.array, flat_indices(index)), index.shape)

@@ -1,0 +1,310 @@
+"""The least change for a level of a standard: against sweeps; what is refused; the command."""
+
+import json
+from dataclasses import replace
+from itertools import product
+
+import mitsuba as mi
+import numpy as np
+import pytest
+import xarray as xr
+
+from drcmitsuba import load_case
+from drcmitsuba.case.metrics import Metrics
+from drcmitsuba.cli import main
+from drcmitsuba.design.change_problem import ChangeProblem
+from drcmitsuba.design.change_search import least_change
+from drcmitsuba.design.cheapest_change import cheapest_change, cheapest_changes
+from drcmitsuba.design.composed_facades import Facades
+from drcmitsuba.design.facade_maps import Panes, Strips, Window
+from drcmitsuba.design.optimise import Search
+from drcmitsuba.design.parameters import Parameter
+from drcmitsuba.design.problem import FacadeProblem, Goal
+from drcmitsuba.design.requirement import Requirement
+from drcmitsuba.metrics.intervals.rules import Rules
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.standards import Refusal, read, verdict
+from drcmitsuba.standards.standard import Limit
+from drcmitsuba.transport.facade_basis.year import Illuminances
+from tests.synthetic_year import SyntheticYear, Tiles
+
+CASE = """
+name = "small room"
+[period]
+calendar = "LM-83"
+[room]
+size = [3.0, 6.0, 3.0]
+[facade.south]
+strips = [{ bottom = 1.2, top = 2.4, material = "glass" }]
+[materials.glass]
+type = "glazing"
+transmittance = 0.65
+[materials.film]
+type = "diffuser"
+transmittance = 0.5
+[materials.shade]
+type = "diffuser"
+transmittance = 0.1
+[sensors]
+corner = [0.5, 0.5, 0.8]
+count = [4, 9]
+spacing = 0.6
+[shading]
+material = "shade"
+[accuracy]
+replicates = 2
+paths = 16
+cell_size = 1.0
+cell_sky_rays = 16
+sensor_sky_rays = 16
+pane_points = 16
+[design]
+film = "film"
+parameters = "strips"
+rows = 1
+"""
+PANES = 3.0 * 1.2
+NO_DESIGN = InputError("case.toml", "design", "no such table", "add [design]")
+NO_CHANGE = (Refusal("lm-83-12", "IES LM-83-12", NO_DESIGN),)
+RULES = Rules(Metrics(), 1000.0, 0.02, 1.0)
+
+
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    file = tmp_path_factory.mktemp("change") / "case.toml"
+    file.write_text(CASE)
+    return file
+
+
+@pytest.fixture(scope="module")
+def facades(file):
+    """Façades of a room whose one tile may have any share of film."""
+    return Facades.of(load_case(file))
+
+
+@pytest.fixture(scope="module")
+def judged(facades):
+    return verdict("lm-83-12", facades.evidence(facades.present))
+
+
+@pytest.fixture(scope="module")
+def change(facades, judged):
+    return cheapest_change(judged, facades)
+
+
+def of_film(facades, share):
+    """Hard sDA [%] of the façade with a share of film, from the same basis."""
+    composition = np.zeros_like(facades.present)
+    names = list(facades.basis.palette.names)
+    composition[:, names.index("film")] = share
+    composition[:, names.index("glass")] = 1 - share
+    return facades.problem.hard(composition).aim
+
+
+def test_the_change_is_the_least_one_of_a_sweep_that_reaches_the_level(facades, judged, change):
+    assert judged.level == "nominally accepted"
+    assert change.level == "preferred"
+    sweep = np.linspace(0, 0.2, 41)
+    sda = np.array([of_film(facades, share) for share in sweep])
+    assert sda[0] < 75
+    assert sda.max() >= 75
+    least = int(np.argmax(sda >= 75))
+    assert change.reaches
+    assert sweep[least - 1] * PANES < change.area <= sweep[least] * PANES + 1e-3
+    assert change.changed.quantities["sDA"].value >= 75
+    assert of_film(facades, change.area / PANES) == pytest.approx(
+        change.changed.quantities["sDA"].value
+    )
+    assert 0 < change.probability <= 1
+
+
+def test_the_change_says_where_it_lies_and_by_how_much(change):
+    first, then, now, tried = change.text()[:4]
+    assert first.startswith(f"cheapest change for preferred: {change.area:.2f} m² of glass to film")
+    assert "between 1.20 and 2.40 m" in first
+    assert f"({100 * change.area / 9:.1f} % of the façade)" in first
+    assert "then sDA 75.0 (" in then
+    assert "probability" in then
+    assert "now  sDA" in now
+    assert f"of {change.tried} façades" in tried
+
+
+def test_what_no_façade_reaches_is_said(change):
+    lines = replace(change, reaches=False).text()
+    assert f"none of the {change.tried} façades that were tried" in lines[0]
+    assert lines[1].strip().startswith("nearest: ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ([(CASE[CASE.index("[design]") :], "")], "no such table"),
+        (
+            [('top = 2.4, material = "glass"', 'top = 2.4, material = "open"')],
+            "knows glass and fil",
+        ),
+        ([("rows = 1", "rows = 1\nband = [1.5, 2.4]\nwwr = [0.2, 0.3]")], "beyond the band"),
+        (
+            [
+                ("strips = [{", "segments = 2\nstrips = [{ segments = [0],"),
+                ("rows = 1", "rows = 1\nsegments = 3"),
+            ],
+            "give a multiple of 2",
+        ),
+    ],
+)
+def test_façades_that_the_search_cannot_hold_are_refused(tmp_path, changes, said):
+    text = CASE
+    for old, new in changes:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (tmp_path / "case.toml").write_text(text)
+    with pytest.raises(InputError, match=said):
+        Facades.of(load_case(tmp_path / "case.toml"))
+
+
+def test_a_refusal_stands_in_the_place_of_a_change(file, judged):
+    levels = tuple(replace(level, reached=True) for level in judged.levels)
+    full, vague = replace(judged, levels=levels), replace(judged, undecided="numbers are unsure")
+    told = cheapest_changes(load_case(file), [full, vague])
+    assert all(isinstance(each, Refusal) for each in told)
+    assert "the highest level is reached; nothing has to change" in str(told[0].reason)
+    assert "no level can be stated: numbers are unsure" in str(told[1].reason)
+
+
+def test_the_command_tells_the_change_after_the_verdict(
+    file, facades, change, tmp_path, monkeypatch, capsys
+):
+    evidence = facades.evidence(facades.present)
+    monkeypatch.setattr("drcmitsuba.cli.comply._evaluated", lambda *_: evidence)
+    monkeypatch.setattr(
+        "drcmitsuba.design.cheapest_change.cheapest_changes", lambda *_: [change, *NO_CHANGE]
+    )
+    words = ["comply", file, "--standard", "lm-83-12", "--change", "-o", tmp_path]
+    monkeypatch.setattr("sys.argv", ["drcmitsuba", *map(str, words)])
+    main.main()
+    out = capsys.readouterr().out
+    assert out.index("verdict: nominally") < out.index("lm-83-12: cheapest change for preferred: ")
+    assert "lm-83-12: cheapest change: cannot be told: case.toml: design: no such table" in out
+    told, refused = json.loads((tmp_path / "compliance.json").read_text())["changes"]
+    assert "no such table" in refused["refused"]
+    assert told["reaches"]
+    assert told["changed_m2"] == pytest.approx(sum(m["m2"] for m in told["moves"]))
+    assert told["quantities"]["sDA"]["then"]["value"] >= 75
+    (film,) = told["composition"]["film"]
+    assert film * PANES == pytest.approx(told["changed_m2"], abs=1e-3)
+
+
+# Years by formula -----------------------------------------------------------------------------
+
+
+def coordinates(year):
+    times = np.datetime64("2015-01-01T00", "h") + np.arange(year.time)
+    x, y = year.sensors
+    places = {"x": ("sensor", x), "y": ("sensor", y), "z": ("sensor", np.full(len(x), 0.8))}
+    return xr.Dataset(coords={"time": times.astype("M8[ns]"), **places})
+
+
+def required(year, quantity, at_least, **changes):
+    """Requirement of one limit by a standard of all hours of a year."""
+    standard = read("lm-83-12")
+    table = standard.quantities["sDA"].model_copy(update=changes)
+    standard = standard.model_copy(update={"quantities": {quantity: table}})
+    limit = Limit(quantity=quantity, at_least=at_least)
+    level = standard.levels[0].model_copy(update={"limits": (limit,)})
+    return Requirement(standard, level, np.arange(year.time), coordinates(year), RULES)
+
+
+@pytest.fixture(scope="module")
+def year():
+    backend.select("llvm_ad_mono" if backend.llvm_version() else None)
+    return SyntheticYear(Tiles.grid(6, 1), time=120, grid=(4, 6))
+
+
+GLASS = np.tile([0.0, 1.0, 0.0, 0.0], (6, 1))
+FILMS = [np.array(film, float) for film in product((0, 1), repeat=6)]
+
+
+@pytest.fixture(scope="module")
+def by_tiles(year):
+    panes = Panes(year.tiles, year.materials, "glass", "film")
+    facade = Strips(panes, Parameter.fixed("window", 1.0), Parameter("film", 0.0, 1.0, 0.5, 6))
+    return FacadeProblem(year, facade, Goal(RULES, "film"))
+
+
+def sda(problem, film):
+    return problem.hard(np.stack([0 * film, 1 - film, film, 0 * film], axis=1)).aim
+
+
+def test_single_tiles_change_no_more_than_the_best_of_all_whole_tiles(year, by_tiles):
+    of_all = [sda(by_tiles, film) for film in FILMS]
+    assert of_all[0] < max(of_all)
+    limit = (of_all[0] + max(of_all)) / 2
+    asked = required(year, "sDA", limit)
+    optimum = least_change(ChangeProblem(by_tiles, asked, GLASS), Search(iterations=8))
+    passing = [film.sum() for film, value in zip(FILMS, of_all, strict=True) if value >= limit]
+    assert optimum.is_feasible
+    assert sda(by_tiles, optimum.best.share[:, 2]) >= limit
+    assert 0 < optimum.best.changed <= min(passing) * year.tiles.area[0] + 1e-3
+
+
+def test_a_level_that_nothing_reaches_leaves_the_nearest_façade(year, by_tiles):
+    asked = required(year, "sDA", 99.0, threshold=50_000.0)
+    optimum = least_change(ChangeProblem(by_tiles, asked, GLASS), Search(iterations=3))
+    assert not optimum.is_feasible
+    slack = [step.candidate.outcome.margin.slack for step in optimum.history]
+    assert optimum.best.outcome.margin.slack == max(slack)
+
+
+@pytest.mark.parametrize(
+    ("at_least", "changes"),
+    [
+        (60.0, {}),
+        (100.0, {}),
+        (60.0, {"light": "open", "fraction": None, "hours": 40.0}),
+        (30.0, {"light": "open", "of": "mean", "fraction": None, "hours": 30.0}),
+    ],
+)
+def test_smooth_margins_tend_to_the_hard_ones(year, at_least, changes):
+    rng = np.random.default_rng(3)
+    E = [rng.uniform(0, 900, (year.time, 24)) * f for f in (1.0, 0.4, 2.0)]
+    lit = Illuminances(*(mi.TensorXf(e.astype(np.float32)) for e in E))
+    asked = required(year, "sDA", at_least, **changes)
+    _, hard = asked.hard(lit)
+    (far,), (near,) = (asked.smooth(lit, k) for k in (8.0, 4096.0))
+    assert abs(float(near[0]) - hard[0]) < 0.02
+    assert abs(float(near[0]) - hard[0]) <= abs(float(far[0]) - hard[0])
+
+
+@pytest.mark.parametrize(
+    "values",
+    [(0.9, 0.5, 0.0, 1.0), (0.9, 0.5, 1 / 3, 1.0), (1.2, 1 / 3, 0.5, 0.0), (0.9, 0.5, 1, 1)],
+)
+def test_a_window_gives_its_values_back(year, values):
+    panes = Panes(year.tiles, year.materials, "glass", "film")
+    keys = ("sill", "wwr", "dwr", "position")
+    window = Window(
+        panes, 8.8 * 3.6, Parameter("sill", 0.9, 2.7, 0.9),
+        *(Parameter(key, 0.0, 1.0, 0.5) for key in keys[1:]),
+    )  # fmt: skip
+    share = window.share({k: mi.Float(v) for k, v in zip(keys, values, strict=True)}).numpy()
+    back = window.values_of(share.round(4))
+    assert [float(back[key][0]) for key in keys] == pytest.approx(values, abs=1e-4)
+
+
+def test_a_façade_of_two_windows_is_no_window(year):
+    panes = Panes(year.tiles, year.materials, "glass", "film")
+    parameters = (Parameter(key, 0.0, 1.0, 0.5) for key in ("wwr", "dwr", "position"))
+    facade = Window(panes, 8.8 * 3.6, Parameter("sill", 0.9, 2.7, 0.9), *parameters)
+    problem = FacadeProblem(year, facade, Goal(RULES, "film"))
+    now = np.zeros((6, 4))
+    now[[0, 1, 4], 1] = 1
+    now[[2, 3, 5], 0] = 1
+    with pytest.raises(InputError, match='give parameters = "strips"'):
+        ChangeProblem(problem, required(year, "sDA", 50.0), now)
