@@ -1,10 +1,11 @@
 """Search for the least change of a façade that reaches a level of a standard.
 
 With few free values, a grid over them is judged in the order of the changed area, so that the first
-façade that reaches the level has the least change on the grid. With more of them, sequential
-quadratic programming (SLSQP) follows the gradients of the smooth margins, shifted by their
-difference from the hard ones, as in `optimise`. What reaches the level is then moved back towards
-the façade as it is, on a line and value by value, as long as it still does by hard numbers.
+façade that reaches the level has the least change on the grid; finer grids below it follow. With
+more of them, sequential quadratic programming (SLSQP) follows the gradients of the smooth margins,
+shifted by their difference from the hard ones, as in `optimise`. What reaches the level is then
+moved back towards the façade as it is, on a line and value by value, as long as it still does by
+hard numbers.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from drcmitsuba.runtime.progress import Progress
 
 LEVELS = {1: 101, 2: 21, 3: 8, 4: 5}
 """Values of each parameter on the grid, by the number of free values; more have no grid."""
-BEYOND = 1.25
-"""Ratio of changed areas up to which a grid of several values is judged beyond its first hit."""
+GRIDS = 3
+"""Number of grids, each within what the one before has found."""
 HALVINGS = 10
 """Bisections of the way back to the façade as it is: a thousandth of the change."""
 
@@ -82,19 +83,37 @@ def _look(known: Sequence[np.ndarray], history: ChangeHistory, progress: Progres
 
 
 def _scan(history: ChangeHistory, progress: Progress) -> None:
-    """Judge a grid by rising changed area, until façades hold and others change clearly more."""
-    problem = history.problem
-    values = np.linspace(0, 1, LEVELS[problem.size])
-    grid = [np.array(x) for x in product(values, repeat=problem.size)]
-    changed = np.array([problem.changed(x) for x in grid])
-    beyond, most = BEYOND if problem.size > 1 else 1.0, np.inf
-    for done, i in enumerate(np.argsort(changed, kind="stable")):
-        if changed[i] > most:
-            break
-        candidate = history.evaluate(grid[i], "grid")
-        if problem.holds(candidate):
-            most = min(most, beyond * candidate.changed)
-        progress((done + 1) / len(grid))
+    """Judge a grid by rising changed area up to the first façade that holds; then a finer one.
+
+    The second grid reaches as far from the façade as it is as that façade does, the third one step
+    of the second to both sides; both cover the range of values that change nothing as it is.
+    """
+    problem, levels, best = history.problem, LEVELS[history.problem.size], None
+    low, high = np.zeros(problem.size), np.ones(problem.size)
+    for number in range(GRIDS):
+        grid = [np.array(x) for x in product(*np.linspace(low, high, levels).T)]
+        changed = np.array([problem.changed(x) for x in grid])
+        least = np.inf if best is None else best.changed
+        order = [i for i in np.argsort(changed, kind="stable") if changed[i] < least]
+        for done, i in enumerate(order):
+            candidate = history.evaluate(grid[i], "grid")
+            if problem.holds(candidate):
+                best = candidate
+                break
+            progress((number + (done + 1) / len(order)) / GRIDS)
+        if best is None:
+            return
+        centre, reach = best.x, (high - low) / (levels - 1)
+        if number == 0:
+            centre, reach = problem.start, np.abs(best.x - problem.start)
+        reach[_indifferent(problem)] = 1.0
+        low, high = np.maximum(centre - reach, 0), np.minimum(centre + reach, 1)
+
+
+def _indifferent(problem: ChangeProblem) -> np.ndarray:
+    """Whether each value changes nothing in the façade as it is, bool, shape (free,)."""
+    ends = problem.start + np.eye(problem.size) * (np.array([[[0.0]], [[1.0]]]) - problem.start)
+    return np.all([[problem.is_same(x) for x in end] for end in ends], axis=0)
 
 
 def _return(history: ChangeHistory, progress: Progress) -> None:

@@ -254,6 +254,25 @@ def test_single_tiles_change_no_more_than_the_best_of_all_whole_tiles(year, by_t
     assert 0 < optimum.best.changed <= min(passing) * year.tiles.area[0] + 1e-3
 
 
+def test_a_film_in_a_window_is_no_larger_than_in_a_sweep(year, by_tiles):
+    panes = by_tiles.facade.panes
+    fixed = Parameter.fixed("sill", 0.9), Parameter.fixed("wwr", 0.5)
+    free = (Parameter(key, 0.0, 1.0, 0.5) for key in ("dwr", "position"))
+    problem = FacadeProblem(year, Window(panes, 8.8 * 3.6, *fixed, *free), by_tiles.goal)
+    asked = required(year, "sDA", 60.0)
+    change = ChangeProblem(problem, asked, GLASS)
+    optimum = least_change(change, Search(iterations=8))
+    assert optimum.is_feasible
+    dwr = float(optimum.values["dwr"][0])
+    assert dwr > 0.05
+
+    def holds(x):
+        return problem.hard(problem.facade.share(problem.values(mi.Float(x))).numpy()).aim >= 60
+
+    sweep = product(np.linspace(0, 0.97 * dwr, 12), np.linspace(0, 1, 11))
+    assert not any(holds(list(map(float, x))) for x in sweep)
+
+
 def test_a_level_that_nothing_reaches_leaves_the_nearest_façade(year, by_tiles):
     asked = required(year, "sDA", 99.0, threshold=50_000.0)
     optimum = least_change(ChangeProblem(by_tiles, asked, GLASS), Search(iterations=3))
