@@ -124,11 +124,11 @@ def patch_index(d, subdivision: int = 1):
     UInt32, Float = dr.uint32_array_t(type(d.x)), type(d.x)
     # In float32, asin is inexact near 1 (the zenith cap); atan2 is exact at both ends.
     altitude = dr.atan2(d.z, dr.sqrt(dr.fma(d.x, d.x, d.y * d.y)))
-    # NaN, which `dr.clip` would keep, counts as the first row.
+    # NaN, which `dr.clip` would keep and whose whole part may be any number, counts as 0.
     row = UInt32(dr.fmin(dr.fmax(altitude * (1 / patches.row_height), 0), len(patches.rows) - 1))
     count = dr.gather(Float, Float(patches.rows.astype(np.float32)), row)
     start = dr.gather(UInt32, UInt32(patches.row_start.astype(np.uint32)), row)
     turn = dr.atan2(d.x, d.y) * (0.5 / np.pi)
-    k = UInt32(dr.select(turn < 0, turn + 1, turn) * count + 0.5)
+    k = UInt32(dr.fmin(dr.fmax(dr.select(turn < 0, turn + 1, turn) * count + 0.5, 0), count))
     k = dr.select(k >= UInt32(count), 0, k)
     return dr.select(d.z < 0, 0, start + k)
