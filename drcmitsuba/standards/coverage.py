@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
-from scipy.spatial import cKDTree
 
 from drcmitsuba.metrics import daylight_hours
 from drcmitsuba.metrics.grids import sensors_by_grid
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards.standard import Standard
+
+spatial = lazy.module("scipy.spatial")
 
 FIRST, LAST = 8, 18
 """Clock hours of LM-83, [first, last)."""
@@ -106,7 +108,7 @@ def _spacing(points: np.ndarray) -> float:
     count = min(NEIGHBOURS + 1, len(points))
     if count < 3:
         return np.inf
-    distance, index = cKDTree(points).query(points, count)
+    distance, index = spatial.cKDTree(points).query(points, count)
     to = points[index[:, 1:]] - points[:, None]
     with np.errstate(invalid="ignore"):
         to /= np.linalg.norm(to, axis=2, keepdims=True)
