@@ -160,14 +160,16 @@ def mean_and_error(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean of independent replicates, along the first axis, and its standard error.
 
-    Few passes are made; differences from the first replicate keep the digits.
+    Few passes are made, in memory that is asked for once; differences from the first replicate keep
+    the digits.
     """
     n, first = len(replicates), replicates[0]
-    total, squares = np.zeros_like(first), np.zeros_like(first)
+    total, squares, difference = np.zeros_like(first), np.zeros_like(first), np.empty_like(first)
     for values in replicates[1:]:
-        difference = values - first
+        np.subtract(values, first, out=difference)
         total += difference
-        squares += difference * difference
+        np.multiply(difference, difference, out=difference)
+        squares += difference
     total /= n
     squares -= n * total * total
     return first + total, np.sqrt(np.maximum(squares, 0) / (n * (n - 1)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from drcmitsuba.annual import study_facades
 from drcmitsuba.annual.attributes import fingerprint
 from drcmitsuba.annual.result import evaluate_within
 from drcmitsuba.annual.workers import Workers
@@ -105,16 +106,54 @@ def study(
     with locked(folder):
         storage.remove_abandoned(folder)
         blocks = BlockFolder.cache(folder / CACHE if cache is None else cache)
+        done = _evaluate_facades(plan, rows, folder / "rows", workers, progress)
+        others = part(progress, done, 1.0)
         if workers is not None:
-            _evaluate_elsewhere(plan, rows, folder / "rows", blocks, workers, progress)
+            _evaluate_elsewhere(plan, rows, folder / "rows", blocks, workers, others)
         for number, row in enumerate(rows, start=1):
             lines.append({"row": number, **row, **_line(plan, row, folder / "rows", blocks)})
-            progress(number / len(rows))
+            others(number / len(rows))
         blocks.finish()
         keys = tuple(dict.fromkeys(key for row in rows for key in row))
         table = StudyTable(_ordered(pd.DataFrame(lines), keys), keys)
         table.save(folder)
     return table
+
+
+def _evaluate_facades(
+    plan: Study, rows: list[Row], folder: Path, workers: Workers | None, progress: Progress
+) -> float:
+    """Evaluate rows that differ in their façades by façade bases; return their share of all."""
+    done = 0.0
+    for numbers in study_facades.together(_readable(plan, rows)):
+        cases = [plan.case_of(rows[number]) for number in numbers]
+        light = daylight(cases[0])
+        for job in study_facades.jobs(cases, light.suns):
+            files = [folder / f"{_key(case)}.json" for case in job.cases]
+            job = job.without([i for i, file in enumerate(files) if _stored(file) is not None])
+            end = done + len(files) / len(rows)
+            own, done = part(progress, done, end), end
+            if not job.wanted:
+                continue
+            if workers is None:
+                made = job.each(light, own)
+            else:
+                each = workers.each(job.split(workers.count), own)
+                made = (pair for _, numbers in each for pair in numbers.items())
+            for i, metrics in made:
+                storage.save_json(_kept(metrics), files[i])
+    return done
+
+
+def _readable(plan: Study, rows: list[Row]) -> Iterator[tuple[int, Case, str]]:
+    """Number, case and digest of the daylight of each row that can be read."""
+    for number, row in enumerate(rows):
+        try:
+            case = plan.case_of(row)
+            weather = _weather_key(case)
+        except InputError:  # which its line tells
+            continue
+        yield number, case, weather
 
 
 @dataclass(frozen=True)
@@ -190,18 +229,27 @@ def _line(plan: Study, row: Row, folder: Path, blocks: BlockFolder) -> dict[str,
 
 def _numbers(case: Case, blocks: BlockFolder) -> dict[str, Any]:
     """Evaluate a row: its metrics."""
-    numbers = evaluate_within(case, blocks=blocks, light=_daylight(case)).metrics
-    return {name: numbers[name] for name in (*ANNUAL, *MONTHLY)}
+    return _kept(evaluate_within(case, blocks=blocks, light=_daylight(case)).metrics)
+
+
+def _kept(metrics: Mapping[str, Any]) -> dict[str, Any]:
+    """Metrics that the table takes."""
+    return {name: metrics[name] for name in (*ANNUAL, *MONTHLY)}
 
 
 def _daylight(case: Case) -> Daylight:
     """Daylight of a row; that of the row before where both have the same weather, sky and sun."""
-    tables = {"weather", "site", "period", "sky", "sun", "outside", "effects"}
-    key = content_key(case.model_dump_json(include=tables), _files_of_weather(case))
+    key = _weather_key(case)
     if key not in _LAST_DAYLIGHT:
         _LAST_DAYLIGHT.clear()
         _LAST_DAYLIGHT[key] = daylight(case.with_dark_hours())
     return _LAST_DAYLIGHT[key]
+
+
+def _weather_key(case: Case) -> str:
+    """Digest of everything that the daylight of a row depends on."""
+    tables = {"weather", "site", "period", "sky", "sun", "outside", "effects"}
+    return content_key(case.model_dump_json(include=tables), _files_of_weather(case))
 
 
 def _files_of_weather(case: Case) -> list[Path]:

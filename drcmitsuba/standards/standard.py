@@ -48,6 +48,10 @@ class Quantity(Sourced):
         """Unit of the value."""
         return "%" if self.of == "points" else "h"
 
+    def at_threshold(self, name: str) -> str:
+        """Name of the quantity; of sDA with its threshold, which may not be the evaluation's."""
+        return f"{name} at {self.threshold:g} lx" if name == "sDA" else name
+
     @model_validator(mode="after")
     def _one_duration(self) -> Quantity:
         if (self.fraction is None) == (self.hours is None):

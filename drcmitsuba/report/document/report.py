@@ -113,8 +113,11 @@ class Report:
         def known(every: Iterable[Table | None]) -> list[Table]:
             return [table for table in every if table is not None]
 
+        t = labels()
+        if any(facade.light_of_sensors is not None for facade in self.facades):
+            t = {**t, "point": t["point_lit"]}
         return {
-            "t": labels(),
+            "t": t,
             "names": self.names,
             "asked": tables.asked(self.facades, self.names),
             "metrics": tables.metrics(self.facades, self.names),

@@ -9,6 +9,7 @@ from drcmitsuba.report.document.facade import Facade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.table import Cell, Number, Table, interval, plain, text
 from drcmitsuba.standards import Refusal, Verdict
+from drcmitsuba.standards.standard import Standard
 from drcmitsuba.standards.verdict import Margin, Outcome, likelihood
 
 YES, NO, OPEN = "✓ ", "✗ ", "? "
@@ -54,8 +55,9 @@ def _short(verdict: Verdict | Refusal) -> Cell:
     shown = next((o for o in reversed(verdict.levels) if o.reached), verdict.levels[0])
     words = t["reached"] if shown.reached else t["not_reached"]
     told = words.format(level=text(shown.name), probability=_likelihood(verdict.probability))
-    duty = ("; ", t["has_duty"]) if verdict.duties else ()
-    return (YES if shown.reached else NO) + told, "; ", *_margin(shown.margin), *duty
+    margin = _margin(shown.margin, standards.read(verdict.standard))
+    duties = "".join(f"; {t['duty'].format(text=text(duty))}" for duty in verdict.duties)
+    return (YES if shown.reached else NO) + told, "; ", *margin, duties
 
 
 def _stated(verdict: Verdict | Refusal) -> str:
@@ -79,14 +81,16 @@ def _refused(refusal: Refusal, name: str) -> Judgement:
 def _judged(verdict: Verdict, name: str) -> Judgement:
     t, standard = labels(), standards.read(verdict.standard)
     rows = tuple(
-        (plain(q), _quantity(verdict, q), plain(quantity.meaning))
+        (plain(quantity.at_threshold(q)), _quantity(verdict, q), plain(quantity.meaning))
         for q, quantity in standard.quantities.items()
     )
     tables = [Table(t["quantities"], (t["quantity"], t["value"], t["meaning"]), rows)]
     outcomes = (*verdict.levels, *verdict.extras)
     if outcomes:
         head = (t["level"], t["is_reached"], t["probability"], t["nearest_limit"])
-        tables.append(Table(t["levels"], head, tuple(_row(outcome) for outcome in outcomes)))
+        tables.append(
+            Table(t["levels"], head, tuple(_row(outcome, standard) for outcome in outcomes))
+        )
     remarks = [] if verdict.undecided is None else [verdict.undecided]
     if verdict.deciding is not None:
         remarks.append(t["decides"].format(text=verdict.deciding.text(t)))
@@ -111,20 +115,21 @@ def _quantity(verdict: Verdict, name: str) -> Cell:
     return interval(i.to_dict(), unit, digits=1 if unit == "%" else 0)
 
 
-def _row(outcome: Outcome) -> tuple[Cell, ...]:
+def _row(outcome: Outcome, standard: Standard) -> tuple[Cell, ...]:
     t = labels()
     reached = YES + t["yes"] if outcome.reached else NO + t["no"]
     failing = sum(not held for held in outcome.spaces.values())
     if len(outcome.spaces) > 1 and failing:
         reached += t["spaces_fail"].format(failing=failing, count=len(outcome.spaces))
     probability = _likelihood(outcome.probability)
-    return plain(outcome.name), (reached,), (probability,), _margin(outcome.margin)
+    return plain(outcome.name), (reached,), (probability,), _margin(outcome.margin, standard)
 
 
-def _margin(margin: Margin) -> Cell:
-    """Value, limit and distance: "sDA 71.2 % of 75 % (−3.8)"."""
+def _margin(margin: Margin, standard: Standard) -> Cell:
+    """Value, limit and distance: "sDA at 300 lx 71.2 % of 75 % (−3.8)"."""
     t, digits = labels(), 1 if margin.unit == "%" else 0
     value, distance = Number(margin.value, digits), Number(margin.distance, digits, signed=True)
     limit = f" {margin.unit} {t['of']} {margin.limit:g} {margin.unit} ("
     space = f" {t['in']} {text(margin.space)}" if margin.space else ""
-    return f"{margin.quantity} ", value, limit, distance, f"){space}"
+    name = standard.quantities[margin.quantity].at_threshold(margin.quantity)
+    return f"{name} ", value, limit, distance, f"){space}"

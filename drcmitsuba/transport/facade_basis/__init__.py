@@ -16,17 +16,19 @@ year
 
 from drcmitsuba.transport.facade_basis.basis import Basis
 from drcmitsuba.transport.facade_basis.facade import Palette, Tiles
-from drcmitsuba.transport.facade_basis.simulate import compute
+from drcmitsuba.transport.facade_basis.simulate import MOST_BYTES, compute, memory
 from drcmitsuba.transport.facade_basis.tiling import Wall, of_grid, of_variants, side_of
 from drcmitsuba.transport.facade_basis.year import BasisYear
 
 __all__ = [
+    "MOST_BYTES",
     "Basis",
     "BasisYear",
     "Palette",
     "Tiles",
     "Wall",
     "compute",
+    "memory",
     "of_grid",
     "of_variants",
     "side_of",

@@ -46,10 +46,13 @@ class Basis:
         Elements that straight light passes.
     total : np.ndarray, shape (element, group, bin, sensor)
         C of a tile filled with one material, without light that the façade sends back [sr].
-    direct : np.ndarray or None
-        Part of `total` that met no diffuse surface [sr]; None with a single group.
+    scattering_elements : np.ndarray of int
+        Elements that scatter light.
     straight : np.ndarray, shape (straight element, group, bin, sensor)
         Part of `total` that comes straight [sr].
+    scattered : np.ndarray or None, shape (scattering element, group, bin, sensor)
+        Part of `total` that an element scattered and that met no other surface [sr]; None with a
+        single group.
     grouped : np.ndarray, shape (element, group, bin, block)
         Mean D of blocks of cells [sr].
     returned : Returned
@@ -63,16 +66,17 @@ class Basis:
     suns: tuple[str, ...]
     elements: np.ndarray
     straight_elements: np.ndarray
+    scattering_elements: np.ndarray
     total: np.ndarray
-    direct: np.ndarray | None
     straight: np.ndarray
+    scattered: np.ndarray | None
     grouped: np.ndarray
     returned: Returned
 
     @property
     def nbytes(self) -> int:
         """Memory of the arrays [bytes]."""
-        arrays = (self.total, self.direct, self.straight, self.grouped, *self.returned)
+        arrays = (self.total, self.straight, self.scattered, self.grouped, *self.returned)
         return sum(a.nbytes for a in arrays if a is not None)
 
     def sent_back(self, share: np.ndarray) -> np.ndarray:
@@ -107,9 +111,9 @@ class Basis:
         The bins are ground, sky patches and all suns. A basis needs two groups or more.
         """
         total = self.totals(share)
-        assert self.direct is not None, "kept with two groups or more"
-        direct = _mixed(share.ravel()[self.elements], self.direct)
+        assert self.scattered is not None, "kept with two groups or more"
         straight = _mixed(share.ravel()[self.straight_elements], self.straight)
+        direct = straight + _mixed(share.ravel()[self.scattering_elements], self.scattered)
         parts = {"straight": straight, "direct": direct, "interreflected": total - direct}
         sky = [label for label in self.labels if not label.startswith("sun_")]
         labels = [*sky, *self.suns]
@@ -123,7 +127,7 @@ class Basis:
 
         data: dict[str, np.ndarray] = {}
         for name, values in parts.items():
-            data[name], data[f"{name}_se"] = mean_and_error(whole(values))
+            data[name], data[f"{name}_se"] = map(whole, mean_and_error(values))
         return as_dataset(labels, self.points, data, whole(total))
 
 
@@ -133,6 +137,8 @@ def _mixed(weights: np.ndarray, arrays: np.ndarray) -> np.ndarray:
     if len(used) == 0:
         return np.zeros(arrays.shape[1:], np.float32)
     out = weights[used[0]] * arrays[used[0]]
+    product = np.empty_like(out)
     for i in used[1:]:
-        out += weights[i] * arrays[i]
+        np.multiply(weights[i], arrays[i], out=product)
+        out += product
     return out

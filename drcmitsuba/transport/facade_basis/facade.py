@@ -138,6 +138,11 @@ class Palette:
         return np.array([m is None or lets_through(m) for m in self.kinds])
 
     @cached_property
+    def scattering(self) -> np.ndarray:
+        """Whether a material scatters light into the room, shape (material,)."""
+        return np.array([isinstance(m, BsdfMaterial | DiffuserMaterial) for m in self.kinds])
+
+    @cached_property
     def lets_in(self) -> np.ndarray:
         """Whether light comes in by a material, shape (material,)."""
         return np.array([not isinstance(m, Lambertian) for m in self.kinds])

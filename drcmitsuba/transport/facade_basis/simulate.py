@@ -19,8 +19,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, Lambertian
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress
@@ -90,11 +89,17 @@ def compute(
     before = suns.where(_before_facade(tiles, suns))
     labels = (*Patches(subdivision).labels, *before.labels)
     elements = np.flatnonzero((palette.allowed & palette.lets_in).ravel())
-    _check_size(wall.case, accuracy, groups, len(points), len(elements) * len(labels))
+    size = memory(wall, tiles, palette, suns, accuracy, groups=groups, subdivision=subdivision)
+    if size > MOST_BYTES:
+        got = f"{size / 2**30:.0f} GiB of coefficients by tile, and of light paths"
+        remedy = "take fewer sensors, tiles or time stamps"
+        raise InputError(wall.case.source, "sensors", got, remedy)
     paths = _paths(room, walls, points, normals, accuracy, groups)
     base = Deposit(walls, before.directions, suns.diameter, subdivision, accuracy, None)
-    straight_elements = elements[palette.straight[elements % len(palette.names)]]
-    shape = (len(elements), groups, len(labels), len(points))
+    material = elements % len(palette.names)
+    straight_elements = elements[palette.straight[material]]
+    scattering_elements = elements[palette.scattering[material]]
+    shape = (groups, len(labels), len(points))
     basis = Basis(
         tiles=tiles,
         palette=palette,
@@ -103,10 +108,11 @@ def compute(
         suns=suns.labels,
         elements=elements,
         straight_elements=straight_elements,
-        total=np.empty(shape, np.float32),
-        direct=np.empty(shape, np.float32) if groups > 1 else None,
-        straight=np.empty((len(straight_elements), *shape[1:]), np.float32),
-        grouped=np.empty((*shape[:3], paths.blocks), np.float32),
+        scattering_elements=scattering_elements,
+        total=np.empty((len(elements), *shape), np.float32),
+        straight=np.empty((len(straight_elements), *shape), np.float32),
+        scattered=np.empty((len(scattering_elements), *shape), np.float32) if groups > 1 else None,
+        grouped=np.empty((len(elements), *shape[:2], paths.blocks), np.float32),
         returned=Returned(*paths.marked()),
     )
     for group in range(groups):
@@ -116,6 +122,20 @@ def compute(
             _fill(basis, group, element, paths, matrix, on_sensors, on_cells)
             progress((group + done / len(elements)) / groups)
     return basis
+
+
+def memory(
+    wall: Wall, tiles: Tiles, palette: Palette, suns: Suns, accuracy: Accuracy, *,
+    groups: int | None = None, subdivision: int = 1,
+) -> int:  # fmt: skip
+    """Memory that a basis and its light paths take [bytes]; arguments as for `compute`."""
+    groups = accuracy.replicates if groups is None else groups
+    parts = 1 + palette.straight + (palette.scattering & (groups > 1))  # kept of each element
+    kept = int(((palette.allowed & palette.lets_in) * parts).sum())
+    bins = len(Patches(subdivision)) + int(_before_facade(tiles, suns).sum())
+    of_paths = 5 * 12 * accuracy.replicates * accuracy.paths  # numbers kept per sensor
+    sensors = len(sensor_points(wall.case)[0])
+    return 4 * sensors * (groups * kept * bins + of_paths)
 
 
 def _fill(
@@ -128,27 +148,18 @@ def _fill(
     direct = on_sensors[0] if len(on_sensors) == 1 else on_sensors[0].plus(on_sensors[1])
     basis.total[i, group] = (direct.numpy() + matrix @ cells).T
     basis.grouped[i, group] = (paths.means @ cells).T
-    if basis.direct is not None:
-        basis.direct[i, group] = direct.numpy().T
     if element in basis.straight_elements:
         at = np.searchsorted(basis.straight_elements, element)
         basis.straight[at, group] = on_sensors[0].numpy().T
+    if basis.scattered is not None and element in basis.scattering_elements:
+        at = np.searchsorted(basis.scattering_elements, element)
+        basis.scattered[at, group] = on_sensors[-1].numpy().T
 
 
 def _before_facade(tiles: Tiles, suns: Suns) -> np.ndarray:
     """Whether suns may shine on the façade from outside, shape (sun,)."""
     outward = -unit_normals(tiles.quads[:1])[0]
     return suns.directions @ outward > -np.sin(np.radians(suns.diameter) / 2)
-
-
-def _check_size(case: Case, accuracy: Accuracy, groups: int, sensors: int, pairs: int) -> None:
-    """Refuse a basis that would not fit in memory, with `pairs` of an element and a bin."""
-    kinds = 3 if groups > 1 else 2  # total, direct, straight
-    of_paths = 5 * 12 * accuracy.replicates * accuracy.paths  # numbers kept per sensor
-    size = 4 * sensors * (kinds * groups * pairs + of_paths)
-    if size > MOST_BYTES:
-        got = f"{size / 2**30:.0f} GiB of coefficients by tile, and of light paths"
-        raise InputError(case.source, "sensors", got, "take fewer sensors, tiles or time stamps")
 
 
 def _room(wall: Wall, tiles: Tiles, palette: Palette) -> tuple[TiledRoom, scene.Scene]:
@@ -207,13 +218,13 @@ def _elements(
         Receivers(1, [(p, n)] * len(draws), a.sensor_sky_rays, a.sensor_sun_samples),
         Receivers(0, on_cells, a.cell_sky_rays, 1),
     )
-    for m, kind in enumerate(palette.kinds):
+    for m in range(len(palette.kinds)):
         if not (palette.lets_in[m] and palette.allowed[:, m].any()):
             continue
         sources = []
         if palette.straight[m]:
             sources.append(straight(room, m, base, draws, both))
-        if isinstance(kind, BsdfMaterial | DiffuserMaterial):
+        if palette.scattering[m]:
             sources.append(scattered(room, m, base, draws, both))
         for tile in map(int, np.flatnonzero(palette.allowed[:, m])):
             sensors, cells = zip(*(source(tile) for source in sources), strict=True)

@@ -1,0 +1,172 @@
+"""Rows of a study that differ in their façades: metrics of all of them from one façade basis.
+
+rows   ─ together ────► lists of rows that may share a basis: one room, sky, shade, place of windows
+list   ─ jobs ────────► parts whose basis fits in memory
+part   ─ alike ───────► their cases, with one name for each material
+       ─ SharedBasis ─► metrics of each row, by its own thresholds
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import chain, count
+from typing import Any
+
+from drcmitsuba.annual.result import Result
+from drcmitsuba.annual.variants import SharedBasis
+from drcmitsuba.blocks.content_key import content_key
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.facade import Facade
+from drcmitsuba.case.shading import AREA, THRESHOLD
+from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.model.materials import Material
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport import facade_basis
+
+LEAST = 6
+"""Least number of different façades for which a basis is made; fewer cost less one by one."""
+MEMORY = 3 << 30
+"""Largest memory of a basis [bytes]; more rows are cut into parts."""
+OWN = ("name", "facade", "materials", "shading", "design", "views", "metrics", "output")
+"""Tables in which rows of one basis may differ."""
+
+
+def together(rows: Iterable[tuple[int, Case, str]]) -> list[list[int]]:
+    """Rows for which façade bases are worth while, as lists of those that may share one.
+
+    Parameters
+    ----------
+    rows : iterable of tuple
+        Number, case and digest of the daylight of each row.
+    """
+    sharing: dict[str, dict[int, str]] = {}
+    for number, case, weather in rows:
+        if _may_share(case):
+            common = content_key(weather, *_common(case))
+            sharing.setdefault(common, {})[number] = _facade(case)
+    return [[*each] for each in sharing.values() if len({*each.values()}) >= LEAST]
+
+
+def _may_share(case: Case) -> bool:
+    """Whether a basis can hold the façade of a case."""
+    has_target = case.accuracy.target is not None or isinstance(case.sun, Adaptive)
+    return case.room is not None and not (case.components or case.groups or has_target)
+
+
+def _common(case: Case) -> tuple[object, ...]:
+    """Content that cases of one basis have in common."""
+    frames = {side: facade.frame_reflectance for side, facade in case.facade.items()}
+    shade: tuple[object, ...] = ()
+    if case.shading is not None:
+        rule = case.shading.model_copy(update={"threshold": THRESHOLD, "area": AREA})
+        shade = rule, case.materials[case.shading.material]
+    return case.model_dump(mode="json", exclude=set(OWN)), sorted(case.glazed), frames, shade
+
+
+def _facade(case: Case) -> str:
+    return content_key(case.facade, case.materials)
+
+
+def alike(cases: Sequence[Case]) -> list[Case]:
+    """Cases of one basis, with the tables of the first and one material for each name.
+
+    A material that another row has under the same name takes a name of its own.
+    """
+    first, known = cases[0], dict[str, Material]()
+    common = {table: getattr(first, table) for table in OWN if table not in ("facade", "materials")}
+    made = []
+    for case in cases:
+        names = {name: _free(name, material, known) for name, material in case.materials.items()}
+        materials = {names[name]: material for name, material in case.materials.items()}
+        known |= materials
+        facade = {side: _renamed(table, names) for side, table in case.facade.items()}
+        made.append(case.with_tables(**common, facade=facade, materials=materials))
+    return made
+
+
+def _free(name: str, material: Material, known: Mapping[str, Material]) -> str:
+    """First of the names "film", "film 2", "film 3" … under which no other material is known."""
+    names = chain([name], (f"{name} {number}" for number in count(2)))
+    return next(each for each in names if known.get(each, material) == material)
+
+
+def _renamed(facade: Facade, names: Mapping[str, str]) -> Facade:
+    """Façade with other names of the materials; `wall` and `open` stay."""
+    strips = (
+        strip.model_copy(update={"material": names.get(strip.material, strip.material)})
+        for strip in facade.strips
+    )
+    return facade.model_copy(update={"strips": tuple(strips)})
+
+
+@dataclass(frozen=True)
+class FacadesJob:
+    """Evaluation of rows by one basis, here or by a worker."""
+
+    cases: Sequence[Case]
+    """All cases of the basis, whoever evaluates them: the numbers depend on all."""
+    wanted: Sequence[int]
+    """Numbers of the cases to evaluate."""
+
+    def each(self, light: Daylight, progress: Progress) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield the number and the metrics of each wanted case."""
+
+        @contextmanager
+        def stage(name: str) -> Iterator[Progress]:
+            yield part(progress, 0.0, 0.5 * (name == "façade basis"))
+
+        shared = SharedBasis.of(alike(self.cases), stage, light)
+        judged = deque[Future[Result]]()
+        with ThreadPoolExecutor(1) as thread:  # one row is judged while C of the next is summed
+            for done, number in enumerate(self.wanted):
+                simulated = shared.simulated(number, self.cases[number])
+                judged.append(thread.submit(simulated.result))
+                if done > 0:
+                    yield self.wanted[done - 1], judged.popleft().result().metrics
+                progress(0.5 + 0.5 * done / len(self.wanted))
+            yield self.wanted[-1], judged.popleft().result().metrics
+
+    def make(self, progress: Progress) -> dict[int, dict[str, Any]]:
+        """Metrics of the wanted cases, by number."""
+        return dict(self.each(daylight(self.cases[0]), progress))
+
+    def without(self, numbers: Collection[int]) -> FacadesJob:
+        """Job that leaves out some of the wanted cases."""
+        return replace(self, wanted=[number for number in self.wanted if number not in numbers])
+
+    def split(self, count: int) -> list[FacadesJob]:
+        """Jobs that evaluate about equally many of the wanted cases each, at most `count`."""
+        shares = (self.wanted[first::count] for first in range(count))
+        return [replace(self, wanted=share) for share in shares if share]
+
+
+def jobs(cases: Sequence[Case], suns: Suns) -> list[FacadesJob]:
+    """Jobs whose bases fit in memory: all cases are one job, or each half is jobs.
+
+    Cases are left out where a job becomes too small for a basis, or no basis can hold them.
+    """
+    if len({_facade(case) for case in cases}) < LEAST:
+        return []
+    if _fits(alike(cases), suns):
+        return [FacadesJob(cases, range(len(cases)))]
+    half = len(cases) // 2
+    return [*jobs(cases[:half], suns), *jobs(cases[half:], suns)]
+
+
+def _fits(cases: Sequence[Case], suns: Suns) -> bool:
+    first = cases[0]
+    try:
+        wall, tiles, palette, _ = facade_basis.of_variants(cases)
+    except InputError:  # too many elements; or of a row, which tells so when evaluated by itself
+        return False
+    size = facade_basis.memory(
+        wall, tiles, palette, suns, first.accuracy, subdivision=first.sky.subdivision
+    )
+    return size < MEMORY

@@ -1,0 +1,150 @@
+"""Rows that differ in their façades share a basis: the same numbers however they are shared out."""
+
+import pytest
+
+from drcmitsuba import load_case
+from drcmitsuba.annual import study_facades
+from drcmitsuba.annual.study import study
+from drcmitsuba.annual.study_facades import FacadesJob, alike, jobs, together
+from drcmitsuba.annual.variants import SharedBasis, evaluate_variants
+from drcmitsuba.case.study import load_study
+from drcmitsuba.runtime import backend
+from drcmitsuba.sky.daylight import daylight
+from tests.system.small_room import changed
+
+TEXT = changed(
+    ("months = [3, 6]", "months = [3]"),
+    ("replicates = 4", "replicates = 2"),
+)
+TOPS, TRANSMITTANCES, THRESHOLDS = [2.3, 2.5, 2.7], [0.5, 0.65], [300, 2000]
+GRID = f"""
+case = "case.toml"
+[grid]
+"facade.south.strips.0.top" = {TOPS}
+"materials.glass.transmittance" = {TRANSMITTANCES}
+"metrics.sda_threshold" = {THRESHOLDS}
+"""
+
+
+@pytest.fixture
+def plan(tmp_path):
+    (tmp_path / "case.toml").write_text(TEXT)
+    (tmp_path / "study.toml").write_text(GRID)
+    return load_study(tmp_path / "study.toml")
+
+
+@pytest.fixture
+def cases(plan):
+    return [plan.case_of(row) for row in plan.each()]
+
+
+def refused(*_, **__):
+    raise AssertionError("a row is evaluated by itself")
+
+
+def test_rows_are_those_of_variants_by_their_own_thresholds(plan, cases, tmp_path, monkeypatch):
+    monkeypatch.setattr("drcmitsuba.annual.study.evaluate_within", refused)
+    table = study(plan, tmp_path / "out").frame
+    by_hand = []  # the same façades, with names of their own for the two kinds of glass
+    for top in TOPS:
+        for number, transmittance in enumerate(TRANSMITTANCES, 1):
+            text = TEXT.replace("top = 2.7", f"top = {top}").replace("= 0.65", f"= {transmittance}")
+            name = "glass" if number == 1 else "pane"
+            text = text.replace('"glass"', f'"{name}"').replace(".glass]", f".{name}]")
+            (tmp_path / "one.toml").write_text(text)
+            by_hand.append(load_case(tmp_path / "one.toml"))
+    expected = [result.metrics for result in evaluate_variants(by_hand)]
+    for row, metrics in zip(range(0, 12, 2), expected, strict=True):
+        assert table["sDA"][row] > table["sDA"][row + 1] or table["sDA"][row] == 0
+        for name in ("ASE", "shade_closed"):
+            assert table[name][row] == table[name][row + 1] == metrics[name]["value"]
+    assert table["sDA"][0] > 0
+
+    # A study that was stopped ends with the same numbers; what is done is only read.
+    rows = sorted((tmp_path / "out" / "rows").iterdir())
+    for file in rows[::2]:
+        file.unlink()
+    assert study(plan, tmp_path / "out").frame.equals(table)
+    monkeypatch.setattr(study_facades.FacadesJob, "each", refused)
+    assert study(plan, tmp_path / "out").frame.equals(table)
+
+
+def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
+    whole, begun = SharedBasis.simulated, []
+
+    def stopped(self, number, judged):
+        begun.append(number)
+        if len(begun) == 4:
+            raise KeyboardInterrupt
+        return whole(self, number, judged)
+
+    monkeypatch.setattr(SharedBasis, "simulated", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        study(plan, tmp_path / "out")
+    assert len([*(tmp_path / "out" / "rows").iterdir()]) == 2  # the third was being judged
+
+
+def test_numbers_do_not_depend_on_how_many_workers_share_the_rows(cases):
+    backend.select()
+    job = FacadesJob(cases, [0, 3, 7])
+    shares = job.split(2)
+    assert [[*share.wanted] for share in shares] == [[0, 7], [3]]
+    assert len(job.split(5)) == 3
+    apart = {n: m for share in shares for n, m in share.make(lambda share: None).items()}
+    at_once = job.make(lambda share: None)
+    for number in job.wanted:
+        for name in ("sDA", "ASE", "shade_closed", "msDA", "MSE"):
+            assert apart[number][name] == at_once[number][name]
+
+
+def test_a_name_stands_for_one_material(cases):
+    made = alike(cases)
+    names = [case.facade["south"].strips[0].material for case in made]
+    assert set(names) == {"glass", "glass 2"}
+    for case, one in zip(cases, made, strict=True):
+        name = one.facade["south"].strips[0].material
+        assert one.materials[name] == case.materials["glass"]
+        assert one.shading == cases[0].shading
+        assert one.metrics == cases[0].metrics
+
+
+def test_rows_share_a_basis_where_a_basis_holds_them(cases):
+    def shared(others):
+        return together((i, case, "sky") for i, case in enumerate(others))
+
+    everything = [*range(len(cases))]
+    assert shared(cases) == [everything]
+    assert shared(cases[:10]) == []  # five façades
+    weather = ("here" if i < 6 else "there" for i in everything)
+    assert together(zip(everything, cases, weather, strict=True)) == []
+    walls = cases[0].room.model_copy(update={"walls": 0.7})
+    assert shared([*cases, *(c.with_tables(room=walls) for c in cases)]) == [
+        everything, [i + 12 for i in everything],
+    ]  # fmt: skip
+    target = cases[0].accuracy.model_copy(update={"target": 0.1})
+    assert shared([case.with_tables(accuracy=target) for case in cases]) == []
+
+
+def test_jobs_are_cut_to_fit_in_memory(cases, monkeypatch):
+    suns = daylight(cases[0]).suns
+    more = [*cases, *(_higher(case) for case in cases)]
+    (whole,) = jobs(more, suns)
+    assert (len(whole.cases), [*whole.wanted]) == (24, [*range(24)])
+    sizes = []
+    memory = study_facades.facade_basis.memory
+    monkeypatch.setattr(
+        study_facades.facade_basis,
+        "memory",
+        lambda *a, **k: sizes.append(memory(*a, **k)) or sizes[-1],
+    )
+    jobs(more, suns)
+    monkeypatch.setattr(study_facades, "MEMORY", sizes[0])
+    assert [len(job.cases) for job in jobs(more, suns)] == [12, 12]
+    monkeypatch.setattr(study_facades, "MEMORY", 1)
+    assert jobs(more, suns) == []
+
+
+def _higher(case):
+    facade = case.facade["south"]
+    strips = (facade.strips[0].model_copy(update={"bottom": 1.2}),)
+    return case.with_tables(facade={"south": facade.model_copy(update={"strips": strips})})
