@@ -15,6 +15,7 @@ import pandas as pd
 from drcmitsuba.annual import study_facades
 from drcmitsuba.annual.attributes import fingerprint
 from drcmitsuba.annual.result import evaluate_within
+from drcmitsuba.annual.study_facades import FacadesJob
 from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.blocks.content_key import content_key
@@ -135,14 +136,23 @@ def _evaluate_facades(
             own, done = part(progress, done, end), end
             if not job.wanted:
                 continue
-            if workers is None:
-                made = job.each(light, own)
-            else:
-                each = workers.each(job.split(workers.count), own)
-                made = (pair for _, numbers in each for pair in numbers.items())
-            for i, metrics in made:
-                storage.save_json(_kept(metrics), files[i])
+            try:
+                for i, metrics in _made(job, light, workers, own):
+                    storage.save_json(_kept(metrics), files[i])
+            except (InputError, BackendError):  # of a row, which tells it when it comes by itself
+                continue
     return done
+
+
+def _made(
+    job: FacadesJob, light: Daylight, workers: Workers | None, progress: Progress
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield the number and the metrics of each row of a job, made here or by workers."""
+    if workers is None:
+        yield from job.each(light, progress)
+    else:
+        for _, metrics in workers.each(job.split(workers.count), progress):
+            yield from metrics.items()
 
 
 def _readable(plan: Study, rows: list[Row]) -> Iterator[tuple[int, Case, str]]:

@@ -10,6 +10,7 @@ from drcmitsuba.annual.variants import SharedBasis, evaluate_variants
 from drcmitsuba.case.study import load_study
 from drcmitsuba.runtime import backend
 from drcmitsuba.sky.daylight import daylight
+from tests import ROOT
 from tests.system.small_room import changed
 
 TEXT = changed(
@@ -82,6 +83,24 @@ def test_a_stop_keeps_the_rows_that_are_done(plan, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         study(plan, tmp_path / "out")
     assert len([*(tmp_path / "out" / "rows").iterdir()]) == 2  # the third was being judged
+
+
+def test_an_unfit_film_is_told_in_its_row_alone(plan, tmp_path):
+    good, bad = ROOT / "scenes" / "films" / "prism.xml", tmp_path / "bad.xml"
+    bad.write_text("<WindowElement>")
+    film = f'[materials.film]\ntype = "bsdf"\nfile = "{good}"\n[materials.shade]'
+    (tmp_path / "case.toml").write_text(TEXT.replace("[materials.shade]", film))
+    tops = [2.2, 2.3, 2.4, 2.5, 2.6, 2.7, 2.7]
+    (tmp_path / "study.toml").write_text(f"""
+case = "case.toml"
+[columns]
+"facade.south.strips.0.top" = {tops}
+"facade.south.strips.0.material" = {["glass"] * 6 + ["film"]}
+"materials.film.file" = {[str(good)] * 6 + [str(bad)]}
+""")
+    table = study(load_study(tmp_path / "study.toml"), tmp_path / "out").frame
+    assert table["sDA"].notna().tolist() == [True] * 6 + [False]
+    assert "bad.xml" in table["error"][6]
 
 
 def test_numbers_do_not_depend_on_how_many_workers_share_the_rows(cases):
