@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -14,7 +14,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import GroupStates
+from drcmitsuba.case.groups import BLOCKED, HIDDEN, GroupStates
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics.bin_luminances import source_luminances
@@ -23,13 +23,18 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import LUMINANCE_WEIGHTS, describe, mean_and_error
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.transport import group_basis
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
+
+ENTRIES = 1 << 24
+"""Number of pairs of sensors and time stamps whose illuminance is summed at once."""
 
 
 @dataclass(frozen=True)
@@ -139,21 +144,22 @@ class GroupCoefficients:
         return out
 
 
-def illuminance_of_states(
+def years_of_states(
     case: Case, daylight: Daylight, indices: np.ndarray, run: Run,
     progress: Progress = lambda share: None,
-) -> xr.DataArray:  # fmt: skip
-    """Simulate a year of known states of the groups; no coefficients are kept.
+) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
+    """Yield a year of known states of the groups for blocks of sensors; no coefficients are kept.
 
     Parameters
     ----------
     indices : np.ndarray of int, shape (time, group)
         State of every group at every time stamp, an index.
 
-    Returns
-    -------
-    xr.DataArray
-        E by each replicate [lx], as from `GroupCoefficients.replicates`.
+    Yields
+    ------
+    slice, xr.Dataset
+        Sensors, and their `illuminance` by each replicate [lx], as from
+        `GroupCoefficients.replicates`. The run stores each block before it is yielded.
 
     Raises
     ------
@@ -161,18 +167,51 @@ def illuminance_of_states(
         As for `GroupCoefficients.of`.
     """
     accuracy, effects = _accuracy(case, run), run.enabled_effects
+    points, normals = sensor_points(case)
+    channels = scene.channels_of(case, effects)
     groups, labels = PaneGroups.of(case).states, Patches(case.sky.subdivision).labels
     L = _luminances(daylight, (*labels, *daylight.suns.labels))
     year = group_basis.Year.of(L, np.array(groups.starts[:-1]) + indices, len(labels))
-    channels = scene.channels_of(case, effects)
-    years = [
-        group_basis.illuminance(
-            case, daylight.suns, accuracy, effects, year, channel=channel,
-            progress=part(progress, i / len(channels), (i + 1) / len(channels)),
-        )
-        for i, channel in enumerate(channels)
-    ]  # fmt: skip
-    return _replicates(daylight, years)
+    content = () if run.blocks is None else _content(case, groups, effects, channels)
+    size = max(1, ENTRIES // len(indices))
+    for start in range(0, len(points), size):
+        here = slice(start, min(start + size, len(points)))
+        done = part(progress, here.start / len(points), here.stop / len(points))
+        # A block's random numbers are its own.
+        its = accuracy.model_copy(update={"seed": accuracy.seed + start})
+
+        def made(its: Accuracy = its, here: slice = here, done: Progress = done) -> xr.Dataset:
+            years = [
+                group_basis.illuminance(
+                    case, daylight.suns, its, effects, year, channel=channel, sensors=here,
+                    progress=part(done, i / len(channels), (i + 1) / len(channels)),
+                )
+                for i, channel in enumerate(channels)
+            ]  # fmt: skip
+            return xr.Dataset({"illuminance": _replicates(daylight, years)})
+
+        kept = run.kept(
+            f"{case.name}, year of states", content, points[here], normals[here], its.sampling,
+            case.sky.subdivision, daylight.suns, L.data, L.indices, L.indptr, indices,
+        )  # fmt: skip
+        yield here, kept.kept(here.stop - here.start, made)
+
+
+def _content(
+    case: Case, groups: GroupStates, effects: EnabledEffects, channels: Sequence[int]
+) -> tuple[Any, ...]:
+    """Everything that the light of every group in every state depends on in a case's scenes."""
+    states = [(g, s) for g, of in enumerate(groups.states) for s in range(len(of))]
+    labels = [
+        groups.label([state if g == group else BLOCKED for g in range(len(groups))])
+        for group, state in [(-1, BLOCKED), *states]
+    ]
+    labels.append(groups.label([HIDDEN] * len(groups)))
+    return tuple(
+        scene.load(case, label, channel, effects).content
+        for channel in channels
+        for label in labels
+    )
 
 
 def _accuracy(case: Case, run: Run) -> Accuracy:

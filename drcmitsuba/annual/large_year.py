@@ -11,7 +11,9 @@ C is read from the blocks that the run keeps; no array holds hours × sensors of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,21 +21,20 @@ import xarray as xr
 
 from drcmitsuba import metrics
 from drcmitsuba.annual.attributes import attributes
+from drcmitsuba.annual.group_coefficients import years_of_states
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.sensor_stream import aligned, sensor_stream
+from drcmitsuba.annual.sensor_stream import Stream, aligned, sensor_stream
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import OPEN, SHADED, State
-from drcmitsuba.case.sun import Adaptive
+from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import drawing, rules
-from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.facade_states import FacadeStates, sun_group
 from drcmitsuba.metrics.grids import grid_of_sensors, sensors_by_grid
 from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.metrics.intervals.draw import BlockDraws, draw_block
 from drcmitsuba.metrics.intervals.facade_draws import (
     Closures,
-    SunlitSensors,
     closures_from,
     sunlit_sensors,
 )
@@ -41,23 +42,19 @@ from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.sensor_counts import CountedYear, sensor_counts
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
-from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_coordinates
 from drcmitsuba.schema import luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import sources
 from drcmitsuba.sky.sun_models import Suns
 
+RECORD = ("photons", "photons_smear", "mesh_suns", "mesh_miss")
+"""Attributes of C that its blocks have; of several meshes the finest and the worst counts."""
+
 
 def obstacle(case: Case) -> str:
     """Reason why a case's year is not summed block by block; empty where it can be."""
-    if isinstance(case.sun, Adaptive):
-        return "an adaptive sun"
-    if case.accuracy.target is not None:
-        return "a target"
-    if len(PaneGroups.of(case)) > 1 or case.groups:
-        return "groups of panes"
-    return ""
+    return "" if case.accuracy.target is None else "a target"
 
 
 @dataclass(frozen=True)
@@ -71,11 +68,11 @@ class LargeYear:
     """Coordinates (sensor,)."""
     attributes: dict[str, Any]
     """Attributes of C."""
-    grid: np.ndarray = field(init=False)
-    """Number of every sensor's grid, shape (sensor,)."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "grid", grid_of_sensors(self.sensors))
+    @cached_property
+    def grid(self) -> np.ndarray:
+        """Number of every sensor's grid, shape (sensor,)."""
+        return grid_of_sensors(self.sensors)
 
     @classmethod
     def of(cls, case: Case, daylight: Daylight, run: Run) -> LargeYear:
@@ -84,7 +81,7 @@ class LargeYear:
         Raises
         ------
         InputError
-            The case has an adaptive sun, a target or groups of panes.
+            The case has a target.
         """
         if reason := obstacle(case):
             remedy = 'give illuminance = "all", or leave it out'
@@ -103,40 +100,62 @@ class LargeYear:
     def counted(self) -> CountedYear:
         """Trace all blocks and count."""
         with self.run.timed("open façade") as done:
-            shut = self._closures(done)
-        taken = dict(zip(shut.states[1:], shut.possible[1:], strict=True))
-        if self.attributes["has_shade"] and self.run.enabled_effects.every_shade:
-            taken[SHADED] = np.ones(len(shut.state), bool)
-        suns = {OPEN: self.daylight.suns}
-        for state, hours in taken.items():
-            suns[state] = self.daylight.suns
-            if not self.run.shares_blocks:
-                some = sources(self.daylight.sky.isel(time=hours))
-                suns[state] = self.daylight.suns.only(some)
-        if taken:
+            shut, taken = self._closures(done)
+        suns = {OPEN: self.daylight.suns, **self._suns(shut)}
+        others = [state for state in suns if state != OPEN]
+        if others:
             with self.run.timed("shaded façade") as done:
-                for i, state in enumerate(taken):
-                    share = part(done, i / len(taken), (i + 1) / len(taken))
-                    for _ in sensor_stream(self.case, state, suns[state], self.run, share):
+                for i, state in enumerate(others):
+                    share = part(done, i / len(others), (i + 1) / len(others))
+                    for _ in self._stream(state, suns[state], taken, share):
                         pass
         with self.run.timed("accumulation and metrics") as done:
-            return self._counted(suns, shut, done)
+            return self._counted(suns, shut, taken, done)
 
-    def _closures(self, progress: Progress) -> Closures:
+    def _closures(self, progress: Progress) -> tuple[Closures, FacadeStates]:
         """Trace the open state; the state of the façade follows from its direct sun."""
         rule, sizes = self.rules.shade, np.bincount(self.grid)
-        sunlit: SunlitSensors | None = None
-        for here, C in sensor_stream(self.case, OPEN, self.daylight.suns, self.run, progress):
+        sky, sunlit = self.daylight.sky, None
+        for here, C in self._stream(OPEN, self.daylight.suns, None, progress):
             if not self.attributes["has_shade"]:
                 continue
             direct, sun = self._direct(Coefficients(C.assign_attrs(self.attributes)), here)
             mean = luminance(direct["direct_sun"]).values
-            block = sunlit_sensors(mean, None, self.grid[here], sun, rule, len(sizes))
+            group = sun_group(direct) if "sun_group" in direct else None
+            block = sunlit_sensors(mean, group, self.grid[here], sun, rule, len(sizes))
             sunlit = block if sunlit is None else sunlit.plus(block)
             sunlit = sunlit.without_certain(rule.required(sizes))
         if sunlit is None:
-            return Closures.never(self.daylight.sky.sizes["time"])
-        return closures_from(sunlit, sizes, self.daylight.sky["time"], rule)
+            stamps = sky.sizes["time"]
+            never = np.zeros(stamps, int), np.zeros((stamps, 0), int)
+            return Closures.never(stamps), FacadeStates((OPEN,), *never)
+        shut = closures_from(sunlit, sizes, sky["time"], rule)
+        of_group = rule.indices(rule.closed(sunlit.count, sizes), sky["time"])
+        return shut, FacadeStates(shut.states, shut.state, of_group)
+
+    def _suns(self, shut: Closures) -> dict[State, Suns]:
+        """Suns of every further state, those of the hours in which the façade may take it."""
+        taken = dict(zip(shut.states[1:], shut.possible[1:], strict=True))
+        groups = self.rules.groups
+        every = self.attributes["has_shade"] and self.run.enabled_effects.every_shade
+        if every and VARYING not in taken:
+            taken[groups.label(groups.last)] = np.ones(len(shut.state), bool)
+        if self.run.shares_blocks:  # any weather and rule may ask for any sun
+            return dict.fromkeys(taken, self.daylight.suns)
+        sky = self.daylight.sky
+        some = {state: sources(sky.isel(time=hours)) for state, hours in taken.items()}
+        return {state: self.daylight.suns.only(labels) for state, labels in some.items()}
+
+    def _stream(
+        self, state: State, suns: Suns, taken: FacadeStates | None,
+        progress: Progress = lambda share: None,
+    ) -> Stream:  # fmt: skip
+        """Blocks of a state; of the state `VARYING` those of a year of the states `taken`."""
+        if state == VARYING and taken is not None:
+            of_group = taken.of_group
+            return years_of_states(self.case, self.daylight, of_group, self.run, progress)
+        latitude = self.daylight.sky.attrs["latitude"]
+        return sensor_stream(self.case, state, suns, latitude, self.run, progress)
 
     def _direct(self, C: Coefficients, here: slice) -> tuple[xr.Dataset, SunDraws]:
         """Direct sun [lx] on a block of sensors, and its draws."""
@@ -145,13 +164,15 @@ class LargeYear:
         limits = t.ase_threshold, self.rules.shade_threshold
         return direct, draw_sun(mean, error, limits, **drawing(self.case), first=here.start)
 
-    def _counted(self, suns: dict[State, Suns], shut: Closures, progress: Progress) -> CountedYear:
+    def _counted(
+        self, suns: Mapping[State, Suns], shut: Closures, taken: FacadeStates, progress: Progress
+    ) -> CountedYear:
         """Count E of each block of sensors."""
-        sky, closed = self.daylight.sky, (shut.state > 0).astype(int)[:, None]
-        taken, seed = FacadeStates(shut.states, shut.state, closed), drawing(self.case)["seed"]
+        sky, seed = self.daylight.sky, drawing(self.case)["seed"]
         counts: list[xr.Dataset] = []
         draws: BlockDraws | None = None
-        streams = [sensor_stream(self.case, state, suns[state], self.run) for state in suns]
+        record: dict[str, Any] = {}
+        streams = [self._stream(state, some, taken) for state, some in suns.items()]
         for here, (is_open, *others) in aligned(streams):
             is_open = is_open.assign_attrs(self.attributes)
             C = Coefficients(is_open, dict(zip([*suns][1:], others, strict=True)))
@@ -160,10 +181,14 @@ class LargeYear:
             drawn = draw_block(C, sky, E, self.rules, sun, shut, self.grid[here], seed)
             draws = drawn if draws is None else draws.plus(drawn)
             counts.append(sensor_counts(E, self.rules))
+            its = {name: is_open.attrs[name] for name in RECORD if name in is_open.attrs}
+            record = {name: max(record.get(name, value), value) for name, value in its.items()}
             progress(here.stop / len(self.grid))
         assert draws is not None
         month, names = metrics.months(sky["sky"], "sky"), list(sensors_by_grid(self.sensors))
         alike: dict[str, Any] = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
         every = xr.concat(counts, "sensor", **alike)
-        every = every.assign_coords(self.sensors.coords).assign_attrs(counts[0].attrs)
-        return CountedYear(every, month, self.rules, draws.draws(shut, month - 1, names), shut)
+        every = every.assign_coords(self.sensors.coords).assign_attrs(record)
+        return CountedYear(
+            every, month, self.rules, draws.draws(shut, month - 1, names), shut, taken.of_group
+        )

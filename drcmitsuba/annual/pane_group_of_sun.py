@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -18,7 +19,6 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.launch_size import SENSORS
 from drcmitsuba.transport.openings import in_rooms
@@ -28,55 +28,95 @@ PATCH_WIDTH = 10.0
 """Angle across Tregenza's patches, roughly [deg]."""
 
 
-def with_pane_group(case: Case, state: State, C: xr.Dataset, suns: Suns, run: Run) -> xr.Dataset:
-    """Add the group of panes through which each sun comes straight to C of the open state.
+@dataclass(frozen=True)
+class PaneGroupOfSun:
+    """Scenes of the open state, one whole and others with one group of panes blocked.
 
-    It is the group without which the most light is lost. The rays are the same in all scenes, of
-    which each has one group of panes blocked. With a single group C stays as it is.
+    A sun comes through the group without which the most light is lost. The rays are the same in all
+    scenes.
     """
-    groups = PaneGroups.of(case)
-    if state != OPEN or len(groups) < 2:
-        return C
-    points, normals = sensor_points(case)
-    suns = suns.where(run.enabled_effects.enabled_suns(suns))
-    if isinstance(case.sun, ThreePhase):  # patches of the sky stand for the sun
-        patches = Patches(case.sky.subdivision)
-        labels, directions = tuple(patches.labels[1:]), patches.directions[1:]
-        suns = Suns(labels, directions, PATCH_WIDTH / case.sky.subdivision)
-    dim = "sun" if "sun_straight" in C else "bin"
-    coloured = len(scene.channels_of(case, run.enabled_effects)) > 1
-    channel = 1 if coloured else -1  # green stands for all colours
-    kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter, "samples": RIM}
-    seed = launch_seed(run.seed, Stream.PANE_GROUPS)
 
-    def straight(blocked: int | None) -> np.ndarray:
-        """D of the suns (sensor, sun) [sr] with a group of panes blocked."""
-        indices = [BLOCKED if g == blocked else 0 for g in range(len(groups))]
-        world = scene.load(case, groups.states.label(indices), channel, run.enabled_effects)
-        kept = run.kept(f"{case.name}, group {blocked}", world.content, points, normals, seed, suns)
-        D = kept.kept(len(points), partial(of_scene, world))["D"]
-        return np.asarray(D.transpose("sensor", "sun").values)
+    name: str
+    """Name of the case, for lists of blocks."""
+    suns: Suns
+    """Suns that shine; patches of the sky where these stand for the sun."""
+    whole: scene.Scene
+    without: tuple[scene.Scene, ...]
+    """Scenes without light through one group each."""
+    run: Run
 
-    def of_scene(world: scene.Scene) -> xr.Dataset:
-        D = []
-        for start in range(0, len(points), SENSORS):
+    @classmethod
+    def of(cls, case: Case, state: State, suns: Suns, run: Run) -> PaneGroupOfSun | None:
+        """Load the scenes; None of another state than the open one, and of a single group."""
+        groups = PaneGroups.of(case)
+        if state != OPEN or len(groups) < 2:
+            return None
+        suns = suns.where(run.enabled_effects.enabled_suns(suns))
+        if isinstance(case.sun, ThreePhase):  # patches of the sky stand for the sun
+            patches = Patches(case.sky.subdivision)
+            labels, directions = tuple(patches.labels[1:]), patches.directions[1:]
+            suns = Suns(labels, directions, PATCH_WIDTH / case.sky.subdivision)
+        coloured = len(scene.channels_of(case, run.enabled_effects)) > 1
+        channel = 1 if coloured else -1  # green stands for all colours
+
+        def blocked(group: int) -> scene.Scene:
+            indices = [BLOCKED if g == group else 0 for g in range(len(groups))]
+            label = groups.states.label(indices)
+            return scene.load(case, label, channel, run.enabled_effects)
+
+        without = tuple(blocked(g) for g in range(len(groups)))
+        return cls(case.name, suns, blocked(-1), without, run)
+
+    def added(self, C: xr.Dataset, points: np.ndarray, normals: np.ndarray) -> xr.Dataset:
+        """Add `pane_group` (sensor, bin or sun) to C of sensors, −1 where no sun comes straight.
+
+        Parameters
+        ----------
+        C : xr.Dataset
+            Coefficients of the open state for these sensors.
+        points, normals : np.ndarray, shape (sensor, 3)
+            As from `sensor_points`.
+        """
+        dim = "sun" if "sun_straight" in C else "bin"
+        contents = [world.content for world in (self.whole, *self.without)]
+        about, seed = (
+            f"{self.name}, groups of panes",
+            launch_seed(self.run.seed, Stream.PANE_GROUPS),
+        )
+        kept = self.run.kept(about, *contents, points, normals, seed, self.suns)
+        made = kept.kept(len(points), partial(self._of_points, points, normals, seed))
+        coords = {dim: np.array(self.suns.labels, object)}
+        values = xr.DataArray(made["group"].values, dims=("sensor", dim), coords=coords)
+        values = values.astype(np.float32).reindex({dim: C[dim]}, fill_value=np.float32(-1))
+        return C.assign(pane_group=values.drop_vars(dim))
+
+    def _of_points(self, points: np.ndarray, normals: np.ndarray, seed: int) -> xr.Dataset:
+        """Number of the group of every sun (sensor, sun)."""
+        out, before = np.full((len(points), len(self.suns.labels)), -1, np.int16), self._rays()
+        for start in range(0, len(points) if self.suns.labels else 0, SENSORS):
             here = slice(start, start + SENSORS)
-            closed = in_rooms(world, points[here])
-            within = None if closed is None else mi.Bool(closed)
-            p, n = flat(points[here]), flat(normals[here])
-            D.append(sun_deposit(world, p, n, seed=seed, within=within, **kind).numpy())
-        run.ray_counter.update(world.ray_counter.counted())
-        return xr.Dataset({"D": (("sensor", "sun"), np.concatenate(D))})
+            whole = self._straight(self.whole, points[here], normals[here], seed)
+            most = 1e-3 * whole  # rounding loses nothing
+            for g, world in enumerate(self.without):
+                lost = whole - self._straight(world, points[here], normals[here], seed)
+                out[here][lost > most] = g
+                most = np.maximum(most, lost)
+        self.run.ray_counter.update(self._rays() - before)
+        return xr.Dataset({"group": (("sensor", "sun"), out)})
 
-    out = np.full((len(points), len(suns.labels)), -1, np.float32)
-    if suns.labels:
-        whole = straight(None)
-        most = 1e-3 * whole  # rounding loses nothing
-        for g in range(len(groups)):
-            lost = whole - straight(g)
-            out[lost > most] = g
-            most = np.maximum(most, lost)
-    values = xr.DataArray(out, dims=("sensor", dim), coords={dim: np.array(suns.labels, object)})
-    return C.assign(
-        pane_group=values.reindex({dim: C[dim]}, fill_value=np.float32(-1)).drop_vars(dim)
-    )
+    def _rays(self) -> Counter[str]:
+        """Number of rays by kind so far."""
+        counts = (world.ray_counter.counted() for world in (self.whole, *self.without))
+        return sum(map(Counter, counts), Counter())
+
+    def _straight(
+        self, world: scene.Scene, points: np.ndarray, normals: np.ndarray, seed: int
+    ) -> np.ndarray:
+        """D of the suns in a scene [sr], shape (sensor, sun)."""
+        closed = in_rooms(world, points)
+        within = None if closed is None else mi.Bool(closed)
+        D = sun_deposit(
+            world, flat(points), flat(normals), suns=self.suns.directions,
+            diameter=self.suns.diameter, samples=RIM, seed=seed, within=within,
+        )  # fmt: skip
+        return np.asarray(D.numpy())

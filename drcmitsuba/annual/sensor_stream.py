@@ -7,29 +7,50 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.annual.pane_group_of_sun import PaneGroupOfSun
 from drcmitsuba.annual.run import Run
-from drcmitsuba.annual.simulation import block_content, joined_channels
+from drcmitsuba.annual.simulation import block_content, joined_channels, of_points
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import State
+from drcmitsuba.case.groups import OPEN, State
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficients import compute_blocks
+from drcmitsuba.transport.sun_interpolation import mesh_of
 
 Stream = Iterator[tuple[slice, xr.Dataset]]
 """Datasets of blocks of sensors, which follow each other."""
 
 
+MESHED = 1 << 11
+"""Number of sensors that share a mesh of suns."""
+
+
 def sensor_stream(
-    case: Case, state: State, suns: Suns, run: Run, progress: Progress = lambda share: None
-) -> Stream:
+    case: Case, state: State, suns: Suns, latitude: float, run: Run,
+    progress: Progress = lambda share: None,
+) -> Stream:  # fmt: skip
     """Yield C of a state [sr] for blocks of sensors, as `simulation.transport` gives it.
 
-    Each block is stored by the run before it is yielded, so that a second stream only reads. The
-    sun is not adaptive, and there is one group of panes.
+    Each block is stored by the run before it is yielded, so that a second stream only reads. Of an
+    adaptive sun every block refines a mesh of its own, in the open state.
     """
-    at, channels = sensor_coordinates(case), scene.channels_of(case, run.enabled_effects)
+    (points, normals), at = sensor_points(case), sensor_coordinates(case)
+    groups = PaneGroupOfSun.of(case, state, suns, run)
+    if isinstance(case.sun, Adaptive):
+        blocks = _meshed(case, state, suns, latitude, run, progress)
+    else:
+        blocks = _every_sun(case, state, suns, run, progress)
+    for here, C in blocks:
+        C = C.assign_coords(at.isel(sensor=here).coords)
+        yield here, C if groups is None else groups.added(C, points[here], normals[here])
+
+
+def _every_sun(case: Case, state: State, suns: Suns, run: Run, progress: Progress) -> Stream:
+    """Yield C of all suns."""
+    channels = scene.channels_of(case, run.enabled_effects)
     run.distribute(state, suns, progress)
     streams = [
         channel_stream(
@@ -39,7 +60,21 @@ def sensor_stream(
         for i, channel in enumerate(channels)
     ]  # fmt: skip
     for here, blocks in aligned(streams):
-        yield here, joined_channels(blocks).assign_coords(at.isel(sensor=here).coords)
+        yield here, joined_channels(blocks)
+
+
+def _meshed(
+    case: Case, state: State, suns: Suns, latitude: float, run: Run, progress: Progress
+) -> Stream:
+    """Yield C of meshes of suns, and of straight light from all suns."""
+    points, normals = sensor_points(case)
+    for start in range(0, len(points), MESHED):
+        here = slice(start, min(start + MESHED, len(points)))
+        its, mesh = (latitude, points[here], normals[here]), tuple[str, ...]()
+        if state != OPEN:
+            mesh = mesh_of(of_points(case, OPEN, suns.only(()), *its, run=run))
+        done = part(progress, here.start / len(points), here.stop / len(points))
+        yield here, of_points(case, state, suns, *its, run=run, mesh=mesh, progress=done)
 
 
 def channel_stream(

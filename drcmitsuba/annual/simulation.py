@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.annual.attributes import attributes, fingerprint
-from drcmitsuba.annual.group_coefficients import illuminance_of_states
+from drcmitsuba.annual.group_coefficients import years_of_states
 from drcmitsuba.annual.hours_in_any_weather import hours_in_any_weather
-from drcmitsuba.annual.pane_group_of_sun import with_pane_group
+from drcmitsuba.annual.pane_group_of_sun import PaneGroupOfSun
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.accuracy import Accuracy
@@ -96,7 +96,8 @@ def transport(
     C = of_points(
         case, state, suns, latitude, points, normals, run=run, mesh=mesh, progress=progress
     ).assign_coords(at.coords)
-    return C if sensors is not None else with_pane_group(case, state, C, suns, run)
+    groups = PaneGroupOfSun.of(case, state, suns, run) if sensors is None else None
+    return C if groups is None else groups.added(C, points, normals)
 
 
 def of_points(
@@ -239,8 +240,8 @@ def simulate(
 def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:
     """`illuminance` (replicate, time, sensor) [lx] of a year in which the façade's state varies."""
     with run.timed("groups of panes") as done:
-        E = illuminance_of_states(case, daylight, indices, run, done)
-    return xr.Dataset({"illuminance": E})
+        years = [year for _, year in years_of_states(case, daylight, indices, run, done)]
+    return years[0] if len(years) == 1 else xr.concat(years, "sensor")
 
 
 def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coefficients:
@@ -286,4 +287,5 @@ def _state(
             for C, world in zip(channels or [known], _scenes(case, state, run), strict=True)
         ]
     )
-    return with_pane_group(case, state, C, suns, run)
+    groups = PaneGroupOfSun.of(case, state, suns, run)
+    return C if groups is None else groups.added(C, points, normals)

@@ -19,6 +19,7 @@ from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive, ThreePhase
 from drcmitsuba.metrics import intervals
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
+from drcmitsuba.metrics.facade_states import shares_of_states
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.illuminance import illuminance
 from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, values
@@ -200,7 +201,7 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     if draws is not None:
         numbers["undecided"] = undecided(illuminance, draws)
     if "facade_state" in illuminance.coords:
-        numbers["groups"] = shares_of_states(illuminance, rules)
+        numbers["groups"] = _shares_of_states(illuminance, rules)
     if grids := sensors_by_grid(illuminance):
         numbers["grids"] = {
             name: _of_grid(
@@ -213,17 +214,13 @@ def summarise(illuminance: xr.Dataset, rules: Rules, draws: Draws | None = None)
     return numbers
 
 
-def shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:
+def _shares_of_states(illuminance: xr.Dataset, rules: Rules) -> dict[str, dict[str, float]]:
     """Share of the time stamps in each state of every group that has several [%]."""
     taken, groups = illuminance["facade_state"].transpose("time", "group").values, rules.groups
     if taken.shape[1] != len(groups):
         got = f"{taken.shape[1]} of {len(groups)} groups"
         raise InputError("illuminance", "facade_state", got, "compute the illuminance anew")
-    return {
-        name: {s: 100 * float((taken[:, g] == i).mean()) for i, s in enumerate(states)}
-        for g, (name, states) in enumerate(zip(groups.names, groups.states, strict=True))
-        if len(states) > 1
-    }
+    return shares_of_states(taken, groups)
 
 
 def _of_grid(illuminance: xr.Dataset, rules: Rules, drawn: DrawnShares | None) -> dict[str, Any]:

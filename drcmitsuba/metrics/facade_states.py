@@ -144,6 +144,18 @@ class FacadeStates:
         return cls(*numbered(rule.groups, indices), indices)
 
 
+def shares_of_states(indices: np.ndarray, groups: GroupStates) -> dict[str, dict[str, float]]:
+    """Share of the time stamps in each state of every group that has several [%].
+
+    `indices` (time, group) are those of the states.
+    """
+    return {
+        name: {s: 100 * float((indices[:, g] == i).mean()) for i, s in enumerate(states)}
+        for g, (name, states) in enumerate(zip(groups.names, groups.states, strict=True))
+        if len(states) > 1
+    }
+
+
 def most_states(groups: GroupStates) -> int:
     """Largest number of states of the façade that are simulated one by one."""
     return max(FEW, sum(map(len, groups.states)))

@@ -13,7 +13,9 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba import metrics
+from drcmitsuba.case.groups import GroupStates
 from drcmitsuba.metrics import thresholds
+from drcmitsuba.metrics.facade_states import shares_of_states
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.intervals import DrawnShares, Draws, Rules
 from drcmitsuba.metrics.intervals.facade_draws import Closures
@@ -65,6 +67,8 @@ class CountedYear:
     rules: Rules
     draws: Draws
     closures: Closures
+    of_group: np.ndarray
+    """State of every group of panes at every time stamp, an index, shape (time, group)."""
 
     def numbers(self) -> dict[str, Any]:
         """Metrics with their intervals, as `evaluate_metrics.summarise` gives them."""
@@ -76,6 +80,9 @@ class CountedYear:
         numbers = {"sDA": numbers["sDA"], "ASE": numbers["ASE"], "shade_closed": shut} | numbers
         numbers["shade_closed_monthly"] = self._monthly("shade_closed_monthly", by_month)
         numbers["undecided"] = undecided(self.counts, self.draws)
+        groups = self.rules.groups
+        if self.of_group.shape[1] and groups != GroupStates.of_shade():
+            numbers["groups"] = shares_of_states(self.of_group, groups)
         if grids := sensors_by_grid(self.counts):
             numbers["grids"] = {
                 name: {"sensors": len(here), **self._shares(here, self.draws.grids[name])}

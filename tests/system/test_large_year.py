@@ -10,20 +10,21 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.annual import group_coefficients, sensor_stream
 from drcmitsuba.annual.large_result import LargeResult
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.sensor_stream import aligned
+from drcmitsuba.metrics import facade_states
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.transport import coefficients
 from tests.system.small_room import SHADING, changed, run
 
 ALONE = '[output]\nilluminance = "metrics"\n[accuracy]'
 SHARES = ("sDA", "ASE", "shade_closed", "msDA", "MSE", "shade_closed_monthly")
-GROUPS = """
-[groups.left]
-panes = ["glass"]
-states = ["shade"]
-"""
+EAST = """
+[facade.east]
+strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]
+[facade.south]"""
 FURTHER = '\n[[furniture]]\nname = "desk"\ncorner = [0.2, 4.0, 0.0]\nsize = [0.5, 0.5, 0.7]\n'
 COLOURED = FURTHER + "reflectance = [0.6, 0.4, 0.2]\n"
 
@@ -64,6 +65,44 @@ def test_one_block_has_the_same_numbers(tmp_path, changes, more):
     assert large.metrics["settings"]["notes"][-1].startswith("E and C are not kept")
 
 
+@pytest.fixture
+def sums_of_groups(monkeypatch):
+    """Any second state of a façade makes its year a sum over groups, of 7 sensors at once."""
+    monkeypatch.setattr(facade_states, "most_states", lambda groups: 1)
+    monkeypatch.setattr(group_coefficients, "ENTRIES", 7 * 31 * 13)
+
+
+def test_groups_of_panes_that_close_one_by_one(tmp_path):
+    case = case_of(tmp_path, ("[facade.south]", EAST))
+    whole, large = drcmitsuba.evaluate(case), drcmitsuba.evaluate_within(case, memory=1)
+    compare(whole, large)
+    assert whole.coefficients.sizes["state"] > 2
+    assert large.metrics["groups"] == whole.metrics["groups"]
+
+
+def test_groups_of_panes_whose_year_is_a_sum(tmp_path, sums_of_groups):
+    case = case_of(tmp_path, ("[facade.south]", EAST))
+    whole = drcmitsuba.evaluate(case)
+    assert whole.coefficients.sizes["state"] == 1  # no state's coefficients are kept
+    large = drcmitsuba.evaluate_within(case, memory=1)
+    compare(whole, large)
+    assert large.metrics["groups"] == whole.metrics["groups"]
+
+
+def test_an_adaptive_sun_refines_a_mesh_for_each_block(tmp_path, monkeypatch):
+    case = case_of(tmp_path, ("[accuracy]", "[sun]\nmodel = 'adaptive'\n[accuracy]"))
+    whole, one = drcmitsuba.evaluate(case), drcmitsuba.evaluate_within(case, memory=1)
+    compare(whole, one)
+    assert one.plan["suns"]["mesh_suns"] == whole.plan["suns"]["mesh_suns"]
+    monkeypatch.setattr(sensor_stream, "MESHED", 10)
+    several = drcmitsuba.evaluate_within(case, memory=1)
+    mean = whole.illuminance["total"].mean("time")
+    error = np.sqrt((whole.illuminance["total_se"] ** 2).mean("time"))
+    assert several.plan["suns"]["mesh_suns"] > 0
+    np.testing.assert_array_equal(several.sensors["sun_hours"], one.sensors["sun_hours"])
+    assert (abs(several.sensors["mean_illuminance"] - mean) < 5 * error).all()
+
+
 def test_many_blocks_differ_by_draws_of_the_sun_alone(tmp_path, monkeypatch):
     case = case_of(tmp_path, ("[accuracy]", ALONE))
     monkeypatch.setattr(coefficients, "SENSORS", 7)
@@ -98,17 +137,9 @@ def test_the_command_writes_metrics_of_sensors_and_removes_other_arrays(
         assert set(sensors.coords) == {"x", "y", "z"}
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("[accuracy]", f"[sun]\nmodel = 'adaptive'\n{ALONE}", "an adaptive sun"),
-        ("[accuracy]", f'{ALONE}\ntarget = "1 point"', "a target"),
-        (SHADING, GROUPS + ALONE.removesuffix("[accuracy]"), "groups of panes"),
-    ],
-)
-def test_what_is_not_summed_block_by_block_is_refused_by_name(tmp_path, old, new, words):
-    case = case_of(tmp_path, (old, new))
-    with pytest.raises(InputError, match=f"output.illuminance: the metrics alone beside {words}"):
+def test_metrics_alone_beside_a_target_are_refused_by_name(tmp_path):
+    case = case_of(tmp_path, ("[accuracy]", f'{ALONE}\ntarget = "1 point"'))
+    with pytest.raises(InputError, match=r"output\.illuminance: .* beside a target"):
         drcmitsuba.evaluate_within(case)
 
 

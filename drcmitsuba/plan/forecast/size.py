@@ -6,9 +6,12 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.groups import OPEN
+from drcmitsuba.metrics.facade_states import most_states
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast.pilot import Pilot
+from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.plan.forecast.work import Work
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
 
 FLOAT, DOUBLE = 4, 8
@@ -98,8 +101,13 @@ def whole_arrays(plan: Plan) -> float:
     """
     case, light = plan.facts.case, plan.facts.light
     sensors, channels = len(sensor_points(case)[0]), 3 if plan.scope.channels else 1
-    bins = len(Patches(case.sky.subdivision)) + len(light.suns.labels)
-    parts = PARTS + case.accuracy.replicates
-    coefficients = FLOAT * channels * (1 + plan.scope.shade) * sensors * bins * parts
-    illuminance = FLOAT * channels * VARIABLES * plan.facts.hours * sensors
-    return BASE + HELD["coefficients"] * coefficients + HELD["illuminance"] * illuminance
+    patches, suns = len(Patches(case.sky.subdivision)), len(light.suns.labels)
+    # Further states share the suns between them, or are summed up over a year.
+    most = most_states(PaneGroups.of(case).states)
+    states = min(most, states_of_year(plan)) if plan.scope.shade else 1
+    bins = (1 + plan.scope.shade) * suns + states * patches
+    pairs = FLOAT * channels * plan.facts.hours * sensors
+    C = FLOAT * channels * sensors * bins * (PARTS + case.accuracy.replicates)
+    years = case.accuracy.replicates * pairs * is_summed(plan)
+    held = {"coefficients": C, "illuminance": VARIABLES * pairs, "years": years}
+    return BASE + sum(HELD[name] * size for name, size in held.items())

@@ -36,13 +36,13 @@ THREADS = 2
 
 def illuminance(
     case: Case, suns: Suns, accuracy: Accuracy, effects: EnabledEffects, year: Year, *,
-    channel: int = -1, progress: Progress = lambda share: None,
+    channel: int = -1, sensors: slice = slice(None), progress: Progress = lambda share: None,
 ) -> Iterator[np.ndarray]:  # fmt: skip
     """Yield the illuminance of a year by each replicate.
 
     Parameters
     ----------
-    case, suns, accuracy, effects, channel
+    case, suns, accuracy, effects, channel, sensors
         As for `GroupTrace.of`.
     year : Year
         Luminances of the bins, ground and sky before `suns`, and elements of every time stamp.
@@ -60,7 +60,9 @@ def illuminance(
         The case has no groups, or states that no sum can hold.
     """
     wanted = {e: year.suns_of(e) for e in year.hours if e != BESIDES}
-    trace = GroupTrace.of(case, suns, accuracy, effects, channel=channel, wanted=wanted)
+    trace = GroupTrace.of(
+        case, suns, accuracy, effects, channel=channel, wanted=wanted, sensors=sensors
+    )
     paths, shape = trace.paths, (len(trace.points), trace.paths.blocks)
     marked = MarkedLight.by_replicate(paths.marked(), accuracy.replicates, shape)
     with ThreadPoolExecutor(1) as thread:  # sums while further light is traced

@@ -86,6 +86,7 @@ class GroupTrace:
     def of(
         cls, case: Case, suns: Suns, accuracy: Accuracy, effects: EnabledEffects, *,
         channel: int = -1, wanted: Mapping[int, np.ndarray] | None = None,
+        sensors: slice = slice(None),
     ) -> GroupTrace:  # fmt: skip
         """Trace the paths, and load the scene of every element.
 
@@ -101,6 +102,8 @@ class GroupTrace:
             Colour channel, −1 for luminance.
         wanted : mapping of int to np.ndarray of bool, shape (sun,), optional
             Suns of each element that is asked for; by default all suns of all elements.
+        sensors : slice
+            Sensors of the case; by default all.
 
         Raises
         ------
@@ -116,7 +119,7 @@ class GroupTrace:
         if groups.starts[-1] > MOST_ELEMENTS:
             got = f"{groups.starts[-1]} states of all groups"
             raise InputError(case.source, "groups", got, f"take at most {MOST_ELEMENTS} together")
-        points, normals = sensor_points(case)
+        points, normals = (each[sensors] for each in sensor_points(case))
         hidden = scene.load(case, groups.label([HIDDEN] * len(groups)), channel, effects)
         marks = GroupMarks(panes, np.array(groups.starts), channel, effects.beyond)
         shapes = {f"shape{i}": shape for i, shape in enumerate((*hidden.full.shapes(), marks.mesh))}
