@@ -12,7 +12,7 @@ from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics.facade_states import ShadeRule, numbered
 from drcmitsuba.metrics.grids import count_by_grid
 from drcmitsuba.metrics.intervals.rules import DRAWS
-from drcmitsuba.metrics.intervals.sun import SunDraws
+from drcmitsuba.metrics.intervals.sun import BLOCK, SunDraws, unpacked
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,10 @@ class SunlitSensors:
     """The same without entries in doubt."""
     doubtful: np.ndarray
     """Number of entries in doubt, int, shape (time, grid, group)."""
-    time: np.ndarray
-    """Time stamp of every entry in doubt, in rising order, int, shape (entry,)."""
-    cell: np.ndarray
-    """Number of its pair of grid and group, rising at each time stamp, int, shape (entry,)."""
-    row: np.ndarray
-    """Its row in `closing`, int, shape (entry,)."""
+    place: np.ndarray
+    """Places in `count` that have entries in doubt, in rising order, int, shape (place,)."""
     closing: np.ndarray
-    """Whether entries of the direct sun reach the rule's threshold (row, draw), packed in bits."""
+    """Number of their entries that reach the rule's threshold in each draw, (place, draw)."""
 
     @classmethod
     def of(
@@ -106,26 +102,32 @@ class SunlitSensors:
             [count_by_grid(passes & (group == g), grid, grids) for g in range(groups)], axis=-1
         )
         through = group[sun.time, sun.sensor]
-        cell = grid[sun.sensor] * groups + through
-        order = np.lexsort((cell, sun.time))
+        at = (sun.time * count.shape[1] + grid[sun.sensor]) * groups + through
+        order = np.argsort(at, kind="stable")
         order = order[through[order] >= 0]  # sun through no group closes none
-        time, cell = sun.time[order], cell[order]
-        at = time * count[0].size + cell
-        by_mean = np.bincount(at, passes[time, sun.sensor[order]], count.size).astype(int)
+        time, sensor, at = sun.time[order], sun.sensor[order], at[order]
+        by_mean = np.bincount(at, passes[time, sensor], count.size).astype(int)
         doubtful = np.bincount(at, minlength=count.size).reshape(count.shape)
         sure = count - by_mean.reshape(count.shape)
-        return cls(count, sure, doubtful, time, cell, order, np.packbits(sun.closing, axis=1))
+        place = np.flatnonzero(doubtful)
+        closing = np.zeros((len(place), DRAWS), np.uint32)
+        for start in range(0, len(order), BLOCK):
+            here = slice(start, start + BLOCK)
+            some, begins = np.unique(at[here], return_index=True)
+            bits = unpacked(sun.closing[order[here]])
+            sums = np.add.reduceat(bits, begins, axis=0, dtype=np.uint32)
+            closing[np.searchsorted(place, some)] += sums
+        return cls(count, sure, doubtful, place, closing)
 
     def plus(self, other: SunlitSensors) -> SunlitSensors:
         """Count the sensors of two blocks, the grids of which have the same numbers."""
-        time, cell = (
-            np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("time", "cell")
-        )
-        row = np.concatenate([self.row, other.row + len(self.closing)])
-        order = np.lexsort((cell, time))
+        place = np.union1d(self.place, other.place)
+        closing = np.zeros((len(place), DRAWS), np.uint32)
+        for one in (self, other):
+            closing[np.searchsorted(place, one.place)] += one.closing
         return SunlitSensors(
             self.count + other.count, self.sure + other.sure, self.doubtful + other.doubtful,
-            time[order], cell[order], row[order], np.concatenate([self.closing, other.closing]),
+            place, closing,
         )  # fmt: skip
 
     def without_certain(self, least: np.ndarray) -> SunlitSensors:
@@ -135,11 +137,8 @@ class SunlitSensors:
         """
         if self.sure.shape[-1] > 1:
             return self
-        kept = (self.sure[..., 0] < least)[self.time, self.cell]
-        rows, row = np.unique(self.row[kept], return_inverse=True)
-        return replace(
-            self, time=self.time[kept], cell=self.cell[kept], row=row, closing=self.closing[rows]
-        )
+        kept = (self.sure[..., 0] < least).ravel()[self.place]
+        return replace(self, place=self.place[kept], closing=self.closing[kept])
 
     def in_doubt(self, least: np.ndarray) -> np.ndarray:
         """Whether doubt remains about what a grid closes that asks for `least` sensors (grid,).
@@ -152,11 +151,10 @@ class SunlitSensors:
 
     def drawn(self, hour: int) -> np.ndarray:
         """Draws of a time stamp's numbers, int, shape (draw, grid, group)."""
-        here = slice(*np.searchsorted(self.time, [hour, hour + 1]))
-        cell, start = np.unique(self.cell[here], return_index=True)
+        size = self.sure[hour].size
+        here = slice(*np.searchsorted(self.place, [hour * size, (hour + 1) * size]))
         out = np.repeat(self.sure[hour].reshape(1, -1), DRAWS, axis=0)
-        closing = np.unpackbits(self.closing[self.row[here]], axis=1, count=DRAWS)
-        out[:, cell] += np.add.reduceat(closing, start, axis=0, dtype=int).T
+        out[:, self.place[here] - hour * size] += self.closing[here].T
         return out.reshape(DRAWS, *self.sure.shape[1:])
 
 

@@ -24,6 +24,8 @@ EDGE = 2 / 3
 """Parameter of the prior B(2/3, 2/3): part of the sun that is seen on the edge of a shadow."""
 BLOCK = 4096
 """Number of entries drawn at once."""
+BYTES = -(-DRAWS // 8)
+"""Number of bytes that hold the draws of an entry."""
 
 
 def hidden_share(rays: int) -> float:
@@ -56,7 +58,8 @@ class SunDraws:
     """Indices of the entries, shape (entry,)."""
     exposed: np.ndarray
     closing: np.ndarray
-    """Whether they reach the threshold of ASE, and that of the shade, shape (entry, draw)."""
+    """Whether they reach the threshold of ASE, and that of the shade, in every draw: bits, uint8,
+    shape (entry, draw / 8); see `unpacked`."""
 
     def at(self, hours: np.ndarray) -> SunDraws:
         """Entries of some time stamps, indices in rising order, int, shape (chosen,)."""
@@ -64,6 +67,11 @@ class SunDraws:
         time, exposed = np.searchsorted(hours, self.time[kept]), self.exposed[kept]
         closing = exposed if self.closing is self.exposed else self.closing[kept]
         return SunDraws(time, self.sensor[kept], exposed, closing)
+
+
+def unpacked(bits: np.ndarray) -> np.ndarray:
+    """Draws of bits (entry, draw / 8), 0 or 1, uint8, shape (entry, draw)."""
+    return np.unpackbits(bits, axis=1, count=DRAWS)
 
 
 def draw_sun(
@@ -83,12 +91,12 @@ def draw_sun(
     p = np.stack([_exceeds(mu, s, limit) for limit in different])
     doubtful = ((p > BEYOND) & (p < 1 - BEYOND)).any(axis=0)
     time, sensor, p = lit[0][doubtful], lit[1][doubtful], p[:, doubtful]
-    passed = [np.empty((len(time), DRAWS), bool) for _ in different]
+    passed = [np.empty((len(time), BYTES), np.uint8) for _ in different]
     for start in range(0, len(time), BLOCK):
         here = slice(start, start + BLOCK)
-        u = rng.random(passed[0][here].shape, np.float32)
+        u = rng.random((len(time[here]), DRAWS), np.float32)
         for out, row in zip(passed, p, strict=True):
-            out[here] = u < row[here, None]
+            out[here] = np.packbits(u < row[here, None], axis=1)
     # One miss makes s = μ / rays; the height of the sun within its disk makes far less of it.
     dark = None
     if rays is not None:
@@ -123,7 +131,9 @@ def _hidden(
     entries, row = np.unique(picked, return_inverse=True)
     passed = []
     for tail in tails:
-        out = np.zeros((len(entries), DRAWS), bool)
-        out[row, in_draw] = u < tail[dark[picked, 0]]
+        out, hides = np.zeros((len(entries), BYTES), np.uint8), u < tail[dark[picked, 0]]
+        draw = in_draw[hides]
+        bits = (128 >> draw % 8).astype(np.uint8)  # as packbits orders them
+        np.bitwise_or.at(out, (row[hides], draw // 8), bits)
         passed.append(out)
     return dark[entries, 0], dark[entries, 1], passed

@@ -20,7 +20,7 @@ from drcmitsuba.metrics.intervals.autonomy import (
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.facade_draws import Closures, draw_closures
 from drcmitsuba.metrics.intervals.rules import Rules
-from drcmitsuba.metrics.intervals.sun import SunDraws
+from drcmitsuba.metrics.intervals.sun import SunDraws, unpacked
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import luminance
 
@@ -67,7 +67,7 @@ class YearDraws:
             entries = np.flatnonzero(self.sun.sensor == sensor)
             time = tally.wanted(sensor, self.sun.time[entries])
             kept = entries[np.isin(self.sun.time[entries], time)]
-            tally.add(sensor, self.sun.time[kept], self.sun.exposed[kept])
+            tally.add(sensor, self.sun.time[kept], unpacked(self.sun.exposed[kept]))
         return tally
 
 

@@ -11,7 +11,7 @@ from drcmitsuba.case.schedule import HOURS, Schedule
 from drcmitsuba.metrics.facade_states import FEW, FacadeStates, ShadeRule, numbered, sunlit
 from drcmitsuba.metrics.intervals import Rules
 from drcmitsuba.metrics.intervals.facade_draws import draw_closures
-from drcmitsuba.metrics.intervals.sun import draw_sun
+from drcmitsuba.metrics.intervals.sun import draw_sun, unpacked
 from drcmitsuba.runtime.errors import InputError
 
 GROUPS = GroupStates(("south", "east"), (("open", "blind", "fabric"), ("open", "fabric")))
@@ -165,7 +165,7 @@ def test_each_group_closes_by_its_own_draws():
     east = np.array([GROUPS.indices(state)[1] > 0 for state in closures.states])
     assert east[closures.drawn].all()
     # Two of 20 close it: both have to be above 1000 lx.
-    both = (draws.closing.sum(axis=0) == 2).mean()
+    both = (unpacked(draws.closing).sum(axis=0) == 2).mean()
     assert south[closures.drawn].mean() == pytest.approx(both)
     assert 0.1 < both < 0.5
     np.testing.assert_allclose(closures.shares(np.zeros(1, int))[0].mean(), 50 + 50 * both)
@@ -188,7 +188,7 @@ def test_each_room_closes_by_its_own_draws():
     assert closures.states == ("open", "open/fabric", "fabric/fabric")
     np.testing.assert_array_equal(closures.state, [2, 0])  # a tie passes
     np.testing.assert_array_equal(closures.hours, [0])
-    np.testing.assert_array_equal(closures.drawn[0], 1 + draws.closing[0])
+    np.testing.assert_array_equal(closures.drawn[0], 1 + unpacked(draws.closing)[0])
     # Counted together, four of 28 or five of them are too few.
     together = draw_closures(E, group, np.zeros(28, int), time, draws, rules.shade)
     assert together.states == ("open",)
@@ -204,9 +204,9 @@ def test_draws_of_one_grid_are_those_without_grids():
     time = xr.DataArray(TIMES[:2], dims="time")
     for number in (grid, 0 * grid):
         closures = draw_closures(E, group, number, time, draws, shade)
-        for k in range(draws.closing.shape[1]):
+        for k, closing in enumerate(unpacked(draws.closing).T):
             drawn = E >= 1000
-            drawn[draws.time, draws.sensor] = draws.closing[:, k]
+            drawn[draws.time, draws.sensor] = closing
             lit = direct(np.where(drawn, 2000.0, 0), group)
             lit = lit.assign_coords(grid=("sensor", number.astype(str).astype(object)))
             expected = FacadeStates.of(
