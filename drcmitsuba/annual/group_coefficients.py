@@ -91,7 +91,8 @@ class GroupCoefficients:
         xr.DataArray, dims (replicate, time, sensor), `channel` first where the case is coloured
             E [lx].
         """
-        return _replicates(self.daylight, [self._years(basis, indices) for basis in self.channels])
+        years = [self._years(basis, indices) for basis in self.channels]
+        return _replicates(self.daylight, years, self.channels[0].replicates)
 
     def _years(self, basis: group_basis.GroupBasis, indices: np.ndarray) -> Iterator[np.ndarray]:
         return basis.illuminance(_luminances(self.daylight, basis.labels), indices)
@@ -188,7 +189,7 @@ def years_of_states(
                 )
                 for i, channel in enumerate(channels)
             ]  # fmt: skip
-            return xr.Dataset({"illuminance": _replicates(daylight, years)})
+            return xr.Dataset({"illuminance": _replicates(daylight, years, its.replicates)})
 
         kept = run.kept(
             f"{case.name}, year of states", content, points[here], normals[here], its.sampling,
@@ -231,9 +232,16 @@ def _luminances(daylight: Daylight, labels: Sequence[str]) -> csr_matrix:
     return source_luminances(known, daylight.sky)
 
 
-def _replicates(daylight: Daylight, channels: list[Iterator[np.ndarray]]) -> xr.DataArray:
+def _replicates(
+    daylight: Daylight, channels: list[Iterator[np.ndarray]], replicates: int
+) -> xr.DataArray:
     """Illuminances [lx] of all replicates and channels."""
-    values = np.stack([np.stack(list(years)) for years in channels])
+    values = np.zeros((0,))
+    for i, years in enumerate(channels):
+        for r, year in enumerate(years):  # one by one: a list would hold them twice
+            if not values.size:
+                values = np.empty((len(channels), replicates, *year.shape), np.float32)
+            values[i, r] = year
     dims = ("channel", "replicate", "time", "sensor")
     out = xr.DataArray(values, dims=dims, coords={"time": daylight.sky["time"]})
     if len(channels) == 1:

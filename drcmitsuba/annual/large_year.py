@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import drjit as dr
 import numpy as np
 import xarray as xr
 
@@ -101,6 +102,7 @@ class LargeYear:
         """Trace all blocks and count."""
         with self.run.timed("open façade") as done:
             shut, taken = self._closures(done)
+        dr.flush_malloc_cache()
         suns = {OPEN: self.daylight.suns, **self._suns(shut)}
         others = [state for state in suns if state != OPEN]
         if others:
@@ -109,6 +111,7 @@ class LargeYear:
                     share = part(done, i / len(others), (i + 1) / len(others))
                     for _ in self._stream(state, suns[state], taken, share):
                         pass
+            dr.flush_malloc_cache()
         with self.run.timed("accumulation and metrics") as done:
             return self._counted(suns, shut, taken, done)
 

@@ -182,7 +182,7 @@ def evaluate_within(
     Raises
     ------
     InputError
-        As `evaluate`; metrics alone are asked for beside an adaptive sun, a target or groups.
+        As `evaluate`; metrics alone are asked for beside a target.
     """
     begun = _Begun.of(case, stage, known, blocks, workers, light)
     if known is None and large_result.is_large(begun.planned, memory):

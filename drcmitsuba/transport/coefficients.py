@@ -8,7 +8,9 @@ on the sensor, cell or sun that they serve, not on the launch.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import asdict
 from functools import reduce
 from typing import Any
@@ -36,6 +38,8 @@ from drcmitsuba.transport.replicate import Replicate
 from drcmitsuba.transport.sensor_blocks import joined
 from drcmitsuba.transport.solved_cells import solved
 
+HELD = 1 << 29
+"""Largest size of the light on cells in all replicates that stays in memory [bytes]."""
 PHOTONS_SHARE = 0.8
 """Share of the progress bar that photons take."""
 
@@ -223,27 +227,35 @@ def estimate_blocks(
     attributes = {} if photons is None else _photon_attributes(replicates)
     once = scene.effects.solved_cells
     gathered = Gathered.of(scene, points, normals, accuracy, block=SENSORS, lanes=PATHS, once=once)
-    if gathered.cells.count:
-        if once:  # light between surfaces is solved on cells
-            gathered, transfer = solved(scene, gathered, accuracy)
-            for replicate in replicates:
-                replicate.transfer = transfer
-        keys = gathered.cells.keys
-        for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
-            replicate.meet(drawn, keys)
-            replicate.pack()
-    for block, here in enumerate(gathered.blocks):
-        if here.start < done or not kept.part.holds(block):
-            continue
-        C = kept.get(here)
-        if C is None:
-            of_block = part(progress, *(np.array([block, block + 1]) / len(gathered.blocks)))
-            C = _of_block(
-                replicates, gathered, points, normals, here, labels, sun_samples, of_block
-            )
-            C.attrs |= attributes
-            kept.put(here, C)
-        yield here, C
+    with ExitStack() as files:
+        if gathered.cells.count:
+            if once:  # light between surfaces is solved on cells
+                gathered, transfer = solved(scene, gathered, accuracy)
+                for replicate in replicates:
+                    replicate.transfer = transfer
+            keys = gathered.cells.keys
+            for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
+                replicate.meet(drawn, keys)
+                replicate.pack()
+                light = replicate.light
+                if light is None or kept.folder is None:
+                    continue
+                if light.nbytes * len(replicates) > HELD:
+                    kept.folder.mkdir(parents=True, exist_ok=True)
+                    file = files.enter_context(tempfile.TemporaryFile(dir=kept.folder))
+                    replicate.light = light.parked(file)
+        for block, here in enumerate(gathered.blocks):
+            if here.start < done or not kept.part.holds(block):
+                continue
+            C = kept.get(here)
+            if C is None:
+                of_block = part(progress, *(np.array([block, block + 1]) / len(gathered.blocks)))
+                C = _of_block(
+                    replicates, gathered, points, normals, here, labels, sun_samples, of_block
+                )
+                C.attrs |= attributes
+                kept.put(here, C)
+            yield here, C
 
 
 def _of_block(

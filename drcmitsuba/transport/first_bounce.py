@@ -6,7 +6,8 @@ a product by G₁, of which almost all entries are 0; the values of four bins ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import IO
 
 import drjit as dr
 import mitsuba as mi
@@ -24,8 +25,8 @@ WIDE = 4
 class CellLight:
     """Light H on the cells after all bounces."""
 
-    values: mi.Float
-    """H [sr] of every cell, with room for a multiple of `WIDE` bins."""
+    values: mi.Float | IO[bytes]
+    """H [sr] of every cell, with room for a multiple of `WIDE` bins; or a file that holds it."""
     bins: int
     """Number of bins of sky and suns together."""
 
@@ -48,10 +49,27 @@ class CellLight:
         dr.eval(values)
         return cls(values, bins)
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the values [bytes]."""
+        return 0 if not isinstance(self.values, mi.Float) else 4 * dr.width(self.values)
+
+    def parked(self, file: IO[bytes]) -> CellLight:
+        """Light whose values wait in a file, which is open as long as it is used."""
+        self._here().numpy().tofile(file)
+        return replace(self, values=file)
+
+    def _here(self) -> mi.Float:
+        """Values in memory."""
+        if isinstance(self.values, mi.Float):
+            return self.values
+        self.values.seek(0)
+        return mi.Float(np.fromfile(self.values, np.float32))
+
     def gathered(self, cell: mi.UInt32, weight: mi.Float, paths: int) -> np.ndarray:
         """Sum over `paths` vertices of each sensor, one after another, shape (sensor, bin) [sr]."""
         sensors, wide = dr.width(weight) // paths, -(-self.bins // WIDE)
-        total = _summed(self.values, cell, weight, sensors, paths, wide)
+        total = _summed(self._here(), cell, weight, sensors, paths, wide)
         return total.numpy().reshape(sensors, WIDE * wide)[:, : self.bins]
 
 

@@ -16,7 +16,8 @@ from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.sensor_stream import aligned
 from drcmitsuba.metrics import facade_states
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport import coefficients
+from drcmitsuba.transport import coefficients, group_basis, replicate
+from drcmitsuba.transport.first_bounce import CellLight
 from tests.system.small_room import SHADING, changed, run
 
 ALONE = '[output]\nilluminance = "metrics"\n[accuracy]'
@@ -87,6 +88,40 @@ def test_groups_of_panes_whose_year_is_a_sum(tmp_path, sums_of_groups):
     large = drcmitsuba.evaluate_within(case, memory=1)
     compare(whole, large)
     assert large.metrics["groups"] == whole.metrics["groups"]
+
+
+def test_a_sum_over_groups_goes_on_where_it_was_stopped(tmp_path, monkeypatch, sums_of_groups):
+    case, blocks = case_of(tmp_path, ("[facade.south]", EAST)), tmp_path / "blocks"
+    summed, sum_up = [], group_basis.illuminance
+
+    def stopped(*args, **kwargs):
+        if len(summed) == 2:
+            raise KeyboardInterrupt
+        summed.append(kwargs["sensors"])
+        return sum_up(*args, **kwargs)
+
+    monkeypatch.setattr(group_basis, "illuminance", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        drcmitsuba.evaluate_within(case, memory=1, blocks=blocks)
+    first, summed[:] = [*summed], [slice(0, 0)]
+    large = drcmitsuba.evaluate_within(case, memory=1, blocks=blocks)
+    assert len(first) + len(summed[1:]) == 3  # 25 sensors
+    assert summed[1].start == first[-1].stop
+    monkeypatch.setattr(group_basis, "illuminance", sum_up)
+    assert large.metrics["sDA"] == drcmitsuba.evaluate_within(case, memory=1).metrics["sDA"]
+
+
+def test_light_that_waits_on_the_disk_is_the_same(tmp_path, monkeypatch):
+    case = case_of(tmp_path, (SHADING, ""))
+    monkeypatch.setattr(replicate, "MANY", 0)
+    held = drcmitsuba.evaluate(case)
+    parked, park = [], CellLight.parked
+    monkeypatch.setattr(coefficients, "HELD", 0)
+    monkeypatch.setattr(CellLight, "parked", lambda *a: parked.append(a[1]) or park(*a))
+    waiting = drcmitsuba.evaluate(case, blocks=tmp_path / "blocks")
+    assert len(parked) == case.accuracy.replicates
+    assert all(file.closed for file in parked)
+    xr.testing.assert_identical(waiting.illuminance, held.illuminance)
 
 
 def test_an_adaptive_sun_refines_a_mesh_for_each_block(tmp_path, monkeypatch):

@@ -65,6 +65,7 @@ def illuminance(
     )
     paths, shape = trace.paths, (len(trace.points), trace.paths.blocks)
     marked = MarkedLight.by_replicate(paths.marked(), accuracy.replicates, shape)
+    dr.flush_malloc_cache()  # rays take other sizes of memory than light does
     with ThreadPoolExecutor(1) as thread:  # sums while further light is traced
         before: list[Future[np.ndarray]] = []
         for r, returned in enumerate(marked):
@@ -75,6 +76,7 @@ def illuminance(
                     job.result()  # the light of one element waits at most
                 job = thread.submit(total.add, light.number, light.bins, light.sensors, sky, by_sun)
                 progress((r + i / (len(trace.elements) + 1)) / accuracy.replicates)
+            dr.flush_malloc_cache()
             before.append(thread.submit(total.gathered))
             if len(before) > 1:
                 yield before.pop(0).result()
