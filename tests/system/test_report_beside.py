@@ -4,6 +4,7 @@ import csv
 import importlib.util
 import io
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -127,9 +128,13 @@ def test_the_browser_tells_who_lights_the_chosen_point(page, tmp_path_factory):
         first, film = (np.array(light) for light in EXPOSURE.values())
         whole = first.sum() + number * film.sum()
         assert number == 12
-        assert f"film <b> {100 * number * film.sum() / whole:.0f} %" in told
-        assert f"glass (south) {100 * first.sum() / whole:.0f} % (sun straight" in told
-        assert f"ground {100 * first[0] / whole:.0f})" in told
+        film_share, glass_share = re.search(
+            r"film <b> ([\d.]+) %.*glass \(south\) ([\d.]+) %", told
+        ).groups()
+        # Five parts of each window are kept to 0.1 %.
+        assert float(film_share) == pytest.approx(100 * number * film.sum() / whole, abs=0.25)
+        assert float(glass_share) == pytest.approx(100 * first.sum() / whole, abs=0.25)
+        assert f"ground {100 * first[0] / whole:.1f})" in told
 
 
 @pytest.mark.parametrize(

@@ -281,7 +281,16 @@ def test_the_browser_shows_the_numbers_of_the_metrics(opened, results):
         for numbers in wanted
         for key in ("value", "low", "high")
     ]
-    assert told == [[json.dumps(v), f"{v:.1f}"] for v in values]
+    first, second = wanted
+    ends = {"value": "value", "low": "high", "high": "low"}
+    apart = [
+        second[name][key] - first[name][other]
+        for name in ("sDA", "ASE", "shade_closed")
+        for key, other in ends.items()
+    ]
+    shown = [f"{v:+.1f}".replace("-", "−") for v in apart]
+    expected = [[json.dumps(v), f"{v:.1f}"] for v in values]
+    assert told == expected + [[json.dumps(v), one] for v, one in zip(apart, shown, strict=True)]
     assert opened.complaints == []
     assert [url for url in opened.requests if not url.startswith("file:")] == []
 

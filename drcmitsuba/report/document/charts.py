@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 
-from drcmitsuba.report.captions import MONTHS
+from drcmitsuba.report.captions import MONTHS, month_names
 from drcmitsuba.report.document.facade import Facade
 from drcmitsuba.report.document.labels import labels
 from drcmitsuba.report.document.tables import MONTHLY, has_shade
@@ -35,6 +35,8 @@ class Chart:
     months: tuple[tuple[float, str], ...]
     levels: tuple[tuple[float, int], ...]
     """Height of every grid line [px], and its share [%]."""
+    extremes: str
+    """Months with the least daylight and with the most sun, in words."""
 
 
 def months(facade: Facade, name: str) -> Chart:
@@ -43,7 +45,19 @@ def months(facade: Facade, name: str) -> Chart:
     ticks = tuple((_x(i), month) for i, month in enumerate(MONTHS))
     levels = tuple((_y(share), share) for share in range(0, 101, 25))
     lines = tuple(_line(key, facade.numbers[key]) for key in shown)
-    return Chart(labels()["months_chart"].format(facade=name), lines, ticks, levels)
+    title = labels()["months_chart"].format(facade=name)
+    return Chart(title, lines, ticks, levels, _extremes(facade))
+
+
+def _extremes(facade: Facade) -> str:
+    """Months with the least enough daylight, and with the most points in too much sun."""
+    t, words = labels(), []
+    for key, phrase, extreme in (("msDA", "months_least", min), ("MSE", "months_most", max)):
+        known = [(v["value"], i) for i, v in enumerate(facade.numbers[key], 1) if v is not None]
+        if known:
+            value, month = extreme(known)
+            words.append(t[phrase].format(month=month_names((month,)), value=f"{value:.1f}"))
+    return " ".join(words)
 
 
 def _x(month: int) -> float:

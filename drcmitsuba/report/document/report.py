@@ -121,6 +121,7 @@ class Report:
             "names": self.names,
             "asked": tables.asked(self.facades, self.names),
             "metrics": tables.metrics(self.facades, self.names),
+            "differences": known([tables.differences(self.facades, self.names)]),
             "months": [tables.months(*each) for each in self._each],
             "charts": [charts.months(*each) for each in self._each],
             "spaces": known(tables.spaces(*each) for each in self._each),

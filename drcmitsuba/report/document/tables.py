@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report.captions import month_names, period_text
 from drcmitsuba.report.document.facade import Facade
 from drcmitsuba.report.document.labels import labels
-from drcmitsuba.report.document.table import NONE, Cell, Table, in_columns, interval, plain, text
+from drcmitsuba.report.document.table import (
+    NONE,
+    Cell,
+    Number,
+    Table,
+    in_columns,
+    interval,
+    plain,
+    text,
+)
 
 MOST_GRIDS = 40
 """Largest number of spaces of a façade in the table."""
@@ -93,6 +103,25 @@ def metrics(facades: list[Facade], names: list[str]) -> Table:
         at = t["sDA_at"].format(threshold=f"{thresholds.pop():g}")
         rows = {at if name == t["sDA"] else name: row for name, row in rows.items()}
     return in_columns(t["metrics"], t["metric"], names, rows, t["metrics_note"])
+
+
+def differences(facades: list[Facade], names: list[str]) -> Table | None:
+    """Table of the differences of the metrics from the first façade; None for a single one."""
+    if len(facades) == 1:
+        return None
+    t, (first, *others) = labels(), facades
+    of = ["sDA", "ASE"] + ["shade_closed"] * any(has_shade(f) for f in facades)
+    rows = {t[name]: [_difference(f.numbers[name], first.numbers[name]) for f in others]
+            for name in of}  # fmt: skip
+    title = t["difference"].format(facade=names[0])
+    return in_columns(title, t["metric"], names[1:], rows, t["difference_note"])
+
+
+def _difference(one: Mapping[str, float], other: Mapping[str, float]) -> Cell:
+    """Cell of one value less another, with the least and the most that their intervals allow."""
+    ends = {"value": "value", "low": "high", "high": "low"}
+    value, low, high = (Number(one[k] - other[of], signed=True) for k, of in ends.items())
+    return value, " (", low, " … ", high, f") {labels()['percentage_points']}"
 
 
 def has_shade(facade: Facade) -> bool:

@@ -51,7 +51,7 @@ def _short(verdict: Verdict | Refusal) -> Cell:
     if isinstance(verdict, Refusal):
         return (OPEN + t["no_verdict"].format(reason=text(verdict.reason.got)),)
     if verdict.undecided is not None:
-        return (OPEN + t["undecided"],)
+        return (OPEN + t["undecided"].format(reason=text(verdict.undecided)),)
     shown = next((o for o in reversed(verdict.levels) if o.reached), verdict.levels[0])
     words = t["reached"] if shown.reached else t["not_reached"]
     told = words.format(level=text(shown.name), probability=_likelihood(verdict.probability))
@@ -91,7 +91,7 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
         tables.append(
             Table(t["levels"], head, tuple(_row(outcome, standard) for outcome in outcomes))
         )
-    remarks = [] if verdict.undecided is None else [verdict.undecided]
+    remarks = []
     if verdict.deciding is not None:
         remarks.append(t["decides"].format(text=verdict.deciding.text(t)))
     remarks += [t["duty"].format(text=duty) for duty in verdict.duties]

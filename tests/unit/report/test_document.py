@@ -76,7 +76,8 @@ def test_all_text_is_escaped_in_html_and_markdown():
 def _empty():
     nothing = Table("", (), ())
     one = dict.fromkeys(("asked", "metrics", "verdicts", "versions", "validation"), nothing)
-    keys = ("months", "charts", "spaces", "groups", "judgements", "plan", "notes", "lights")
+    keys = ("differences", "months", "charts", "spaces", "groups", "judgements", "plan", "notes",
+            "lights")  # fmt: skip
     keys += ("glare", "pictures")
     many = {key: [] for key in keys}
     digests = dict.fromkeys(("style", "script", "style_digest", "script_digest"), "")

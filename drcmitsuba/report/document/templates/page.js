@@ -57,15 +57,18 @@
     g.fillStyle = INK;
     g.font = "12px sans-serif";
     g.textAlign = "center";
-    for (const tick of scale.ticks)
-      g.fillText(scale.names?.[tick] ?? String(+tick.toFixed(1)), left + scale.share(tick) * width, 32);
+    const marked = scale.limit === undefined ? NaN : left + width * scale.share(scale.limit);
+    for (const tick of scale.ticks) {
+      const x = left + scale.share(tick) * width;
+      if (x > marked - 20 && x < marked + 80) continue; // the limit's words stand there
+      g.fillText(scale.names?.[tick] ?? String(+tick.toFixed(1)), x, 32);
+    }
     g.textAlign = "left";
     g.fillText(scale.unit, left + width + 14, 15);
     if (scale.limit !== undefined) {
-      const x = left + width * scale.share(scale.limit);
       g.fillStyle = MARK;
-      g.fillRect(x - 1.5, 0, 3, 20);
-      g.fillText(t.js_limit, Math.min(x + 5, left + width - 24), 32);
+      g.fillRect(marked - 1.5, 0, 3, 20);
+      g.fillText(`${t.js_limit} ${+scale.limit.toFixed(1)}`, Math.min(marked - 5, left + width - 40), 32);
     }
     canvas.setAttribute("aria-label", words);
   }
@@ -467,8 +470,8 @@
     });
     return of.filter(({ share }) => share >= 0.5).sort((a, b) => b.share - a.share)
       .map(({ window, share, parts }) => filled(t.js_light_window, {
-        window, share: share.toFixed(0),
-        parts: parts.filter(([, part]) => part >= 0.5).map(([word, part]) => `${word} ${part.toFixed(0)}`).join(", "),
+        window, share: share.toFixed(1),
+        parts: parts.filter(([, part]) => part >= 0.05).map(([word, part]) => `${word} ${part.toFixed(1)}`).join(", "),
       })).join("; ");
   }
 
