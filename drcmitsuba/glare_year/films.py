@@ -34,7 +34,7 @@ from drcmitsuba.transport.shadow_rays import straight
 
 SKY_SAMPLES = 512
 """Directions to ground and sky of every film end."""
-SUN_SAMPLES = 4
+SUN_SAMPLES = 16
 """Directions on a sun's disk of every film end."""
 
 

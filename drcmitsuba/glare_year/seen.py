@@ -39,7 +39,7 @@ class Surfaces:
     weight: np.ndarray
     """Luminance over illuminance [1/sr], shape (point, channel)."""
 
-    def take(self, some: slice) -> Surfaces:
+    def take(self, some: slice | np.ndarray) -> Surfaces:
         """Some of the points."""
         return Surfaces(self.pixel[some], self.points[some], self.normals[some], self.weight[some])
 

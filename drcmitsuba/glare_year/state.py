@@ -6,14 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.simulation import of_points
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.glare_year.eyes import Eyes
+from drcmitsuba.glare_year.luminance_noise import DIM, POINTS, LuminanceNoise
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.glare_year.seen import Luminances, Seen, seen
+from drcmitsuba.glare_year.seen import Luminances, Seen, Surfaces, seen
 from drcmitsuba.glare_year.sources import contrast_sums
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.picture.glare import LARGEST_FACTOR
@@ -35,6 +37,17 @@ class Place:
     views: np.ndarray
     """Indices of the views, int, shape (view,)."""
     known: Luminances
+    noise: LuminanceNoise
+
+    def deviations(self, eyes: Eyes, rule: Rule) -> np.ndarray:
+        """Deviations of the sums of `sums` from their means by each replicate of C.
+
+        Returns
+        -------
+        np.ndarray, shape (replicate, time, view)
+        """
+        least = max(self._least(rule), DIM)
+        return self.noise.of_sums(self.known, eyes.frames[self.views], least)
 
     def sums(self, eyes: Eyes, rule: Rule, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Σ L² ω / P² of the views at some time stamps, and that of peaks as sharp as suns.
@@ -148,16 +161,19 @@ def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -
             world, channels, looking.points[views[0]], looking.forward[views], suns,
             case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
         )  # fmt: skip
-        L = _of_surfaces(case, state, light, shown, run)
+        L, noise = _of_surfaces(case, state, light, shown.surfaces, run)
         known = Luminances(shown, sky["sky"].values, sky["sun"].values, sun_index, L)
-        yield Place(views, known)
+        yield Place(views, known, noise)
     run.ray_counter.update(world.ray_counter.counted())
 
 
-def _of_surfaces(case: Case, state: State, light: Daylight, shown: Seen, run: Run) -> np.ndarray:
-    """Luminance of the surfaces of a place [cd/m²], float32, (point, time)."""
-    surfaces, sky = shown.surfaces, light.sky
+def _of_surfaces(
+    case: Case, state: State, light: Daylight, surfaces: Surfaces, run: Run
+) -> tuple[np.ndarray, LuminanceNoise]:
+    """Luminance of the surfaces of a place [cd/m²], float32, (point, time), and its noise."""
+    sky = light.sky
     out = np.zeros((len(surfaces.points), sky.sizes["time"]), np.float32)
+    noise = []
     bins = len(light.suns.labels) + sky.sizes["bin"]
     step = max(64, COEFFICIENTS // bins)
     for start in range(0, len(surfaces.points), step):
@@ -167,11 +183,26 @@ def _of_surfaces(case: Case, state: State, light: Daylight, shown: Seen, run: Ru
             case, state, light.suns, sky.attrs["latitude"], some.points, some.normals, run=run
         )
         average = C["replicates"].mean("replicate").expand_dims("replicate")
-        C = C.drop_vars("replicates").assign(replicates=average)
+        mean = C.drop_vars("replicates").assign(replicates=average)
         every = np.arange(len(some.points))
-        channels = (
-            [C.isel(channel=k) for k in range(C.sizes["channel"])] if "channel" in C.dims else [C]
-        )
-        E = np.stack([accumulate.replicates(one, sky, every)[0].T for one in channels])
-        out[here] = some.luminance(E)
-    return out
+        out[here] = _luminances(mean, sky, some, every)[0]
+        bright = np.flatnonzero((out[here] > DIM).any(axis=1))
+        for first in range(0, len(bright), POINTS):
+            points = bright[first : first + POINTS]
+            each = _luminances(C, sky, some, points)
+            point, time = np.nonzero(out[start + points] > DIM)
+            deviation = each[:, point, time] - each[:, point, time].mean(axis=0)
+            noise.append(LuminanceNoise(start + points[point], time, deviation))
+    return out, LuminanceNoise.joined(noise, case.accuracy.replicates)
+
+
+def _luminances(
+    C: xr.Dataset, sky: xr.Dataset, surfaces: Surfaces, points: np.ndarray
+) -> np.ndarray:
+    """Luminance of some points by each replicate of C [cd/m²], shape (replicate, point, time)."""
+    channels = (
+        [C.isel(channel=k) for k in range(C.sizes["channel"])] if "channel" in C.dims else [C]
+    )
+    E = np.stack([accumulate.replicates(one, sky, points) for one in channels])
+    taken = surfaces.take(points)
+    return np.stack([taken.luminance(E[:, r].swapaxes(1, 2)) for r in range(E.shape[1])])

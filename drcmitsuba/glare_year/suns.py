@@ -22,8 +22,10 @@ from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.shadow_rays import straight
 
-SAMPLES = 64
-"""Directions on a disk."""
+SAMPLES = 1024
+"""Directions on a disk that is seen straight: a sliver of 1 % dazzles."""
+MIRRORED = 64
+"""Directions on a disk that is seen in mirrors."""
 MOST_TURNS = 64
 """Largest number of sets of mirrors, those first that the most rays meet."""
 NEAR = 4 / SIDE
@@ -101,15 +103,15 @@ def _mirrored(
     seed: int,
 ) -> Images:  # fmt: skip
     """Suns that are seen by way of a set of mirrors."""
-    lane = dr.arange(mi.UInt32, len(suns) * SAMPLES)
-    sun, centres = lane // SAMPLES, flat(suns @ turn.T)
-    uv = even_numbers(lane % SAMPLES, sun, seed, 1)
+    lane = dr.arange(mi.UInt32, len(suns) * MIRRORED)
+    sun, centres = lane // MIRRORED, flat(suns @ turn.T)
+    uv = even_numbers(lane % MIRRORED, sun, seed, 1)
     d = np.array(sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv)).T
     outside, _, _ = chains.ends(np.broadcast_to(place, d.shape), d.astype(float))
-    chord = np.linalg.norm(outside.direction - suns[outside.ray // SAMPLES], axis=1)
+    chord = np.linalg.norm(outside.direction - suns[outside.ray // MIRRORED], axis=1)
     turned = np.abs(outside.turn - turn).max(axis=(1, 2)) < 1e-2
     hits = turned & (chord <= 1.001 * 2 * np.sin(np.radians(diameter) / 4))
-    tau = np.bincount(outside.ray[hits], outside.weight[hits], len(d)).reshape(-1, SAMPLES)
+    tau = np.bincount(outside.ray[hits], outside.weight[hits], len(d)).reshape(-1, MIRRORED)
     return _seen(suns, tau, diameter, turn)
 
 
@@ -119,7 +121,7 @@ def _seen(
     """Images of the suns of which some directions (sun, sample) are seen."""
     visible = (tau > 0).sum(axis=1)
     sun = np.flatnonzero(visible)
-    omega = disk_solid_angle(diameter) * visible[sun] / SAMPLES
+    omega = disk_solid_angle(diameter) * visible[sun] / tau.shape[1]
     towards = suns[sun] if turn is None else suns[sun] @ turn.T
     return Images(sun, towards, omega, tau[sun].sum(axis=1) / visible[sun])
 

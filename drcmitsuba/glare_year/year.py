@@ -7,7 +7,8 @@ angle ω_s and position index P_s of the glare sources [1]_,
 
 The rays of an eye are traced once for each state of the façade. What a ray sees through panes has
 the luminance of the sky's patch there, a film that of its BSDF, a surface that of its illuminance.
-The suns' disks are sources of their own. The replicates of C give E_v, and with it DGP, an error.
+The suns' disks are sources of their own. The replicates of C give E_v and the surfaces, and with
+them DGP, an error.
 
 References
 ----------
@@ -85,8 +86,8 @@ def glare(
 
     Notes
     -----
-    The interval of DGP holds the noise of E_v. Luminances of what is seen have no error of their
-    own: they count by the size of the pixels, `pixels.SIDE`.
+    The interval of DGP holds the noise of E_v and, to first order, that of the luminances of bright
+    surfaces, `luminance_noise`. Pixels have a size, `pixels.SIDE`, that it does not hold.
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -105,23 +106,27 @@ def glare(
     times = np.arange(light.sky.sizes["time"])
     E = np.stack([at_eyes(simulated, state, light, looking, run) for state in states], axis=1)
     S, sharp = np.zeros((2, *E.shape[1:]))
+    deviations = np.zeros(E.shape, np.float32)
     for k, state in enumerate(states):
         with run.timed(f"what is seen, {state}") as done:
             judged = 0
             for place in places(simulated, state, light, looking, run):
                 S[k][:, place.views], sharp[k][:, place.views] = place.sums(looking, rule, times)
+                deviations[:, k][:, :, place.views] = place.deviations(looking, rule)
                 judged += len(place.views)
                 done(judged / len(looking))
     if taken is not None:
         states.append(APPLIED)
         at = np.array([states.index(state) for state in taken.states])[taken.index]
-        E = np.concatenate([E, E[:, at, times][:, None]], axis=1)
+        E, deviations = (
+            np.concatenate([v, v[:, at, times][:, None]], axis=1) for v in (E, deviations)
+        )
         S, sharp = (np.concatenate([v, v[at, times][None]]) for v in (S, sharp))
     settings = {
         **settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed,
         "notes": [*light.notes, *planned.notes(), *notes],
     }  # fmt: skip
-    hours, replicates = _rated(case, light, looking, states, E, S, sharp, rule)
+    hours, replicates = _rated(case, light, looking, states, E, S, deviations, sharp, rule)
     return GlareYear(case, hours, replicates, settings, dict(run.seconds))
 
 
@@ -161,14 +166,26 @@ def _taken(case: Case, light: Daylight, run: Run) -> tuple[FacadeStates | None, 
     return taken, ()
 
 
+def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+    """DGP by each replicate, as pseudo-values of the jackknife: R · DGP − (R − 1) · DGP without r.
+
+    Their scatter gives the error of DGP from the errors of means, which are smaller than those of
+    replicates: a replicate of its own may have a negative sum.
+    """
+    R = len(E)
+    mean = E.mean(axis=0)
+    without = rule.dgp(mean - (E - mean) / (R - 1), np.maximum(S - deviations / (R - 1), 0))
+    return np.asarray(R * rule.dgp(mean, S) - (R - 1) * without)
+
+
 def _rated(
     case: Case, light: Daylight, looking: Eyes, states: list[State], E: np.ndarray, S: np.ndarray,
-    sharp: np.ndarray, rule: Rule,
+    deviations: np.ndarray, sharp: np.ndarray, rule: Rule,
 ) -> tuple[xr.Dataset, np.ndarray]:  # fmt: skip
     """DGP and what it follows from, and DGP by each replicate."""
     dims = ("state", "time", "view")
     mean, error = mean_and_error(E)
-    replicates = rule.dgp(E, S).astype(np.float32)
+    replicates = pseudo_values(rule, E, S, deviations).astype(np.float32)
     values: dict[str, Any] = {
         "dgp": rule.dgp(mean, S), "dgp_se": mean_and_error(replicates)[1],
         "illuminance": mean, "illuminance_se": error,
