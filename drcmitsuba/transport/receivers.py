@@ -172,22 +172,23 @@ class Squares:
     def of(cls, scene: Scene, points: np.ndarray, normals: np.ndarray, size: float) -> Squares:
         """Lay squares of at most `size` [m] around sensors.
 
-        No square reaches beyond the room, into furniture, or to a neighbour's centre, unless that
-        would make its edge smaller than `SMALLEST`.
+        No square reaches beyond the room, into furniture, or to the centre of a neighbour in its
+        plane, unless that would make its edge smaller than `SMALLEST`.
         """
         if not len(points):
             return cls((), np.zeros((0, 2)), np.zeros(0))
         near = 2 * np.minimum(_to_walls(scene, points), _to_things(scene, points, normals))
-        if len(points) > 1:
-            near = np.minimum(near, spatial.cKDTree(points).query(points, 2, p=np.inf)[0][:, 1])
-        edge = np.clip(near, SMALLEST, size)
         turn = np.eye(3) if scene.enclosure is None else scene.enclosure.turn
         offset = np.einsum("si,si->s", points, normals)
         keys = np.round(np.column_stack([normals, offset]), 4)
+        keys, plane_of = np.unique(keys, axis=0, return_inverse=True)
+        groups = [np.flatnonzero(plane_of.ravel() == k) for k in range(len(keys))]
+        for mine in groups:
+            near[mine] = np.minimum(near[mine], _to_neighbours(points[mine]))
+        edge = np.clip(near, SMALLEST, size)
         centre = np.zeros((len(points), 2))
         planes = []
-        for key in np.unique(keys, axis=0):
-            mine = np.flatnonzero((keys == key).all(axis=1))
+        for mine in groups:
             n = normals[mine[0]]
             x = turn[:, 0] if abs(turn[:, 0] @ n) < 0.7 else turn[:, 2]
             x = x - (x @ n) * n
@@ -223,6 +224,15 @@ def _plane(
         layers[: len(members), index] = members
     origin = low @ axes[:2] + height * axes[2]
     return SensorPlane(origin, axes, field, (int(count[0]), int(count[1])), layers)
+
+
+def _to_neighbours(points: np.ndarray) -> np.ndarray:
+    """Distance to the nearest other place of a sensor, ∞ without one [m]."""
+    places, place = np.unique(np.round(points, 6), axis=0, return_inverse=True)
+    if len(places) == 1:
+        return np.full(len(points), np.inf)
+    nearest = spatial.cKDTree(places).query(places, 2, p=np.inf)[0][:, 1]
+    return np.asarray(nearest[place.ravel()])
 
 
 def _to_walls(scene: Scene, points: np.ndarray) -> np.ndarray:

@@ -144,6 +144,16 @@ def test_squares_reach_neither_beyond_walls_nor_to_a_neighbours_centre():
     assert len(squares.planes) == 2
 
 
+def test_squares_round_one_place_keep_their_size():
+    """Sensors of one place with other normals are no neighbours, nor is a sensor named twice."""
+    case = Case.model_validate({**ROOM, "materials": {}, "facade": {}})
+    points = np.tile([2.0, 2.0, 1.2], (5, 1))
+    normals = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, 0, 1], [0, 0, 1]])
+    squares = Squares.of(scenes.load(case), points, normals, 0.3)
+    np.testing.assert_allclose(squares.edge, 0.3, atol=1e-9)
+    assert sorted(len(plane.sensors) for plane in squares.planes) == [1, 1, 1, 2]
+
+
 # ---- photons ----------------------------------------------------------------------------------
 
 STEEP = np.array([[0.0, 0.0, 1.0]])
