@@ -40,6 +40,8 @@ MOST_SURFACES = 24
 """Largest number of surfaces on a chain."""
 LEAST_WEIGHT = 1e-5
 """Weight below which a chain ends [–]."""
+STRAIGHT, TURNED, SCATTERED = range(3)
+"""Ways of a ray: without a turn, by smooth mirrors and clear solids, by a rough mirror as well."""
 OFFSET = 1e-4
 """Distance at which a ray goes on behind a surface, over its largest coordinate plus 1 m [–]."""
 
@@ -59,9 +61,8 @@ class Ends(NamedTuple):
     """Normal of a film, or of a surface on the side whose illuminance counts, shape (end, 3)."""
     part: np.ndarray
     """Index of the scene's part, −1 for the outside, int, shape (end,)."""
-    turn: np.ndarray
-    """Matrix from the last part's directions to those at the eye; NaN where mirrors are not all
-    flat and smooth, shape (end, 3, 3)."""
+    path: np.ndarray
+    """How the ray came here: `STRAIGHT`, `TURNED` or `SCATTERED`, int, shape (end,)."""
 
     def take(self, which: np.ndarray) -> Ends:
         """Some of the ends."""
@@ -76,17 +77,17 @@ class _Rays:
     weight: np.ndarray
     p: np.ndarray
     d: np.ndarray
-    turn: np.ndarray
+    path: np.ndarray
 
     def take(self, which: np.ndarray) -> _Rays:
         return _Rays(self.ray[which], self.weight[which], self.p[which], self.d[which],
-                     self.turn[which])  # fmt: skip
+                     self.path[which])  # fmt: skip
 
     def ends(self, part: int, normals: np.ndarray | None = None, weight: Any = 1.0) -> Ends:
         """Ends here; `weight` (…) or (channel,) is the share of each end's light."""
         w = np.multiply.outer(self.weight, weight)
         n = np.zeros_like(self.d) if normals is None else normals
-        return Ends(self.ray, w, self.p, self.d, n, np.full(len(self.ray), part), self.turn)
+        return Ends(self.ray, w, self.p, self.d, n, np.full(len(self.ray), part), self.path)
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,8 @@ class Chains:
         """
         every: dict[str, list[Ends]] = {"outside": [], "films": [], "surfaces": []}
         count = len(points)
-        turn = np.broadcast_to(np.eye(3), (count, 3, 3))
-        on = _Rays(np.arange(count), np.ones(count), points, directions, turn)
+        straight = np.full(count, STRAIGHT)
+        on = _Rays(np.arange(count), np.ones(count), points, directions, straight)
         for depth in range(MOST_SURFACES):
             on = self._step(on, every, depth)
             if not len(on.ray):
@@ -193,10 +194,8 @@ class Chains:
         )
         onward = np.array(si.to_world(bs.wo)).T.astype(float)
         share = weight[0].numpy() * getattr(material, "specular", 1.0)
-        flat_mirror = isinstance(material, MirrorMaterial) and material.roughness == 0
-        reflection = np.eye(3) - 2 * np.einsum("ri,rj->rij", n, n)
-        turn = on.turn @ reflection if flat_mirror else np.full((len(n), 3, 3), np.nan)
-        return replace(on, weight=on.weight * share, d=onward, turn=turn)
+        path = np.maximum(on.path, SCATTERED if getattr(material, "roughness", 0) else TURNED)
+        return replace(on, weight=on.weight * share, d=onward, path=path)
 
     def _channels(self, reflectance: Any) -> np.ndarray:
         return np.array([channel_of(reflectance, channel) for channel in self.channels])
@@ -219,7 +218,7 @@ class Chains:
 
 
 def _columns(rays: _Rays) -> tuple[np.ndarray, ...]:
-    return rays.ray, rays.weight, rays.p, rays.d, rays.turn
+    return rays.ray, rays.weight, rays.p, rays.d, rays.path
 
 
 def _points(p: np.ndarray) -> mi.Point3f:
@@ -235,6 +234,6 @@ def _joined(parts: list[Ends]) -> Ends:
     if not parts:
         none = np.zeros(0, int)
         p, d, n = np.zeros((3, 0, 3))
-        return Ends(none, np.zeros(0), p, d, n, none, np.zeros((0, 3, 3)))
+        return Ends(none, np.zeros(0), p, d, n, none, none)
     joined = Ends(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     return joined.take(np.argsort(joined.ray, kind="stable"))

@@ -52,6 +52,27 @@ def rays(forward: np.ndarray) -> Rays:
     return Rays(directions[seen][order], tiles[seen][order], 2 * np.pi / n**2)
 
 
+def within(tiles: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, float]:
+    """Directions (tile · count², 3) that are even over some tiles, and the solid angle of each.
+
+    Parameters
+    ----------
+    tiles : np.ndarray of int, shape (tile,)
+        Numbers of tiles, as of `Rays.tile`.
+    count : int
+        Number of rows and columns of directions in a tile; each is drawn from a cell of its own.
+    seed : int
+    """
+    lower, tile = np.divmod(tiles[:, None], SIDE**2)
+    u, v = np.random.default_rng(seed).random((2, len(tiles), count**2))
+    cell = np.arange(count**2)
+    u = (tile // SIDE + (cell // count + u) / count) / SIDE
+    v = (tile % SIDE + (cell % count + v) / count) / SIDE
+    up = _concentric(u.ravel(), v.ravel()).reshape(len(tiles), -1, 3)
+    up[..., 2] *= 1 - 2 * lower
+    return up.reshape(-1, 3), 2 * np.pi / (SIDE * count) ** 2
+
+
 def _concentric(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Unit vectors of the upper hemisphere (n, 3) at places of the unit square."""
     a, b = 2 * u - 1, 2 * v - 1

@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 
-from drcmitsuba.glare_year.chains import Chains, Ends
+from drcmitsuba.glare_year.chains import TURNED, Chains, Ends
 from drcmitsuba.glare_year.films import Glow, glow
 from drcmitsuba.glare_year.pixels import merged, rays
 from drcmitsuba.glare_year.suns import Images, images
@@ -100,6 +100,7 @@ def seen(
     surfaces = surfaces.take(np.isin(surfaces.ray, kept))
     at = np.searchsorted(kept, np.arange(count)).clip(max=len(kept) - 1)
     first = np.flatnonzero(np.r_[True, np.diff(sent.tile) > 0, True])
+    mirroring = np.unique(sent.tile[outside.ray[outside.path == TURNED]])
     tiles = Tiles(first, sent.directions, pixel.ravel(), sent.solid_angle, forward)
     return Seen(
         tiles, sent.directions[kept], _of_sky(outside, at, len(kept), subdivision),
@@ -108,7 +109,7 @@ def seen(
             surfaces.weight.reshape(-1, len(channels)) / np.pi,
         ),
         at[films.ray], glow(scene, films, suns, diameter, subdivision, seed),
-        images(chains, place, outside, sent.directions, suns, diameter, seed),
+        images(chains, place, mirroring, suns, diameter, seed),
     )  # fmt: skip
 
 

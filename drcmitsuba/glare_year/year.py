@@ -30,7 +30,6 @@ from drcmitsuba.annual.applied_states import applied_states
 from drcmitsuba.annual.attributes import settings as settings_of_case
 from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.components import StructureComponent
 from drcmitsuba.case.groups import APPLIED, OPEN, VARYING, State
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.glare_year.eyes import Eyes, eyes
@@ -79,8 +78,7 @@ def glare(
     Raises
     ------
     InputError
-        There is no view, a view lies in a solid or outside the room, a façade has a structure of
-        components, or the case is unfit.
+        There is no view, a view lies in a solid or outside the room, or the case is unfit.
     BackendError
         No fit LLVM or GPU.
 
@@ -91,7 +89,6 @@ def glare(
     """
     if not isinstance(case, Case):
         case = load_case(case)
-    _refuse_structures(case)
     backend.select()
     run, rule = replace(Run.of(case), stage=stage), Rule() if rule is None else rule
     looking = eyes(case, points)
@@ -128,18 +125,6 @@ def glare(
     }  # fmt: skip
     hours, replicates = _rated(case, light, looking, states, E, S, deviations, sharp, rule)
     return GlareYear(case, hours, replicates, settings, dict(run.seconds))
-
-
-def _refuse_structures(case: Case) -> None:
-    """Raise InputError where a façade has a structure, such as lamellae, as geometry.
-
-    Rays of an eye and photons differ there by more than their errors.
-    """
-    for name in case.standing:
-        if isinstance(case.components.get(name), StructureComponent):
-            got = "structures that are geometry have no year of glare"
-            remedy = "put a film with its BSDF there, as drcmitsuba goniophotometer makes it"
-            raise InputError(case.source, f"components.{name}", got, remedy)
 
 
 def _states_of(case: Case) -> tuple[State, ...]:

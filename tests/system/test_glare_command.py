@@ -109,9 +109,3 @@ def test_a_case_without_views_is_refused(refused, case, tmp_path):
     (tmp_path / "blind.toml").write_text("\n[".join(kept))
     assert load_case(tmp_path / "blind.toml").views == {}
     assert "views: no view; add a table" in refused("glare", tmp_path / "blind.toml")
-
-
-def test_structures_that_are_geometry_are_refused_with_what_to_do(refused):
-    line = refused("glare", "lamella/lamella", "--around", "4.4,3,1.2")
-    assert "components.lamellae" in line
-    assert "goniophotometer" in line

@@ -1,16 +1,23 @@
-"""Images of the sun in flat mirrors, from the law of reflection."""
+"""Images of the sun in flat mirrors, from the law of reflection; lamellae against photons."""
 
 import numpy as np
 import pytest
 from drcmitsuba_plugins.sampling import disk_solid_angle
 
-from drcmitsuba.glare_year.chains import Chains
+from drcmitsuba.annual.run import Run
+from drcmitsuba.glare_year.chains import TURNED, Chains
+from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.pixels import rays
+from drcmitsuba.glare_year.state import at_eyes, places
 from drcmitsuba.glare_year.suns import images
 from drcmitsuba.model.materials import MirrorMaterial
+from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.scene import build
+from drcmitsuba.sky.daylight import daylight
+from tests import ROOT
+from tests.unit.glare_year.glare_room import case_in, sum_over
 
 SUN = np.array([np.sin(0.3) * np.cos(0.7), np.cos(0.3) * np.cos(0.7), np.sin(0.7)])
 DIAMETER = 0.53
@@ -21,30 +28,77 @@ def seen_in(*mirrors, specular=1.0):
     material = MirrorMaterial(type="mirror", reflectance=0.8, specular=specular)
     scene = build([Surface("mirrors", material, np.array(mirrors), "mirrors")])
     chains, place = Chains(scene), np.array([0.0, 0.0, 1.0])
-    sent = rays(np.array([[0, 1.0, 0], [0, -1.0, 0]])).directions
-    outside, _, _ = chains.ends(np.broadcast_to(place, sent.shape), sent)
-    return images(chains, place, outside, sent, SUN[None], DIAMETER, 1)
+    sent = rays(np.array([[0, 1.0, 0], [0, -1.0, 0]]))
+    outside, _, _ = chains.ends(np.broadcast_to(place, sent.directions.shape), sent.directions)
+    tiles = np.unique(sent.tile[outside.ray[outside.path == TURNED]])
+    return images(chains, place, tiles, SUN[None], DIAMETER, 1)
 
 
-FLOOR = quad([-50, -50, 0], [100, 0, 0], [0, 100, 0])
-WALL = quad([-50, -2, 0], [100, 0, 0], [0, 0, 50])
+FLOOR = quad([0, -2, 0], [0.8, 0, 0], [0, 4, 0])
+WALL = quad([0, -2, 0], [1.2, 0, 0], [0, 0, 4])
+
+
+def together(found):
+    """Images by the signs of their direction: mean direction, solid angle, transmittance."""
+    signs = np.sign(found.direction / SUN).astype(int)
+    out = {}
+    for key in {tuple(row) for row in signs.tolist()}:
+        mine = (signs == key).all(axis=1)
+        weight = found.solid_angle[mine]
+        direction = weight @ found.direction[mine] / weight.sum()
+        out[key] = direction, weight.sum(), weight @ found.transmittance[mine] / weight.sum()
+    return out
 
 
 def test_a_mirror_on_the_floor_shows_the_sun_below_the_horizon():
-    found = seen_in(FLOOR, specular=0.9)
-    assert len(found.sun) == 2
-    np.testing.assert_allclose(found.direction[0], SUN, atol=1e-6)
-    np.testing.assert_allclose(found.direction[1], SUN * [1, 1, -1], atol=1e-6)
-    np.testing.assert_allclose(found.solid_angle, disk_solid_angle(DIAMETER), rtol=1e-6)
-    np.testing.assert_allclose(found.transmittance, [1, 0.9 * 0.8], rtol=1e-4)
+    found = together(seen_in(FLOOR, specular=0.9))
+    assert set(found) == {(1, 1, 1), (1, 1, -1)}
+    omega = disk_solid_angle(DIAMETER)
+    direction, solid_angle, share = found[1, 1, 1]
+    np.testing.assert_allclose(direction, SUN, atol=1e-6)
+    assert solid_angle == pytest.approx(omega, rel=1e-6)
+    assert share == pytest.approx(1, rel=1e-6)
+    direction, solid_angle, share = found[1, 1, -1]
+    np.testing.assert_allclose(direction, SUN * [1, 1, -1], atol=5e-4)
+    assert solid_angle == pytest.approx(omega, rel=0.1)  # fifty rays
+    assert share == pytest.approx(0.9 * 0.8, rel=1e-4)
 
 
 def test_two_mirrors_show_it_three_times():
-    found = seen_in(FLOOR, WALL)
-    assert len(found.sun) == 4
+    found = together(seen_in(FLOOR, WALL))
     expected = {(1, 1, 1): 1, (1, 1, -1): 0.8, (1, -1, 1): 0.8, (1, -1, -1): 0.64}
-    for direction, share in zip(found.direction, found.transmittance, strict=True):
-        signs = tuple(int(s) for s in np.sign(direction / SUN))
-        assert expected.pop(signs) == pytest.approx(share, rel=1e-3)
-        np.testing.assert_allclose(np.abs(direction), SUN, atol=1e-5)
-    assert not expected
+    assert set(found) == set(expected)
+    for signs, (direction, solid_angle, share) in found.items():
+        assert share == pytest.approx(expected[signs], rel=1e-3)
+        assert solid_angle == pytest.approx(disk_solid_angle(DIAMETER), rel=0.1)
+        np.testing.assert_allclose(direction, SUN * signs, atol=5e-4)
+
+
+LAMELLAE = f"""
+[components.lamellae]
+type = "structure"
+recipe = "{ROOT / "scenes" / "lamella" / "recipe.toml"}"
+tilt = 30
+"""
+
+
+def test_lamellae_are_seen_as_bright_as_they_light_the_eye(tmp_path):
+    case = case_in(tmp_path, material="lamellae", more=LAMELLAE)
+    backend.select()
+    light, looking = daylight(case), eyes(case)
+    run = Run.of(case, plan(case, light).scope)
+    E = at_eyes(case, "open", light, looking, run)
+    (place,) = places(case, "open", light, looking, run)
+    known, shown = place.known, place.known.seen.images
+    assert (shown.transmittance < 0.95).any()
+    L = known.at(np.arange(E.shape[1]))
+    for view, forward in enumerate(looking.forward):
+        cosine = np.maximum(shown.direction @ forward, 0)
+        each = cosine * shown.solid_angle * shown.transmittance
+        by_sun = np.bincount(shown.sun, each, known.sun_index.max() + 1)
+        by_rays = sum_over(known.seen, L, forward) + by_sun[known.sun_index] * known.sun
+        of_view = E[:, :, view].mean(axis=0)
+        error = E[:, :, view].std(axis=0, ddof=1) / 2
+        assert abs(by_rays.sum() - of_view.sum()) < 0.03 * of_view.sum() + 4 * np.hypot.reduce(
+            error
+        )
