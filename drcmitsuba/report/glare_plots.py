@@ -96,6 +96,7 @@ def plan(
             va="center", path_effects=halo(2.0, "white"), color=INK,
         )  # fmt: skip
     ax.plot(*at.T, "o", color=INK, markersize=4)
+    ax.update_datalim(at + 1.3 * length * towards)
     ax.set_aspect("equal")
     ax.margins(0.1)
     ax.set_xlabel("x [m]")
