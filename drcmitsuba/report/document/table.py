@@ -27,7 +27,7 @@ class Number:
         return json.dumps(self.value)
 
     def __str__(self) -> str:
-        shown = f"{self.value:{'+' if self.signed else ''}.{self.digits}f}"
+        shown = f"{self.value:{'+' if self.signed else ''}z.{self.digits}f}"
         return shown.replace("-", "−")
 
 
