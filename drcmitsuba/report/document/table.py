@@ -27,7 +27,8 @@ class Number:
         return json.dumps(self.value)
 
     def __str__(self) -> str:
-        shown = f"{self.value:{'+' if self.signed else ''}z.{self.digits}f}"
+        value = round(self.value, self.digits) + 0.0  # −0 becomes 0
+        shown = f"{value:{'+' if self.signed else ''}.{self.digits}f}"
         return shown.replace("-", "−")
 
 
