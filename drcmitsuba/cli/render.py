@@ -23,6 +23,14 @@ class Tone(str, Enum):
     false = "false"
 
 
+class Source(str, Enum):
+    """Light of a picture."""
+
+    all = "all"
+    sky = "sky"
+    sun = "sun"
+
+
 class Pixels(str, Enum):
     """Values of an `.exr`."""
 
@@ -55,6 +63,9 @@ def render(
     state: Annotated[
         str, option("NAME", "Façade: open, shaded or, as the shade is in each hour, applied.")
     ] = "open",
+    source: Annotated[
+        Source, option("NAME", "Light shown: all, sky (and ground) or sun alone.")
+    ] = Source.all,
     output: Output = Path("results"),
     weather: Weather = None,
 ) -> None:
@@ -90,7 +101,7 @@ def render(
                 files += prepared.save_bins(output, done)
         for rendering in frames(
             loaded, view, instants, size=wanted, sampling=sampling, state=state, folder=output,
-            stage=stage,
+            source=source.value, stage=stage,
         ):  # fmt: skip
             files += rendering.save(output, tone.value, pixels.value)
             notes |= dict.fromkeys(rendering.notes)

@@ -17,7 +17,7 @@ from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.plan import plan
 from drcmitsuba.rendering.light_paths import Sampling
 from drcmitsuba.rendering.prepared_view import COLUMNS, Size, instant_of, prepare
-from drcmitsuba.rendering.rendering import Rendering
+from drcmitsuba.rendering.rendering import Rendering, Source
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -32,7 +32,7 @@ EVERY_HOUR = PeriodTable(calendar="LM-83", hours=(0, 24))
 def frames(
     case: Case | str | Path, view: str | None, times: Sequence[str | np.datetime64], *,
     size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
-    folder: str | Path | None = None, stage: Stage = silent,
+    source: Source = "all", folder: str | Path | None = None, stage: Stage = silent,
 ) -> Iterator[Rendering]:  # fmt: skip
     """Render a view of a case at some instants, state of the façade by state.
 
@@ -45,6 +45,8 @@ def frames(
         Local standard times, such as "03-21 10:30".
     state : str
         State of the façade, or `applied`: at each time the one that the shade takes in its hour.
+    source : {"all", "sky", "sun"}
+        Light that is shown, as for `PreparedView.at`.
     case, view, size, sampling, folder, stage
         As for `prepare`.
 
@@ -72,7 +74,7 @@ def frames(
         )
         with stage("pictures" if len(mine) == len(instants) else f"pictures, {one}") as done:
             for i, instant in enumerate(mine, 1):
-                rendering = prepared.at(instant)
+                rendering = prepared.at(instant, source)
                 done(i / len(mine))
                 yield rendering
         del prepared  # before the light paths of the next state
@@ -81,7 +83,7 @@ def frames(
 def render(
     case: Case | str | Path, view: str | None = None, time: str | np.datetime64 = "03-21 12:00", *,
     size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
-    stage: Stage = silent,
+    source: Source = "all", stage: Stage = silent,
 ) -> Rendering:  # fmt: skip
     """Render a view of a case at an instant, in cd/m².
 
@@ -89,7 +91,7 @@ def render(
     ----------
     time : str or np.datetime64
         Local standard time, such as "03-21 10:30".
-    case, view, size, sampling, state, stage
+    case, view, size, sampling, state, source, stage
         As for `frames`, which serves many instants.
 
     Returns
@@ -101,7 +103,9 @@ def render(
     InputError
         As `frames`.
     """
-    (one,) = frames(case, view, [time], size=size, sampling=sampling, state=state, stage=stage)
+    (one,) = frames(
+        case, view, [time], size=size, sampling=sampling, state=state, source=source, stage=stage
+    )
     return one
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import drjit as dr
@@ -58,6 +58,14 @@ class Outside:
             table, float(here["sky"][0]), float(here["sun"]), here["sun_direction"].values,
             case.outside.sun_diameter,
         )  # fmt: skip
+
+    def without_sun(self) -> Outside:
+        """Sky and ground alone."""
+        return replace(self, sun=0.0)
+
+    def without_sky(self) -> Outside:
+        """The sun alone."""
+        return replace(self, table=np.zeros_like(self.table), ground=0.0)
 
     @cached_property
     def _flat(self) -> mi.Float:

@@ -28,7 +28,7 @@ from drcmitsuba.rendering.coefficient_pictures import coefficient_pictures
 from drcmitsuba.rendering.hour import luminance
 from drcmitsuba.rendering.light_paths import Sampling, TracedView, trace, untraced
 from drcmitsuba.rendering.outside import Outside
-from drcmitsuba.rendering.rendering import Rendering, file_name
+from drcmitsuba.rendering.rendering import Rendering, Source, file_name
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
@@ -62,13 +62,16 @@ class PreparedView:
     channels: tuple[TracedView, ...]
     """Light paths in every colour channel."""
 
-    def at(self, time: str | np.datetime64) -> Rendering:
+    def at(self, time: str | np.datetime64, source: Source = "all") -> Rendering:
         """Picture at an instant, without tracing again.
 
         Parameters
         ----------
         time : str or np.datetime64
             Local standard time, such as "03-21 10:30".
+        source : {"all", "sky", "sun"}
+            Light that is shown: of sky and sun, of the sky and the ground, or of the sun; the last
+            two add up to the first.
 
         Returns
         -------
@@ -77,12 +80,18 @@ class PreparedView:
         Raises
         ------
         InputError
-            The time is no instant of the weather.
+            The time is no instant of the weather, or the source is none of these.
         """
         instant = instant_of(time) if isinstance(time, str) else time
         light = daylight(self.case, np.array([instant]))
         outside = Outside.of(self.case, light, 0)
         sky = light.sky["sky"].values[0]
+        if source == "sky":
+            outside = outside.without_sun()
+        elif source == "sun":
+            outside, sky = outside.without_sky(), np.zeros_like(sky)
+        elif source != "all":
+            raise InputError("picture", "source", repr(source), "give all, sky or sun")
         shown = [luminance(traced, outside, sky) for traced in self.channels]
         mean, error = (np.stack([getattr(one, k) for one in shown]) for k in ("mean", "error"))
         weights = np.array([*LUMINANCE_WEIGHTS.values()], np.float32)
@@ -96,7 +105,9 @@ class PreparedView:
             captured=date.replace("-", ":").replace("T", " "),
         )  # fmt: skip
         notes = _notes(self.case, instant, light)
-        return Rendering(picture, error[0], self.case.name, self.name, self.state, instant, notes)
+        return Rendering(
+            picture, error[0], self.case.name, self.name, self.state, instant, source, notes
+        )
 
     def save_bins(self, folder: str | Path, done: Progress = lambda share: None) -> list[Path]:
         """Write the coefficient pictures of ground and sky patches, each whole or not at all.

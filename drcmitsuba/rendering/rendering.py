@@ -22,6 +22,9 @@ images = lazy.module("matplotlib.image")
 Tone = Literal["human", "exposure", "false"]
 """Ways to a picture for a screen: as the eye would see it, by an exposure, in false colours."""
 
+Source = Literal["all", "sky", "sun"]
+"""Light of a picture: of sky and sun, of the sky and the ground alone, or of the sun alone."""
+
 
 def file_name(view: str) -> str:
     """Part of a file's name for a view, whose own name may come from any model."""
@@ -44,6 +47,8 @@ class Rendering:
     """State of the façade."""
     time: np.datetime64
     """Instant, local standard time."""
+    source: Source = "all"
+    """Light that the picture shows."""
     notes: tuple[str, ...] = ()
     """Remarks on the hour."""
 
@@ -51,7 +56,8 @@ class Rendering:
     def name(self) -> str:
         """Name of the files, such as `desk_03-21_1030`."""
         day, clock = str(self.time.astype("datetime64[m]")).split("T")
-        return f"{file_name(self.view)}_{day[5:]}_{clock.replace(':', '')}"
+        source = "" if self.source == "all" else f"_{self.source}"
+        return f"{file_name(self.view)}_{day[5:]}_{clock.replace(':', '')}{source}"
 
     @property
     def is_dark(self) -> bool:
@@ -91,7 +97,8 @@ class Rendering:
     def _title(self) -> str:
         when = str(self.time.astype("datetime64[m]"))[5:].replace("T", " ")
         facade = "" if self.state == OPEN else f", façade {self.state}"
-        return f"{self.case}, {self.view}, {when}{facade}"
+        source = "" if self.source == "all" else f", {self.source} alone"
+        return f"{self.case}, {self.view}, {when}{facade}{source}"
 
     def _shown(self, how: Tone) -> np.ndarray:
         """Pixels of a screen (row, column, 3)."""

@@ -10,6 +10,7 @@ import xarray as xr
 from drcmitsuba import picture
 from drcmitsuba.rendering import prepare, stored_view
 from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.errors import InputError
 from tests.system.small_room import CASE, SHADING, changed, run
 
 VIEW = "\n[views.desk]\nposition = [2.0, 3.5, 1.2]\ndirection = [0, -1, 0]\n"
@@ -62,6 +63,19 @@ def test_frames_and_bins_follow_without_tracing_again(rendered, monkeypatch):
     before = picture.read("out/desk_03-20_1200.hdr").rgb
     run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", *SMALL)
     assert np.array_equal(before, picture.read("out/desk_03-20_1200.hdr").rgb)
+
+
+def test_pictures_of_the_sky_and_of_the_sun_add_up(rendered, monkeypatch):
+    monkeypatch.chdir(rendered)
+    parts = []
+    for source in ("sky", "sun"):
+        run(monkeypatch, "render", "room.toml", "--time", "03-20 12:00", "--source", source, *SMALL)
+        parts.append(picture.read(f"out/desk_03-20_1200_{source}.exr").luminance)
+        assert parts[-1].max() > 10
+    whole = picture.read("out/desk_03-20_1200.exr").luminance
+    assert np.allclose(sum(parts), whole, rtol=1e-4, atol=1e-2)
+    with pytest.raises(InputError, match="source: 'moon'; give all, sky or sun"):
+        prepare("room.toml", "desk", size=8).at("03-20 12:00", "moon")
 
 
 def test_frames_have_the_state_that_the_shade_takes_in_their_hour(rendered, monkeypatch, capsys):
