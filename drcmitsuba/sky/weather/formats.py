@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from operator import itemgetter
 from pathlib import Path
 
@@ -144,7 +146,10 @@ def _wea_time(hour: Sequence[str], table: NumberedRows) -> tuple[np.ndarray, flo
     return starts, step / 60, "middle" if hourly else "instant"
 
 
-READERS: dict[str, Callable[[Path, list[str]], Weather]] = {
+Reader = Callable[[Path, list[str]], Weather]
+"""Function that parses the lines of a file."""
+
+READERS: dict[str, Reader] = {
     ".epw": _read_epw,
     ".csv": _read_tmy3,
     ".tm2": _read_tmy2,
@@ -181,7 +186,14 @@ def read(path: str | Path) -> Weather:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(path, "suffix", repr(path.suffix), f"use one of {', '.join(READERS)}")
-    return reader(path, text.read_text(path).split("\n"))
+    weather = _parsed(reader, path, text.read_text(path))
+    return replace(weather, data=weather.data.copy(deep=True))
+
+
+@lru_cache(maxsize=2)
+def _parsed(reader: Reader, path: Path, content: str) -> Weather:
+    """Weather of a file's text, parsed once for all pictures and states of a case."""
+    return reader(path, content.split("\n"))
 
 
 def default() -> Weather:
