@@ -4,8 +4,9 @@ A disk that is seen straight has directions of its own. Where rays of the eye le
 mirrors or clear solids, their tiles are looked at with `FINEST`² rays each: those that end in the
 disk of a sun show its image, of the sun's luminance, at their place and with their solid angle.
 
-Limits: rough mirrors show no image. Rays of an image are counted, so that one of n rays has a solid
-angle that is uncertain by less than n^½ of them.
+Limits: rough mirrors show no image. A ray at a clear solid is either reflected or refracted, by
+chance, so that an image is smaller instead of dimmer. An image of n rays has a solid angle that is
+uncertain by less than n^½ of them.
 """
 
 from __future__ import annotations
