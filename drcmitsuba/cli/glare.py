@@ -65,13 +65,12 @@ def glare(
 
 def _table(state: str, rows: dict) -> Table:
     """Table of the views in one state of the façade."""
-    table = Table(
-        title=f"hours with DGP above a limit, façade {escape(state)}", title_justify="left"
-    )
+    title = f"hours [%] with DGP above a limit, 95 % interval; façade {escape(state)}"
+    table = Table(title=title, title_justify="left")
     table.add_column("view")
     limits = next(iter(rows.values()))["above"]
     for limit in limits:
-        table.add_column(f"above {limit} % (95 %)", justify="right")
+        table.add_column(f"above {limit}", justify="right")
     table.add_column("EN 17037", justify="right")
     for name, row in list(rows.items())[:MOST_ROWS]:
         shares = (percent(row["above"][limit]) for limit in limits)

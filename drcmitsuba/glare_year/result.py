@@ -176,11 +176,13 @@ class GlareYear:
         h, limit = self.hours, CLASSES["medium"]
         at = np.column_stack([h[axis].values for axis in "xyz"])
         z = at[:, 2]
+        words = f"{self.case.name}: hours with DGP above {limit:.2f}"
+        words += f", façade {state}" if len(self.states) > 1 else ""
         sheet = Sheet(np.arange(len(at)), float(z.min()), float(z.max()), -np.inf, np.inf, True)
         return glare_plots.plan(
             at[:, :2], np.column_stack([h["dx"].values, h["dy"].values]),
             100 * self.share(limit).sel(state=state).values,
-            title=f"{self.case.name}: hours with DGP above {limit:.2f}", caption=self._caption,
+            title=words, caption=self._caption,
             lines=outlines_in_plan(self.case, at[:, :2], sheet),
         )  # fmt: skip
 
