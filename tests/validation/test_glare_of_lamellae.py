@@ -1,4 +1,4 @@
-"""What eyes see of mirror lamellae, against the illuminance at the eye by photons.
+"""Rays of an eye sum up the light of mirror lamellae as photons that reach the eye do.
 
 Rationale: DGP takes E_v from photons that lamellae send to the eye, and luminances and the images
 of the sun from rays that leave it. Both follow the same light from opposite ends.
@@ -22,6 +22,7 @@ from drcmitsuba.glare_year.state import at_eyes, places
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.sky.daylight import daylight
+from tests.unit.glare_year.glare_room import by_suns, sum_over
 
 TIMES = [f"2015-{month:02d}-{day}T{hour:02d}:30" for month in range(1, 13) for day in ("07", "21")
          for hour in (9, 11, 12, 14)]  # fmt: skip
@@ -42,15 +43,12 @@ def test_pixels_and_suns_add_up_to_the_illuminance_at_the_eye(tmp_path):
     E = at_eyes(case, "open", light, looking, run)
     by_rays = np.zeros(E.shape[1:])
     for place in places(case, "open", light, looking, run):
-        known, images = place.known, place.known.seen.images
-        L, omega = known.at(np.arange(len(TIMES))), known.seen.tiles.by_pixel
+        L = place.known.at(np.arange(len(TIMES)))
         for view in place.views:
             forward = looking.forward[view]
-            by_rays[:, view] = (np.maximum(known.seen.directions @ forward, 0) * omega) @ L
-            each = np.maximum(images.direction @ forward, 0) * images.solid_angle
-            by_sun = np.bincount(images.sun, each * images.transmittance, len(TIMES))
-            lit = known.sun_index >= 0
-            by_rays[lit, view] += by_sun[known.sun_index[lit]] * known.sun[lit]
+            by_rays[:, view] = sum_over(place.known.seen, L, forward) + by_suns(
+                place.known, forward
+            )
     shape = (len(TIMES), len(PLACES), 8)
     ratio = by_rays.reshape(shape).mean((0, 1)) / E.mean(axis=0).reshape(shape).mean((0, 1)) - 1
     at_once = E.mean(axis=(1, 2))

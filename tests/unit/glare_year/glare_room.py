@@ -51,3 +51,12 @@ def sum_over(pixels, L, forward):
     """Vertical illuminance by the pixels [lx], shape (hour,)."""
     cosine = np.maximum(pixels.directions @ forward, 0)
     return (cosine * pixels.tiles.by_pixel) @ L
+
+
+def by_suns(known, forward):
+    """Vertical illuminance by the images of the suns [lx], shape (hour,)."""
+    images = known.seen.images
+    cosine = np.maximum(images.direction @ forward, 0)
+    each = cosine * images.solid_angle * images.transmittance
+    by_sun = np.bincount(images.sun, each, known.sun_index.max() + 1)
+    return np.where(known.sun_index >= 0, by_sun[known.sun_index] * known.sun, 0)

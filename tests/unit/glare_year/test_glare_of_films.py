@@ -15,7 +15,7 @@ from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.sky.daylight import daylight
 from tests import ROOT
-from tests.unit.glare_year.glare_room import case_in, sum_over
+from tests.unit.glare_year.glare_room import by_suns, case_in, sum_over
 from tests.unit.plugins.measured_files import xml
 
 PRISM = ROOT / "scenes" / "films" / "prism.xml"
@@ -52,15 +52,6 @@ def opened(folder, file):
     illuminance = at_eyes(case, "open", light, looking, run)
     (place,) = places(case, "open", light, looking, run)
     return case, light, looking, place, illuminance
-
-
-def by_suns(known, forward):
-    """Vertical illuminance by the images of the suns [lx], shape (hour,)."""
-    images = known.seen.images
-    cosine = np.maximum(images.direction @ forward, 0)
-    each = cosine * images.solid_angle * images.transmittance
-    by_sun = np.bincount(images.sun, each, known.sun_index.max() + 1)
-    return np.where(known.sun_index >= 0, by_sun[known.sun_index] * known.sun, 0)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from drcmitsuba.picture.view import PictureView
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.sky.daylight import daylight
-from tests.unit.glare_year.glare_room import case_in, sum_over
+from tests.unit.glare_year.glare_room import by_suns, case_in, sum_over
 
 WINDOW = np.array([[0.1, 3.9], [1.0, 2.5]])
 """Ends of the pane along x and z [m]: the frame is 0.1 m wide."""
@@ -66,15 +66,11 @@ def test_the_sky_is_seen_through_the_pane_with_its_transmittance(office):
 def test_pixels_and_suns_add_up_to_the_illuminance_at_the_eye(office):
     _, _, looking, place, illuminance = office
     known = place.known
-    L, images = known.at(np.arange(6)), known.seen.images
+    L = known.at(np.arange(6))
     for i, forward in enumerate(looking.forward):
-        cosine = np.maximum(images.direction @ forward, 0)
-        by_sun = np.bincount(images.sun, cosine * images.solid_angle * images.transmittance,
-                             known.sun_index.max() + 1)  # fmt: skip
-        lit = np.where(known.sun_index >= 0, by_sun[known.sun_index] * known.sun, 0)
         Ev = illuminance[:, :, i]
         error = Ev.std(axis=0, ddof=1) / np.sqrt(len(Ev))
-        difference = sum_over(known.seen, L, forward) + lit - Ev.mean(axis=0)
+        difference = sum_over(known.seen, L, forward) + by_suns(known, forward) - Ev.mean(axis=0)
         # 4 replicates; a pixel's edge may lie 2 % beside that of the window.
         assert (np.abs(difference) < 5 * error + 0.02 * Ev.mean(axis=0)).all()
         assert abs(difference.sum()) < 0.01 * Ev.mean(axis=0).sum() + 5 * np.hypot.reduce(error)
