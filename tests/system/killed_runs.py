@@ -61,20 +61,25 @@ def main(case, folder, kills):
     code, whole = child(case, folder / "undisturbed")
     ends = [code]
     killed, unfinished = 0, 0
+
+    def blocks():
+        """Number of blocks that wait for the next run."""
+        return len([*(folder / "killed").glob("unfinished/*/*.zip")])
+
     while killed < kills:
         code, seconds = child(case, folder / "killed", rng.uniform(0, whole))
         ends.append(code)
         killed += code == -signal.SIGKILL
-        unfinished += not (folder / "killed" / "metrics.json").exists()
+        unfinished += blocks() > 0
         if code == 0:  # a run that goes on takes less time
             whole = min(whole, seconds)
-    blocks = len([*(folder / "killed").glob("unfinished/*/*.zip")])
+    waiting = blocks()
     (folder / "killed" / "computed").unlink(missing_ok=True)
     ends.append(child(case, folder / "killed")[0])
     names = ("undisturbed", "killed")
     computed = {name: int((folder / name / "computed").read_text()) for name in names}
     print(json.dumps({
-        "ends": ends, "unfinished": unfinished, "blocks": blocks,
+        "ends": ends, "unfinished": unfinished, "blocks": waiting,
         "computed": computed,
     }))  # fmt: skip
 
