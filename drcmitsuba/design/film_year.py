@@ -66,15 +66,14 @@ class CellDeposit(Deposit):
         sky, suns = super().bins
         return sky + (1 << 2 * self.depth), suns
 
-    def straight(
-        self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
-        numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
-    ) -> Irradiance:  # fmt: skip
-        """Deposit by straight light; none from the film's cells."""
-        plain = Deposit(*(getattr(self, name) for name in Deposit.__dataclass_fields__))
-        sky, sun = plain.straight(p, n, key, sky_rays, sun_samples, numbers, within)
+    def by_sky(
+        self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,
+        within: mi.Bool | None,
+    ) -> mi.TensorXf:  # fmt: skip
+        """D by straight light of ground and sky; none from the film's cells."""
+        sky = super().by_sky(p, n, key, rays, numbers, within)
         none = dr.zeros(mi.TensorXf, (sky.shape[0], 1 << 2 * self.depth))
-        return Irradiance(dr.concat((sky, none), axis=1), sun)
+        return dr.concat((sky, none), axis=1)
 
     def by_films(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None

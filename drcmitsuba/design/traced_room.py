@@ -16,7 +16,7 @@ from drcmitsuba.design.bounce_counts import Sums, marked, numbered, powers
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import positions
@@ -194,12 +194,14 @@ def _deposited(
     sums: tuple[mi.TensorXf, ...] = ()
     sensor_means, cell_means = [], []
     for r in range(a.replicates):
-        deposit = base.lit(r)
-        straight = deposit.straight(p, n, (Stream.SENSORS, r), a.sensor_sky_rays, samples)
-        before = year.by_all(straight.plus(deposit.scattered(p, n, (Stream.SENSORS, r))))
-        q, facing = draw(r)
-        D = deposit.straight(q, facing, (Stream.CELLS, r), a.cell_sky_rays)
-        cells = year.by_all(D.plus(deposit.scattered(q, facing, (Stream.CELLS, r))))
+        deposit, key, cell_key = base.lit(r), (Stream.SENSORS,), (Stream.CELLS,)
+        (q, facing), places = draw(r), dr.arange(mi.UInt32, len(points))
+        numbers = number_in_replicate(places, r)
+        straight = deposit.straight_on_sensors(p, n, places, range(r, r + 1), samples)
+        before = year.by_all(straight.plus(deposit.scattered(p, n, key, numbers)))
+        of_cells = number_in_replicate(dr.arange(mi.UInt32, dr.width(q) // 3), r)
+        D = deposit.straight(q, facing, cell_key, a.cell_sky_rays, numbers=of_cells)
+        cells = year.by_all(D.plus(deposit.scattered(q, facing, cell_key, of_cells)))
         E = before, year.by_sun(straight), cells
         sums = tuple(x + y for x, y in zip(sums, E, strict=True)) if sums else E
         dr.eval(sums)

@@ -20,6 +20,7 @@ from drcmitsuba.metrics.bin_luminances import (
     sun_luminances,
 )
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import describe, mean_and_error
 
 BLOCK = 1 << 16
@@ -136,15 +137,17 @@ def by_source(
     shape = (len(L), by_bin[0].shape[1])
     out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
     step = max(1, BLOCK // shape[1])
+
+    def fill(here: slice) -> None:
+        by_sky = [L[here] @ c for c in by_patch]
+        by_sun = [suns[here] @ c for c in by_bin]
+        total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
+        for name, values in zip(names, (by_sky, by_sun, total), strict=True):
+            out[name][here], out[f"{name}_se"][here] = mean_and_error(values)
+
     # The matrices are small: threads of the library would wait for each other most of the time.
     with threadpool_limits(1, user_api="blas"):
-        for start in range(0, len(L), step):
-            here = slice(start, start + step)
-            by_sky = [L[here] @ c for c in by_patch]
-            by_sun = [suns[here] @ c for c in by_bin]
-            total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
-            for name, values in zip(names, (by_sky, by_sun, total), strict=True):
-                out[name][here], out[f"{name}_se"][here] = mean_and_error(values)
+        in_threads(fill, [slice(i, i + step) for i in range(0, len(L), step)])
     _refuse_gaps(out["total"], sky)
     if "sun_straight" in coefficients:
         straight = direct_sun(coefficients, sky) if direct is None else direct

@@ -41,7 +41,7 @@ def coefficient_pictures(traced: TracedView) -> Iterator[xr.Dataset]:
     labels = np.array(Patches(subdivision).labels, dtype=object)
     cells, glow = _of_cells(light), mi.Float(0)
     if len(traced.glow):
-        glow = dr.concat([traced.glow.by_bin(one.deposit).array for one in light.replicates])
+        glow = dr.concat([traced.glow.by_bin(one).array for one in light.deposits])
     dr.eval(cells, glow)
     for paths in traced.tiles():
         by_slot = _slots(traced, paths, cells, glow, subdivision, len(labels))
@@ -58,18 +58,16 @@ def coefficient_pictures(traced: TracedView) -> Iterator[xr.Dataset]:
 
 def _of_cells(light: SurfaceLight) -> mi.Float:
     """Irradiance of the cells per radiance of the sky's bins [sr], flat (replicate, cell, bin)."""
-    parts = []
-    for one in light.replicates:
-        if one.cells is None:
-            return mi.Float(0)
-        H = one.cells.sky.array
-        if one.transfer is not None and one.indirect is not None:
-            bins = dr.opaque(mi.UInt32, one.cells.sky.shape[1])
-            entry = dr.arange(mi.UInt32, dr.width(H))
-            block = dr.gather(mi.UInt32, one.transfer.blocks.of, entry // bins)
-            H = H + dr.gather(mi.Float, one.indirect.sky.array, block * bins + entry % bins)
-        parts.append(H)
-    return dr.concat(parts)
+    lit = light.sky
+    if lit is None or lit.cells is None:
+        return mi.Float(0)
+    H = lit.cells.sky.array
+    if lit.indirect is None:
+        return H
+    bins = dr.opaque(mi.UInt32, lit.cells.sky.shape[1])
+    entry = dr.arange(mi.UInt32, dr.width(H))
+    block = lit.block_of(entry // bins)
+    return H + dr.gather(mi.Float, lit.indirect.sky.array, block * bins + entry % bins)
 
 
 def _slots(

@@ -92,7 +92,7 @@ def _tiles(traced: TracedView, outside: Outside, sky: np.ndarray) -> Iterator[np
     light = traced.light
     sun = outside.sun if _lights(traced, outside) else 0.0
     sources = Sources(sky, sun, outside.direction)
-    by_sun = light.under(outside.direction) if sun > 0 else []
+    by_sun = light.under(outside.direction) if sun > 0 else None
     glow = light.glow(traced.glow, sources, by_sun)
     caustics = () if traced.caustics is None else traced.caustics.under(sources)
     tables = _Tables(light.irradiance(sources, by_sun), flat(sky), glow, caustics)

@@ -338,5 +338,5 @@ def untraced(
     """Begin a view, with the panes of its scene, but without cells and light paths."""
     base = base_deposit(scene, accuracy, subdivision, diameter)
     glow = Glow(scene, base.films, base.patches)
-    light = SurfaceLight(base, mi.UInt32(), (None,) * accuracy.replicates, None, ())
+    light = SurfaceLight(base, mi.UInt32(), (None,) * accuracy.replicates, None, None)
     return TracedView(scene, view, rows, columns, sampling, light, glow, lambda: iter(()))

@@ -22,12 +22,12 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Drawn
-from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.film_peaks import Peaks
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.photons import PhotonTracer
-from drcmitsuba.transport.replicate import Replicate
+from drcmitsuba.transport.replicate import Replicates
 from drcmitsuba.transport.solved_cells import Transfer
 
 
@@ -78,8 +78,8 @@ class SurfaceLight:
     """Points that stand for the cells, in every replicate; None where there are no cells."""
     transfer: Transfer | None
     """Light between cells; None where paths follow all bounces."""
-    replicates: tuple[Replicate, ...]
-    """The sky's light in every replicate."""
+    sky: Replicates | None
+    """The sky's light in all replicates; None before it is computed."""
     photons: PhotonTracer | None = None
     """Photons to the cells; None without components."""
 
@@ -95,84 +95,60 @@ class SurfaceLight:
             photons = PhotonTracer.of(
                 base.scene, none, none, none, base.diameter, base.subdivision, base.accuracy
             )
-        light = cls(base, keys, drawn, transfer, (), photons)
-        return replace(light, replicates=tuple(light._lit(base)))
+        light = cls(base, keys, drawn, transfer, None, photons)
+        return replace(light, sky=light._lit(base))
 
     @property
     def cells(self) -> int:
         """Number of cells."""
         return dr.width(self.keys)
 
-    def _lit(self, base: Deposit) -> list[Replicate]:
+    @property
+    def deposits(self) -> tuple[Deposit, ...]:
+        """The sky's light on the panes in every replicate."""
+        return () if self.sky is None else self.sky.deposits
+
+    def _lit(self, base: Deposit) -> Replicates:
         """Light on the cells and panes in every replicate."""
-        every = [Replicate(r, base.lit(r)) for r in range(base.accuracy.replicates)]
-        for one, drawn in zip(every, self.drawn, strict=True):
-            one.transfer = self.transfer
-            if drawn is not None:
-                if self.photons is not None:
-                    seed = launch_seed(base.accuracy.seed, Stream.PHOTONS, one.number)
-                    subdivision = base.subdivision
-                    tracer = replace(self.photons, suns=base.suns, subdivision=subdivision)
-                    one.landed = tracer.traced(seed)
-                one.meet(drawn, self.keys)
-                one.join()
+        numbers = range(base.accuracy.replicates)
+        every = Replicates(numbers, tuple(map(base.lit, numbers)), transfer=self.transfer)
+        drawn = [one for one in self.drawn if one is not None]
+        if drawn:
+            if self.photons is not None:
+                suns, subdivision = base.suns, base.subdivision
+                tracer = replace(self.photons, suns=suns, subdivision=subdivision)
+                seeds = (launch_seed(base.accuracy.seed, Stream.PHOTONS, r) for r in numbers)
+                every.landed = tuple(map(tracer.traced, seeds))
+            every.meet(drawn, self.keys)
+            every.join()
         return every
 
-    def under(self, sun: np.ndarray) -> list[Replicate]:
-        """Light of one sun, a unit vector (3,), in every replicate."""
+    def under(self, sun: np.ndarray) -> Replicates:
+        """Light of one sun, a unit vector (3,), in all replicates."""
         suns, base = sun[None], self.base
         films = None if base.films is None else base.films.with_suns(suns, base.diameter)
-        base = replace(base, suns=suns, subdivision=None, films=films)
-        scattered = films is not None or base.patches is not None or self.photons is not None
-        if self.cells and not scattered:
-            return self._straight(base)
-        return self._lit(base)
+        return self._lit(replace(base, suns=suns, subdivision=None, films=films))
 
-    def _straight(self, base: Deposit) -> list[Replicate]:
-        """Light that comes straight to the cells: all replicates in one launch."""
-        drawn = [one for one in self.drawn if one is not None]
-        p, n = dr.concat([one.p for one in drawn]), dr.concat([one.n for one in drawn])
-        told = [one.within for one in drawn if one.within is not None]
-        numbers = dr.concat(
-            [self.keys + mi.UInt32(0x9E3779B1 * r & 0xFFFFFFFF) for r in range(len(drawn))]
-        )
-        D = base.straight(
-            p, n, (Stream.CELLS, 0), base.accuracy.cell_sky_rays, numbers=numbers,
-            within=dr.concat(told) if told else None,
-        ).sun.array  # fmt: skip
-        dr.eval(D)
-        lane, every = dr.arange(mi.UInt32, self.cells), []
-        none = dr.zeros(mi.TensorXf, (self.cells, 0))
-        for r in range(len(drawn)):
-            of_cells = dr.gather(mi.Float, D, lane + dr.opaque(mi.UInt32, r * self.cells))
-            one = Replicate(r, base, transfer=self.transfer)
-            one.cells = Irradiance(none, mi.TensorXf(of_cells, (self.cells, 1)))
-            if self.transfer is not None:
-                one.indirect = Irradiance(*self.transfer.indirect(r, *one.cells))
-            every.append(one)
-        return every
-
-    def irradiance(self, sources: Sources, by_sun: list[Replicate]) -> mi.Float:
+    def irradiance(self, sources: Sources, by_sun: Replicates | None) -> mi.Float:
         """Irradiance of the cells [lx], flat (replicate, cell)."""
-        parts = []
-        for r, one in enumerate(self.replicates):
-            E = _irradiance(one, 0, sources.sky)
-            if by_sun:
-                E += _irradiance(by_sun[r], 1, np.array([sources.sun]))
-            parts.append(E)
-        return dr.concat(parts) if self.cells else mi.Float(0)
+        if self.sky is None or not self.cells:
+            return mi.Float(0)
+        E = _irradiance(self.sky, 0, sources.sky)
+        if by_sun is not None:
+            E += _irradiance(by_sun, 1, np.array([sources.sun]))
+        return E
 
-    def glow(self, glow: Glow, sources: Sources, by_sun: list[Replicate]) -> Glowing:
+    def glow(self, glow: Glow, sources: Sources, by_sun: Replicates | None) -> Glowing:
         """Panes as they glow under the sources."""
         if not len(glow):
             return Glowing(mi.Float(0), mi.Float(0), ())
         whole, rest, peaks = [], [], tuple[Peaks, ...]()
-        for r, one in enumerate(self.replicates):
-            L = glow.radiance(one.deposit, sources.sky, 0, mi.Float())
+        for r, deposit in enumerate(self.deposits):
+            L = glow.radiance(deposit, sources.sky, 0, mi.Float())
             whole.append(L)
             rest.append(L)
-            if by_sun:
-                lit, none = by_sun[r].deposit, np.zeros(0)
+            if by_sun is not None:
+                lit, none = by_sun.deposits[r], np.zeros(0)
                 seed = launch_seed(self.base.accuracy.seed, Stream.EYE_PANES) + 2 + r
                 answer = glow.answer(lit, seed)
                 left, peaks = glow.split(answer)
@@ -181,13 +157,15 @@ class SurfaceLight:
         return Glowing(dr.concat(whole), dr.concat(rest), peaks)
 
 
-def _irradiance(one: Replicate, kind: int, L: np.ndarray) -> mi.Float:
+def _irradiance(light: Replicates, kind: int, L: np.ndarray) -> mi.Float:
     """E of the cells by a kind of bins (0 the sky's, 1 suns) of luminances L (bin,)."""
-    assert one.cells is not None
+    assert light.cells is not None
     column = mi.TensorXf(flat(L), (len(L), 1))
-    if one.cells[kind].shape[1] == 0:
-        return dr.zeros(mi.Float, one.cells[kind].shape[0])
-    E = (one.cells[kind] @ column).array
-    if one.transfer is not None and one.indirect is not None:
-        E += dr.gather(mi.Float, (one.indirect[kind] @ column).array, one.transfer.blocks.of)
+    D = light.cells[kind]
+    if D.shape[1] == 0:
+        return dr.zeros(mi.Float, D.shape[0])
+    E = (D @ column).array
+    if light.indirect is not None:
+        block = light.block_of(dr.arange(mi.UInt32, D.shape[0]))
+        E += dr.gather(mi.Float, (light.indirect[kind] @ column).array, block)
     return E

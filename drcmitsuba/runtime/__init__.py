@@ -20,6 +20,8 @@ folder_lock
     A folder that one process at a time writes to.
 byte_size
     Sizes of memory and files as users write them.
+threads
+    Work of NumPy in several threads.
 background
     Jobs in a thread beside the main one.
 process

@@ -10,10 +10,13 @@ from __future__ import annotations
 from enum import Enum, IntEnum
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
+REPLICATES = 64
+"""Largest number of replicates."""
 _N = None
 
 
@@ -45,11 +48,11 @@ class Stream(Enum):
     EYE_PEAKS = (23,)
     """Directions along the peaks of films from the surfaces that pixels show."""
     SUN_RIMS = (0, 2)
-    """Directions around the rim of each sun."""
+    """Directions around the rim of each sun, of all replicates."""
     PATHS = (0, 4)
     """Gather paths of all replicates."""
-    SUN_EDGES = (_N, 3)
-    """Directions on suns that a shadow's edge crosses; replicate."""
+    SUN_EDGES = (0, 3)
+    """Directions on suns that a shadow's edge crosses, of all replicates."""
     PHOTONS = (_N, 6)
     """Photons; replicate."""
     CELL_RAYS = (_N, 10)
@@ -62,10 +65,10 @@ class Stream(Enum):
     """Light on films, and their answer to it; replicate, `Draw`."""
     FILMS_TO_PANES = (_N, 0, 1, _N)
     """Light of films on the faces of panes that scatter evenly; replicate, `Draw`."""
-    CELLS = (_N, 1, 0, _N)
-    """Light on cells; replicate, `Draw`."""
-    SENSORS = (_N, 1, 1, _N)
-    """Light on sensors; replicate, `Draw`."""
+    CELLS = (0, 1, _N)
+    """Light on cells, of all replicates; `Draw`."""
+    SENSORS = (1, 1, _N)
+    """Light on sensors, of all replicates; `Draw`."""
     BASIS_FILMS = (_N, 0, _N, 0, _N)
     """Light on the films of a façade basis; replicate, material, `Draw`."""
     BASIS_PANES = (_N, 0, _N, 1, _N)
@@ -116,6 +119,14 @@ def launch_seed(base: int, stream: Stream, *indices: int) -> int:
     """
     key = stream.key(*indices)
     return int(np.random.SeedSequence(base, spawn_key=key).generate_state(1)[0])
+
+
+def number_in_replicate(place: mi.UInt32, replicate: int) -> mi.UInt32:
+    """Number of a sensor or cell in a replicate: launches that join replicates take it as seed.
+
+    `place` is the number of the sensor, or the key of the cell, below 2²⁶.
+    """
+    return place * mi.UInt32(REPLICATES) + dr.opaque(mi.UInt32, replicate)
 
 
 def even_steps(dimensions: int) -> list[int]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.runtime.threads import in_threads
 
 Luminance = Callable[["slice | np.ndarray", np.ndarray, np.ndarray], np.ndarray]
 """Luminance of some times at (cos ζ, cos γ), which broadcast with a (time, 1) parameter:
@@ -19,8 +19,6 @@ share their cos ζ: cos γ (azimuth, time, node) has a dimension more than cos �
 BLOCK = 16_000
 """Values in flight at once in a thread: 125 KiB stay in the cache, and below the size from which
 the C library fetches memory anew for every array, which made this five times slower."""
-
-THREADS = min(8, os.cpu_count() or 1)
 
 
 class SkyLight(NamedTuple):
@@ -159,17 +157,6 @@ def _integrate(
 
     in_threads(integrate, _blocks(len(sun), weights.size))
     return values
-
-
-def in_threads(work: Callable[[slice], None], blocks: list[slice]) -> None:
-    """Do the work of all blocks; NumPy lets threads compute side by side."""
-
-    def share(first: int) -> None:
-        for block in blocks[first::THREADS]:
-            work(block)
-
-    with ThreadPoolExecutor(THREADS) as pool:
-        list(pool.map(share, range(THREADS)))
 
 
 def _blocks(count: int, width: int) -> list[slice]:

@@ -39,18 +39,20 @@ def draw_points(
 
 def draw_all(
     vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], *,
-    weighted: bool = False,
+    weighted: bool = False, own: mi.UInt32 | None = None,
 ) -> tuple[Drawn, ...]:  # fmt: skip
     """Extend the draws `before` of all replicates, as `draw_points` does.
 
-    A `weighted` draw takes vertices in proportion to their weights.
+    A `weighted` draw takes vertices in proportion to their weights. `own` is the replicate of every
+    vertex: each replicate then draws from its own, and takes the point of the next one that has one
+    for a cell in which it has none. Without it, all draw from all vertices.
     """
-    return _draws(vertices, cell, count, before, 0, weighted=weighted)
+    return _draws(vertices, cell, count, before, 0, weighted=weighted, own=own)
 
 
 def _draws(
     vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], salt: int, *,
-    weighted: bool,
+    weighted: bool, own: mi.UInt32 | None = None,
 ) -> tuple[Drawn, ...]:  # fmt: skip
     """Extend draws of the salts from `salt` on: all in one launch, whatever their number."""
     told = vertices.within is not None
@@ -61,13 +63,17 @@ def _draws(
     tag = dr.zeros(mi.UInt32, dr.width(every.rank))
     dr.make_opaque(tag)
     number, stride, first = (dr.opaque(mi.UInt32, n) for n in (len(before), count, salt))
-    draws = _Draws(vertices, cell, every, tag, number, stride, first, weighted)
+    begin = mi.UInt32(0) if own is None else own
+    end = number if own is None else own + 1
+    draws = _Draws(vertices, cell, every, tag, begin, end, stride, first, weighted)
     draws.rank()
     dr.eval(every.rank)
     draws.break_ties()
     dr.eval(tag)
     draws.place()
     dr.eval(every)
+    if own is not None:
+        _lend(every, number, stride)
     at = dr.arange(mi.UInt32, count)
     parts = []
     for i in range(len(before)):
@@ -91,8 +97,9 @@ class _Draws:
     every: Drawn
     tag: mi.UInt32
     """Largest tag among the vertices of the largest rank: it breaks ties."""
-    number: mi.UInt32
-    """Number of draws."""
+    begin: mi.UInt32
+    end: mi.UInt32
+    """First draw of every vertex, and the one after its last."""
     stride: mi.UInt32
     """Number of cells."""
     salt: mi.UInt32
@@ -130,8 +137,8 @@ class _Draws:
     @dr.syntax
     def rank(self) -> None:
         """Find the largest ranks."""
-        draw = mi.UInt32(0)
-        while dr.hint(draw < self.number, exclude=[self]):
+        draw = mi.UInt32(self.begin)
+        while dr.hint(draw < self.end, exclude=[self]):
             at, rank = self._entry(draw), self._ranks(draw)
             dr.scatter_reduce(dr.ReduceOp.Max, self.every.rank, rank, at, self._met)
             draw += 1
@@ -139,8 +146,8 @@ class _Draws:
     @dr.syntax
     def break_ties(self) -> None:
         """Find the largest tag among the vertices of the largest rank."""
-        draw = mi.UInt32(0)
-        while dr.hint(draw < self.number, exclude=[self]):
+        draw = mi.UInt32(self.begin)
+        while dr.hint(draw < self.end, exclude=[self]):
             at, best, tag = self._entry(draw), self._best(draw), self.vertices.tag
             dr.scatter_reduce(dr.ReduceOp.Max, self.tag, tag, at, best)
             draw += 1
@@ -151,8 +158,8 @@ class _Draws:
         each, told = dr.arange(mi.UInt32, len(self.vertices)), self.every.within is not None
         p = dr.gather(mi.Point3f, self.vertices.p, each)
         n = dr.gather(mi.Point3f, self.vertices.n, each)
-        draw = mi.UInt32(0)
-        while dr.hint(draw < self.number, exclude=[self, p, n, told]):
+        draw = mi.UInt32(self.begin)
+        while dr.hint(draw < self.end, exclude=[self, p, n, told]):
             at, best = self._entry(draw), self._best(draw)
             wins = best & (dr.gather(mi.UInt32, self.tag, at, best) == self.vertices.tag)
             dr.scatter(self.every.p, p, at, wins)
@@ -160,6 +167,31 @@ class _Draws:
             if dr.hint(told, mode="scalar"):
                 dr.scatter(self.every.within, self.vertices.within, at, wins)
             draw += 1
+
+
+@dr.syntax
+def _lend(every: Drawn, number: mi.UInt32, stride: mi.UInt32) -> None:
+    """Take the points of other draws where a draw has none.
+
+    Their rank remains 0: any vertex of its own takes a lent point's place.
+    """
+    entry = dr.arange(mi.UInt32, dr.width(every.rank))
+    empty, told = every.rank == 0, every.within is not None
+    cell, other, step = entry % stride, mi.UInt32(entry), mi.UInt32(1)
+    while dr.hint(empty & (step < number), exclude=[every, told, entry, cell, number, stride]):
+        at = (entry // stride + step) % number * stride + cell
+        has = dr.gather(mi.UInt32, every.rank, at) > 0
+        other = dr.select(has, at, other)
+        empty &= ~has
+        step += 1
+    p, n = (dr.gather(mi.Point3f, values, other) for values in (every.p, every.n))
+    within = dr.gather(mi.Bool, every.within, other) if told else mi.Bool(False)
+    dr.eval(p, n, within)  # read before any is written
+    dr.scatter(every.p, p, entry)
+    dr.scatter(every.n, n, entry)
+    if dr.hint(told, mode="scalar"):
+        dr.scatter(every.within, within, entry)
+    dr.eval(every)
 
 
 def _joined(before: Sequence[Drawn | None], count: int, told: bool) -> Drawn:

@@ -23,6 +23,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Drawn
 from drcmitsuba.transport.cells import Cells, Vertices
 from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather_blocks import by_replicate
 from drcmitsuba.transport.launch_size import PATHS
 
 EDGE = 3
@@ -44,6 +45,8 @@ class CellRays(NamedTuple):
     """Cell that each ray starts from."""
     met: Vertices
     """First diffuse vertex of every ray; of weight 0 where it met none."""
+    replicate: mi.UInt32
+    """Replicate of every ray."""
 
     def weighed(self, importance: mi.Float, replicates: int) -> Vertices:
         """Vertices weighed by the light that all sensors get by way of them."""
@@ -78,26 +81,31 @@ class Blocks:
         dr.eval(share)
         return cls(block, count, share)
 
-    def all_bounces(self, source: mi.UInt32, cell: mi.UInt32, weight: mi.Float) -> mi.TensorXf:
+    def all_bounces(
+        self, source: mi.UInt32, cell: mi.UInt32, weight: mi.Float, replicates: int = 1
+    ) -> mi.TensorXf:
         """Sum over any number of bounces between blocks, 1 + t + t² + …, of rays t = W·T·P.
 
         It is the product of 1 + t, 1 + t², 1 + t⁴ … : each factor doubles the number of bounces.
+        The rays of a replicate stand together; the sum has the shape (replicate · block, block).
         """
-        count = dr.opaque(mi.UInt32, self.count)
-        out = dr.zeros(mi.Float64, self.count**2)
-        to = dr.gather(mi.UInt32, self.of, cell)
+        count, rows = dr.opaque(mi.UInt32, self.count), replicates * self.count
+        out = dr.zeros(mi.Float64, rows * self.count)
+        each = dr.opaque(mi.UInt32, max(1, dr.width(source) // replicates))
+        row = dr.gather(mi.UInt32, self.of, source)
+        row += dr.arange(mi.UInt32, dr.width(source)) // each * count
         value = mi.Float64(weight * dr.gather(mi.Float, self.share, source))
-        dr.scatter_add(out, value, dr.gather(mi.UInt32, self.of, source) * count + to)
-        term = mi.TensorXf(mi.Float((1 - LEAST_LOSS) * out), (self.count, self.count))
+        dr.scatter_add(out, value, row * count + dr.gather(mi.UInt32, self.of, cell))
+        term = mi.TensorXf(mi.Float((1 - LEAST_LOSS) * out), (rows, self.count))
         most = min(float(dr.max(dr.sum(term, axis=1).array)[0]), 1 - LEAST_LOSS)
-        each = dr.arange(mi.UInt32, self.count) * dr.opaque(mi.UInt32, self.count + 1)
-        one = dr.zeros(mi.TensorXf, (self.count, self.count))
-        dr.scatter(one.array, mi.Float(1), each)
+        row = dr.arange(mi.UInt32, rows)
+        one = dr.zeros(mi.TensorXf, (rows, self.count))
+        dr.scatter(one.array, mi.Float(1), row * count + row % count)
         total = one + term
         left = most**2
         while left > NEGLIGIBLE * (1 - most):  # what further bounces could add
-            term = term @ term
-            total = total + term @ total
+            term = by_replicate(term, term, replicates)
+            total = total + by_replicate(term, total, replicates)
             left = left**2
             dr.eval(term, total)
         return total
@@ -144,7 +152,7 @@ def trace(
                 within=within, once=True,
             )  # fmt: skip
         met = replace(met, tag=met.tag ^ _TAGS[turn])
-        yield CellRays(met.row % few + first, met)
+        yield CellRays(met.row % few + first, met, met.row // few)
 
 
 def importance(cells: Cells, seen: mi.Float64, rays: list[CellRays], replicates: int) -> mi.Float:

@@ -15,6 +15,7 @@ from dataclasses import asdict
 from functools import reduce
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import xarray as xr
@@ -25,16 +26,17 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.schema import describe, mean_and_error
+from drcmitsuba.schema import describe
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.deposit import Deposit
+from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
-from drcmitsuba.transport.photons import FluxLedger, PhotonTracer
-from drcmitsuba.transport.replicate import Replicate
+from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
+from drcmitsuba.transport.replicate import Replicates
 from drcmitsuba.transport.sensor_blocks import joined
 from drcmitsuba.transport.solved_cells import solved
 
@@ -147,9 +149,14 @@ def _with_zeros(C: xr.Dataset, labels: list[str], at: list[int]) -> xr.Dataset:
     """C with bins of all labels: its own are those `at` some indices, the others are 0."""
 
     def widened(part: xr.DataArray) -> xr.Variable:
-        out = np.zeros((*part.shape[:-1], len(labels)), part.dtype)
-        out[..., at] = part.values
-        return xr.Variable(part.dims, out, part.attrs)
+        values = part.values.reshape(-1, part.shape[-1])
+        out = np.zeros((len(values), len(labels)), part.dtype)
+
+        def fill(here: slice) -> None:
+            out[here, at] = values[here]
+
+        in_threads(fill, [slice(i, i + SENSORS) for i in range(0, len(values), SENSORS)])
+        return xr.Variable(part.dims, out.reshape(*part.shape[:-1], len(labels)), part.attrs)
 
     parts = {name: widened(part) for name, part in C.items()}
     coords = {**C.drop_vars("bin").coords, "bin": np.array(labels, dtype=object)}
@@ -217,33 +224,35 @@ def estimate_blocks(
         Sensors of a block, and their coefficients as from `compute`.
     """
     scene, accuracy = base.scene, base.accuracy
-    replicates = [Replicate(r, base.lit(r)) for r in range(accuracy.replicates)]
+    numbers = range(accuracy.replicates)
+    deposits, landed = tuple(base.lit(r) for r in numbers), list[Landed]()
     if photons is not None:
         progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
-        for replicate in replicates:
-            ended = part(traced, *(np.array([0, 1]) + replicate.number) / len(replicates))
-            seed = launch_seed(accuracy.seed, Stream.PHOTONS, replicate.number)
-            replicate.landed = photons.traced(seed, ended)
-    attributes = {} if photons is None else _photon_attributes(replicates)
+        for r in numbers:
+            ended = part(traced, *(np.array([0, 1]) + r) / len(numbers))
+            landed.append(photons.traced(launch_seed(accuracy.seed, Stream.PHOTONS, r), ended))
+    attributes = _photon_attributes(landed) if landed else {}
     once = scene.effects.solved_cells
     gathered = Gathered.of(scene, points, normals, accuracy, block=SENSORS, lanes=PATHS, once=once)
     with ExitStack() as files:
+        transfer = None
+        if once and gathered.cells.count:  # light between surfaces is solved on cells
+            gathered, transfer = solved(scene, gathered, accuracy)
+        every = Replicates(numbers, deposits, tuple(landed), transfer)
+        most = max(here.stop - here.start for here in gathered.blocks)
+        replicates = [*every.batches(max(most, gathered.cells.count))]
         if gathered.cells.count:
-            if once:  # light between surfaces is solved on cells
-                gathered, transfer = solved(scene, gathered, accuracy)
-                for replicate in replicates:
-                    replicate.transfer = transfer
             keys = gathered.cells.keys
-            for replicate, drawn in zip(replicates, gathered.drawn, strict=True):
-                replicate.meet(drawn, keys)
-                replicate.pack()
-                light = replicate.light
+            for some in replicates:
+                some.meet(gathered.drawn[some.numbers.start : some.numbers.stop], keys)
+                some.pack()
+                light = some.light
                 if light is None or kept.folder is None:
                     continue
-                if light.nbytes * len(replicates) > HELD:
+                if light.nbytes * len(numbers) > HELD * len(some):
                     kept.folder.mkdir(parents=True, exist_ok=True)
                     file = files.enter_context(tempfile.TemporaryFile(dir=kept.folder))
-                    replicate.light = light.parked(file)
+                    some.light = light.parked(file)
         for block, here in enumerate(gathered.blocks):
             if here.start < done or not kept.part.holds(block):
                 continue
@@ -259,29 +268,58 @@ def estimate_blocks(
 
 
 def _of_block(
-    replicates: list[Replicate], gathered: Gathered, points: np.ndarray, normals: np.ndarray,
+    replicates: list[Replicates], gathered: Gathered, points: np.ndarray, normals: np.ndarray,
     here: slice, labels: list[str], sun_samples: int, progress: Progress,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of a block of sensors."""
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
-    estimates, totals = [], []
-    for replicate in replicates:
-        straight, direct = replicate.sensors(p, n, here, sun_samples, within)
-        interreflected = replicate.interreflected(met, here.stop - here.start)
-        estimates.append((straight, direct, interreflected))
-        totals.append(direct + interreflected)
-        progress((replicate.number + 1) / len(replicates))
-    out = {}
-    for name, values in zip(_PARTS, zip(*estimates, strict=True), strict=True):
-        mean, error = mean_and_error(values)
-        out[name], out[f"{name}_se"] = mean.astype(np.float32), error.astype(np.float32)
-    return as_dataset(labels, points[here], out, np.stack(totals))
+    count, parts = here.stop - here.start, list[tuple[Irradiance, ...]]()
+    for some in replicates:
+        straight, direct = some.sensors(p, n, here, sun_samples, within)
+        interreflected = some.interreflected(met, count)
+        parts.append((straight, direct, interreflected))
+        dr.eval(parts[-1])
+        progress(some.numbers.stop / replicates[-1].numbers.stop)
+    straight, direct, interreflected = (
+        dr.concat([one.joined() for one in column]) for column in zip(*parts, strict=True)
+    )
+    out, number = {}, replicates[-1].numbers.stop
+    shape = count, len(labels)
+    for name, values in zip(_PARTS, (straight, direct, interreflected), strict=True):
+        mean, error = _mean_and_error(values, number)
+        out[name], out[f"{name}_se"] = mean.numpy().reshape(shape), error.numpy().reshape(shape)
+    total = (direct + interreflected).numpy().reshape(number, *shape)
+    return as_dataset(labels, points[here], out, total)
 
 
-def _photon_attributes(replicates: list[Replicate]) -> dict[str, Any]:
+@dr.syntax
+def _mean_and_error(values: mi.Float, replicates: int) -> tuple[mi.Float, mi.Float]:
+    """Mean of replicates that stand one after another, and its standard error.
+
+    Differences from the first replicate keep the digits.
+    """
+    size = dr.width(values) // replicates
+    lane, step = dr.arange(mi.UInt32, size), dr.opaque(mi.UInt32, size)
+    number = dr.opaque(mi.UInt32, replicates)
+    first, at, each = dr.gather(mi.Float, values, lane), lane + step, mi.UInt32(1)
+    total, squares = mi.Float(0), mi.Float(0)
+    while each < number:
+        difference = dr.gather(mi.Float, values, at) - first
+        total += difference
+        squares += dr.square(difference)
+        at += step
+        each += 1
+    n = mi.Float(number)
+    total /= n
+    squares -= n * dr.square(total)
+    mean, error = first + total, dr.sqrt(dr.maximum(squares, 0) / (n * (n - 1)))
+    dr.eval(mean, error)
+    return mean, error
+
+
+def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:
     """Attributes of C: `photons`, the ledgers as JSON, and `photons_smear`, relative to C."""
-    landed = [r.landed for r in replicates if r.landed is not None]
     ledgers = {
         name: asdict(reduce(FluxLedger.plus, (one.ledgers[name] for one in landed)))
         for name in landed[0].ledgers

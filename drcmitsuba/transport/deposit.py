@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -18,13 +18,20 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.random_streams import Draw, Key, Stream, launch_seed
+from drcmitsuba.runtime.random_streams import (
+    Draw,
+    Key,
+    Stream,
+    launch_seed,
+    number_in_replicate,
+)
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import Films, Lit
 from drcmitsuba.transport.outside_glass import OutsideGlass
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
+from drcmitsuba.transport.straight_suns import Disks
 
 PEAK_RAYS = 8
 """Largest number of directions along the peaks of a film per pane point of a receiver."""
@@ -43,6 +50,17 @@ class Irradiance(NamedTuple):
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""
         return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
+
+    def joined(self) -> mi.Float:
+        """All bins of a receiver after those of another, flat (receiver, bin)."""
+        (rows, sky), suns = self.sky.shape, self.sun.shape[1]
+        if not sky or not suns:
+            return self.sun.array if suns else self.sky.array
+        entry = dr.arange(mi.UInt32, rows * (sky + suns))
+        each, first, rest = (dr.opaque(mi.UInt32, n) for n in (sky + suns, sky, suns))
+        row, bin = entry // each, entry % each
+        of_sky = dr.gather(mi.Float, self.sky.array, row * first + bin, bin < first)
+        return of_sky + dr.gather(mi.Float, self.sun.array, row * rest + bin - first, bin >= first)
 
 
 @dataclass(frozen=True)
@@ -93,45 +111,74 @@ class Deposit:
 
         Light that the outside of clear panes mirrors to the receivers counts with it.
         """
-        count = dr.width(p) // 3
-        sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
-        if self.subdivision:
-            with self.launch(key, Draw.SKY) as seed:
-                sky = sky_deposit(
-                    self.scene, p, n, subdivision=self.subdivision, rays=sky_rays, seed=seed,
-                    numbers=numbers, within=within,
-                )  # fmt: skip
-        if sun_samples:
-            sun = self._suns(p, n, key, sun_samples, numbers, within)
-        return Irradiance(sky, sun).plus(self._mirrored(p, n, key, sky_rays, sun_samples, numbers))
+        sky = self.by_sky(p, n, key, sky_rays, numbers, within)
+        if not sun_samples:
+            return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(p) // 3, self.bins[1])))
+        sun = self._suns(p, n, key, sun_samples, numbers, within)
+        mirrored = self._mirrored_suns(p, n, key, sun_samples, numbers)
+        return Irradiance(sky, sun if mirrored is None else sun + mirrored)
+
+    def straight_on_sensors(
+        self, p: mi.Float, n: mi.Float, places: mi.UInt32, replicates: range, sun_samples: int,
+        within: mi.Bool | None = None,
+    ) -> Irradiance:  # fmt: skip
+        """D by straight light on sensors in some replicates, shape (replicate · sensor, bin) each.
+
+        Parameters
+        ----------
+        p, n, within
+            As for `straight`.
+        places : mi.UInt32
+            Numbers of the sensors among all sensors.
+        sun_samples : int
+            Directions on a sun that a shadow's edge crosses, see `straight_suns`; with 0, suns are
+            left out.
+        """
+        count, key, rays = len(replicates), (Stream.SENSORS,), self.accuracy.sensor_sky_rays
+        numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
+        every_p, every_n = dr.tile(p, count), dr.tile(n, count)
+        every_within = None if within is None else dr.tile(within, count)
+        sky = self.by_sky(every_p, every_n, key, rays, numbers, every_within)
+        if not sun_samples or not len(self.suns):
+            return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(numbers), self.bins[1])))
+        seed = self.accuracy.seed
+        disks = Disks(self.scene, self.suns, self.diameter, seed, p, n, places, within)
+        with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
+            sun = disks.by_replicate(replicates, sun_samples)
+        mirrored = self._mirrored_suns(every_p, every_n, key, sun_samples, numbers)
+        return Irradiance(sky, sun if mirrored is None else sun + mirrored)
 
     @cached_property
     def _outside_glass(self) -> OutsideGlass | None:
         return OutsideGlass.of(self.scene)
 
-    def _mirrored(
-        self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int,
-        numbers: mi.UInt32 | None,
-    ) -> Irradiance | None:  # fmt: skip
-        """D by the outside of clear panes; None without any."""
-        glass = self._outside_glass
-        if glass is None:
+    def by_sky(
+        self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,
+        within: mi.Bool | None,
+    ) -> mi.TensorXf:  # fmt: skip
+        """D by ground and sky, straight and by the outside of clear panes; as `straight`."""
+        if not self.subdivision:
+            return dr.zeros(mi.TensorXf, (dr.width(p) // 3, 0))
+        kind: dict[str, Any] = {"subdivision": self.subdivision, "rays": rays, "numbers": numbers}
+        with self.launch(key, Draw.SKY) as seed:
+            sky = sky_deposit(self.scene, p, n, seed=seed, within=within, **kind)
+        if self._outside_glass is None:
+            return sky
+        seed = self.seed(key, Draw.OUTSIDE_GLASS)
+        with self.scene.ray_counter.purpose(key[0].name, Draw.SKY.name):
+            return sky + self._outside_glass.sky(p, n, seed=seed, **kind)
+
+    def _mirrored_suns(
+        self, p: mi.Float, n: mi.Float, key: Key, samples: int, numbers: mi.UInt32 | None
+    ) -> mi.TensorXf | None:
+        """D by suns that the outside of clear panes mirrors; None without such panes."""
+        if self._outside_glass is None:
             return None
-        count = dr.width(p) // 3
-        sky, sun = (dr.zeros(mi.TensorXf, (count, bins)) for bins in self.bins)
-        seed, rays = self.seed(key, Draw.OUTSIDE_GLASS), self.scene.ray_counter
-        if self.subdivision:
-            with rays.purpose(key[0].name, Draw.SKY.name):
-                sky = glass.sky(
-                    p, n, subdivision=self.subdivision, rays=sky_rays, seed=seed, numbers=numbers
-                )
-        if sun_samples:
-            with rays.purpose(key[0].name, Draw.SUN.name):
-                sun = glass.suns(
-                    p, n, suns=self.suns, diameter=self.diameter, samples=sun_samples, seed=seed,
-                    numbers=numbers,
-                )  # fmt: skip
-        return Irradiance(sky, sun)
+        with self.scene.ray_counter.purpose(key[0].name, Draw.SUN.name):
+            return self._outside_glass.suns(
+                p, n, suns=self.suns, diameter=self.diameter, samples=samples,
+                seed=self.seed(key, Draw.OUTSIDE_GLASS), numbers=numbers,
+            )  # fmt: skip
 
     def _suns(
         self, p: mi.Float, n: mi.Float, key: Key, samples: int,

@@ -14,6 +14,9 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.transport.deposit import Irradiance
+from drcmitsuba.transport.gather_blocks import Met
+
+Bins = tuple[int, int]
 
 MANY = 16
 """Number of cells per path of a sensor from which on the paths are summed."""
@@ -31,14 +34,19 @@ class CellLight:
     """Number of bins of sky and suns together."""
 
     @classmethod
-    def of(cls, D: Irradiance, X: Irradiance, block: mi.UInt32) -> CellLight:
-        """Add the light X (block, bin) of blocks of cells to D (cell, bin) [sr]."""
-        cells, sky = D.sky.shape
+    def of(cls, D: Irradiance, X: Irradiance, block: mi.UInt32, blocks: int) -> CellLight:
+        """Add the light X (replicate · block, bin) of `blocks` to D (replicate · cell, bin) [sr].
+
+        `block` is the block of every cell.
+        """
+        (rows, sky), each = D.sky.shape, dr.opaque(mi.UInt32, dr.width(block))
         bins = sky + D.sun.shape[1]
         wide = -(-bins // WIDE) * WIDE
-        entry = dr.arange(mi.UInt32, cells * wide)
+        entry = dr.arange(mi.UInt32, rows * wide)
         cell, bin = entry // dr.opaque(mi.UInt32, wide), entry % dr.opaque(mi.UInt32, wide)
-        of_block, values = dr.gather(mi.UInt32, block, cell), mi.Float(0)
+        of_block = dr.gather(mi.UInt32, block, cell % each)
+        of_block += cell // each * dr.opaque(mi.UInt32, blocks)
+        values = mi.Float(0)
         for d, x, first in ((D.sky, X.sky, 0), (D.sun, X.sun, sky)):
             if d.shape[1] == 0:
                 continue
@@ -66,11 +74,31 @@ class CellLight:
         self.values.seek(0)
         return mi.Float(np.fromfile(self.values, np.float32))
 
-    def gathered(self, cell: mi.UInt32, weight: mi.Float, paths: int) -> np.ndarray:
-        """Sum over `paths` vertices of each sensor, one after another, shape (sensor, bin) [sr]."""
-        sensors, wide = dr.width(weight) // paths, -(-self.bins // WIDE)
-        total = _summed(self._here(), cell, weight, sensors, paths, wide)
-        return total.numpy().reshape(sensors, WIDE * wide)[:, : self.bins]
+    def gathered(self, met: Met, replicates: int, paths: int, bins: Bins) -> list[mi.TensorXf]:
+        """Sum over `paths` vertices of each row, one after another.
+
+        Returns
+        -------
+        list of mi.TensorXf, shape (replicate · sensor, bin)
+            Light of the first and of the second number of `bins` [sr].
+        """
+        values, wide = self._here(), -(-self.bins // WIDE)
+        if dr.width(met.weight) == 0:
+            return [dr.zeros(mi.TensorXf, (0, n)) for n in bins]
+        each = dr.opaque(mi.UInt32, dr.width(values) // (WIDE * wide * replicates))
+        share = dr.opaque(mi.UInt32, dr.width(met.weight) // replicates)
+        cell = met.cell + dr.arange(mi.UInt32, dr.width(met.cell)) // share * each
+        rows = dr.width(met.weight) // paths
+        total = _summed(values, cell, met.weight, rows, paths, wide)
+        dr.eval(total)
+        parts, first = [], 0
+        for count in bins:
+            entry, few = dr.arange(mi.UInt32, rows * count), dr.opaque(mi.UInt32, max(1, count))
+            at = entry // few * dr.opaque(mi.UInt32, WIDE * wide) + entry % few
+            part = dr.gather(mi.Float, total, at + dr.opaque(mi.UInt32, first))
+            parts.append(mi.TensorXf(part, (rows, count)))
+            first += count
+        return parts
 
 
 @dr.syntax

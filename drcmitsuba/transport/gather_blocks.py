@@ -44,12 +44,13 @@ class Met(NamedTuple):
         """Count the vertices."""
         return dr.width(self.weight)
 
-    def of_replicate(self, number: int, sensors: int, paths: int) -> Met:
-        """Vertices of one replicate, with sensors as rows, of paths with one entry each."""
+    def of_replicates(self, numbers: range, sensors: int, paths: int) -> Met:
+        """Vertices of some replicates, of paths with one entry each; rows begin at 0."""
         size = sensors * paths
-        at = dr.arange(mi.UInt32, size) + dr.opaque(mi.UInt32, number * size)
+        first = dr.opaque(mi.UInt32, numbers.start * size)
+        at = dr.arange(mi.UInt32, len(numbers) * size) + first
         cell, weight = dr.gather(mi.UInt32, self.cell, at), dr.gather(mi.Float, self.weight, at)
-        return Met(dr.arange(mi.UInt32, size) // paths, cell, weight)
+        return Met(dr.arange(mi.UInt32, dr.width(at)) // paths, cell, weight)
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,8 @@ class Gathered:
             cell = cells.of(vertices)
             if once:
                 seen = with_weights(seen, cells.count, cell, vertices.weight)
-            drawn = draw_all(vertices, cell, cells.count, drawn, weighted=once)
+            own = vertices.row // dr.opaque(mi.UInt32, here.stop - here.start)
+            drawn = draw_all(vertices, cell, cells.count, drawn, weighted=once, own=own)
             if len(vertices) <= room:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight, vertices.mark)
@@ -140,46 +142,77 @@ def with_weights(before: mi.Float64, cells: int, cell: mi.UInt32, weight: mi.Flo
     return out
 
 
-def lit_and_shining(d: mi.TensorXf) -> tuple[mi.UInt32, mi.UInt32]:
-    """Cells that get light, and bins that reach any cell, of D (cell, bin)."""
-    lit, shining = (dr.compress(dr.max(d, axis=axis).array > 0) for axis in (1, 0))
-    return lit, shining
+def by_replicate(a: mi.TensorXf, b: mi.TensorXf, replicates: int) -> mi.TensorXf:
+    """Products of matrices (row, inner) and (inner, column), one after another in rows."""
+    (rows, inner), columns = a.shape, b.shape[1]
+    if not rows * inner * columns:
+        return dr.zeros(mi.TensorXf, (rows, columns))
+    each = mi.TensorXf(a.array, (replicates, rows // replicates, inner))
+    out = each @ mi.TensorXf(b.array, (replicates, inner, columns))
+    return mi.TensorXf(out.array, (rows, columns))
+
+
+class Reached(NamedTuple):
+    """Where D has light."""
+
+    lit: mi.UInt32
+    """Cells that get light from any bin."""
+    shining: mi.UInt32
+    """Bins that reach any cell."""
+
+
+def lit_and_shining(d: mi.TensorXf, replicates: int = 1) -> Reached:
+    """Find the lit cells and the shining bins of D (replicate · cell, bin)."""
+    (rows, bins), values = d.shape, d.array
+    each, stride = (dr.opaque(mi.UInt32, n) for n in (rows // replicates, bins))
+    entry, light = dr.arange(mi.UInt32, rows * bins), values > 0
+    lit, shining = dr.zeros(mi.Bool, rows // replicates), dr.zeros(mi.Bool, bins)
+    dr.scatter(lit, mi.Bool(True), entry // stride % each, light)
+    dr.scatter(shining, mi.Bool(True), entry % stride, light)
+    dr.eval(lit, shining)
+    return Reached(dr.compress(lit), dr.compress(shining))
 
 
 def product(
-    row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, sensors: int, d: mi.TensorXf
-) -> mi.TensorXf:
-    """G·D, shape (sensor, bin), of vertices (row, cell, weight).
+    row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, sensors: int,
+    d: mi.TensorXf, replicates: int = 1, reached: Reached | None = None,
+) -> mi.TensorXf:  # fmt: skip
+    """G·D, shape (replicate · sensor, bin), of vertices (row, cell, weight).
 
-    Cells without light and bins that reach no cell are left out of the matrices. G is summed in
-    double precision, and the product `SUMMED` cells at a time: single precision drifts.
+    D has the shape (replicate · cell, bin), and rows are replicate · sensors + sensor. Cells
+    without light and bins that reach no cell are left out of the matrices: `reached`, where D is
+    used more than once. G is summed in double precision, and the product `SUMMED` cells at a time:
+    single precision drifts.
     """
+    rows = replicates * sensors
     if 0 in d.shape:
-        return dr.zeros(mi.TensorXf, (sensors, d.shape[1]))
-    cells, bins = d.shape
+        return dr.zeros(mi.TensorXf, (rows, d.shape[1]))
+    cells, bins = d.shape[0] // replicates, d.shape[1]
     stride = dr.opaque(mi.UInt32, bins)  # literals would have kernels compiled anew
-    lit, shining = lit_and_shining(d)
+    lit, shining = lit_and_shining(d, replicates) if reached is None else reached
     n_lit, n_shining = dr.width(lit), dr.width(shining)
-    out = dr.zeros(mi.Float, sensors * bins)
+    out = dr.zeros(mi.Float, rows * bins)
     if n_lit and n_shining:
-        columns = dr.opaque(mi.UInt32, n_shining)
+        columns, every = dr.opaque(mi.UInt32, n_shining), dr.opaque(mi.UInt32, cells)
         number = dr.full(mi.UInt32, n_lit, cells)
         dr.scatter(number, dr.arange(mi.UInt32, n_lit), lit)
         at = dr.gather(mi.UInt32, number, cell, mine)
-        entry = dr.arange(mi.UInt32, sensors * n_shining)
+        entry = dr.arange(mi.UInt32, rows * n_shining)
         to_bin = dr.gather(mi.UInt32, shining, entry % columns)
-        total = dr.zeros(mi.Float64, sensors * n_shining)
+        total = dr.zeros(mi.Float64, rows * n_shining)
         for start in range(0, n_lit, SUMMED):
             size = min(SUMMED, n_lit - start)
-            first, rows = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
-            here = mine & (at >= first) & (at < first + rows)
-            g = dr.zeros(mi.Float64, sensors * size)
-            dr.scatter_add(g, mi.Float64(weight), row * rows + at - first, here)
-            part = dr.arange(mi.UInt32, size * n_shining)
-            from_cell = dr.gather(mi.UInt32, lit, first + part // columns)
+            first, few = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
+            here = mine & (at >= first) & (at < first + few)
+            g = dr.zeros(mi.Float64, rows * size)
+            dr.scatter_add(g, mi.Float64(weight), row * few + at - first, here)
+            part = dr.arange(mi.UInt32, replicates * size * n_shining)
+            line = part // columns
+            from_cell = dr.gather(mi.UInt32, lit, first + line % few) + line // few * every
             from_bin = dr.gather(mi.UInt32, shining, part % columns)
             compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
-            G = mi.TensorXf(mi.Float(g), (sensors, size))
-            total += mi.Float64((G @ mi.TensorXf(compact, (size, n_shining))).array)
+            G = mi.TensorXf(mi.Float(g), (rows, size))
+            D = mi.TensorXf(compact, (replicates * size, n_shining))
+            total += mi.Float64(by_replicate(G, D, replicates).array)
         dr.scatter(out, mi.Float(total), entry // columns * stride + to_bin)
-    return mi.TensorXf(out, (sensors, bins))
+    return mi.TensorXf(out, (rows, bins))

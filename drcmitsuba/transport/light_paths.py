@@ -25,7 +25,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import describe, mean_and_error
 from drcmitsuba.sky.sun_models import Suns
@@ -185,10 +185,12 @@ def _on_sensors(
 ) -> list[np.ndarray]:  # fmt: skip
     """D of the sensors by window (sensor, bin) [sr]."""
     accuracy, within = deposit.accuracy, gathered.within
+    p, n, places = flat(points), flat(normals), dr.arange(mi.UInt32, len(points))
+    told, here = None if within is None else mi.Bool(within), range(replicate, replicate + 1)
+    samples = accuracy.sensor_sun_samples if straight_suns else 0
     parts = by_window.parts(
-        deposit, lit, flat(points), flat(normals), (Stream.SENSORS, replicate),
-        accuracy.sensor_sky_rays, accuracy.sensor_sun_samples if straight_suns else 0,
-        dr.arange(mi.UInt32, len(points)), None if within is None else mi.Bool(within),
+        deposit, lit, p, n, (Stream.SENSORS,), number_in_replicate(places, replicate),
+        lambda one: one.straight_on_sensors(p, n, places, here, samples, told),
     )  # fmt: skip
     return [part.numpy() for part in parts]
 
@@ -199,9 +201,11 @@ def _on_cells(
 ) -> list[Irradiance]:  # fmt: skip
     """D of the cells by window and component, at the points that stand for them [sr]."""
     drawn, keys = gathered.drawn[replicate], gathered.cells.keys
+    p, n, rays, key = drawn.p, drawn.n, deposit.accuracy.cell_sky_rays, (Stream.CELLS,)
+    numbers = number_in_replicate(keys, replicate)
     parts = by_window.parts(
-        deposit, lit, drawn.p, drawn.n, (Stream.CELLS, replicate), deposit.accuracy.cell_sky_rays,
-        numbers=keys, within=drawn.within,
+        deposit, lit, p, n, key, numbers,
+        lambda one: one.straight(p, n, key, rays, numbers=numbers, within=drawn.within),
     )  # fmt: skip
     parts += [one.on(keys) for one in landed]
     dr.eval(parts)

@@ -1,137 +1,227 @@
-"""One independent estimate of light on cells and sensors, and of what the sensors gather of it."""
+"""Independent estimates of light on cells and sensors, and of what the sensors gather of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.random_streams import Stream
+from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Drawn
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.first_bounce import MANY, CellLight
-from drcmitsuba.transport.gather_blocks import Met, product
+from drcmitsuba.transport.gather_blocks import Met, Reached, by_replicate, lit_and_shining, product
 from drcmitsuba.transport.photons import Landed
 from drcmitsuba.transport.solved_cells import Transfer
 from drcmitsuba.transport.straight_suns import sensor_numbers
+
+TOGETHER = 1 << 25
+"""Largest number of values of D on cells in one launch, 130 MB."""
 
 
 class FromFaces(NamedTuple):
     """Light that the faces of evenly scattering panes send, per irradiance on a face."""
 
     cells: mi.TensorXf
-    """To cells, before any diffuse reflection, shape (cell, face)."""
+    """To cells, before any diffuse reflection, shape (replicate · cell, face)."""
     indirect: mi.TensorXf | None
-    """To blocks of cells by light that cells have reflected, shape (block, face)."""
+    """To blocks of cells by light that cells have reflected, shape (replicate · block, face)."""
 
 
 @dataclass
-class Replicate:
-    """One independent estimate: its deposit, and D of the cells."""
+class Replicates:
+    """Some independent estimates, in the same launches: their deposits, and D of the cells.
 
-    number: int
-    deposit: Deposit
-    landed: Landed | None = None
-    cells: Irradiance | None = None
+    Rows of arrays are those of one replicate after those of another. Random numbers depend on the
+    replicate, not on those beside it.
+    """
+
+    numbers: range
+    deposits: tuple[Deposit, ...]
+    landed: tuple[Landed, ...] = ()
     transfer: Transfer | None = None
+    cells: Irradiance | None = None
+    """D of the cells, shape (replicate · cell, bin) each."""
+    reached: tuple[Reached, Reached] | None = None
+    """Cells and bins with light of `cells`."""
     indirect: Irradiance | None = None
+    """Light that cells have reflected, shape (replicate · block, bin) each."""
     faces: FromFaces | None = None
     """Light that is not part of `cells` and `indirect`, see `join`."""
     light: CellLight | None = None
     """Light of many cells after all bounces, in place of `cells` and `indirect`."""
 
-    def meet(self, drawn: Drawn, keys: mi.UInt32) -> None:
+    @classmethod
+    def one(cls, number: int, deposit: Deposit) -> Replicates:
+        """A single replicate."""
+        return cls(range(number, number + 1), (deposit,))
+
+    def batches(self, rows: int) -> Iterator[Replicates]:
+        """Cut into groups of replicates whose D fits in a launch, with `rows` rows in each."""
+        bins = max(1, sum(self.deposits[0].bins))
+        step = max(1, TOGETHER // max(1, rows * bins))
+        for start in range(0, len(self.numbers), step):
+            here = slice(start, start + step)
+            yield replace(
+                self, numbers=self.numbers[here], deposits=self.deposits[here],
+                landed=self.landed[here],
+            )  # fmt: skip
+
+    def __len__(self) -> int:
+        """Count the replicates."""
+        return len(self.numbers)
+
+    def meet(self, drawn: Sequence[Drawn], keys: mi.UInt32) -> None:
         """Compute D of the cells [sr] at the points that stand for them, and what they reflect.
 
         Where the faces of evenly scattering panes are fewer than bins, their light stays apart.
+        `drawn` are the points in each of these replicates.
         """
-        p, n, key = drawn.p, drawn.n, (Stream.CELLS, self.number)
-        rays, panes = self.deposit.accuracy.cell_sky_rays, self.deposit.faces
-        straight = self.deposit.straight(p, n, key, rays, numbers=keys, within=drawn.within)
-        D = straight.plus(self.deposit.by_films(p, n, key, keys))
-        self.cells = D if self.landed is None else D.plus(self.landed.on(keys))
-        dr.eval(*self.cells)  # a pending sum would keep all of its parts for every replicate
+        base, rays = self.deposits[0], self.deposits[0].accuracy.cell_sky_rays
+        p, n = dr.concat([one.p for one in drawn]), dr.concat([one.n for one in drawn])
+        told = [one.within for one in drawn if one.within is not None]
+        each = [number_in_replicate(keys, r) for r in self.numbers]
+        numbers, key = dr.concat(each), (Stream.CELLS,)
+        D = base.straight(
+            p, n, key, rays, numbers=numbers, within=dr.concat(told) if told else None
+        )
+        films = [
+            lit.by_films(one.p, one.n, key, own)
+            for lit, one, own in zip(self.deposits, drawn, each, strict=True)
+        ]
+        D = D.plus(_stacked(films)).plus(_stacked(one.on(keys) for one in self.landed))
+        dr.eval(*D)  # a pending sum would keep all of its parts
+        self.cells, self.reached = D, None
         if self.transfer is not None:
-            self.indirect = Irradiance(*self.transfer.indirect(self.number, *self.cells))
+            sky, sun = D
+            self.reached = lit_and_shining(sky, len(self)), lit_and_shining(sun, len(self))
+            further = self.transfer.indirect(self.numbers, *D, reached=self.reached)
+            self.indirect = Irradiance(*further)
             dr.eval(*self.indirect)
-        if panes is not None:
-            K, X = self.deposit.transfer(p, n, key, keys), None
+        if base.faces is not None:
+            K, X = base.transfer(p, n, key, numbers), None
             if self.transfer is not None:
-                [X] = self.transfer.indirect(self.number, K)
+                [X] = self.transfer.indirect(self.numbers, K)
             self.faces = FromFaces(K, X)
-            if K.shape[1] >= sum(self.deposit.bins):
+            if K.shape[1] >= sum(base.bins):
                 self.join()
 
     def join(self) -> None:
         """Add light by way of the panes' faces to that of cells."""
-        E = self.deposit.faces
+        E = self._on_faces
         if self.faces is None or E is None or self.cells is None:
             return
         K, X = self.faces
-        self.cells = self.cells.plus(Irradiance(*(K @ part for part in E)))
+        self.cells, self.reached = self.cells.plus(self._by(K, E)), None
         dr.eval(*self.cells)
         if X is not None and self.indirect is not None:
-            self.indirect = self.indirect.plus(Irradiance(*(X @ part for part in E)))
+            self.indirect = self.indirect.plus(self._by(X, E))
             dr.eval(*self.indirect)
         self.faces = None
+
+    @property
+    def _on_faces(self) -> Irradiance | None:
+        """E on the faces of evenly scattering panes, shape (replicate · face, bin) each."""
+        return _stacked(one.faces for one in self.deposits)
+
+    def _by(self, K: mi.TensorXf, E: Irradiance) -> Irradiance:
+        """Product of the matrices of every replicate."""
+        return Irradiance(*(by_replicate(K, part, len(self)) for part in E))
+
+    def block_of(self, row: mi.UInt32) -> mi.UInt32:
+        """Row of `indirect` for rows of `cells`."""
+        assert self.transfer is not None
+        blocks = self.transfer.blocks
+        cells, count = dr.opaque(mi.UInt32, dr.width(blocks.of)), dr.opaque(mi.UInt32, blocks.count)
+        return dr.gather(mi.UInt32, blocks.of, row % cells) + row // cells * count
 
     def pack(self) -> None:
         """Join the light of cells where they are so many that sums over paths gather it."""
         if self.transfer is None or self.cells is None or self.indirect is None:
             return
-        if len(self.cells.sky) > MANY * self.deposit.accuracy.paths:
+        if len(self.cells.sky) > MANY * self.deposits[0].accuracy.paths * len(self):
             self.join()
-            self.light = CellLight.of(self.cells, self.indirect, self.transfer.blocks.of)
+            blocks = self.transfer.blocks
+            self.light = CellLight.of(self.cells, self.indirect, blocks.of, blocks.count)
             self.cells = self.indirect = None
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """D of sensors (sensor, bin) [sr]: by straight and mirrored light; by all light."""
-        key, sky_rays = (Stream.SENSORS, self.number), self.deposit.accuracy.sensor_sky_rays
-        numbers = sensor_numbers(here)
-        straight = self.deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within)
-        direct = straight.plus(self.deposit.scattered(p, n, key, numbers))
-        D, D_straight = direct.numpy(), straight.numpy()
-        if self.landed is None:
-            return D_straight, D
-        return D_straight + self.landed.mirrored[here], D + self.landed.sensors[here]
+    ) -> tuple[Irradiance, Irradiance]:
+        """D of sensors (replicate · sensor, bin) [sr]: by straight and mirrored light; by all."""
+        base, place = self.deposits[0], sensor_numbers(here)
+        straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within)
+        scattered = _stacked(
+            lit.scattered(p, n, (Stream.SENSORS,), number_in_replicate(place, r))
+            for r, lit in zip(self.numbers, self.deposits, strict=True)
+        )
+        direct = straight.plus(scattered)
+        if self.landed:
+            straight = straight.plus(self._columns(one.mirrored[here] for one in self.landed))
+            direct = direct.plus(self._columns(one.sensors[here] for one in self.landed))
+        return straight, direct
 
-    def interreflected(self, met: Met, sensors: int) -> np.ndarray:
-        """G·D, shape (sensor, bin) [sr], with the paths of this replicate."""
-        bins = sum(self.deposit.bins)
+    def _columns(self, every: Iterable[np.ndarray]) -> Irradiance:
+        """Sky and suns of arrays (sensor, bin), one for each replicate."""
+        values, sky = np.concatenate([*every]), self.deposits[0].bins[0]
+        return Irradiance(
+            *(mi.TensorXf(flat(part), part.shape) for part in np.split(values, [sky], axis=1))
+        )
+
+    def interreflected(self, met: Met, sensors: int) -> Irradiance:
+        """G·D, shape (replicate · sensor, bin) [sr], with the paths of each replicate."""
+        deposit, rows = self.deposits[0], len(self) * sensors
         if (self.cells is None and self.light is None) or len(met) == 0:
-            return np.zeros((sensors, bins), np.float32)
+            return Irradiance(*(dr.zeros(mi.TensorXf, (rows, n)) for n in deposit.bins))
         if self.light is not None:
-            paths = self.deposit.accuracy.paths
-            _, cell, weight, _ = met.of_replicate(self.number, sensors, paths)
-            return self.light.gathered(cell, weight, paths)
+            paths = deposit.accuracy.paths
+            here = met.of_replicates(self.numbers, sensors, paths)
+            return Irradiance(*self.light.gathered(here, len(self), paths, deposit.bins))
         assert self.cells is not None
         sent = self._sent(met, sensors)
         further = Irradiance(None, None) if self.indirect is None else self.indirect
-        C = Irradiance(*(sent(d, x) for d, x in zip(self.cells, further, strict=True)))
-        if self.faces is not None and self.deposit.faces is not None:
-            K = sent(*self.faces)
-            C = C.plus(Irradiance(*(K @ part for part in self.deposit.faces)))
-        return C.numpy()
+        where = (None, None) if self.reached is None else self.reached
+        C = Irradiance(*map(sent, self.cells, further, where))
+        E = self._on_faces
+        if self.faces is not None and E is not None:
+            C = C.plus(self._by(sent(*self.faces, None), E))
+        return C
 
     def _sent(
         self, met: Met, sensors: int
-    ) -> Callable[[mi.TensorXf, mi.TensorXf | None], mi.TensorXf]:
+    ) -> Callable[[mi.TensorXf, mi.TensorXf | None, Reached | None], mi.TensorXf]:
         """Make the function that gathers light of cells and, where it is solved, of blocks."""
+        count = len(self)
         if self.transfer is None:
-            first = dr.opaque(mi.UInt32, self.number * sensors)  # a literal: compiled for each
+            first = dr.opaque(mi.UInt32, self.numbers.start * sensors)  # a literal: compiled anew
             row = met.row - first
-            mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, sensors))
-            return lambda d, _: product(row, met.cell, met.weight, mine, sensors, d)
-        paths, blocks = self.deposit.accuracy.paths, self.transfer.blocks.of
-        row, cell, weight, _ = met.of_replicate(self.number, sensors, paths)
+            mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, count * sensors))
+            return lambda d, _, at: product(row, met.cell, met.weight, mine, sensors, d, count, at)
+        paths, blocks = self.deposits[0].accuracy.paths, self.transfer.blocks.of
+        row, cell, weight, _ = met.of_replicates(self.numbers, sensors, paths)
         block, seen = dr.gather(mi.UInt32, blocks, cell), weight > 0
-        return lambda d, x: (
-            product(row, cell, weight, seen, sensors, d)
-            + product(row, block, weight, seen, sensors, x)
+        return lambda d, x, at: (
+            product(row, cell, weight, seen, sensors, d, count, at)
+            + product(row, block, weight, seen, sensors, x, count)
         )
+
+
+def _stacked(parts: Iterable[Irradiance | None]) -> Irradiance | None:
+    """Rows of several irradiances one after another; None where there are none."""
+    every = [part for part in parts if part is not None]
+    if not every:
+        return None
+
+    def joined(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
+        rows = sum(one.shape[0] for one in tensors)
+        shape = rows, tensors[0].shape[1]
+        if not shape[0] * shape[1]:
+            return dr.zeros(mi.TensorXf, shape)
+        return mi.TensorXf(dr.concat([one.array for one in tensors]), shape)
+
+    return Irradiance(*(joined(column) for column in zip(*every, strict=True)))

@@ -6,7 +6,7 @@ their irradiance per unit radiance of a bin.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 from zlib import crc32
 
@@ -117,7 +117,7 @@ def _cosine_rays(
 
 def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
-    suns: np.ndarray, diameter: float, samples: int, seed: int, rim: int | None = None,
+    suns: np.ndarray, diameter: float, samples: int, seed: int,
     numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
     through: Through = straight,
 ) -> mi.TensorXf:  # fmt: skip
@@ -133,8 +133,6 @@ def sun_deposit(
         Angle across a sun [deg].
     samples : int
         Directions drawn from the disk for every point and sun.
-    rim : int, optional
-        Index of the one direction to take instead, of `RIM` around the disk's edge.
     numbers, within : optional
         As for `sky_deposit`.
     through : callable
@@ -147,20 +145,65 @@ def sun_deposit(
     """
     count, n_suns = dr.width(points) // 3, len(suns)
     out = dr.zeros(mi.Float, count * n_suns)
+    numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     openings = Openings.of(scene, points, within)
-    if n_suns == 0 or (openings is not None and openings.are_none):
-        return mi.TensorXf(out, (count, n_suns))
+    of_pairs = _by_pairs(
+        scene, openings, points, normals, suns, diameter, samples, seed, numbers, through
+    )
+    stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
+    for pair in _possible_pairs(openings, points, normals, suns, diameter):
+        active = dr.full(mi.Bool, True, dr.width(pair))
+        dr.scatter(out, of_pairs(pair // stride, pair % stride, active), pair)
+        dr.eval(out)
+    return mi.TensorXf(out, (count, n_suns))
+
+
+def rim_deposit(
+    scene: Scene, points: mi.Float, normals: mi.Float, *,
+    suns: np.ndarray, diameter: float, seed: int, numbers: mi.UInt32,
+    within: mi.Bool | None = None,
+) -> tuple[mi.Float, mi.Float, mi.Float]:  # fmt: skip
+    """Irradiance of points per unit radiance of every sun, by `RIM` directions around its edge.
+
+    Parameters
+    ----------
+    scene, points, normals, suns, diameter, seed, numbers, within
+        As for `sun_deposit`.
+
+    Returns
+    -------
+    mean, least, most : mi.Float, flat (point, sun)
+        Mean, least and largest D of the directions [sr].
+    """
+    mean, least, most = (dr.zeros(mi.Float, dr.width(points) // 3 * len(suns)) for _ in range(3))
+    openings, stride = Openings.of(scene, points, within), dr.opaque(mi.UInt32, len(suns))
+    of_pairs = _by_pairs(scene, openings, points, normals, suns, diameter, 1, seed, numbers)
+    for pair in _possible_pairs(openings, points, normals, suns, diameter):
+        active, lowest = dr.full(mi.Bool, True, dr.width(pair)), mi.Float(dr.inf)
+        total, highest = mi.Float(0), mi.Float(0)
+        for rim in range(RIM):
+            D = of_pairs(pair // stride, pair % stride, active, rim)
+            dr.eval(D)
+            total, lowest, highest = total + D, dr.minimum(lowest, D), dr.maximum(highest, D)
+        for out, value in ((mean, total / RIM), (least, lowest), (most, highest)):
+            dr.scatter(out, value, pair)
+        dr.eval(mean, least, most)
+    return mean, least, most
+
+
+def _possible_pairs(
+    openings: Openings | None, points: mi.Float, normals: mi.Float, suns: np.ndarray,
+    diameter: float,
+) -> Iterator[mi.UInt32]:  # fmt: skip
+    """Yield pairs point · suns + sun that may see each other."""
+    if not len(suns) or (openings is not None and openings.are_none):
+        return
     at, facing = (a.numpy().reshape(-1, 3) for a in (points, normals))
     rows, groups, clusters = candidates(openings, at, facing, suns, np.radians(diameter) / 2)
     row_of, group_of = flat_indices(rows), flat_indices(groups)
     sun_of = mi.Int32(clusters.astype(np.int32).ravel())
-    numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
-    of_pairs = _by_pairs(
-        scene, openings, points, normals, suns, diameter, samples, seed, numbers, rim, through
-    )
     directions, radius = flat(suns), dr.opaque(mi.Float, np.radians(diameter) / 2)
-    block = max(1, SHADOW_RAYS // CLUSTER)
-    stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
+    block, stride = max(1, SHADOW_RAYS // CLUSTER), dr.opaque(mi.UInt32, len(suns))
     for start in range(0, len(rows), block):
         lane = dr.arange(mi.UInt32, min(block, len(rows) - start) * CLUSTER)
         candidate = lane // CLUSTER + dr.opaque(mi.UInt32, start)
@@ -176,21 +219,23 @@ def sun_deposit(
         chosen = dr.compress(exists)  # few pairs: lanes of the others would cost as much
         if dr.width(chosen):
             pair = dr.gather(mi.UInt32, row * stride + sun, chosen)
-            active = dr.full(mi.Bool, True, dr.width(pair))
-            dr.scatter(out, of_pairs(pair // stride, pair % stride, active), pair)
-            dr.eval(out)
-    return mi.TensorXf(out, (count, n_suns))
+            dr.eval(pair)
+            yield pair
 
 
 def _by_pairs(
     scene: Scene, openings: Openings | None, points: mi.Float, normals: mi.Float,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
-    rim: int | None = None, through: Through = straight,
-) -> Callable[[mi.UInt32, mi.UInt32, mi.Bool], mi.Float]:  # fmt: skip
-    """Make the function that gives D [sr] of active pairs of a point and a sun."""
+    through: Through = straight,
+) -> Callable[..., mi.Float]:  # fmt: skip
+    """Make the function that gives D [sr] of active pairs of a point and a sun.
+
+    It takes the pairs' points and suns, whether they are active, and optionally the index of the
+    one direction to take, of `RIM` around the disk's edge.
+    """
     directions, places = flat(suns), mi.UInt32(sun_numbers(suns))
 
-    def of(row: mi.UInt32, sun: mi.UInt32, active: mi.Bool) -> mi.Float:
+    def of(row: mi.UInt32, sun: mi.UInt32, active: mi.Bool, rim: int | None = None) -> mi.Float:
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, sun, active)
         number = dr.gather(mi.UInt32, numbers, row)
@@ -223,33 +268,32 @@ def _drawn(
     return [sample_disk(centre, diameter, each) for each in uv]
 
 
-def pair_deposit(
-    scene: Scene, points: mi.Float, normals: mi.Float, pairs: mi.UInt32, *,
+def one_sun_deposit(
+    scene: Scene, points: mi.Float, normals: mi.Float, sun: mi.UInt32, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
     within: mi.Bool | None = None,
 ) -> mi.Float:  # fmt: skip
-    """Compute chosen entries of `sun_deposit`.
+    """Irradiance of points per unit radiance of one sun for each of them.
 
     Parameters
     ----------
-    pairs : mi.UInt32
-        Entries point · suns + sun.
+    sun : mi.UInt32
+        Index of the sun of every point.
     scene, points, normals, suns, diameter, samples, seed, numbers, within
         As for `sun_deposit`.
 
     Returns
     -------
-    mi.Float, shape (pair,)
+    mi.Float, shape (point,)
         D [sr].
     """
-    openings = Openings.of(scene, points, within)
+    openings, count = Openings.of(scene, points, within), dr.width(sun)
     of_pairs = _by_pairs(scene, openings, points, normals, suns, diameter, samples, seed, numbers)
-    stride = dr.opaque(mi.UInt32, len(suns))
     parts = []
-    for start in range(0, dr.width(pairs), SHADOW_RAYS):
-        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(pairs) - start))
-        pair = dr.gather(mi.UInt32, pairs, lane + dr.opaque(mi.UInt32, start))
-        active = dr.full(mi.Bool, True, dr.width(lane))
-        parts.append(of_pairs(pair // stride, pair % stride, active))
+    for start in range(0, count, SHADOW_RAYS):
+        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, count - start))
+        row = lane + dr.opaque(mi.UInt32, start)
+        active = dr.full(mi.Bool, True, dr.width(row))
+        parts.append(of_pairs(row, dr.gather(mi.UInt32, sun, row), active))
         dr.eval(parts[-1])
     return dr.concat(parts) if parts else mi.Float()

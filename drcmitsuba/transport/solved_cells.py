@@ -18,6 +18,7 @@ points drawn by importance, estimates T and draws the points at which D is compu
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -29,7 +30,13 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Drawn, draw_all
 from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
 from drcmitsuba.transport.cells import Cells
-from drcmitsuba.transport.gather_blocks import Gathered, product, with_weights
+from drcmitsuba.transport.gather_blocks import (
+    Gathered,
+    Reached,
+    by_replicate,
+    product,
+    with_weights,
+)
 
 FEW = 8
 """Number of rays from a cell in the first round, in every replicate."""
@@ -55,30 +62,45 @@ class Transfer:
     blocks: Blocks
     bounces: tuple[OneBounce, ...]
     """T of every replicate."""
-    _all_bounces: dict[int, mi.TensorXf] = field(default_factory=dict, repr=False)
-    """Sums over all bounces that have been computed, by replicate."""
+    _all_bounces: dict[range, mi.TensorXf] = field(default_factory=dict, repr=False)
+    """Sums over all bounces that have been computed, by replicates."""
 
-    def indirect(self, replicate: int, *D: mi.TensorXf) -> list[mi.TensorXf]:
-        """Compute X by one replicate's T.
+    def indirect(
+        self, replicates: range, *D: mi.TensorXf, reached: Sequence[Reached] | None = None
+    ) -> list[mi.TensorXf]:
+        """Compute X by the T of some replicates.
 
         Parameters
         ----------
-        *D : mi.TensorXf, shape (cell, bin)
+        *D : mi.TensorXf, shape (replicate · cell, bin)
             Irradiance before any diffuse reflection [sr], for several kinds of bins.
+        reached : sequence of Reached, optional
+            Cells and bins with light of every D.
 
         Returns
         -------
-        list of mi.TensorXf, shape (block, bin)
+        list of mi.TensorXf, shape (replicate · block, bin)
             Mean irradiance by light that cells have reflected [sr].
         """
-        blocks, (source, cell, weight) = self.blocks, self.bounces[replicate]
-        if replicate not in self._all_bounces:
-            self._all_bounces[replicate] = blocks.all_bounces(source, cell, weight)
-        further = self._all_bounces[replicate]
-        row = dr.gather(mi.UInt32, blocks.of, source)
+        blocks, count = self.blocks, len(replicates)
+        every = [self.bounces[r] for r in replicates]
+        source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
+        each = dr.opaque(mi.UInt32, dr.width(source) // count)
+        number = dr.arange(mi.UInt32, dr.width(source)) // each
+        if replicates not in self._all_bounces:
+            further = blocks.all_bounces(source, cell, weight, count)
+            self._all_bounces[replicates] = further
+        further = self._all_bounces[replicates]
+        row = dr.gather(mi.UInt32, blocks.of, source) + number * dr.opaque(mi.UInt32, blocks.count)
         share = weight * dr.gather(mi.Float, blocks.share, source)
-        all_rays = dr.full(mi.Bool, True, dr.width(row))
-        return [further @ product(row, cell, share, all_rays, blocks.count, d) for d in D]
+        rays = dr.full(mi.Bool, True, dr.width(row))
+        dr.eval(row, cell, share)
+        where = [None] * len(D) if reached is None else reached
+        once = (
+            product(row, cell, share, rays, blocks.count, d, count, at)
+            for d, at in zip(D, where, strict=True)
+        )
+        return [by_replicate(further, X, count) for X in once]
 
 
 def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gathered, Transfer]:
@@ -105,7 +127,7 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
         cells = cells.extended(rays.met)  # some few more, which send no rays
         met = rays.weighed(first.importance, replicates)
         cell = cells.of(met)
-        drawn = draw_all(met, cell, cells.count, drawn, weighted=True)
+        drawn = draw_all(met, cell, cells.count, drawn, weighted=True, own=rays.replicate)
         total = with_weights(total, cells.count, cell, met.weight)
         each = dr.width(cell) // replicates  # the rays of a replicate stand together
         for r, part in enumerate(parts):
@@ -140,7 +162,8 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
         here = slice(done, min(cells.count, MOST_CELLS))
         for one in trace(scene, cells, points, here, FEW, accuracy, 0):
             cells = cells.extended(one.met)
-            points = draw_all(one.met, cells.of(one.met), cells.count, points, weighted=True)
+            cell = cells.of(one.met)
+            points = draw_all(one.met, cell, cells.count, points, weighted=True, own=one.replicate)
             rays.append(one)
         done = here.stop
     assert gathered.seen is not None
@@ -149,5 +172,6 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
     points = gathered.drawn
     for one in rays:
         met = one.weighed(weight, accuracy.replicates)
-        points = draw_all(met, cells.of(met), cells.count, points, weighted=True)
+        cell = cells.of(met)
+        points = draw_all(met, cell, cells.count, points, weighted=True, own=one.replicate)
     return _Explored(cells, points, of_sensors, weight, done)

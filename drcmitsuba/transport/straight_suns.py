@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
@@ -10,13 +10,13 @@ import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import REPLICATES, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.launch_size import SENSORS
 from drcmitsuba.transport.openings import hidden_in_disks, in_rooms
-from drcmitsuba.transport.shadow_rays import RIM, pair_deposit, sun_deposit
+from drcmitsuba.transport.shadow_rays import one_sun_deposit, rim_deposit
 
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
@@ -70,25 +70,94 @@ def _straight_suns(
     here: slice,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """`straight_suns` of some sensors."""
-    p, n = flat(points), flat(normals)
-    kind: dict[str, Any] = {"suns": suns.directions, "diameter": suns.diameter}
-    kind["numbers"], within = sensor_numbers(here), in_rooms(scene, points)
-    kind["within"] = None if within is None else mi.Bool(within)
-    shape = (len(points), len(suns.labels))
-    seed = launch_seed(accuracy.seed, Stream.SUN_RIMS)
-    total, most = (dr.zeros(mi.Float, shape[0] * shape[1]) for _ in range(2))
-    least = dr.full(mi.Float, dr.inf, shape[0] * shape[1])
-    for i in range(RIM):
-        d = sun_deposit(scene, p, n, **kind, samples=1, seed=seed, rim=i).array
-        total += d
-        least, most = dr.minimum(least, d), dr.maximum(most, d)
-        dr.eval(total, least, most)
-    slits = hidden_in_disks(scene, points, suns.directions, suns.diameter)
-    edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
-    mean, error = total.numpy() / RIM, np.zeros(total.shape, np.float32)
+    within = in_rooms(scene, points)
+    within = None if within is None else mi.Bool(within)
+    p, n, places = flat(points), flat(normals), sensor_numbers(here)
+    disks = Disks(scene, suns.directions, suns.diameter, accuracy.seed, p, n, places, within)
+    rims, edges = disks.rims()
+    mean, error = rims.numpy(), np.zeros(dr.width(rims), np.float32)
     if dr.width(edges):
-        kind["samples"], replicates = EDGE_SAMPLES, range(accuracy.replicates)
-        seeds = [launch_seed(accuracy.seed, Stream.SUN_EDGES, r) for r in replicates]
-        again = [pair_deposit(scene, p, n, edges, **kind, seed=s).numpy() for s in seeds]
-        mean[edges.numpy()], error[edges.numpy()] = mean_and_error(np.stack(again))
+        every = range(accuracy.replicates)
+        again = disks.drawn(edges, every, EDGE_SAMPLES).numpy().reshape(len(every), -1)
+        mean[edges.numpy()], error[edges.numpy()] = mean_and_error(again)
+    shape = (len(points), len(suns.labels))
     return mean.reshape(shape), error.reshape(shape)
+
+
+@dataclass(frozen=True)
+class Disks:
+    """The disks of suns as sensors see them: all of a disk or nothing, or a shadow's edge on it."""
+
+    scene: Scene
+    suns: np.ndarray
+    """Unit vectors, shape (sun, 3)."""
+    diameter: float
+    """Angle across a sun [deg]."""
+    seed: int
+    """Seed of the case."""
+    p: mi.Float
+    n: mi.Float
+    """Positions [m] and normals of the sensors, three numbers each."""
+    places: mi.UInt32
+    """Numbers of the sensors."""
+    within: mi.Bool | None
+    """Whether each sensor lies in a room of a model, see `openings.in_rooms`."""
+
+    def by_replicate(self, replicates: range, samples: int) -> mi.TensorXf:
+        """D [sr] of the sensors in some replicates, shape (replicate · sensor, sun).
+
+        Replicates have the mean of the rim in common, and draw `samples` directions each where a
+        shadow's edge crosses a disk.
+        """
+        rims, edges = self.rims()
+        each = dr.opaque(mi.UInt32, max(1, dr.width(rims)))
+        entry = dr.arange(mi.UInt32, len(replicates) * dr.width(rims))
+        out = dr.gather(mi.Float, rims, entry % each)
+        if dr.width(edges):
+            lane = dr.arange(mi.UInt32, len(replicates) * dr.width(edges))
+            few = dr.opaque(mi.UInt32, dr.width(edges))
+            at = lane // few * each + dr.gather(mi.UInt32, edges, lane % few)
+            drawn = self.drawn(edges, replicates, samples)
+            dr.eval(out, drawn)
+            dr.scatter(out, drawn, at)
+        rows = len(replicates) * (dr.width(self.p) // 3)
+        return mi.TensorXf(out, (rows, len(self.suns)))
+
+    def rims(self) -> tuple[mi.Float, mi.UInt32]:
+        """Look around the edge of each disk.
+
+        Returns
+        -------
+        mi.Float, flat (sensor, sun)
+            Mean D of `RIM` directions [sr].
+        mi.UInt32
+            Entries where a shadow's edge crosses the disk.
+        """
+        with self.scene.ray_counter.purpose(Stream.SUN_RIMS.name):
+            mean, least, most = rim_deposit(
+                self.scene, self.p, self.n, suns=self.suns, diameter=self.diameter,
+                seed=launch_seed(self.seed, Stream.SUN_RIMS), numbers=self.places,
+                within=self.within,
+            )  # fmt: skip
+        points = self.p.numpy().reshape(-1, 3)
+        slits = hidden_in_disks(self.scene, points, self.suns, self.diameter)
+        edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
+        return mean, edges
+
+    def drawn(self, edges: mi.UInt32, replicates: range, samples: int) -> mi.Float:
+        """D [sr] of chosen entries by random directions, flat (replicate, entry)."""
+        count, entries = len(replicates), dr.width(edges)
+        stride, few = (dr.opaque(mi.UInt32, n) for n in (len(self.suns), entries))
+        lane = dr.arange(mi.UInt32, count * entries)
+        chosen = dr.gather(mi.UInt32, edges, lane % few)
+        row, sun = chosen // stride, chosen % stride
+        # Every entry is a receiver of its own, whose number tells its replicate.
+        first = dr.opaque(mi.UInt32, replicates.start)
+        number = dr.gather(mi.UInt32, self.places, row) * REPLICATES + lane // few + first
+        p, n = (dr.ravel(dr.gather(mi.Point3f, x, row)) for x in (self.p, self.n))
+        dr.eval(p, n, sun, number)
+        return one_sun_deposit(
+            self.scene, p, n, sun, suns=self.suns, diameter=self.diameter, samples=samples,
+            seed=launch_seed(self.seed, Stream.SUN_EDGES), numbers=number,
+            within=None if self.within is None else dr.gather(mi.Bool, self.within, row),
+        )  # fmt: skip

@@ -13,7 +13,7 @@ counts with the film.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import NamedTuple
@@ -30,6 +30,8 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series
 
+Straight = Callable[[Deposit], Irradiance]
+"""Computes straight light of a deposit on some receivers."""
 ON_PANE = 1e-3
 """Distance within which a patch lies on the pane of a window [m]."""
 BEFORE = 0.05
@@ -123,7 +125,8 @@ class WindowDeposit:
         key: Key = (Stream.PANES, replicate)
         points = np.random.default_rng(deposit.seed(key, Draw.POINTS))
         p, n = deposit.patches.face_points(points)
-        straight = self._straight(deposit, p, n, key, 4 * deposit.accuracy.cell_sky_rays)
+        rays = 4 * deposit.accuracy.cell_sky_rays
+        straight = self._parted(deposit, lambda one: one.straight(p, n, key, rays))
         by_films: Key = (Stream.FILMS_TO_PANES, replicate)
         received = [
             part.plus(self._by_films(deposit, p, n, by_films, None, k))
@@ -141,8 +144,7 @@ class WindowDeposit:
 
     def parts(
         self, deposit: Deposit, on_diffusers: list[Irradiance], p: mi.Float, n: mi.Float, key: Key,
-        sky_rays: int, sun_samples: int = 1, numbers: mi.UInt32 | None = None,
-        within: mi.Bool | None = None,
+        numbers: mi.UInt32, straight: Straight,
     ) -> list[Irradiance]:  # fmt: skip
         """D [sr] of receivers by every window, and last by none of them.
 
@@ -152,10 +154,12 @@ class WindowDeposit:
             Deposit after `lit`.
         on_diffusers : list of Irradiance
             From the method of this name.
-        p, n, key, sky_rays, sun_samples, numbers, within
+        p, n, key, numbers
             As for `Deposit.straight`.
+        straight : callable
+            Computes straight light of a deposit on the receivers.
         """
-        parts = self._straight(deposit, p, n, key, sky_rays, sun_samples, numbers, within)
+        parts = self._parted(deposit, straight)
         if on_diffusers:
             transfer = deposit.transfer(p, n, key, numbers)
             evenly = (Irradiance(*(transfer @ E for E in lit)) for lit in on_diffusers)
@@ -165,15 +169,11 @@ class WindowDeposit:
             for k, part in enumerate(parts)
         ]
 
-    def _straight(
-        self, deposit: Deposit, p: mi.Float, n: mi.Float, key: Key, sky_rays: int,
-        sun_samples: int = 1, numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
-    ) -> list[Irradiance]:  # fmt: skip
+    def _parted(self, deposit: Deposit, straight: Straight) -> list[Irradiance]:
         """Straight light by window, see `parts`."""
-        before, out = deposit.straight(p, n, key, sky_rays, sun_samples, numbers, within), []
+        before, out = straight(deposit), []
         for scene in self.blocked:
-            less = replace(deposit, scene=scene)
-            after = less.straight(p, n, key, sky_rays, sun_samples, numbers, within)
+            after = straight(replace(deposit, scene=scene))
             out.append(Irradiance(*(a - b for a, b in zip(before, after, strict=True))))
             before = after
         return [*out, before]

@@ -37,7 +37,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
@@ -237,9 +237,10 @@ def deposit(case: Case, accuracy: Accuracy) -> Callable[[Vertices, int], np.ndar
     base = Deposit(loaded, DIRECTIONS, SUNS.diameter, None, accuracy, None, films)
 
     def at(vertices: Vertices, seed: int) -> np.ndarray:
-        lit = base.lit(seed)
-        light = lit.straight(vertices.p, vertices.n, (Stream.CELLS, seed), 1)
-        return light.plus(lit.scattered(vertices.p, vertices.n, (Stream.CELLS, seed))).sun.numpy()
+        lit, p, n, key = base.lit(seed), vertices.p, vertices.n, (Stream.CELLS,)
+        numbers = number_in_replicate(dr.arange(mi.UInt32, len(vertices)), seed)
+        light = lit.straight(p, n, key, 1, numbers=numbers)
+        return light.plus(lit.scattered(p, n, key, numbers)).sun.numpy()
 
     return at
 

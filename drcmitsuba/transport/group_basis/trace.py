@@ -25,7 +25,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import HIDDEN, GroupStates
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -40,7 +40,8 @@ from drcmitsuba.transport.group_basis.elements import Element, elements_of_case
 from drcmitsuba.transport.group_basis.marks import MOST_ELEMENTS, GroupMarks
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.marked_paths import MarkedPaths
-from drcmitsuba.transport.replicate import Replicate
+from drcmitsuba.transport.replicate import Replicates
+from drcmitsuba.transport.straight_suns import sensor_numbers
 
 
 class ElementDeposit(NamedTuple):
@@ -149,13 +150,15 @@ class GroupTrace:
 
     def _deposit(self, element: Element, r: int) -> ElementDeposit:
         """All light in the scene of an element."""
-        replicate, gathered = Replicate(r, element.deposit.lit(r)), self.paths.gathered
+        lit, gathered = element.deposit.lit(r), self.paths.gathered
+        replicate, landed = Replicates.one(r, lit), None
         if element.photons is not None:
             seed = launch_seed(self.accuracy.seed, Stream.PHOTONS, r)
-            replicate.landed = element.photons.traced(seed, lambda share: None)
+            landed = element.photons.traced(seed, lambda share: None)
+            replicate.landed = (landed,)
         cells = Irradiance(*(dr.zeros(mi.TensorXf, (0, n)) for n in element.deposit.bins))
         if gathered.cells.count:
-            replicate.meet(gathered.drawn[r], gathered.cells.keys)
+            replicate.meet([gathered.drawn[r]], gathered.cells.keys)
             replicate.join()
             assert replicate.cells is not None
             cells = replicate.cells
@@ -163,8 +166,12 @@ class GroupTrace:
         for here in gathered.blocks:
             p, n = flat(self.points[here]), flat(self.normals[here])
             within = None if gathered.within is None else mi.Bool(gathered.within[here])
-            samples = self.accuracy.sensor_sun_samples
-            sensors[here] = replicate.sensors(p, n, here, samples, within)[1]
+            key, numbers = (Stream.SENSORS,), number_in_replicate(sensor_numbers(here), r)
+            rays, samples = self.accuracy.sensor_sky_rays, self.accuracy.sensor_sun_samples
+            straight = lit.straight(p, n, key, rays, samples, numbers, within)
+            sensors[here] = straight.plus(lit.scattered(p, n, key, numbers)).numpy()
+            if landed is not None:
+                sensors[here] += landed.sensors[here]
         return ElementDeposit(element.number, element.bins, sensors, cells)
 
 
