@@ -93,7 +93,10 @@ class CellLight:
         dr.eval(total)
         parts, first = [], 0
         for count in bins:
-            entry, few = dr.arange(mi.UInt32, rows * count), dr.opaque(mi.UInt32, max(1, count))
+            if not count:
+                parts.append(dr.zeros(mi.TensorXf, (rows, 0)))
+                continue
+            entry, few = dr.arange(mi.UInt32, rows * count), dr.opaque(mi.UInt32, count)
             at = entry // few * dr.opaque(mi.UInt32, WIDE * wide) + entry % few
             part = dr.gather(mi.Float, total, at + dr.opaque(mi.UInt32, first))
             parts.append(mi.TensorXf(part, (rows, count)))

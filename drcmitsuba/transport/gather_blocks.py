@@ -164,6 +164,8 @@ class Reached(NamedTuple):
 def lit_and_shining(d: mi.TensorXf, replicates: int = 1) -> Reached:
     """Find the lit cells and the shining bins of D (replicate · cell, bin)."""
     (rows, bins), values = d.shape, d.array
+    if not rows * bins:
+        return Reached(mi.UInt32(), mi.UInt32())
     each, stride = (dr.opaque(mi.UInt32, n) for n in (rows // replicates, bins))
     entry, light = dr.arange(mi.UInt32, rows * bins), values > 0
     lit, shining = dr.zeros(mi.Bool, rows // replicates), dr.zeros(mi.Bool, bins)

@@ -10,16 +10,18 @@ import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.runtime.random_streams import REPLICATES, Stream, launch_seed
+from drcmitsuba.runtime.random_streams import REPLICATES, Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.launch_size import SENSORS
 from drcmitsuba.transport.openings import hidden_in_disks, in_rooms
-from drcmitsuba.transport.shadow_rays import one_sun_deposit, rim_deposit
+from drcmitsuba.transport.shadow_rays import one_sun_deposit, rim_deposit, sun_deposit
 
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
+FEWER = 4
+"""Factor by which fewer directions are drawn on a disk whose rim is alike."""
 ALIKE = 0.1
 """Relative difference of D around a sun's disk below which no shadow edge is assumed."""
 
@@ -106,22 +108,27 @@ class Disks:
     def by_replicate(self, replicates: range, samples: int) -> mi.TensorXf:
         """D [sr] of the sensors in some replicates, shape (replicate · sensor, sun).
 
-        Replicates have the mean of the rim in common, and draw `samples` directions each where a
-        shadow's edge crosses a disk.
+        Replicates draw `samples` directions where a shadow's edge crosses a disk. On other disks,
+        whose rim is alike, they draw `FEWER`: a hole or a bar counts as often as it is hit.
         """
-        rims, edges = self.rims()
-        each = dr.opaque(mi.UInt32, max(1, dr.width(rims)))
-        entry = dr.arange(mi.UInt32, len(replicates) * dr.width(rims))
-        out = dr.gather(mi.Float, rims, entry % each)
+        _, edges = self.rims()
+        count, sensors = len(replicates), dr.width(self.p) // 3
+        out = sun_deposit(
+            self.scene, dr.tile(self.p, count), dr.tile(self.n, count), suns=self.suns,
+            diameter=self.diameter, samples=max(1, samples // FEWER),
+            seed=launch_seed(self.seed, Stream.SUN_EDGES),
+            numbers=dr.concat([number_in_replicate(self.places, r) for r in replicates]),
+            within=None if self.within is None else dr.tile(self.within, count),
+        ).array  # fmt: skip
         if dr.width(edges):
-            lane = dr.arange(mi.UInt32, len(replicates) * dr.width(edges))
+            each = dr.opaque(mi.UInt32, sensors * len(self.suns))
+            lane = dr.arange(mi.UInt32, count * dr.width(edges))
             few = dr.opaque(mi.UInt32, dr.width(edges))
             at = lane // few * each + dr.gather(mi.UInt32, edges, lane % few)
             drawn = self.drawn(edges, replicates, samples)
-            dr.eval(out, drawn)
+            dr.eval(out, drawn, at)
             dr.scatter(out, drawn, at)
-        rows = len(replicates) * (dr.width(self.p) // 3)
-        return mi.TensorXf(out, (rows, len(self.suns)))
+        return mi.TensorXf(out, (count * sensors, len(self.suns)))
 
     def rims(self) -> tuple[mi.Float, mi.UInt32]:
         """Look around the edge of each disk.

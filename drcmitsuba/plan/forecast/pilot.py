@@ -42,8 +42,6 @@ SENSORS, RAYS, VERTICES = 48, 1 << 20, 1 << 16
 """Largest numbers of sensors and of their rays to the sky; approximate number of vertices."""
 SUNS, PHOTONS, FILM_SAMPLES = 128, 1 << 14, 8
 """Largest number of suns; approximate photons of a replicate; directions from a film's cell."""
-CELL_PATHS, CELL_SKY_RAYS = 8, 16
-"""Largest numbers of rays from a cell to others, and to the sky."""
 
 Amount = tuple[str, str, float]
 """Effect, unit of work, number of units."""
@@ -130,11 +128,7 @@ class Pilot:
         some = _sensors(len(points), a, paths.bounces)
         photons = min(a.photons, max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1)))
         film_samples = min(a.film_sky_samples, FILM_SAMPLES)
-        between, to_sky = min(a.cell_paths, CELL_PATHS), min(a.cell_sky_rays, CELL_SKY_RAYS)
-        less = {
-            "photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES,
-            "cell_paths": between, "cell_sky_rays": to_sky,
-        }  # fmt: skip
+        less = {"photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES}
         C = compute(
             scene, points[some], normals[some], few, a.model_copy(update=less),
             subdivision=case.sky.subdivision,
@@ -143,16 +137,13 @@ class Pilot:
         cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
         met = max(1.0, len(paths.times))
         if effects.solved_cells:  # the pilot finds them all
-            cells = _between_cells(rays) / (REPLICATES * (between + FEW))
+            cells = _between_cells(rays) / (REPLICATES * (a.cell_paths + FEW))
             met = max(1.0, cells)
         scale = {
             Stream.SENSORS.name: len(points) / len(some),
             Stream.CELLS.name: cells / met,
             Stream.PHOTONS.name: a.photons / photons,
             Stream.FILMS.name + Draw.SKY.name: a.film_sky_samples / film_samples,
-            Stream.CELLS.name + Draw.SKY.name: a.cell_sky_rays / to_sky,
-            Stream.PANES.name + Draw.SKY.name: a.cell_sky_rays / to_sky,
-            Stream.CELL_RAYS.name: (a.cell_paths + FEW) / (between + FEW),
             Draw.SUN.name: bins[1] / max(1, len(few.labels)),
             Draw.PEAKS.name: bins[1] / max(1, len(few.labels)),
         }
@@ -192,8 +183,7 @@ class Pilot:
         again = 2 - KEPT / max(KEPT, vertices)  # paths beyond the memory are traced twice
         yield "interreflection", "path", again * self.count * self.paths.rays + self.paths.before
         replicates = self.accuracy.replicates / REPLICATES
-        more = replicates * self.scale[Stream.CELL_RAYS.name]
-        yield "solved_cells", "path", more * _between_cells(self.traced)
+        yield "solved_cells", "path", replicates * _between_cells(self.traced)
         for purpose, rays in self.traced.items():
             scale = prod(self.scale.get(name, 1.0) for name in (*purpose, "".join(purpose)))
             if purpose and Stream.SUN_RIMS.name not in purpose:

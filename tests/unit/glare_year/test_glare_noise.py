@@ -38,7 +38,7 @@ def test_the_sums_follow_the_luminances_of_each_replicate(place):
     np.testing.assert_allclose(noise.deviation.sum(axis=0), 0, atol=1)
     by_noise = seen.deviations(looking, EACH)
     assert by_noise.shape == (4, len(TIMES), len(looking))
-    step, start, slopes = 1e-3, seen.sums(looking, EACH, times)[0], []
+    step, start, slopes = 1e-4, seen.sums(looking, EACH, times)[0], []
     for deviation in noise.deviation:
         L = known.surfaces.copy()
         L[noise.point, noise.time] += step * deviation

@@ -8,28 +8,40 @@ import pytest
 from drcmitsuba.runtime import backend
 
 
+@pytest.mark.parametrize("replicates", [1, 3])
 @pytest.mark.parametrize(("sky", "suns"), [(146, 0), (1, 5), (3, 1)])
-def test_paths_gather_what_a_matrix_gathers(sky, suns):
+def test_paths_gather_what_a_matrix_gathers(sky, suns, replicates):
     backend.select()
     from drcmitsuba.transport.deposit import Irradiance
     from drcmitsuba.transport.first_bounce import CellLight
+    from drcmitsuba.transport.gather_blocks import Met
 
     rng = np.random.default_rng(sky)
     cells, blocks, sensors, paths = 50, 7, 11, 6
+    size = replicates, sensors * paths
 
     def random(*shape):
-        return rng.random(shape, np.float32)
+        return rng.random((replicates, *shape), np.float32)
 
     D, X = ((random(n, sky), random(n, suns)) for n in (cells, blocks))
-    block, cell = rng.integers(0, blocks, cells), rng.integers(0, cells, sensors * paths)
-    weight = random(sensors * paths) * (rng.random(sensors * paths) < 0.7)
-    H = np.concatenate(D, axis=1) + np.concatenate(X, axis=1)[block]
-    expected = (weight[:, None] * H[cell]).reshape(sensors, paths, -1).sum(axis=1)
-    tensors = [Irradiance(*(mi.TensorXf(part) for part in both)) for both in (D, X)]
-    light = CellLight.of(*tensors, mi.UInt32(block.astype(np.uint32)))
-    ours = light.gathered(mi.UInt32(cell.astype(np.uint32)), mi.Float(weight), paths)
+    block, cell = rng.integers(0, blocks, cells), rng.integers(0, cells, size)
+    weight = random(size[1]) * (rng.random(size) < 0.7)
+    H = np.concatenate(D, axis=-1) + np.concatenate(X, axis=-1)[:, block]
+    sent = weight[..., None] * np.take_along_axis(H, cell[..., None], axis=1)
+    expected = sent.reshape(replicates * sensors, paths, -1).sum(axis=1)
+    tensors = [
+        Irradiance(
+            *(mi.TensorXf(part.reshape(replicates * part.shape[1], part.shape[2])) for part in both)
+        )
+        for both in (D, X)
+    ]
+    light = CellLight.of(*tensors, mi.UInt32(block.astype(np.uint32)), blocks)
+    met = Met(mi.UInt32(), mi.UInt32(cell.ravel().astype(np.uint32)), mi.Float(weight.ravel()))
+    ours = light.gathered(met, replicates, paths, (sky, suns))
     assert dr.width(light.values) % 4 == 0
-    np.testing.assert_allclose(ours, expected, rtol=2e-6)
+    assert [part.shape for part in ours] == [(replicates * sensors, n) for n in (sky, suns)]
+    joined = np.concatenate([part.numpy() for part in ours], axis=1)
+    np.testing.assert_allclose(joined, expected, rtol=2e-6)
 
 
 def test_both_ways_to_gather_give_the_same_coefficients(monkeypatch):
