@@ -117,6 +117,7 @@ def test_light_that_waits_on_the_disk_is_the_same(tmp_path, monkeypatch):
     held = drcmitsuba.evaluate(case)
     parked, park = [], CellLight.parked
     monkeypatch.setattr(coefficients, "HELD", 0)
+    monkeypatch.setattr(replicate, "TOGETHER", 1)  # each replicate in launches of its own
     monkeypatch.setattr(CellLight, "parked", lambda *a: parked.append(a[1]) or park(*a))
     waiting = drcmitsuba.evaluate(case, blocks=tmp_path / "blocks")
     assert len(parked) == case.accuracy.replicates

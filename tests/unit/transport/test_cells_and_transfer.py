@@ -16,7 +16,7 @@ from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import cell_rays, coefficients
+from drcmitsuba.transport import cell_rays, coefficients, replicate
 from drcmitsuba.transport.cell_points import draw_all
 from drcmitsuba.transport.cells import Vertices
 from drcmitsuba.transport.gather_blocks import Gathered
@@ -98,6 +98,14 @@ def test_launches_of_any_size_give_the_same_coefficients(monkeypatch):
     np.testing.assert_allclose(parts, whole, rtol=2e-4, atol=1e-6 * float(whole.max()))
 
 
+def test_replicates_are_the_same_in_one_launch_and_in_many(monkeypatch):
+    case = Case.model_validate(CASE)
+    whole = of_case(case, cells=True)["replicates"].values
+    monkeypatch.setattr(replicate, "TOGETHER", 1)
+    apart = of_case(case, cells=True)["replicates"].values
+    np.testing.assert_allclose(apart, whole, rtol=1e-5, atol=1e-7 * whole.max())
+
+
 def test_replicates_differ_in_all_that_they_draw():
     case = Case.model_validate(CASE)
     C = of_case(case, cells=True)["replicates"].values[:, :, 0]
@@ -118,6 +126,24 @@ def test_weighted_draws_follow_the_weights():
         assert counts == pytest.approx(expected, abs=4.5 * np.sqrt(expected.max()))
         assert counts[2] == 0
     assert (first.p.numpy() != second.p.numpy()).any()
+
+
+def test_each_replicate_draws_from_its_own_vertices():
+    """A cell that a replicate has not met takes the point of the next one that has."""
+    own, cell = np.array([0, 0, 1, 1, 2, 2]), np.array([0, 1, 1, 1, 0, 2])
+    number = dr.arange(mi.UInt32, 6)
+    at = mi.Float(np.repeat(np.arange(6.0), 3))
+    vertices = Vertices(number, mi.Float([1, 1, 0, 1, 1, 1]), number, number, at, at)
+    column = mi.UInt32(cell.astype(np.uint32)), 3
+    of = mi.UInt32(own.astype(np.uint32))
+    drawn = draw_all(vertices, *column, [None] * 3, weighted=True, own=of)
+    points = np.array([one.p.numpy()[::3] for one in drawn])
+    np.testing.assert_array_equal(points, [[0, 1, 5], [4, 3, 5], [4, 1, 5]])
+    # A vertex of its own takes the place of a lent one, whatever their weights.
+    more = Vertices(number, mi.Float([0, 0, 1e-3, 0, 0, 0]), number, number, at, at)
+    again = draw_all(more, *column, drawn, weighted=True, own=mi.UInt32([0, 0, 2, 0, 0, 0]))
+    points = np.array([one.p.numpy()[::3] for one in again])
+    np.testing.assert_array_equal(points, [[0, 1, 5], [4, 3, 5], [4, 2, 5]])
 
 
 def test_draws_are_extended_as_if_made_at_once():

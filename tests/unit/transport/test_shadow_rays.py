@@ -15,7 +15,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
-from drcmitsuba.transport.straight_suns import straight_suns
+from drcmitsuba.transport.straight_suns import Disks, straight_suns
 from tests.unit.transport.exact_scenes import (
     DIRECTIONS,
     DOWN,
@@ -88,6 +88,27 @@ def test_suns_behind_an_edge_show_the_segment_that_is_left():
     level = 1 - (1 - 1e-4) ** (1 / len(z))
     assert abs(z).max() < student.isf(level / 2, 7)
     assert 0.5 < (z**2).mean() < 2.5
+
+
+def test_a_screen_finer_than_the_sun_lets_its_open_share_through(same):
+    """Bars of which dozens cross a disk: its rim is often alike where the disk is not."""
+    pitch, height, share = 0.004, 10.0, 0.05
+    at = np.arange(-0.5, 0.5, pitch)
+    bar = (1 - share) * pitch
+    bars = [surface(0.0, quad([-1, y, height], [2, 0, 0], [0, bar, 0])) for y in at]
+    n = 400
+    points = np.c_[np.random.default_rng(1).uniform(-0.2, 0.2, (n, 2)), np.zeros(n)]
+    disks = Disks(
+        scenes.build(bars), np.array([[0, 0, 1.0]]), 0.5, 3,
+        flat(points), flat(np.tile(UP, (n, 1))), dr.arange(mi.UInt32, n), None,
+    )  # fmt: skip
+    edges = disks.rims()[1]
+    D = disks.by_replicate(range(32), 4).numpy().reshape(32, n)
+    assert 0.2 < dr.width(edges) / n < 0.8  # the rims of the others miss every gap
+    whole = disk_solid_angle(0.5)
+    same(D.mean(axis=1, dtype=float) / whole, exact=share, within=0.03)
+    every, some = disks.by_replicate(range(32), 4), disks.by_replicate(range(8, 16), 4)
+    np.testing.assert_array_equal(some.numpy(), every.numpy()[8 * n : 16 * n])
 
 
 def test_sun_on_the_horizon_gives_half_a_disk(same):
