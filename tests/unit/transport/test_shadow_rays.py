@@ -96,7 +96,7 @@ def test_a_screen_finer_than_the_sun_lets_its_open_share_through(same):
     at = np.arange(-0.5, 0.5, pitch)
     bar = (1 - share) * pitch
     bars = [surface(0.0, quad([-1, y, height], [2, 0, 0], [0, bar, 0])) for y in at]
-    n = 400
+    n = 1200
     points = np.c_[np.random.default_rng(1).uniform(-0.2, 0.2, (n, 2)), np.zeros(n)]
     disks = Disks(
         scenes.build(bars), np.array([[0, 0, 1.0]]), 0.5, 3,
