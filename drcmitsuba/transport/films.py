@@ -39,6 +39,10 @@ SUN_SAMPLES = {"even": 8, "uneven": 16}
 BSDFs that are constant over a cell and for those that are not (isotropic trees)."""
 
 
+WIDE = 4
+"""Number of bins that are read at once."""
+
+
 class Lit(NamedTuple):
     """Deposit on films and the radiance that they send on, in one replicate."""
 
@@ -225,14 +229,15 @@ class Films:
         first_sun = flat_indices(first_of_mount[self.patches.owner])
         lit_suns, columns = flat_indices(self.suns), dr.opaque(mi.UInt32, n_suns)
         shining = dr.opaque(mi.UInt32, len(self.suns))  # literals would have kernels compiled anew
-        shone = mi.Float(0)
+        shone, to_suns = mi.Float(0), mi.Float(0)
         if len(self.suns):
             at = dr.arange(mi.UInt32, len(self.patches) * len(self.suns))
             sun = dr.gather(mi.UInt32, lit_suns, at % shining)
             front = 2 * (at // shining) * columns + sun
             faces = lit.faces.array
             shone = dr.gather(mi.Float, faces, front) + dr.gather(mi.Float, faces, front + columns)
-            dr.eval(shone)
+            shone, to_suns = (_widened(table, len(self.suns)) for table in (shone, lit.to_suns))
+        to_sky = _widened(lit.to_sky.array, bins) if bins else mi.Float(0)
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
         by_sky = dr.zeros(mi.Float, count * bins)
         for kind in looked.kinds:
@@ -242,9 +247,9 @@ class Films:
             dr.eval(sun_row, sky_row)
             w, patch = kind.weight, kind.patch
             if len(self.suns):
-                by_sun += _sum(first, w, sun_row, lit.to_suns, patch, shone, len(self.suns))
+                by_sun += _sum(first, w, sun_row, to_suns, patch, shone, len(self.suns))
             if bins:
-                by_sky += _sum(first, w, sky_row, lit.to_sky.array, None, None, bins)
+                by_sky += _sum(first, w, sky_row, to_sky, None, None, bins)
             dr.eval(by_sun, by_sky)
         out = dr.zeros(mi.Float, count * n_suns)
         if len(self.suns):
@@ -254,23 +259,47 @@ class Films:
         return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))
 
 
+def _widened(table: mi.Float, columns: int) -> mi.Float:
+    """Table (row, column) whose columns are filled up with zeros to a multiple of `WIDE`."""
+    if columns % WIDE == 0:
+        dr.eval(table)
+        return table
+    few, many = (dr.opaque(mi.UInt32, n) for n in (columns, -(-columns // WIDE) * WIDE))
+    entry = dr.arange(mi.UInt32, dr.width(table) // columns * (-(-columns // WIDE) * WIDE))
+    column = entry % many
+    out = dr.gather(mi.Float, table, entry // many * few + column, column < few)
+    dr.eval(out)
+    return out
+
+
 @dr.syntax
 def _sum(
     first: mi.UInt32, weight: mi.Float, row: mi.UInt32, table: mi.Float,
     patch: mi.UInt32 | None, shone: mi.Float | None, bins: int,
 ) -> mi.Float:  # fmt: skip
-    """Σ weight · table[row, bin] (· shone[patch, bin]) over the entries of every receiver."""
-    lane = dr.arange(mi.UInt32, (dr.width(first) - 1) * bins)
-    count = dr.opaque(mi.UInt32, bins)
-    receiver, bin_ = lane // count, lane % count
+    """Σ weight · table[row, bin] (· shone[patch, bin]) over the entries of every receiver.
+
+    `WIDE` bins are read at once, of tables from `_widened`.
+    """
+    wide = -(-bins // WIDE)
+    lane = dr.arange(mi.UInt32, (dr.width(first) - 1) * wide)
+    count = dr.opaque(mi.UInt32, wide)
+    receiver, column = lane // count, lane % count
     at = dr.gather(mi.UInt32, first, receiver)
     end = dr.gather(mi.UInt32, first, receiver + 1)
-    total = mi.Float64(0)
-    while dr.hint(at < end, exclude=[first, weight, row, table, patch, shone]):
-        value = dr.gather(mi.Float, weight, at)
-        value *= dr.gather(mi.Float, table, dr.gather(mi.UInt32, row, at) * count + bin_)
+    total = mi.Vector4d(0)
+    while dr.hint(at < end, exclude=[first, weight, row, table, patch, shone, count]):
+        value = dr.gather(mi.Vector4f, table, dr.gather(mi.UInt32, row, at) * count + column)
+        value *= dr.gather(mi.Float, weight, at)
         if dr.hint(shone is not None, mode="scalar"):
-            value *= dr.gather(mi.Float, shone, dr.gather(mi.UInt32, patch, at) * count + bin_)
-        total += mi.Float64(value)
+            of_patch = dr.gather(mi.UInt32, patch, at) * count + column
+            value *= dr.gather(mi.Vector4f, shone, of_patch)
+        total += mi.Vector4d(value)
         at += 1
-    return mi.Float(total)
+    values = dr.ravel(mi.Vector4f(total))
+    dr.eval(values)
+    entry, few, many = (
+        dr.arange(mi.UInt32, (dr.width(first) - 1) * bins),
+        *(dr.opaque(mi.UInt32, n) for n in (bins, WIDE * wide)),
+    )
+    return dr.gather(mi.Float, values, entry // few * many + entry % few)
