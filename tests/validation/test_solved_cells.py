@@ -7,6 +7,9 @@ sensors get by way of them, so that the mean over the sensors has no bias from t
 Method: rooms in which light varies within cells: long, white, of several rooms, with furniture
 finer than a cell, behind diffusing glass. The sensors' means of every bin and the sums of every
 sensor are compared with the plugin `coefficient`, per entry (Šidák) and in sum.
+
+In a small room the scatter of sixty seeds is compared with the standard errors that they tell, and
+the systematic error of single sensors with the size of cells.
 """
 
 import mitsuba as mi
@@ -112,3 +115,61 @@ def test_solved_cells_agree_with_plain_path_tracing(case, cell_size, same, plain
         ours, other = mine[..., bins], theirs[..., bins]
         same(ours.mean(axis=1), other=other.mean(axis=1), within=0.02)
         same(ours.sum(axis=2), other=other.sum(axis=2), within=0.05)
+
+
+def small_room(seed, *, solved, **accuracy):
+    """C of a room with desks, for the ground, the sky and suns (replicate, sensor, bin)."""
+    sensors = {"corner": [0.3, 0.4, 0.8], "count": [6, 8], "spacing": 0.55}
+    strip = {"bottom": 0.8, "top": 2.4, "material": "glass"}
+    case = room([3.6, 4.8, 2.8], [strip], sensors=sensors, furniture=DESKS, accuracy=accuracy)
+    world = scene.load(case, effects=EnabledEffects(solved_cells=solved))
+    suns = Suns(tuple(f"sun_{i}" for i in range(len(SUNS))), SUNS, 5.0)
+    accuracy = case.accuracy.model_copy(update={"seed": seed})
+    return coefficients.compute(world, *sensor_points(case), suns, accuracy)["replicates"].values
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solved", [True, False])
+def test_seeds_scatter_by_the_errors_that_they_tell(solved):
+    """Of the sums over all sensors, which hold what errors of the sensors have in common."""
+    seeds = 60
+    every = np.array([
+        small_room(s, solved=solved, paths=128, cell_size=0.45, cell_sky_rays=128)
+        for s in range(seeds)
+    ])  # fmt: skip
+    for bins in (slice(0, 1), slice(1, 146), slice(146, None)):
+        sums = every[..., bins].sum(axis=(2, 3))
+        told = (sums.var(axis=1, ddof=1) / sums.shape[1]).mean()
+        ratio = np.sqrt(sums.mean(axis=1).var(ddof=1) / told)
+        print(f"scatter over told error {ratio:.3f}")
+        # χ² of 59 degrees of freedom: ± 9 %; one test in a thousand is beyond 3.3 of these.
+        assert 0.7 < ratio < 1.3
+
+
+@pytest.mark.slow
+def test_single_sensors_converge_with_the_size_of_cells_and_their_sum_has_no_bias():
+    """The sky's light on sensors: RMS of what remains of their errors once noise is taken out."""
+    sky, fine = slice(1, 146), {"cell_sky_rays": 256, "paths": 1024, "cell_size": 0.15}
+    theirs = np.array([
+        small_room(1000 + s, solved=False, **fine).mean(axis=0)[:, sky].sum(axis=1)
+        for s in range(8)
+    ])  # fmt: skip
+    whole, sizes, left = theirs.mean(axis=0), np.array([0.3, 0.45, 0.6, 0.85, 1.2, 1.7]), []
+    for size in sizes:
+        ours = np.array([
+            small_room(s, solved=True, paths=256, cell_size=size, cell_sky_rays=128)
+            .mean(axis=0)[:, sky].sum(axis=1)
+            for s in range(16)
+        ])  # fmt: skip
+        off = ours.mean(axis=0) - whole
+        noise = ours.var(axis=0, ddof=1) / len(ours) + theirs.var(axis=0, ddof=1) / len(theirs)
+        left.append(np.sqrt((off**2 - noise).mean()) / whole.mean())
+        sums = [x.sum(axis=1) for x in (ours, theirs)]
+        error = np.sqrt(sum(x.var(ddof=1) / len(x) for x in sums)) / whole.sum()
+        bias = off.sum() / whole.sum()
+        print(f"{size} m: sum {bias:+.3%} ± {error:.3%}, RMS of sensors {left[-1]:.3%}")
+        assert abs(bias) < 4 * error
+    assert left[0] < 0.003
+    order = np.polyfit(np.log(sizes), np.log(left), 1)[0]
+    print(f"order {order:.2f}")
+    assert order > 1.2
