@@ -10,7 +10,7 @@ gather, gather_blocks
     G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory; G·D.
 openings, shadow_rays
     D: light that comes straight, through openings and clear panes.
-diffusing_panes, films, film_peaks
+diffusing_panes, films, film_sums, film_peaks
     D: light that one scattering pane sends on, evenly, by a measured BSDF, by its narrow peaks.
 ports, photon_paths, receivers, photons
     D: light by every other chain, from film to film and by components, on photons.
@@ -21,8 +21,8 @@ cell_rays, solved_cells
 first_bounce
     G₁·H where cells are many.
 straight_suns
-    C of straight light from suns alone.
-sensor_blocks, coefficients
+    D and C of straight light from suns: where a shadow's edge crosses their disks.
+replicate, coefficient_arrays, sensor_blocks, coefficients
     C with the standard error of every entry.
 window_deposit, light_paths
     D by the window that light comes in by; C by window and number of bounces.

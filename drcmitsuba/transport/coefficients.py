@@ -26,10 +26,15 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
-from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.schema import describe
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.coefficient_arrays import (
+    PARTS,
+    as_dataset,
+    dark,
+    mean_and_error_of,
+    with_zeros,
+)
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
@@ -44,8 +49,6 @@ HELD = 1 << 29
 """Largest size of the light on cells in all replicates that stays in memory [bytes]."""
 PHOTONS_SHARE = 0.8
 """Share of the progress bar that photons take."""
-
-_PARTS = ("straight", "direct", "interreflected")
 
 
 def compute(
@@ -107,7 +110,7 @@ def compute_blocks(
         subdivision = None
     suns = suns.where(scene.effects.enabled_suns(suns))
     if subdivision is None and not suns.labels:
-        yield from _dark(labels, points, accuracy.replicates)
+        yield from dark(labels, points, accuracy.replicates)
         return
     followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
 
@@ -116,7 +119,7 @@ def compute_blocks(
         if len(followed) == len(labels):
             return C
         number = {label: i for i, label in enumerate(labels)}
-        return _with_zeros(C, labels, [number[label] for label in followed])
+        return with_zeros(C, labels, [number[label] for label in followed])
 
     done = 0
     for block, here in enumerate(kept.cover(len(points))):
@@ -143,46 +146,6 @@ def compute_blocks(
     )  # fmt: skip
     for here, C in blocks:
         yield here, widened(C)
-
-
-def _with_zeros(C: xr.Dataset, labels: list[str], at: list[int]) -> xr.Dataset:
-    """C with bins of all labels: its own are those `at` some indices, the others are 0."""
-
-    def widened(part: xr.DataArray) -> xr.Variable:
-        values = part.values.reshape(-1, part.shape[-1])
-        out = np.zeros((len(values), len(labels)), part.dtype)
-
-        def fill(here: slice) -> None:
-            out[here, at] = values[here]
-
-        in_threads(fill, [slice(i, i + SENSORS) for i in range(0, len(values), SENSORS)])
-        return xr.Variable(part.dims, out.reshape(*part.shape[:-1], len(labels)), part.attrs)
-
-    parts = {name: widened(part) for name, part in C.items()}
-    coords = {**C.drop_vars("bin").coords, "bin": np.array(labels, dtype=object)}
-    return xr.Dataset(parts, coords, C.attrs)
-
-
-def _dark(
-    labels: list[str], points: np.ndarray, replicates: int
-) -> Iterator[tuple[slice, xr.Dataset]]:
-    """Coefficients of 0."""
-    for start in range(0, len(points), SENSORS):
-        here = slice(start, min(start + SENSORS, len(points)))
-        dark = np.zeros((replicates, here.stop - start, len(labels)), np.float32)
-        parts = {name + suffix: dark[0] for name in _PARTS for suffix in ("", "_se")}
-        yield here, as_dataset(labels, points[here], parts, dark)
-
-
-def as_dataset(
-    labels: list[str], points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
-) -> xr.Dataset:
-    """Coefficients [sr] with their dims: parts (sensor, bin) and (replicate, sensor, bin)."""
-    coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
-    coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
-    data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in parts.items()}
-    data["replicates"] = (("replicate", "sensor", "bin"), replicates)
-    return describe(xr.Dataset(data, coords))
 
 
 def estimate(
@@ -286,36 +249,11 @@ def _of_block(
     )
     out, number = {}, replicates[-1].numbers.stop
     shape = count, len(labels)
-    for name, values in zip(_PARTS, (straight, direct, interreflected), strict=True):
-        mean, error = _mean_and_error(values, number)
+    for name, values in zip(PARTS, (straight, direct, interreflected), strict=True):
+        mean, error = mean_and_error_of(values, number)
         out[name], out[f"{name}_se"] = mean.numpy().reshape(shape), error.numpy().reshape(shape)
     total = (direct + interreflected).numpy().reshape(number, *shape)
     return as_dataset(labels, points[here], out, total)
-
-
-@dr.syntax
-def _mean_and_error(values: mi.Float, replicates: int) -> tuple[mi.Float, mi.Float]:
-    """Mean of replicates that stand one after another, and its standard error.
-
-    Differences from the first replicate keep the digits.
-    """
-    size = dr.width(values) // replicates
-    lane, step = dr.arange(mi.UInt32, size), dr.opaque(mi.UInt32, size)
-    number = dr.opaque(mi.UInt32, replicates)
-    first, at, each = dr.gather(mi.Float, values, lane), lane + step, mi.UInt32(1)
-    total, squares = mi.Float(0), mi.Float(0)
-    while each < number:
-        difference = dr.gather(mi.Float, values, at) - first
-        total += difference
-        squares += dr.square(difference)
-        at += step
-        each += 1
-    n = mi.Float(number)
-    total /= n
-    squares -= n * dr.square(total)
-    mean, error = first + total, dr.sqrt(dr.maximum(squares, 0) / (n * (n - 1)))
-    dr.eval(mean, error)
-    return mean, error
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:

@@ -31,16 +31,13 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
+from drcmitsuba.transport.film_sums import summed, widened
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
 from drcmitsuba.transport.shadow_rays import straight
 
 SUN_SAMPLES = {"even": 8, "uneven": 16}
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate, for
 BSDFs that are constant over a cell and for those that are not (isotropic trees)."""
-
-
-WIDE = 4
-"""Number of bins that are read at once."""
 
 
 class Lit(NamedTuple):
@@ -236,8 +233,8 @@ class Films:
             front = 2 * (at // shining) * columns + sun
             faces = lit.faces.array
             shone = dr.gather(mi.Float, faces, front) + dr.gather(mi.Float, faces, front + columns)
-            shone, to_suns = (_widened(table, len(self.suns)) for table in (shone, lit.to_suns))
-        to_sky = _widened(lit.to_sky.array, bins) if bins else mi.Float(0)
+            shone, to_suns = (widened(table, len(self.suns)) for table in (shone, lit.to_suns))
+        to_sky = widened(lit.to_sky.array, bins) if bins else mi.Float(0)
         by_sun = dr.zeros(mi.Float, count * len(self.suns))
         by_sky = dr.zeros(mi.Float, count * bins)
         for kind in looked.kinds:
@@ -247,9 +244,9 @@ class Films:
             dr.eval(sun_row, sky_row)
             w, patch = kind.weight, kind.patch
             if len(self.suns):
-                by_sun += _sum(first, w, sun_row, to_suns, patch, shone, len(self.suns))
+                by_sun += summed(first, w, sun_row, to_suns, patch, shone, len(self.suns))
             if bins:
-                by_sky += _sum(first, w, sky_row, to_sky, None, None, bins)
+                by_sky += summed(first, w, sky_row, to_sky, None, None, bins)
             dr.eval(by_sun, by_sky)
         out = dr.zeros(mi.Float, count * n_suns)
         if len(self.suns):
@@ -257,49 +254,3 @@ class Films:
             sun = dr.gather(mi.UInt32, lit_suns, at % shining)
             dr.scatter(out, by_sun, at // shining * columns + sun)
         return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))
-
-
-def _widened(table: mi.Float, columns: int) -> mi.Float:
-    """Table (row, column) whose columns are filled up with zeros to a multiple of `WIDE`."""
-    if columns % WIDE == 0:
-        dr.eval(table)
-        return table
-    few, many = (dr.opaque(mi.UInt32, n) for n in (columns, -(-columns // WIDE) * WIDE))
-    entry = dr.arange(mi.UInt32, dr.width(table) // columns * (-(-columns // WIDE) * WIDE))
-    column = entry % many
-    out = dr.gather(mi.Float, table, entry // many * few + column, column < few)
-    dr.eval(out)
-    return out
-
-
-@dr.syntax
-def _sum(
-    first: mi.UInt32, weight: mi.Float, row: mi.UInt32, table: mi.Float,
-    patch: mi.UInt32 | None, shone: mi.Float | None, bins: int,
-) -> mi.Float:  # fmt: skip
-    """Σ weight · table[row, bin] (· shone[patch, bin]) over the entries of every receiver.
-
-    `WIDE` bins are read at once, of tables from `_widened`.
-    """
-    wide = -(-bins // WIDE)
-    lane = dr.arange(mi.UInt32, (dr.width(first) - 1) * wide)
-    count = dr.opaque(mi.UInt32, wide)
-    receiver, column = lane // count, lane % count
-    at = dr.gather(mi.UInt32, first, receiver)
-    end = dr.gather(mi.UInt32, first, receiver + 1)
-    total = mi.Vector4d(0)
-    while dr.hint(at < end, exclude=[first, weight, row, table, patch, shone, count]):
-        value = dr.gather(mi.Vector4f, table, dr.gather(mi.UInt32, row, at) * count + column)
-        value *= dr.gather(mi.Float, weight, at)
-        if dr.hint(shone is not None, mode="scalar"):
-            of_patch = dr.gather(mi.UInt32, patch, at) * count + column
-            value *= dr.gather(mi.Vector4f, shone, of_patch)
-        total += mi.Vector4d(value)
-        at += 1
-    values = dr.ravel(mi.Vector4f(total))
-    dr.eval(values)
-    entry, few, many = (
-        dr.arange(mi.UInt32, (dr.width(first) - 1) * bins),
-        *(dr.opaque(mi.UInt32, n) for n in (bins, WIDE * wide)),
-    )
-    return dr.gather(mi.Float, values, entry // few * many + entry % few)

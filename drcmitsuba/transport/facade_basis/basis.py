@@ -9,7 +9,7 @@ import xarray as xr
 
 from drcmitsuba.runtime import lazy
 from drcmitsuba.schema import mean_and_error, positions
-from drcmitsuba.transport.coefficients import as_dataset
+from drcmitsuba.transport.coefficient_arrays import as_dataset
 from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
 from drcmitsuba.transport.marked_paths import MarkedVertices
 
