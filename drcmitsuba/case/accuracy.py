@@ -51,8 +51,8 @@ class Accuracy(Table):
     sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
     """Deposit D: number of rays from a sensor to the sky."""
     sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 4
-    """Deposit D: number of directions from a sensor to a sun that a shadow's edge crosses; a quarter
-    of it to other suns, one from a cell."""
+    """Deposit D: number of directions from a sensor to a sun that a shadow's edge crosses; other
+    suns take a quarter of it, cells one."""
     pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
     """Deposit D: number of points on the scattering panes for each sensor or cell."""
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256
