@@ -113,7 +113,7 @@ class Gathered:
             cell = cells.of(vertices)
             if once:
                 seen = with_weights(seen, cells.count, cell, vertices.weight)
-            own = vertices.row // dr.opaque(mi.UInt32, here.stop - here.start)
+            own = vertices.row // dr.opaque(mi.UInt32, here.stop - here.start) if once else None
             drawn = draw_all(vertices, cell, cells.count, drawn, weighted=once, own=own)
             if len(vertices) <= room:
                 dr.eval(cell)

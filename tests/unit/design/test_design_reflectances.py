@@ -216,7 +216,7 @@ def test_gradient_equals_differences_of_fresh_simulations(interiors, year):
         return dr.mean(interior.illuminance(rho).open.array)
 
     rho, h = reflectances(case_of()), 0.1
-    case = case_of(200, replicates=40)
+    case = case_of(200, replicates=32)
     slopes = np.array([gradient(interior, rho, open_mean) for interior in interiors])
     for i, key in enumerate(KEYS):
         up, down = (
