@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -58,26 +59,54 @@ def with_zeros(C: xr.Dataset, labels: list[str], at: list[int]) -> xr.Dataset:
     return xr.Dataset(parts, coords, C.attrs)
 
 
-@dr.syntax
-def mean_and_error_of(values: mi.Float, replicates: int) -> tuple[mi.Float, mi.Float]:
-    """Mean of replicates that stand one after another, and its standard error.
+@dataclass
+class Spread:
+    """Sums over replicates that are added one after another: their mean and its standard error.
 
     Differences from the first replicate keep the digits.
     """
-    size = dr.width(values) // replicates
-    lane, step = dr.arange(mi.UInt32, size), dr.opaque(mi.UInt32, size)
-    number = dr.opaque(mi.UInt32, replicates)
-    first, at, each = dr.gather(mi.Float, values, lane), lane + step, mi.UInt32(1)
-    total, squares = mi.Float(0), mi.Float(0)
-    while each < number:
+
+    first: mi.Float | None = None
+    total: mi.Float | None = None
+    squares: mi.Float | None = None
+    count: int = 0
+
+    def add(self, values: mi.Float, replicates: int) -> None:
+        """Add some replicates, one after another in an array."""
+        size = dr.width(values) // replicates
+        lane = dr.arange(mi.UInt32, size)
+        if self.first is None:
+            self.first = dr.gather(mi.Float, values, lane)
+            self.total, self.squares = dr.zeros(mi.Float, size), dr.zeros(mi.Float, size)
+            dr.eval(self.first, self.total, self.squares)
+        number = dr.opaque(mi.UInt32, replicates)
+        self.total, self.squares = _added(values, self.first, self.total, self.squares, number)
+        dr.eval(self.total, self.squares)
+        self.count += replicates
+
+    def mean_and_error(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean of all replicates, and its standard error, flat."""
+        assert self.first is not None
+        n = dr.opaque(mi.Float, self.count)
+        off = self.total / n
+        squares = dr.maximum(self.squares - n * dr.square(off), 0)
+        mean, error = self.first + off, dr.sqrt(squares / (n * (n - 1)))
+        dr.eval(mean, error)
+        return mean.numpy(), error.numpy()
+
+
+@dr.syntax
+def _added(
+    values: mi.Float, first: mi.Float, total: mi.Float, squares: mi.Float, replicates: mi.UInt32
+) -> tuple[mi.Float, mi.Float]:
+    """Sums with the differences of some replicates from the first one, and with their squares."""
+    size = dr.width(first)
+    at, step, each = dr.arange(mi.UInt32, size), dr.opaque(mi.UInt32, size), mi.UInt32(0)
+    total, squares = mi.Float(total), mi.Float(squares)
+    while each < replicates:
         difference = dr.gather(mi.Float, values, at) - first
         total += difference
         squares += dr.square(difference)
         at += step
         each += 1
-    n = mi.Float(number)
-    total /= n
-    squares -= n * dr.square(total)
-    mean, error = first + total, dr.sqrt(dr.maximum(squares, 0) / (n * (n - 1)))
-    dr.eval(mean, error)
-    return mean, error
+    return total, squares

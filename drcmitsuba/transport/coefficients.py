@@ -30,12 +30,12 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficient_arrays import (
     PARTS,
+    Spread,
     as_dataset,
     dark,
-    mean_and_error_of,
     with_zeros,
 )
-from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered
@@ -209,6 +209,7 @@ def estimate_blocks(
             for some in replicates:
                 some.meet(gathered.drawn[some.numbers.start : some.numbers.stop], keys)
                 some.pack()
+                dr.flush_malloc_cache()  # later arrays have other sizes, and NumPy needs memory
                 light = some.light
                 if light is None or kept.folder is None:
                     continue
@@ -225,6 +226,7 @@ def estimate_blocks(
                 C = _of_block(
                     replicates, gathered, points, normals, here, labels, sun_samples, of_block
                 )
+                dr.flush_malloc_cache()
                 C.attrs |= attributes
                 kept.put(here, C)
             yield here, C
@@ -237,22 +239,23 @@ def _of_block(
     """Coefficients of a block of sensors."""
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
-    count, parts = here.stop - here.start, list[tuple[Irradiance, ...]]()
+    count, every = here.stop - here.start, replicates[-1].numbers.stop
+    spreads = [Spread() for _ in PARTS]
+    total = np.empty((every, count, len(labels)), np.float32)
     for some in replicates:
         straight, direct = some.sensors(p, n, here, sun_samples, within)
         interreflected = some.interreflected(met, count)
-        parts.append((straight, direct, interreflected))
-        dr.eval(parts[-1])
-        progress(some.numbers.stop / replicates[-1].numbers.stop)
-    straight, direct, interreflected = (
-        dr.concat([one.joined() for one in column]) for column in zip(*parts, strict=True)
-    )
-    out, number = {}, replicates[-1].numbers.stop
-    shape = count, len(labels)
-    for name, values in zip(PARTS, (straight, direct, interreflected), strict=True):
-        mean, error = mean_and_error_of(values, number)
-        out[name], out[f"{name}_se"] = mean.numpy().reshape(shape), error.numpy().reshape(shape)
-    total = (direct + interreflected).numpy().reshape(number, *shape)
+        parts = [light.joined() for light in (straight, direct, interreflected)]
+        dr.eval(parts)
+        for spread, values in zip(spreads, parts, strict=True):
+            spread.add(values, len(some))
+        of_some = total[some.numbers.start : some.numbers.stop]
+        of_some[:] = (parts[1] + parts[2]).numpy().reshape(of_some.shape)
+        progress(some.numbers.stop / every)
+    out = {}
+    for name, spread in zip(PARTS, spreads, strict=True):
+        pair = spread.mean_and_error()
+        out[name], out[f"{name}_se"] = (values.reshape(count, -1) for values in pair)
     return as_dataset(labels, points[here], out, total)
 
 
