@@ -44,6 +44,7 @@ from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
 from drcmitsuba.transport.sensor_blocks import joined
 from drcmitsuba.transport.solved_cells import solved
+from drcmitsuba.transport.straight_suns import sensor_numbers
 
 HELD = 1 << 29
 """Largest size of the light on cells in all replicates that stays in memory [bytes]."""
@@ -242,8 +243,11 @@ def _of_block(
     count, every = here.stop - here.start, replicates[-1].numbers.stop
     spreads = [Spread() for _ in PARTS]
     total = np.empty((every, count, len(labels)), np.float32)
+    base, edges = replicates[0].deposits[0], None
+    if sun_samples and base.bins[1]:
+        edges = base.shadow_edges(p, n, sensor_numbers(here), within)
     for some in replicates:
-        straight, direct = some.sensors(p, n, here, sun_samples, within)
+        straight, direct = some.sensors(p, n, here, sun_samples, within, edges)
         interreflected = some.interreflected(met, count)
         parts = [light.joined() for light in (straight, direct, interreflected)]
         dr.eval(parts)

@@ -120,7 +120,7 @@ class Deposit:
 
     def straight_on_sensors(
         self, p: mi.Float, n: mi.Float, places: mi.UInt32, replicates: range, sun_samples: int,
-        within: mi.Bool | None = None,
+        within: mi.Bool | None = None, edges: mi.UInt32 | None = None,
     ) -> Irradiance:  # fmt: skip
         """D by straight light on sensors in some replicates, shape (replicate · sensor, bin) each.
 
@@ -133,6 +133,8 @@ class Deposit:
         sun_samples : int
             Directions on a sun that a shadow's edge crosses, see `straight_suns`; with 0, suns are
             left out.
+        edges : mi.UInt32, optional
+            Entries that a shadow's edge crosses, from `shadow_edges`; by default looked for.
         """
         count, key, rays = len(replicates), (Stream.SENSORS,), self.accuracy.sensor_sky_rays
         numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
@@ -141,16 +143,26 @@ class Deposit:
         sky = self.by_sky(every_p, every_n, key, rays, numbers, every_within)
         if not sun_samples or not len(self.suns):
             return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(numbers), self.bins[1])))
-        seed = self.accuracy.seed
-        disks = Disks(self.scene, self.suns, self.diameter, seed, p, n, places, within)
+        edges = self.shadow_edges(p, n, places, within) if edges is None else edges
         with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
-            sun = disks.by_replicate(replicates, sun_samples)
+            disks = self._disks(p, n, places, within)
+            sun = disks.by_replicate(replicates, sun_samples, edges)
         mirrored = self._mirrored_suns(every_p, every_n, key, sun_samples, numbers)
         return Irradiance(sky, sun if mirrored is None else sun + mirrored)
 
     @cached_property
     def _outside_glass(self) -> OutsideGlass | None:
         return OutsideGlass.of(self.scene)
+
+    def shadow_edges(
+        self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: mi.Bool | None
+    ) -> mi.UInt32:
+        """Entries (sensor, sun) where a shadow's edge crosses the disk, in all replicates."""
+        with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
+            return self._disks(p, n, places, within).rims()[1]
+
+    def _disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: mi.Bool | None) -> Disks:
+        return Disks(self.scene, self.suns, self.diameter, self.accuracy.seed, p, n, places, within)
 
     def by_sky(
         self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,

@@ -151,11 +151,15 @@ class Replicates:
             self.cells = self.indirect = None
 
     def sensors(
-        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None
-    ) -> tuple[Irradiance, Irradiance]:
-        """D of sensors (replicate · sensor, bin) [sr]: by straight and mirrored light; by all."""
+        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None,
+        edges: mi.UInt32 | None,
+    ) -> tuple[Irradiance, Irradiance]:  # fmt: skip
+        """D of sensors (replicate · sensor, bin) [sr]: by straight and mirrored light; by all.
+
+        `edges` are from `Deposit.shadow_edges`.
+        """
         base, place = self.deposits[0], sensor_numbers(here)
-        straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within)
+        straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, edges)
         scattered = _stacked(
             lit.scattered(p, n, (Stream.SENSORS,), number_in_replicate(place, r))
             for r, lit in zip(self.numbers, self.deposits, strict=True)

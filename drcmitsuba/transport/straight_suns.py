@@ -105,13 +105,15 @@ class Disks:
     within: mi.Bool | None
     """Whether each sensor lies in a room of a model, see `openings.in_rooms`."""
 
-    def by_replicate(self, replicates: range, samples: int) -> mi.TensorXf:
+    def by_replicate(
+        self, replicates: range, samples: int, edges: mi.UInt32 | None = None
+    ) -> mi.TensorXf:
         """D [sr] of the sensors in some replicates, shape (replicate · sensor, sun).
 
         Replicates draw `samples` directions where a shadow's edge crosses a disk. On other disks,
         whose rim is alike, they draw `FEWER`: a hole or a bar counts as often as it is hit.
         """
-        _, edges = self.rims()
+        edges = self.rims()[1] if edges is None else edges
         count, sensors = len(replicates), dr.width(self.p) // 3
         out = sun_deposit(
             self.scene, dr.tile(self.p, count), dr.tile(self.n, count), suns=self.suns,
