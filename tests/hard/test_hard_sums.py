@@ -17,7 +17,7 @@ from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.transport import gather_blocks
-from drcmitsuba.transport.films import _sum
+from drcmitsuba.transport.film_sums import summed, widened
 from drcmitsuba.transport.shadow_rays import sky_deposit
 
 ENOUGH = 1e-5
@@ -85,7 +85,8 @@ def test_what_a_receiver_sees_of_films(holds):
     n, bins = 1 << 17, 3
     weight, table = np.full(n, 0.1 / n, np.float32), np.array([[1.0, 1e-3, 2e3]], np.float32)
     row = dr.zeros(mi.UInt32, n)
-    D = _sum(flat([0, n], np.uint32), flat(weight), row, flat(table), None, None, bins).numpy()
+    first, answers = flat([0, n], np.uint32), widened(flat(table), bins)
+    D = summed(first, flat(weight), row, answers, None, None, bins).numpy()
     exact = weight.astype(float).sum() * table[0].astype(float)
     holds("D by way of films", abs(D / exact - 1), ENOUGH)
 
