@@ -145,8 +145,8 @@ def pairs(folder):
         "shaded_state": (shade, changed(shade, shading__threshold=1e6)),
         "interreflection": (room, changed(room, room={"size": [X, Y, Z], **black})),
         "colour": (
-            changed(room, room__floor=[0.9, 0.1, 0.1]),
-            changed(room, room__floor=[0.3, 0.3, 0.3]),
+            changed(room, room__floor=[0.9, 0.1, 0.1], room__walls=[0.9, 0.1, 0.1]),
+            changed(room, room__floor=[0.3, 0.3, 0.3], room__walls=[0.3, 0.3, 0.3]),
         ),
     }  # fmt: skip
 
