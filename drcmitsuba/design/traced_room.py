@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from drcmitsuba.schema import positions
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Blend
-from drcmitsuba.transport.cell_points import draw_points
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Cells, Grid
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
@@ -148,7 +148,7 @@ class TracedRoom:
         cell = cells.of(vertices)
         D = _deposited(
             case, world, daylight, points, normals,
-            lambda r: draw_points(vertices, cell, cells.count, r)[1:3], progress,
+            Draws.none(a.replicates).extended(vertices, cell, cells.count), progress,
         )  # fmt: skip
         assert vertices.mark is not None
         kinds, mark = numbered(vertices.mark)
@@ -179,9 +179,9 @@ class TracedRoom:
 
 def _deposited(
     case: Case, world: Scene, daylight: Daylight, points: np.ndarray, normals: np.ndarray,
-    draw: Callable[[int], tuple[mi.Float, mi.Float]], progress: Progress,
+    drawn: Draws, progress: Progress,
 ) -> Deposited:  # fmt: skip
-    """Average D·L over the replicates; `draw` gives points and normals on the cells for each."""
+    """Average D·L over the replicates, with the points on the cells that each has `drawn`."""
     a, suns, year = case.accuracy, daylight.suns, AnnualIlluminance.of(daylight)
     panes, size = [panes.quads for panes in world.scattering], 2 * a.cell_size
     base = Deposit(
@@ -193,9 +193,9 @@ def _deposited(
     samples = a.sensor_sun_samples if suns.straight else 0
     sums: tuple[mi.TensorXf, ...] = ()
     sensor_means, cell_means = [], []
-    for r in range(a.replicates):
+    for r, on_cells in enumerate(drawn.apart()):
         deposit, key, cell_key = base.lit(r), (Stream.SENSORS,), (Stream.CELLS,)
-        (q, facing), places = draw(r), dr.arange(mi.UInt32, len(points))
+        q, facing, places = on_cells.p, on_cells.n, dr.arange(mi.UInt32, len(points))
         numbers = number_in_replicate(places, r)
         straight = deposit.straight_on_sensors(p, n, places, range(r, r + 1), samples)
         before = year.by_all(straight.plus(deposit.scattered(p, n, key, numbers)))

@@ -28,7 +28,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cell_points import Drawn, draw_all
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Cells, Grid, Vertices
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.gather_blocks import Gathered, with_weights
@@ -171,7 +171,7 @@ class _Tracer:
         self.windows, self.once = Windows.of(scene), scene.effects.solved_cells
         self.grid = Grid.of(scene, accuracy.cell_size)
         self.cells = Cells.none(self.grid)
-        self.drawn: tuple[Drawn | None, ...] = (None,) * accuracy.replicates
+        self.drawn = Draws.none(accuracy.replicates)
         self.seen = mi.Float64()
         inside = in_rooms(scene, np.array([view.position]))
         self.in_room = None if inside is None else bool(inside[0])
@@ -277,13 +277,12 @@ class _Tracer:
         }
         drawn = Vertices(weight=_at(shown, some) * share, **columns, **points)
         dr.eval(drawn.weight)
-        self.drawn = draw_all(drawn, _at(cell, some), count, self.drawn, weighted=self.once)
+        self.drawn = self.drawn.extended(drawn, _at(cell, some), count, weighted=self.once)
         return mi.UInt32() if self.once else met.row, cell, mi.Float16(met.weight)
 
     def gathered(self) -> Gathered:
         """Cells that the rays of all pixels have met."""
-        drawn = tuple(one for one in self.drawn if one is not None)
-        return Gathered(lambda here: None, (), self.cells, drawn, {}, None, self.seen)  # type: ignore[arg-type,return-value]
+        return Gathered(lambda here: None, (), self.cells, self.drawn, {}, None, self.seen)  # type: ignore[arg-type,return-value]
 
 
 def trace(
@@ -325,8 +324,7 @@ def trace(
     gathered, transfer = tracer.gathered(), None
     if tracer.once and gathered.cells.count:
         gathered, transfer = solved(scene, gathered, accuracy)
-    drawn = gathered.drawn or (None,) * accuracy.replicates
-    light = SurfaceLight.of(traced.light.base, gathered.cells.keys, drawn, transfer)
+    light = SurfaceLight.of(traced.light.base, gathered.cells.keys, gathered.drawn, transfer)
     progress(1.0)
     return replace(traced, light=light, tiles=lambda: iter(kept))
 
@@ -338,5 +336,5 @@ def untraced(
     """Begin a view, with the panes of its scene, but without cells and light paths."""
     base = base_deposit(scene, accuracy, subdivision, diameter)
     glow = Glow(scene, base.films, base.patches)
-    light = SurfaceLight(base, mi.UInt32(), (None,) * accuracy.replicates, None, None)
+    light = SurfaceLight(base, mi.UInt32(), Draws.none(accuracy.replicates), None, None)
     return TracedView(scene, view, rows, columns, sampling, light, glow, lambda: iter(()))

@@ -266,7 +266,7 @@ def prepare(
     stated = {
         "case": fingerprint(case, effects), "view": shown.options(), "rows": rows,
         "columns": columns, "state": state, "seed": case.accuracy.seed,
-        "sampling": asdict(sampling), "variant": mi.variant(),
+        "sampling": asdict(sampling), "variant": mi.variant(), "format": stored_view.FORMAT,
     }  # fmt: skip
     path = None if folder is None else Path(folder) / f"{_kept_name(name, state)}_light_paths"
     turned, channels = _in_the_scene(case, shown), scene.channels_of(case, effects)

@@ -21,13 +21,17 @@ from drcmitsuba.rendering.light_paths import Paths, TracedView
 from drcmitsuba.rendering.surface_light import SurfaceLight
 from drcmitsuba.runtime import zarr_folder
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport.cell_points import Drawn
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cell_rays import Blocks
 from drcmitsuba.transport.solved_cells import OneBounce, Transfer
 
 KEPT = 1 << 30
 """Largest size of light paths that stay in memory [bytes]."""
 CELLS, STATED = "cells.zarr", "view.json"
+FORMAT = 2
+"""Version of the arrays of a view: a folder of another one is written anew."""
+DRAWN = ("rank", "p", "n", "within")
+"""Arrays of the points that stand for cells."""
 _SHORT = 1 << 16
 
 
@@ -57,9 +61,8 @@ def save_paths(paths: Paths, folder: Path) -> None:
 def save_cells(light: SurfaceLight, folder: Path, stated: dict[str, Any]) -> None:
     """Write the cells of a view, and last what the view is of."""
     arrays: dict[str, Any] = {"keys": light.keys}
-    for r, drawn in enumerate(light.drawn):
-        if drawn is not None:
-            arrays |= {f"drawn_{r}_{k}": v for k, v in drawn._asdict().items() if v is not None}
+    points = {f"drawn_{name}": getattr(light.drawn, name) for name in DRAWN}
+    arrays |= {name: values for name, values in points.items() if values is not None}
     attributes = {}
     if light.transfer is not None:
         blocks = light.transfer.blocks
@@ -140,11 +143,8 @@ def load_cells(light: SurfaceLight, folder: Path) -> SurfaceLight:
             return _array(kind, values)
 
         replicates, keys = range(light.base.accuracy.replicates), array("keys")
-        drawn: list[Drawn | None] = [None for _ in replicates]
-        for r in replicates:
-            if f"drawn_{r}_rank" in data:
-                names = [name for name in Drawn._fields if f"drawn_{r}_{name}" in data]
-                drawn[r] = Drawn(**{name: array(f"drawn_{r}_{name}") for name in names})
+        points = {name: array(f"drawn_{name}") for name in DRAWN if f"drawn_{name}" in data}
+        drawn = Draws(len(replicates), dr.width(keys), **points)
         transfer = None
         if "blocks" in data.attrs:
             blocks = Blocks(array("blocks_of"), int(data.attrs["blocks"]), array("blocks_share"))
@@ -153,4 +153,4 @@ def load_cells(light: SurfaceLight, folder: Path) -> SurfaceLight:
                 for r in replicates
             )
             transfer = Transfer(blocks, tuple(bounces))
-    return SurfaceLight.of(light.base, keys, tuple(drawn), transfer)
+    return SurfaceLight.of(light.base, keys, drawn, transfer)

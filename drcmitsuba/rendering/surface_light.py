@@ -21,7 +21,7 @@ from drcmitsuba.rendering.glow import Glow
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cell_points import Drawn
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.film_peaks import Peaks
@@ -74,8 +74,8 @@ class SurfaceLight:
     """Deposit by the sky alone, before `lit`."""
     keys: mi.UInt32
     """Key of every cell."""
-    drawn: tuple[Drawn | None, ...]
-    """Points that stand for the cells, in every replicate; None where there are no cells."""
+    drawn: Draws
+    """Points that stand for the cells in every replicate."""
     transfer: Transfer | None
     """Light between cells; None where paths follow all bounces."""
     sky: Replicates | None
@@ -85,9 +85,8 @@ class SurfaceLight:
 
     @classmethod
     def of(
-        cls, base: Deposit, keys: mi.UInt32, drawn: tuple[Drawn | None, ...],
-        transfer: Transfer | None,
-    ) -> SurfaceLight:  # fmt: skip
+        cls, base: Deposit, keys: mi.UInt32, drawn: Draws, transfer: Transfer | None
+    ) -> SurfaceLight:
         """Compute the light of the sky."""
         none, followed = np.zeros((0, 3)), base.scene.followed and dr.width(keys) > 0
         photons = None
@@ -112,14 +111,13 @@ class SurfaceLight:
         """Light on the cells and panes in every replicate."""
         numbers = range(base.accuracy.replicates)
         every = Replicates(numbers, tuple(map(base.lit, numbers)), transfer=self.transfer)
-        drawn = [one for one in self.drawn if one is not None]
-        if drawn:
+        if self.cells:
             if self.photons is not None:
                 suns, subdivision = base.suns, base.subdivision
                 tracer = replace(self.photons, suns=suns, subdivision=subdivision)
                 seeds = (launch_seed(base.accuracy.seed, Stream.PHOTONS, r) for r in numbers)
                 every.landed = tuple(map(tracer.traced, seeds))
-            every.meet(drawn, self.keys)
+            every.meet(self.drawn, self.keys)
             every.join()
         return every
 

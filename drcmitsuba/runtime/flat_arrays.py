@@ -31,6 +31,19 @@ def _aligned(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
     return out
 
 
+def row_and_column(entry: mi.UInt32, columns: int) -> tuple[mi.UInt32, mi.UInt32]:
+    """Row and column of entries of a flat array (row, column).
+
+    A kernel must not know the number of columns, or it would be compiled anew for every size, and
+    processors take long to divide by an unknown number. A product with its reciprocal in double
+    precision gives the same whole numbers.
+    """
+    if dr.width(entry) == 0:
+        return entry, entry
+    row = mi.UInt32((mi.Float64(entry) + 0.5) * dr.opaque(mi.Float64, 1 / columns))
+    return row, entry - row * dr.opaque(mi.UInt32, columns)
+
+
 def first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:
     """First entry of each of `count` rows in a list sorted by row, and last its length."""
     entries = dr.zeros(mi.UInt32, count + 1)

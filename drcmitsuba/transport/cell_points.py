@@ -2,99 +2,113 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 
+from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.cells import Vertices
 
 # Multiplication by an odd number permutes the 32-bit integers.
 _SCRAMBLE = 0x9E3779B1
 
 
-class Drawn(NamedTuple):
-    """Vertices that stand for the cells."""
+@dataclass(frozen=True)
+class Draws:
+    """Vertices that stand for the cells, one for each cell in every replicate.
 
+    Entries are those of one replicate after those of another.
+    """
+
+    replicates: int
+    cells: int
+    """Number of cells."""
     rank: mi.UInt32
-    """Rank of the drawn vertex, the largest in its cell."""
+    """Rank of the drawn vertex, the largest in its cell; 0 of a point that another draw lends."""
     p: mi.Float
     n: mi.Float
-    """Positions and normals, three numbers a cell."""
+    """Positions and normals, three numbers an entry."""
     within: mi.Bool | None = None
     """Whether the points lie in the rooms of a model; None where nothing tells."""
 
+    @classmethod
+    def none(cls, replicates: int) -> Draws:
+        """Begin without cells."""
+        return cls(replicates, 0, mi.UInt32(), mi.Float(), mi.Float())
 
-def draw_points(
-    vertices: Vertices, cell: mi.UInt32, count: int, salt: int, before: Drawn | None = None
-) -> Drawn:
-    """Draw one vertex at random from each of `count` cells; each `salt` gives another draw.
+    def of(self, replicates: range) -> Draws:
+        """Draws of some replicates."""
+        if len(replicates) == self.replicates or not self.cells:
+            return replace(self, replicates=len(replicates))
+        first = dr.opaque(mi.UInt32, replicates.start * self.cells)
+        entry = dr.arange(mi.UInt32, len(replicates) * self.cells) + first
+        return self._at(len(replicates), self.cells, entry, mi.Bool(True))
 
-    `cell` holds the cell of every vertex. The draw extends `before`, a draw among earlier vertices.
-    """
-    return _draws(vertices, cell, count, [before], salt, weighted=False)[0]
+    def apart(self) -> list[Draws]:
+        """Draws of every replicate by itself."""
+        return [self.of(range(r, r + 1)) for r in range(self.replicates)]
 
+    def extended(
+        self, vertices: Vertices, cell: mi.UInt32, count: int, *, weighted: bool = False,
+        own: mi.UInt32 | None = None,
+    ) -> Draws:  # fmt: skip
+        """Draw one vertex at random from each of `count` cells, among these and earlier vertices.
 
-def draw_all(
-    vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], *,
-    weighted: bool = False, own: mi.UInt32 | None = None,
-) -> tuple[Drawn, ...]:  # fmt: skip
-    """Extend the draws `before` of all replicates, as `draw_points` does.
+        `cell` holds the cell of every vertex. A `weighted` draw takes vertices in proportion to
+        their weights. `own` is the replicate of every vertex: each replicate then draws from its
+        own, and takes the point of the next one that has one for a cell in which it has none.
+        Without it, all draw from all vertices.
+        """
+        if count == 0:  # no path met a surface
+            return self
+        every = self._with_room(count, told=vertices.within is not None)
+        tag = dr.zeros(mi.UInt32, dr.width(every.rank))
+        dr.make_opaque(tag)
+        number, stride = (dr.opaque(mi.UInt32, n) for n in (self.replicates, count))
+        begin = mi.UInt32(0) if own is None else own
+        end = number if own is None else own + 1
+        kernels = _Kernels(vertices, cell, every, tag, begin, end, stride, weighted)
+        kernels.rank()
+        dr.eval(every.rank)
+        kernels.break_ties()
+        dr.eval(tag)
+        kernels.place()
+        dr.eval(every)
+        if own is not None:
+            _lend(every, number, stride)
+        return every
 
-    A `weighted` draw takes vertices in proportion to their weights. `own` is the replicate of every
-    vertex: each replicate then draws from its own, and takes the point of the next one that has one
-    for a cell in which it has none. Without it, all draw from all vertices.
-    """
-    return _draws(vertices, cell, count, before, 0, weighted=weighted, own=own)
+    def _with_room(self, count: int, *, told: bool) -> Draws:
+        """Copy with room for `count` cells."""
+        if self.cells:
+            replicate, cell = row_and_column(dr.arange(mi.UInt32, self.replicates * count), count)
+            before = dr.opaque(mi.UInt32, self.cells)
+            out = self._at(self.replicates, count, replicate * before + cell, cell < before)
+        else:
+            rank = dr.zeros(mi.UInt32, self.replicates * count)
+            p, n = (dr.zeros(mi.Float, 3 * self.replicates * count) for _ in range(2))
+            within = dr.zeros(mi.Bool, self.replicates * count) if told else None
+            out = Draws(self.replicates, count, rank, p, n, within)
+        dr.make_opaque(out)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
+        return out
 
-
-def _draws(
-    vertices: Vertices, cell: mi.UInt32, count: int, before: Sequence[Drawn | None], salt: int, *,
-    weighted: bool, own: mi.UInt32 | None = None,
-) -> tuple[Drawn, ...]:  # fmt: skip
-    """Extend draws of the salts from `salt` on: all in one launch, whatever their number."""
-    told = vertices.within is not None
-    if count == 0:  # no path met a surface
-        none = mi.UInt32(), mi.Float(), mi.Float(), mi.Bool() if told else None
-        return tuple(Drawn(*none) for _ in before)
-    every = _joined(before, count, told)
-    tag = dr.zeros(mi.UInt32, dr.width(every.rank))
-    dr.make_opaque(tag)
-    number, stride, first = (dr.opaque(mi.UInt32, n) for n in (len(before), count, salt))
-    begin = mi.UInt32(0) if own is None else own
-    end = number if own is None else own + 1
-    draws = _Draws(vertices, cell, every, tag, begin, end, stride, first, weighted)
-    draws.rank()
-    dr.eval(every.rank)
-    draws.break_ties()
-    dr.eval(tag)
-    draws.place()
-    dr.eval(every)
-    if own is not None:
-        _lend(every, number, stride)
-    at = dr.arange(mi.UInt32, count)
-    parts = []
-    for i in range(len(before)):
-        entry = at + dr.opaque(mi.UInt32, i * count)
-        rank, p, n = (
-            dr.gather(mi.UInt32, every.rank, entry),
-            *(dr.ravel(dr.gather(mi.Point3f, values, entry)) for values in (every.p, every.n)),
-        )
-        within = dr.gather(mi.Bool, every.within, entry) if told else None
-        parts.append(Drawn(rank, p, n, within))
-    dr.eval(parts)
-    return tuple(parts)
+    def _at(self, replicates: int, cells: int, entry: mi.UInt32, there: mi.Bool) -> Draws:
+        """Copy of some entries."""
+        rank = dr.gather(mi.UInt32, self.rank, entry, there)
+        p, n = (dr.gather(mi.Point3f, values, entry, there) for values in (self.p, self.n))
+        within = None if self.within is None else dr.gather(mi.Bool, self.within, entry, there)
+        dr.eval(rank, p, n, within)
+        return Draws(replicates, cells, rank, dr.ravel(p), dr.ravel(n), within)
 
 
 @dataclass(frozen=True)
-class _Draws:
+class _Kernels:
     """Draws among the same vertices, one after another in the arrays of `every`."""
 
     vertices: Vertices
     cell: mi.UInt32
-    every: Drawn
+    every: Draws
     tag: mi.UInt32
     """Largest tag among the vertices of the largest rank: it breaks ties."""
     begin: mi.UInt32
@@ -102,8 +116,6 @@ class _Draws:
     """First draw of every vertex, and the one after its last."""
     stride: mi.UInt32
     """Number of cells."""
-    salt: mi.UInt32
-    """Salt of the first draw."""
     weighted: bool
 
     @property
@@ -117,7 +129,7 @@ class _Draws:
 
     def _ranks(self, draw: mi.UInt32) -> mi.UInt32:
         """Rank of every vertex; the largest in a cell wins, whatever the order of threads."""
-        salt = (self.salt + draw) * mi.UInt32(0x85EBCA6B)
+        salt = draw * mi.UInt32(0x85EBCA6B)
         rank = (self.vertices.tag ^ salt) * _SCRAMBLE
         if not self.weighted:
             return rank
@@ -170,16 +182,18 @@ class _Draws:
 
 
 @dr.syntax
-def _lend(every: Drawn, number: mi.UInt32, stride: mi.UInt32) -> None:
+def _lend(every: Draws, number: mi.UInt32, stride: mi.UInt32) -> None:
     """Take the points of other draws where a draw has none.
 
     Their rank remains 0: any vertex of its own takes a lent point's place.
     """
     entry = dr.arange(mi.UInt32, dr.width(every.rank))
     empty, told = every.rank == 0, every.within is not None
-    cell, other, step = entry % stride, mi.UInt32(entry), mi.UInt32(1)
-    while dr.hint(empty & (step < number), exclude=[every, told, entry, cell, number, stride]):
-        at = (entry // stride + step) % number * stride + cell
+    draw, cell = row_and_column(entry, every.cells)
+    other, step = mi.UInt32(entry), mi.UInt32(1)
+    while dr.hint(empty & (step < number), exclude=[every, told, draw, cell, number, stride]):
+        next_draw = draw + step
+        at = dr.select(next_draw < number, next_draw, next_draw - number) * stride + cell
         has = dr.gather(mi.UInt32, every.rank, at) > 0
         other = dr.select(has, at, other)
         empty &= ~has
@@ -192,22 +206,3 @@ def _lend(every: Drawn, number: mi.UInt32, stride: mi.UInt32) -> None:
     if dr.hint(told, mode="scalar"):
         dr.scatter(every.within, within, entry)
     dr.eval(every)
-
-
-def _joined(before: Sequence[Drawn | None], count: int, told: bool) -> Drawn:
-    """Copies of draws one after another, each with room for `count` cells."""
-    whole = len(before) * count
-    p, n = (dr.zeros(mi.Float, 3 * whole) for _ in range(2))
-    within = dr.zeros(mi.Bool, whole) if told else None
-    every = Drawn(dr.zeros(mi.UInt32, whole), p, n, within)
-    for name, column in every._asdict().items():
-        if column is None:
-            continue
-        step = dr.width(column) // len(before)
-        for i, old in enumerate(before):
-            values = None if old is None else getattr(old, name)
-            if values is not None and dr.width(values):
-                to = dr.arange(mi.UInt32, dr.width(values)) + dr.opaque(mi.UInt32, i * step)
-                dr.scatter(column, values, to)
-        dr.eval(column)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
-    return every

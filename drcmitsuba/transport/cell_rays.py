@@ -18,22 +18,20 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cell_points import Drawn
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Cells, Vertices
 from drcmitsuba.transport.gather import gather
-from drcmitsuba.transport.gather_blocks import by_replicate
 from drcmitsuba.transport.launch_size import PATHS
 
 EDGE = 3
 """Cells along an edge of the blocks on which light between cells is solved, at least."""
 MOST_BLOCKS = 1000
 """Number of blocks above which their edges grow."""
-LEAST_LOSS = 1e-6
-"""Share of light that every reflection loses: light in a closed white room has a finite sum."""
-NEGLIGIBLE = 1e-6
-"""Relative light beyond the bounces that are summed."""
+MOST_RETURNED = 1 - 1e-6
+"""Largest share of light that a reflection returns: light in a closed white room has a sum."""
 _TAGS = (0x5BD1E995, 0x2545F491)
 """Marks on the numbers of vertices in the two rounds: draws differ from those of other paths."""
 
@@ -86,33 +84,24 @@ class Blocks:
     ) -> mi.TensorXf:
         """Sum over any number of bounces between blocks, 1 + t + t² + …, of rays t = W·T·P.
 
-        It is the product of 1 + t, 1 + t², 1 + t⁴ … : each factor doubles the number of bounces.
-        The rays of a replicate stand together; the sum has the shape (replicate · block, block).
+        It is the inverse of 1 − t, since no row of t adds up to more than `MOST_RETURNED`. The rays
+        of a replicate stand together; the sum has the shape (replicate · block, block).
         """
         count, rows = dr.opaque(mi.UInt32, self.count), replicates * self.count
         out = dr.zeros(mi.Float64, rows * self.count)
-        each = dr.opaque(mi.UInt32, max(1, dr.width(source) // replicates))
-        row = dr.gather(mi.UInt32, self.of, source)
-        row += dr.arange(mi.UInt32, dr.width(source)) // each * count
+        ray = dr.arange(mi.UInt32, dr.width(source))
+        replicate, _ = row_and_column(ray, dr.width(source) // replicates)
+        row = dr.gather(mi.UInt32, self.of, source) + replicate * count
         value = mi.Float64(weight * dr.gather(mi.Float, self.share, source))
         dr.scatter_add(out, value, row * count + dr.gather(mi.UInt32, self.of, cell))
-        term = mi.TensorXf(mi.Float((1 - LEAST_LOSS) * out), (rows, self.count))
-        most = min(float(dr.max(dr.sum(term, axis=1).array)[0]), 1 - LEAST_LOSS)
-        row = dr.arange(mi.UInt32, rows)
-        one = dr.zeros(mi.TensorXf, (rows, self.count))
-        dr.scatter(one.array, mi.Float(1), row * count + row % count)
-        total = one + term
-        left = most**2
-        while left > NEGLIGIBLE * (1 - most):  # what further bounces could add
-            term = by_replicate(term, term, replicates)
-            total = total + by_replicate(term, total, replicates)
-            left = left**2
-            dr.eval(term, total)
-        return total
+        t = out.numpy().reshape(replicates, self.count, self.count)
+        t = t * (MOST_RETURNED / np.maximum(t.sum(axis=2, keepdims=True), 1))
+        every = np.linalg.inv(np.eye(self.count) - t)
+        return mi.TensorXf(flat(every), (rows, self.count))
 
 
 def trace(
-    scene: Scene, cells: Cells, drawn: tuple[Drawn, ...], here: slice, rays: int,
+    scene: Scene, cells: Cells, drawn: Draws, here: slice, rays: int,
     accuracy: Accuracy, turn: int,
 ) -> Iterator[CellRays]:  # fmt: skip
     """Trace rays from the points that stand for some cells, in every replicate.
@@ -131,18 +120,15 @@ def trace(
     CellRays
         Rays of one launch; random numbers depend on the cell, not on the launch.
     """
-    replicates, keys = len(drawn), cells.keys
+    replicates, keys = drawn.replicates, cells.keys
     seed = launch_seed(accuracy.seed, Stream.CELL_RAYS, turn)
     step = max(1, PATHS // (rays * replicates))
+    points = [values.numpy().reshape(replicates, -1, 3) for values in (drawn.p, drawn.n)]
+    rooms = None if drawn.within is None else drawn.within.numpy().reshape(replicates, -1)
     for start in range(here.start, here.stop, step):
         stop = min(start + step, here.stop)
-        at = slice(3 * start, 3 * stop)
-        p, n = (
-            np.concatenate([one.numpy()[at] for one in column]).reshape(-1, 3)
-            for column in ([one.p for one in drawn], [one.n for one in drawn])
-        )
-        told = [one.within.numpy()[start:stop] for one in drawn if one.within is not None]
-        within = np.concatenate(told) if told else None
+        p, n = (values[:, start:stop].reshape(-1, 3) for values in points)
+        within = None if rooms is None else rooms[:, start:stop].ravel()
         few, first, many = (dr.opaque(mi.UInt32, n) for n in (stop - start, start, replicates))
         row = dr.arange(mi.UInt32, len(p))
         number = dr.gather(mi.UInt32, keys, row % few + first) * many + row // few

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import drjit as dr
@@ -13,6 +13,7 @@ import xarray as xr
 
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import describe
+from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.launch_size import SENSORS
 
 PARTS = ("straight", "direct", "interreflected")
@@ -72,27 +73,61 @@ class Spread:
     count: int = 0
 
     def add(self, values: mi.Float, replicates: int) -> None:
-        """Add some replicates, one after another in an array."""
+        """Add some replicates, one after another in an array; nothing is evaluated yet."""
         size = dr.width(values) // replicates
-        lane = dr.arange(mi.UInt32, size)
+        if size == 0:
+            self.first = self.total = self.squares = values
+            return
         if self.first is None:
-            self.first = dr.gather(mi.Float, values, lane)
+            self.first = dr.gather(mi.Float, values, dr.arange(mi.UInt32, size))
             self.total, self.squares = dr.zeros(mi.Float, size), dr.zeros(mi.Float, size)
-            dr.eval(self.first, self.total, self.squares)
         number = dr.opaque(mi.UInt32, replicates)
         self.total, self.squares = _added(values, self.first, self.total, self.squares, number)
-        dr.eval(self.total, self.squares)
         self.count += replicates
 
-    def mean_and_error(self) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def sums(self) -> tuple[mi.Float | None, ...]:
+        """Arrays to be evaluated after `add`."""
+        return self.first, self.total, self.squares
+
+    def mean_and_error(self) -> tuple[mi.Float, mi.Float]:
         """Mean of all replicates, and its standard error, flat."""
         assert self.first is not None
+        if dr.width(self.first) == 0:
+            return self.first, self.first
         n = dr.opaque(mi.Float, self.count)
         off = self.total / n
         squares = dr.maximum(self.squares - n * dr.square(off), 0)
-        mean, error = self.first + off, dr.sqrt(squares / (n * (n - 1)))
-        dr.eval(mean, error)
-        return mean.numpy(), error.numpy()
+        return self.first + off, dr.sqrt(squares / (n * (n - 1)))
+
+
+@dataclass
+class Statistics:
+    """Parts of C in sums over replicates, apart for sky and suns: they are never joined."""
+
+    spreads: dict[str, tuple[Spread, Spread]] = field(
+        default_factory=lambda: {name: (Spread(), Spread()) for name in PARTS}
+    )
+
+    def add(self, lights: dict[str, Irradiance], replicates: int) -> None:
+        """Add the parts in some replicates, each (replicate · sensor, bin) [sr]."""
+        for name, light in lights.items():
+            for spread, values in zip(self.spreads[name], light, strict=True):
+                spread.add(values.array, replicates)
+        dr.eval([spread.sums for pair in self.spreads.values() for spread in pair])
+
+    def arrays(self, sensors: int) -> dict[str, np.ndarray]:
+        """Means and standard errors of all parts, each of shape (sensor, bin)."""
+        every = {
+            name: [spread.mean_and_error() for spread in pair]
+            for name, pair in self.spreads.items()
+        }
+        dr.eval(every)
+        return {
+            name + suffix: np.hstack([pair[i].numpy().reshape(sensors, -1) for pair in pairs])
+            for name, pairs in every.items()
+            for i, suffix in enumerate(("", "_se"))
+        }
 
 
 @dr.syntax

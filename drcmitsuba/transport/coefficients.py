@@ -30,7 +30,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficient_arrays import (
     PARTS,
-    Spread,
+    Statistics,
     as_dataset,
     dark,
     with_zeros,
@@ -208,7 +208,7 @@ def estimate_blocks(
         if gathered.cells.count:
             keys = gathered.cells.keys
             for some in replicates:
-                some.meet(gathered.drawn[some.numbers.start : some.numbers.stop], keys)
+                some.meet(gathered.drawn.of(some.numbers), keys)
                 some.pack()
                 dr.flush_malloc_cache()  # later arrays have other sizes, and NumPy needs memory
                 light = some.light
@@ -241,26 +241,23 @@ def _of_block(
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
     count, every = here.stop - here.start, replicates[-1].numbers.stop
-    spreads = [Spread() for _ in PARTS]
-    total = np.empty((every, count, len(labels)), np.float32)
+    statistics, total = Statistics(), np.empty((every, count, len(labels)), np.float32)
     base, edges = replicates[0].deposits[0], None
-    if sun_samples and base.bins[1]:
+    sky, suns = base.bins
+    if sun_samples and suns:
         edges = base.shadow_edges(p, n, sensor_numbers(here), within)
     for some in replicates:
         straight, direct = some.sensors(p, n, here, sun_samples, within, edges)
         interreflected = some.interreflected(met, count)
-        parts = [light.joined() for light in (straight, direct, interreflected)]
-        dr.eval(parts)
-        for spread, values in zip(spreads, parts, strict=True):
-            spread.add(values, len(some))
-        of_some = total[some.numbers.start : some.numbers.stop]
-        of_some[:] = (parts[1] + parts[2]).numpy().reshape(of_some.shape)
+        whole = direct.plus(interreflected)
+        parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
+        dr.eval(parts, whole)
+        statistics.add(parts, len(some))
+        own = slice(some.numbers.start, some.numbers.stop)
+        for columns, values in zip((np.s_[:sky], np.s_[sky:]), whole, strict=True):
+            total[own, :, columns] = values.numpy().reshape(len(some), count, -1)
         progress(some.numbers.stop / every)
-    out = {}
-    for name, spread in zip(PARTS, spreads, strict=True):
-        pair = spread.mean_and_error()
-        out[name], out[f"{name}_se"] = (values.reshape(count, -1) for values in pair)
-    return as_dataset(labels, points[here], out, total)
+    return as_dataset(labels, points[here], statistics.arrays(count), total)
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:

@@ -51,17 +51,6 @@ class Irradiance(NamedTuple):
         """All bins in one array (receiver, bin)."""
         return np.concatenate([self.sky.numpy(), self.sun.numpy()], axis=1)
 
-    def joined(self) -> mi.Float:
-        """All bins of a receiver after those of another, flat (receiver, bin)."""
-        (rows, sky), suns = self.sky.shape, self.sun.shape[1]
-        if not sky or not suns:
-            return self.sun.array if suns else self.sky.array
-        entry = dr.arange(mi.UInt32, rows * (sky + suns))
-        each, first, rest = (dr.opaque(mi.UInt32, n) for n in (sky + suns, sky, suns))
-        row, bin = entry // each, entry % each
-        of_sky = dr.gather(mi.Float, self.sky.array, row * first + bin, bin < first)
-        return of_sky + dr.gather(mi.Float, self.sun.array, row * rest + bin - first, bin >= first)
-
 
 @dataclass(frozen=True)
 class Deposit:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
+from drcmitsuba.runtime.flat_arrays import row_and_column
+
 WIDE = 4
 """Number of bins that are read at once."""
 
@@ -14,10 +16,10 @@ def widened(table: mi.Float, columns: int) -> mi.Float:
     if columns % WIDE == 0:
         dr.eval(table)
         return table
-    few, many = (dr.opaque(mi.UInt32, n) for n in (columns, -(-columns // WIDE) * WIDE))
-    entry = dr.arange(mi.UInt32, dr.width(table) // columns * (-(-columns // WIDE) * WIDE))
-    column = entry % many
-    out = dr.gather(mi.Float, table, entry // many * few + column, column < few)
+    few, many = dr.opaque(mi.UInt32, columns), -(-columns // WIDE) * WIDE
+    entry = dr.arange(mi.UInt32, dr.width(table) // columns * many)
+    row, column = row_and_column(entry, many)
+    out = dr.gather(mi.Float, table, row * few + column, column < few)
     dr.eval(out)
     return out
 
@@ -34,7 +36,7 @@ def summed(
     wide = -(-bins // WIDE)
     lane = dr.arange(mi.UInt32, (dr.width(first) - 1) * wide)
     count = dr.opaque(mi.UInt32, wide)
-    receiver, column = lane // count, lane % count
+    receiver, column = row_and_column(lane, wide)
     at = dr.gather(mi.UInt32, first, receiver)
     end = dr.gather(mi.UInt32, first, receiver + 1)
     total = mi.Vector4d(0)
@@ -48,8 +50,6 @@ def summed(
         at += 1
     values = dr.ravel(mi.Vector4f(total))
     dr.eval(values)
-    entry, few, many = (
-        dr.arange(mi.UInt32, (dr.width(first) - 1) * bins),
-        *(dr.opaque(mi.UInt32, n) for n in (bins, WIDE * wide)),
-    )
-    return dr.gather(mi.Float, values, entry // few * many + entry % few)
+    entry = dr.arange(mi.UInt32, (dr.width(first) - 1) * bins)
+    receiver, bin = row_and_column(entry, bins)
+    return dr.gather(mi.Float, values, receiver * dr.opaque(mi.UInt32, WIDE * wide) + bin)

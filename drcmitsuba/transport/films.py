@@ -25,7 +25,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
-from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices
+from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
@@ -225,12 +225,11 @@ class Films:
         first_of_mount = np.cumsum([0, *(m.rows for m in self.mounts)])
         first_sun = flat_indices(first_of_mount[self.patches.owner])
         lit_suns, columns = flat_indices(self.suns), dr.opaque(mi.UInt32, n_suns)
-        shining = dr.opaque(mi.UInt32, len(self.suns))  # literals would have kernels compiled anew
         shone, to_suns = mi.Float(0), mi.Float(0)
         if len(self.suns):
             at = dr.arange(mi.UInt32, len(self.patches) * len(self.suns))
-            sun = dr.gather(mi.UInt32, lit_suns, at % shining)
-            front = 2 * (at // shining) * columns + sun
+            patch, shining = row_and_column(at, len(self.suns))
+            front = 2 * patch * columns + dr.gather(mi.UInt32, lit_suns, shining)
             faces = lit.faces.array
             shone = dr.gather(mi.Float, faces, front) + dr.gather(mi.Float, faces, front + columns)
             shone, to_suns = (widened(table, len(self.suns)) for table in (shone, lit.to_suns))
@@ -251,6 +250,7 @@ class Films:
         out = dr.zeros(mi.Float, count * n_suns)
         if len(self.suns):
             at = dr.arange(mi.UInt32, count * len(self.suns))
-            sun = dr.gather(mi.UInt32, lit_suns, at % shining)
-            dr.scatter(out, by_sun, at // shining * columns + sun)
+            receiver, shining = row_and_column(at, len(self.suns))
+            sun = dr.gather(mi.UInt32, lit_suns, shining)
+            dr.scatter(out, by_sun, receiver * columns + sun)
         return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))

@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.gather_blocks import Met
 
@@ -39,13 +40,13 @@ class CellLight:
 
         `block` is the block of every cell.
         """
-        (rows, sky), each = D.sky.shape, dr.opaque(mi.UInt32, dr.width(block))
+        rows, sky = D.sky.shape
         bins = sky + D.sun.shape[1]
         wide = -(-bins // WIDE) * WIDE
-        entry = dr.arange(mi.UInt32, rows * wide)
-        cell, bin = entry // dr.opaque(mi.UInt32, wide), entry % dr.opaque(mi.UInt32, wide)
-        of_block = dr.gather(mi.UInt32, block, cell % each)
-        of_block += cell // each * dr.opaque(mi.UInt32, blocks)
+        cell, bin = row_and_column(dr.arange(mi.UInt32, rows * wide), wide)
+        replicate, own_cell = row_and_column(cell, dr.width(block))
+        of_block = dr.gather(mi.UInt32, block, own_cell)
+        of_block += replicate * dr.opaque(mi.UInt32, blocks)
         values = mi.Float(0)
         for d, x, first in ((D.sky, X.sky, 0), (D.sun, X.sun, sky)):
             if d.shape[1] == 0:
@@ -86,8 +87,9 @@ class CellLight:
         if dr.width(met.weight) == 0:
             return [dr.zeros(mi.TensorXf, (0, n)) for n in bins]
         each = dr.opaque(mi.UInt32, dr.width(values) // (WIDE * wide * replicates))
-        share = dr.opaque(mi.UInt32, dr.width(met.weight) // replicates)
-        cell = met.cell + dr.arange(mi.UInt32, dr.width(met.cell)) // share * each
+        vertex = dr.arange(mi.UInt32, dr.width(met.cell))
+        replicate, _ = row_and_column(vertex, dr.width(vertex) // replicates)
+        cell = met.cell + replicate * each
         rows = dr.width(met.weight) // paths
         total = _summed(values, cell, met.weight, rows, paths, wide)
         dr.eval(total)
@@ -96,8 +98,8 @@ class CellLight:
             if not count:
                 parts.append(dr.zeros(mi.TensorXf, (rows, 0)))
                 continue
-            entry, few = dr.arange(mi.UInt32, rows * count), dr.opaque(mi.UInt32, count)
-            at = entry // few * dr.opaque(mi.UInt32, WIDE * wide) + entry % few
+            row, bin = row_and_column(dr.arange(mi.UInt32, rows * count), count)
+            at = row * dr.opaque(mi.UInt32, WIDE * wide) + bin
             part = dr.gather(mi.Float, total, at + dr.opaque(mi.UInt32, first))
             parts.append(mi.TensorXf(part, (rows, count)))
             first += count
@@ -110,8 +112,8 @@ def _summed(
 ) -> mi.Float:
     """Sum in double precision, flat (sensor, bin)."""
     stride, each = dr.opaque(mi.UInt32, wide), dr.opaque(mi.UInt32, paths)
-    lane = dr.arange(mi.UInt32, sensors * wide)
-    vertex, column = lane // stride * each, lane % stride
+    sensor, column = row_and_column(dr.arange(mi.UInt32, sensors * wide), wide)
+    vertex = sensor * each
     end, total = vertex + each, mi.Vector4d(0)
     while vertex < end:
         at = dr.gather(mi.UInt32, cell, vertex) * stride + column

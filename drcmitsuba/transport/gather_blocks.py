@@ -7,7 +7,7 @@ are traced again, with the same random numbers, when their turn comes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,9 +16,10 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cell_points import Drawn, draw_all
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Cells, Grid, Vertices
 from drcmitsuba.transport.gather import USUAL, Crossings, Marks, expected_bounces, gather
 from drcmitsuba.transport.openings import in_rooms
@@ -63,8 +64,8 @@ class Gathered:
     """Sensors of each launch."""
     cells: Cells
     """Cells that the paths of all sensors meet."""
-    drawn: tuple[Drawn, ...]
-    """Points that stand for the cells, for each replicate."""
+    drawn: Draws
+    """Points that stand for the cells in every replicate."""
     kept: dict[int, Met]
     """Vertices of some blocks, by their first sensor."""
     within: np.ndarray | None = None
@@ -101,8 +102,8 @@ class Gathered:
         most = int(lanes * USUAL / bounces) // paths  # in white rooms paths are long
         n, step = len(points), max(1, min(block, most))
         blocks = tuple(slice(i, min(i + step, n)) for i in range(0, n, step))
-        drawn: Sequence[Drawn | None] = [None] * accuracy.replicates
-        cells, kept, room, seen = Cells.none(grid), dict[int, Met](), KEPT, mi.Float64()
+        cells, drawn, seen = Cells.none(grid), Draws.none(accuracy.replicates), mi.Float64()
+        kept, room = dict[int, Met](), KEPT
         for here in blocks:
             vertices = trace(here)
             if len(vertices) == 0:
@@ -114,13 +115,12 @@ class Gathered:
             if once:
                 seen = with_weights(seen, cells.count, cell, vertices.weight)
             own = vertices.row // dr.opaque(mi.UInt32, here.stop - here.start) if once else None
-            drawn = draw_all(vertices, cell, cells.count, drawn, weighted=once, own=own)
+            drawn = drawn.extended(vertices, cell, cells.count, weighted=once, own=own)
             if len(vertices) <= room:
                 dr.eval(cell)
                 kept[here.start] = Met(vertices.row, cell, vertices.weight, vertices.mark)
                 room -= len(vertices)
-        known = tuple(one for one in drawn if one is not None)
-        return cls(trace, blocks, cells, known, kept, within, seen)
+        return cls(trace, blocks, cells, drawn, kept, within, seen)
 
     def met(self, here: slice) -> Met:
         """Vertices of a block of sensors."""
@@ -166,11 +166,11 @@ def lit_and_shining(d: mi.TensorXf, replicates: int = 1) -> Reached:
     (rows, bins), values = d.shape, d.array
     if not rows * bins:
         return Reached(mi.UInt32(), mi.UInt32())
-    each, stride = (dr.opaque(mi.UInt32, n) for n in (rows // replicates, bins))
-    entry, light = dr.arange(mi.UInt32, rows * bins), values > 0
+    row, bin = row_and_column(dr.arange(mi.UInt32, rows * bins), bins)
+    _, cell = row_and_column(row, rows // replicates)
     lit, shining = dr.zeros(mi.Bool, rows // replicates), dr.zeros(mi.Bool, bins)
-    dr.scatter(lit, mi.Bool(True), entry // stride % each, light)
-    dr.scatter(shining, mi.Bool(True), entry % stride, light)
+    dr.scatter(lit, mi.Bool(True), cell, values > 0)
+    dr.scatter(shining, mi.Bool(True), bin, values > 0)
     dr.eval(lit, shining)
     return Reached(dr.compress(lit), dr.compress(shining))
 
@@ -195,12 +195,12 @@ def product(
     n_lit, n_shining = dr.width(lit), dr.width(shining)
     out = dr.zeros(mi.Float, rows * bins)
     if n_lit and n_shining:
-        columns, every = dr.opaque(mi.UInt32, n_shining), dr.opaque(mi.UInt32, cells)
+        every = dr.opaque(mi.UInt32, cells)
         number = dr.full(mi.UInt32, n_lit, cells)
         dr.scatter(number, dr.arange(mi.UInt32, n_lit), lit)
         at = dr.gather(mi.UInt32, number, cell, mine)
-        entry = dr.arange(mi.UInt32, rows * n_shining)
-        to_bin = dr.gather(mi.UInt32, shining, entry % columns)
+        to_row, column = row_and_column(dr.arange(mi.UInt32, rows * n_shining), n_shining)
+        to_bin = dr.gather(mi.UInt32, shining, column)
         total = dr.zeros(mi.Float64, rows * n_shining)
         for start in range(0, n_lit, SUMMED):
             size = min(SUMMED, n_lit - start)
@@ -208,13 +208,14 @@ def product(
             here = mine & (at >= first) & (at < first + few)
             g = dr.zeros(mi.Float64, rows * size)
             dr.scatter_add(g, mi.Float64(weight), row * few + at - first, here)
-            part = dr.arange(mi.UInt32, replicates * size * n_shining)
-            line = part // columns
-            from_cell = dr.gather(mi.UInt32, lit, first + line % few) + line // few * every
-            from_bin = dr.gather(mi.UInt32, shining, part % columns)
+            entry = dr.arange(mi.UInt32, replicates * size * n_shining)
+            line, column = row_and_column(entry, n_shining)
+            replicate, place = row_and_column(line, size)
+            from_cell = dr.gather(mi.UInt32, lit, first + place) + replicate * every
+            from_bin = dr.gather(mi.UInt32, shining, column)
             compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
             G = mi.TensorXf(mi.Float(g), (rows, size))
             D = mi.TensorXf(compact, (replicates * size, n_shining))
             total += mi.Float64(by_replicate(G, D, replicates).array)
-        dr.scatter(out, mi.Float(total), entry // columns * stride + to_bin)
+        dr.scatter(out, mi.Float(total), to_row * stride + to_bin)
     return mi.TensorXf(out, (rows, bins))

@@ -200,7 +200,7 @@ def _on_cells(
     landed: list[Landed], replicate: int,
 ) -> list[Irradiance]:  # fmt: skip
     """D of the cells by window and component, at the points that stand for them [sr]."""
-    drawn, keys = gathered.drawn[replicate], gathered.cells.keys
+    drawn, keys = gathered.drawn.apart()[replicate], gathered.cells.keys
     p, n, rays, key = drawn.p, drawn.n, deposit.accuracy.cell_sky_rays, (Stream.CELLS,)
     numbers = number_in_replicate(keys, replicate)
     parts = by_window.parts(

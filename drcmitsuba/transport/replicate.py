@@ -10,9 +10,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
-from drcmitsuba.transport.cell_points import Drawn
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met, Reached, by_replicate, lit_and_shining, product
@@ -76,23 +76,20 @@ class Replicates:
         """Count the replicates."""
         return len(self.numbers)
 
-    def meet(self, drawn: Sequence[Drawn], keys: mi.UInt32) -> None:
+    def meet(self, drawn: Draws, keys: mi.UInt32) -> None:
         """Compute D of the cells [sr] at the points that stand for them, and what they reflect.
 
         Where the faces of evenly scattering panes are fewer than bins, their light stays apart.
         `drawn` are the points in each of these replicates.
         """
         base, rays = self.deposits[0], self.deposits[0].accuracy.cell_sky_rays
-        p, n = dr.concat([one.p for one in drawn]), dr.concat([one.n for one in drawn])
-        told = [one.within for one in drawn if one.within is not None]
+        p, n = drawn.p, drawn.n
         each = [number_in_replicate(keys, r) for r in self.numbers]
         numbers, key = dr.concat(each), (Stream.CELLS,)
-        D = base.straight(
-            p, n, key, rays, numbers=numbers, within=dr.concat(told) if told else None
-        )
+        D = base.straight(p, n, key, rays, numbers=numbers, within=drawn.within)
         films = [
             lit.by_films(one.p, one.n, key, own)
-            for lit, one, own in zip(self.deposits, drawn, each, strict=True)
+            for lit, one, own in zip(self.deposits, drawn.apart(), each, strict=True)
         ]
         D = D.plus(_stacked(films)).plus(_stacked(one.on(keys) for one in self.landed))
         dr.eval(*D)  # a pending sum would keep all of its parts
@@ -137,8 +134,9 @@ class Replicates:
         """Row of `indirect` for rows of `cells`."""
         assert self.transfer is not None
         blocks = self.transfer.blocks
-        cells, count = dr.opaque(mi.UInt32, dr.width(blocks.of)), dr.opaque(mi.UInt32, blocks.count)
-        return dr.gather(mi.UInt32, blocks.of, row % cells) + row // cells * count
+        replicate, cell = row_and_column(row, dr.width(blocks.of))
+        count = dr.opaque(mi.UInt32, blocks.count)
+        return dr.gather(mi.UInt32, blocks.of, cell) + replicate * count
 
     def pack(self) -> None:
         """Join the light of cells where they are so many that sums over paths gather it."""

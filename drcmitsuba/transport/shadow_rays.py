@@ -23,7 +23,7 @@ from drcmitsuba_plugins.sampling import (
     transmittance,
 )
 
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
@@ -150,10 +150,9 @@ def sun_deposit(
     of_pairs = _by_pairs(
         scene, openings, points, normals, suns, diameter, samples, seed, numbers, through
     )
-    stride = dr.opaque(mi.UInt32, n_suns)  # a literal would have the kernel compiled anew
     for pair in _possible_pairs(openings, points, normals, suns, diameter):
         active = dr.full(mi.Bool, True, dr.width(pair))
-        dr.scatter(out, of_pairs(pair // stride, pair % stride, active), pair)
+        dr.scatter(out, of_pairs(*row_and_column(pair, n_suns), active), pair)
         dr.eval(out)
     return mi.TensorXf(out, (count, n_suns))
 
@@ -176,13 +175,14 @@ def rim_deposit(
         Mean, least and largest D of the directions [sr].
     """
     mean, least, most = (dr.zeros(mi.Float, dr.width(points) // 3 * len(suns)) for _ in range(3))
-    openings, stride = Openings.of(scene, points, within), dr.opaque(mi.UInt32, len(suns))
+    openings = Openings.of(scene, points, within)
     of_pairs = _by_pairs(scene, openings, points, normals, suns, diameter, 1, seed, numbers)
     for pair in _possible_pairs(openings, points, normals, suns, diameter):
         active, lowest = dr.full(mi.Bool, True, dr.width(pair)), mi.Float(dr.inf)
         total, highest = mi.Float(0), mi.Float(0)
+        row, sun = row_and_column(pair, len(suns))
         for rim in range(RIM):
-            D = of_pairs(pair // stride, pair % stride, active, rim)
+            D = of_pairs(row, sun, active, rim)
             dr.eval(D)
             total, lowest, highest = total + D, dr.minimum(lowest, D), dr.maximum(highest, D)
         for out, value in ((mean, total / RIM), (least, lowest), (most, highest)):

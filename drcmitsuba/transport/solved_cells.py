@@ -26,8 +26,9 @@ import drjit as dr
 import mitsuba as mi
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.cell_points import Drawn, draw_all
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
 from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather_blocks import (
@@ -85,8 +86,8 @@ class Transfer:
         blocks, count = self.blocks, len(replicates)
         every = [self.bounces[r] for r in replicates]
         source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
-        each = dr.opaque(mi.UInt32, dr.width(source) // count)
-        number = dr.arange(mi.UInt32, dr.width(source)) // each
+        ray = dr.arange(mi.UInt32, dr.width(source))
+        number, _ = row_and_column(ray, dr.width(source) // count)
         if replicates not in self._all_bounces:
             further = blocks.all_bounces(source, cell, weight, count)
             self._all_bounces[replicates] = further
@@ -127,7 +128,7 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
         cells = cells.extended(rays.met)  # some few more, which send no rays
         met = rays.weighed(first.importance, replicates)
         cell = cells.of(met)
-        drawn = draw_all(met, cell, cells.count, drawn, weighted=True, own=rays.replicate)
+        drawn = drawn.extended(met, cell, cells.count, weighted=True, own=rays.replicate)
         total = with_weights(total, cells.count, cell, met.weight)
         each = dr.width(cell) // replicates  # the rays of a replicate stand together
         for r, part in enumerate(parts):
@@ -146,7 +147,7 @@ class _Explored(NamedTuple):
     """Result of the first round."""
 
     cells: Cells
-    points: tuple[Drawn, ...]
+    points: Draws
     """Points that rays of the second round start from."""
     of_sensors: mi.Float64
     """G₁ of every cell, in sum over the sensors."""
@@ -163,7 +164,7 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
         for one in trace(scene, cells, points, here, FEW, accuracy, 0):
             cells = cells.extended(one.met)
             cell = cells.of(one.met)
-            points = draw_all(one.met, cell, cells.count, points, weighted=True, own=one.replicate)
+            points = points.extended(one.met, cell, cells.count, weighted=True, own=one.replicate)
             rays.append(one)
         done = here.stop
     assert gathered.seen is not None
@@ -173,5 +174,5 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
     for one in rays:
         met = one.weighed(weight, accuracy.replicates)
         cell = cells.of(met)
-        points = draw_all(met, cell, cells.count, points, weighted=True, own=one.replicate)
+        points = points.extended(met, cell, cells.count, weighted=True, own=one.replicate)
     return _Explored(cells, points, of_sensors, weight, done)

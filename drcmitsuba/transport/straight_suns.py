@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import REPLICATES, Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import mean_and_error
@@ -125,8 +125,8 @@ class Disks:
         if dr.width(edges):
             each = dr.opaque(mi.UInt32, sensors * len(self.suns))
             lane = dr.arange(mi.UInt32, count * dr.width(edges))
-            few = dr.opaque(mi.UInt32, dr.width(edges))
-            at = lane // few * each + dr.gather(mi.UInt32, edges, lane % few)
+            replicate, edge = row_and_column(lane, dr.width(edges))
+            at = replicate * each + dr.gather(mi.UInt32, edges, edge)
             drawn = self.drawn(edges, replicates, samples)
             dr.eval(out, drawn, at)
             dr.scatter(out, drawn, at)
@@ -156,13 +156,11 @@ class Disks:
     def drawn(self, edges: mi.UInt32, replicates: range, samples: int) -> mi.Float:
         """D [sr] of chosen entries by random directions, flat (replicate, entry)."""
         count, entries = len(replicates), dr.width(edges)
-        stride, few = (dr.opaque(mi.UInt32, n) for n in (len(self.suns), entries))
-        lane = dr.arange(mi.UInt32, count * entries)
-        chosen = dr.gather(mi.UInt32, edges, lane % few)
-        row, sun = chosen // stride, chosen % stride
+        replicate, edge = row_and_column(dr.arange(mi.UInt32, count * entries), entries)
+        row, sun = row_and_column(dr.gather(mi.UInt32, edges, edge), len(self.suns))
         # Every entry is a receiver of its own, whose number tells its replicate.
         first = dr.opaque(mi.UInt32, replicates.start)
-        number = dr.gather(mi.UInt32, self.places, row) * REPLICATES + lane // few + first
+        number = dr.gather(mi.UInt32, self.places, row) * REPLICATES + replicate + first
         p, n = (dr.ravel(dr.gather(mi.Point3f, x, row)) for x in (self.p, self.n))
         dr.eval(p, n, sun, number)
         return one_sun_deposit(

@@ -212,8 +212,8 @@ def _elements(
     """Element, its deposit in one group on sensors (straight part first), and on cells."""
     draws = range(group * paths.draws, (group + 1) * paths.draws)
     palette, a, p, n = room.palette, base.accuracy, flat(points), flat(normals)
-    drawn = [paths.gathered.drawn[d] for d in draws]
-    on_cells = [(one.p, one.n) for one in drawn]
+    drawn = paths.gathered.drawn.apart()
+    on_cells = [(drawn[d].p, drawn[d].n) for d in draws]
     both = (
         Receivers(1, [(p, n)] * len(draws), a.sensor_sky_rays, a.sensor_sun_samples),
         Receivers(0, on_cells, a.cell_sky_rays, 1),

@@ -158,7 +158,7 @@ class GroupTrace:
             replicate.landed = (landed,)
         cells = Irradiance(*(dr.zeros(mi.TensorXf, (0, n)) for n in element.deposit.bins))
         if gathered.cells.count:
-            replicate.meet([gathered.drawn[r]], gathered.cells.keys)
+            replicate.meet(gathered.drawn.apart()[r], gathered.cells.keys)
             replicate.join()
             assert replicate.cells is not None
             cells = replicate.cells

@@ -17,7 +17,7 @@ from drcmitsuba.scene.geometry import Surface
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import cell_rays, coefficients, replicate
-from drcmitsuba.transport.cell_points import draw_all
+from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Vertices
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.solved_cells import solved
@@ -119,7 +119,7 @@ def test_weighted_draws_follow_the_weights():
     zero = dr.zeros(mi.UInt32, 4 * n)
     p = mi.Float(np.repeat(np.tile(np.arange(4.0), n), 3))
     vertices = Vertices(zero, weight, cell, dr.arange(mi.UInt32, 4 * n), p, p)
-    first, second = draw_all(vertices, cell, n, [None, None], weighted=True)
+    first, second = Draws.none(2).extended(vertices, cell, n, weighted=True).apart()
     for one in (first, second):
         counts = np.bincount(one.p.numpy()[::3].astype(int), minlength=4)
         expected = n * weights / weights.sum()
@@ -136,13 +136,14 @@ def test_each_replicate_draws_from_its_own_vertices():
     vertices = Vertices(number, mi.Float([1, 1, 0, 1, 1, 1]), number, number, at, at)
     column = mi.UInt32(cell.astype(np.uint32)), 3
     of = mi.UInt32(own.astype(np.uint32))
-    drawn = draw_all(vertices, *column, [None] * 3, weighted=True, own=of)
-    points = np.array([one.p.numpy()[::3] for one in drawn])
+    drawn = Draws.none(3).extended(vertices, *column, weighted=True, own=of)
+    points = drawn.p.numpy()[::3].reshape(3, -1)
     np.testing.assert_array_equal(points, [[0, 1, 5], [4, 3, 5], [4, 1, 5]])
     # A vertex of its own takes the place of a lent one, whatever their weights.
     more = Vertices(number, mi.Float([0, 0, 1e-3, 0, 0, 0]), number, number, at, at)
-    again = draw_all(more, *column, drawn, weighted=True, own=mi.UInt32([0, 0, 2, 0, 0, 0]))
-    points = np.array([one.p.numpy()[::3] for one in again])
+    of = mi.UInt32([0, 0, 2, 0, 0, 0])
+    again = drawn.extended(more, *column, weighted=True, own=of)
+    points = again.p.numpy()[::3].reshape(3, -1)
     np.testing.assert_array_equal(points, [[0, 1, 5], [4, 3, 5], [4, 2, 5]])
 
 
@@ -161,11 +162,10 @@ def test_draws_are_extended_as_if_made_at_once():
         return replace(whole, **column, weight=weights, **dict.fromkeys(
             ("p", "n"), dr.gather(mi.Float, whole.p, three)))  # fmt: skip
 
-    at_once = draw_all(whole, whole.key, 64, [None] * 3, weighted=True)
-    halves = draw_all(part(0), part(0).key, 64, [None] * 3, weighted=True)
-    halves = draw_all(part(n), part(n).key, 64, halves, weighted=True)
-    for one, other in zip(at_once, halves, strict=True):
-        np.testing.assert_array_equal(one.p.numpy(), other.p.numpy())
+    at_once = Draws.none(3).extended(whole, whole.key, 64, weighted=True)
+    halves = Draws.none(3).extended(part(0), part(0).key, 64, weighted=True)
+    halves = halves.extended(part(n), part(n).key, 64, weighted=True)
+    np.testing.assert_array_equal(at_once.p.numpy(), halves.p.numpy())
 
 
 def test_a_black_room_has_no_cells():
