@@ -39,6 +39,7 @@ from drcmitsuba.plan.forecast import Forecast, forecast
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
+from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.daylight import Daylight, daylight
@@ -151,7 +152,8 @@ def evaluate(
     BackendError
         No fit LLVM or GPU.
     """
-    return _whole(_Begun.of(case, stage, known, blocks), known)
+    with one_blas_thread():
+        return _whole(_Begun.of(case, stage, known, blocks), known)
 
 
 def evaluate_within(
@@ -184,10 +186,11 @@ def evaluate_within(
     InputError
         As `evaluate`; metrics alone are asked for beside a target.
     """
-    begun = _Begun.of(case, stage, known, blocks, workers, light)
-    if known is None and large_result.is_large(begun.planned, memory):
-        return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
-    return _whole(begun, known)
+    with one_blas_thread():
+        begun = _Begun.of(case, stage, known, blocks, workers, light)
+        if known is None and large_result.is_large(begun.planned, memory):
+            return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
+        return _whole(begun, known)
 
 
 @dataclass(frozen=True)

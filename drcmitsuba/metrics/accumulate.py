@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from threadpoolctl import threadpool_limits
 
 from drcmitsuba.metrics.bin_luminances import (
     SAME_SUBDIVISION,
@@ -20,7 +19,7 @@ from drcmitsuba.metrics.bin_luminances import (
     sun_luminances,
 )
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.threads import in_threads
+from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 from drcmitsuba.schema import describe, mean_and_error
 
 BLOCK = 1 << 16
@@ -146,7 +145,7 @@ def by_source(
             out[name][here], out[f"{name}_se"][here] = mean_and_error(values)
 
     # The matrices are small: threads of the library would wait for each other most of the time.
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         in_threads(fill, [slice(i, i + step) for i in range(0, len(L), step)])
     _refuse_gaps(out["total"], sky)
     if "sun_straight" in coefficients:

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from threadpoolctl import threadpool_limits
 
 from drcmitsuba import metrics
 from drcmitsuba.metrics import Interval, thresholds
 from drcmitsuba.metrics.intervals import t_factor
 from drcmitsuba.metrics.intervals.autonomy import State, multipliers
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, TAIL
+from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import luminance
 from drcmitsuba.standards.standard import Quantity
 from drcmitsuba.standards.year import OF_LIGHT, Year
@@ -161,7 +161,7 @@ def _drawn_means(year: Year, limit: float) -> np.ndarray:
     drawn = multipliers(C.open.sizes["replicate"], year.evidence.drawing["seed"])
     sure, may = state.classes(limit, t_factor(len(drawn.replicates), 1 - 2 * BEYOND))
     out = np.repeat(np.count_nonzero(sure, axis=0)[:, None], DRAWS, axis=1)
-    with threadpool_limits(1, user_api="blas"):  # as in `draw_autonomy`
+    with one_blas_thread():  # as in `draw_autonomy`
         replicates = state.replicates(np.arange(len(parts)))
         for i in range(len(parts)):
             time = np.flatnonzero(may[:, i] & ~sure[:, i])

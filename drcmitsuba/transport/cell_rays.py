@@ -20,6 +20,7 @@ import numpy as np
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Cells, Vertices
@@ -96,7 +97,8 @@ class Blocks:
         dr.scatter_add(out, value, row * count + dr.gather(mi.UInt32, self.of, cell))
         t = out.numpy().reshape(replicates, self.count, self.count)
         t = t * (MOST_RETURNED / np.maximum(t.sum(axis=2, keepdims=True), 1))
-        every = np.linalg.inv(np.eye(self.count) - t)
+        with one_blas_thread():
+            every = np.linalg.inv(np.eye(self.count) - t)
         return mi.TensorXf(flat(every), (rows, self.count))
 
 

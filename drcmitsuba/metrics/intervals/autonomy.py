@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
-from threadpoolctl import threadpool_limits
 
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.metrics.intervals.bootstrap_counts import BootstrapCounts, Needed
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
+from drcmitsuba.runtime.threads import one_blas_thread
 
 BLOCK = 256
 """Number of sensors whose replicates are in memory at once."""
@@ -135,7 +135,7 @@ def draw_autonomy(
     hour = np.full(len(sure), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     # The matrices are small: threads of the library would wait for each other most of the time.
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         for start in range(0, len(tally.sensors), BLOCK):
             block = tally.sensors[start : start + BLOCK]
             E = [state.replicates(block) for state in states]
