@@ -189,15 +189,16 @@ def _deposited(
         PanePatches.of(panes, size) if panes else None,
         Films.of(world, size, suns.directions, suns.diameter),
     )  # fmt: skip
-    p, n = flat(points), flat(normals)
+    p, n, places = flat(points), flat(normals), dr.arange(mi.UInt32, len(points))
+    disks = base.disks(p, n, places, None)
     samples = a.sensor_sun_samples if suns.straight else 0
     sums: tuple[mi.TensorXf, ...] = ()
     sensor_means, cell_means = [], []
     for r, on_cells in enumerate(drawn.apart()):
         deposit, key, cell_key = base.lit(r), (Stream.SENSORS,), (Stream.CELLS,)
-        q, facing, places = on_cells.p, on_cells.n, dr.arange(mi.UInt32, len(points))
+        q, facing = on_cells.p, on_cells.n
         numbers = number_in_replicate(places, r)
-        straight = deposit.straight_on_sensors(p, n, places, range(r, r + 1), samples)
+        straight = deposit.straight_on_sensors(p, n, places, range(r, r + 1), samples, None, disks)
         before = year.by_all(straight.plus(deposit.scattered(p, n, key, numbers)))
         of_cells = number_in_replicate(dr.arange(mi.UInt32, dr.width(q) // 3), r)
         D = deposit.straight(q, facing, cell_key, a.cell_sky_rays, numbers=of_cells)

@@ -129,11 +129,17 @@ def by_source(
         return xr.Dataset({"total": _array(sky, mean), "total_se": _array(sky, error)})
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = sun_luminances(coefficients, sky)
-    by_bin = [np.ascontiguousarray(c.T) for c in coefficients["replicates"].values]
+    C = coefficients["replicates"].values
+    by_bin = np.empty((len(C), C.shape[2], C.shape[1]), C.dtype)
+
+    def turn(replicate: int) -> None:
+        by_bin[replicate] = C[replicate].T
+
+    in_threads(turn, range(len(C)))
     by_patch = [c[patches] for c in by_bin]
     L = sky["sky"].values.astype(np.float32)
     names = ("sky", "sun", "total")
-    shape = (len(L), by_bin[0].shape[1])
+    shape = (len(L), C.shape[1])
     out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
     step = max(1, BLOCK // shape[1])
 

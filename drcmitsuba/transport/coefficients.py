@@ -242,12 +242,10 @@ def _of_block(
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
     count, every = here.stop - here.start, replicates[-1].numbers.stop
     statistics, total = Statistics(), np.empty((every, count, len(labels)), np.float32)
-    base, edges = replicates[0].deposits[0], None
-    sky, suns = base.bins
-    if sun_samples and suns:
-        edges = base.shadow_edges(p, n, sensor_numbers(here), within)
+    base = replicates[0].deposits[0]
+    (sky, _), disks = base.bins, base.disks(p, n, sensor_numbers(here), within)
     for some in replicates:
-        straight, direct = some.sensors(p, n, here, sun_samples, within, edges)
+        straight, direct = some.sensors(p, n, here, sun_samples, within, disks)
         interreflected = some.interreflected(met, count)
         whole = direct.plus(interreflected)
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))

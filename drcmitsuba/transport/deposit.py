@@ -109,7 +109,7 @@ class Deposit:
 
     def straight_on_sensors(
         self, p: mi.Float, n: mi.Float, places: mi.UInt32, replicates: range, sun_samples: int,
-        within: mi.Bool | None = None, edges: mi.UInt32 | None = None,
+        within: mi.Bool | None = None, disks: Disks | None = None,
     ) -> Irradiance:  # fmt: skip
         """D by straight light on sensors in some replicates, shape (replicate · sensor, bin) each.
 
@@ -122,8 +122,8 @@ class Deposit:
         sun_samples : int
             Directions on a sun that a shadow's edge crosses, see `straight_suns`; with 0, suns are
             left out.
-        edges : mi.UInt32, optional
-            Entries that a shadow's edge crosses, from `shadow_edges`; by default looked for.
+        disks : Disks, optional
+            From `disks` of these sensors, whose edges are then looked for once for all replicates.
         """
         count, key, rays = len(replicates), (Stream.SENSORS,), self.accuracy.sensor_sky_rays
         numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
@@ -132,10 +132,9 @@ class Deposit:
         sky = self.by_sky(every_p, every_n, key, rays, numbers, every_within)
         if not sun_samples or not len(self.suns):
             return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(numbers), self.bins[1])))
-        edges = self.shadow_edges(p, n, places, within) if edges is None else edges
+        disks = self.disks(p, n, places, within) if disks is None else disks
         with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
-            disks = self._disks(p, n, places, within)
-            sun = disks.by_replicate(replicates, sun_samples, edges)
+            sun = disks.by_replicate(replicates, sun_samples)
         mirrored = self._mirrored_suns(every_p, every_n, key, sun_samples, numbers)
         return Irradiance(sky, sun if mirrored is None else sun + mirrored)
 
@@ -143,14 +142,8 @@ class Deposit:
     def _outside_glass(self) -> OutsideGlass | None:
         return OutsideGlass.of(self.scene)
 
-    def shadow_edges(
-        self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: mi.Bool | None
-    ) -> mi.UInt32:
-        """Entries (sensor, sun) where a shadow's edge crosses the disk, in all replicates."""
-        with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
-            return self._disks(p, n, places, within).rims()[1]
-
-    def _disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: mi.Bool | None) -> Disks:
+    def disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: mi.Bool | None) -> Disks:
+        """Disks of the suns as sensors see them, the same in all replicates."""
         return Disks(self.scene, self.suns, self.diameter, self.accuracy.seed, p, n, places, within)
 
     def by_sky(

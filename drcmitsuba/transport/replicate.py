@@ -18,7 +18,7 @@ from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met, Reached, by_replicate, lit_and_shining, product
 from drcmitsuba.transport.photons import Landed
 from drcmitsuba.transport.solved_cells import Transfer
-from drcmitsuba.transport.straight_suns import sensor_numbers
+from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 
 TOGETHER = 1 << 23
 """Largest number of values of D in one launch, 32 MiB: more take memory and no less time."""
@@ -150,14 +150,14 @@ class Replicates:
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None,
-        edges: mi.UInt32 | None,
+        disks: Disks | None,
     ) -> tuple[Irradiance, Irradiance]:  # fmt: skip
         """D of sensors (replicate · sensor, bin) [sr]: by straight and mirrored light; by all.
 
-        `edges` are from `Deposit.shadow_edges`.
+        `disks` are from `Deposit.disks`.
         """
         base, place = self.deposits[0], sensor_numbers(here)
-        straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, edges)
+        straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, disks)
         scattered = _stacked(
             lit.scattered(p, n, (Stream.SENSORS,), number_in_replicate(place, r))
             for r, lit in zip(self.numbers, self.deposits, strict=True)

@@ -6,7 +6,7 @@ their irradiance per unit radiance of a bin.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 from zlib import crc32
 
@@ -119,7 +119,7 @@ def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int,
     numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
-    through: Through = straight,
+    through: Through = straight, pairs: Iterable[mi.UInt32] | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -137,6 +137,8 @@ def sun_deposit(
         As for `sky_deposit`.
     through : callable
         Share of light that reaches points from directions; by default the straight one.
+    pairs : iterable of mi.UInt32, optional
+        Pairs point · suns + sun that may see each other; by default those of `possible_pairs`.
 
     Returns
     -------
@@ -150,7 +152,9 @@ def sun_deposit(
     of_pairs = _by_pairs(
         scene, openings, points, normals, suns, diameter, samples, seed, numbers, through
     )
-    for pair in _possible_pairs(openings, points, normals, suns, diameter):
+    if pairs is None:
+        pairs = possible_pairs(openings, points, normals, suns, diameter)
+    for pair in pairs:
         active = dr.full(mi.Bool, True, dr.width(pair))
         dr.scatter(out, of_pairs(*row_and_column(pair, n_suns), active), pair)
         dr.eval(out)
@@ -160,13 +164,13 @@ def sun_deposit(
 def rim_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, seed: int, numbers: mi.UInt32,
-    within: mi.Bool | None = None,
+    pairs: Iterable[mi.UInt32], within: mi.Bool | None = None,
 ) -> tuple[mi.Float, mi.Float, mi.Float]:  # fmt: skip
     """Irradiance of points per unit radiance of every sun, by `RIM` directions around its edge.
 
     Parameters
     ----------
-    scene, points, normals, suns, diameter, seed, numbers, within
+    scene, points, normals, suns, diameter, seed, numbers, within, pairs
         As for `sun_deposit`.
 
     Returns
@@ -177,7 +181,7 @@ def rim_deposit(
     mean, least, most = (dr.zeros(mi.Float, dr.width(points) // 3 * len(suns)) for _ in range(3))
     openings = Openings.of(scene, points, within)
     of_pairs = _by_pairs(scene, openings, points, normals, suns, diameter, 1, seed, numbers)
-    for pair in _possible_pairs(openings, points, normals, suns, diameter):
+    for pair in pairs:
         active, lowest = dr.full(mi.Bool, True, dr.width(pair)), mi.Float(dr.inf)
         total, highest = mi.Float(0), mi.Float(0)
         row, sun = row_and_column(pair, len(suns))
@@ -191,7 +195,7 @@ def rim_deposit(
     return mean, least, most
 
 
-def _possible_pairs(
+def possible_pairs(
     openings: Openings | None, points: mi.Float, normals: mi.Float, suns: np.ndarray,
     diameter: float,
 ) -> Iterator[mi.UInt32]:  # fmt: skip

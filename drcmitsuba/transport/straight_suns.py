@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -14,9 +16,14 @@ from drcmitsuba.runtime.random_streams import REPLICATES, Stream, launch_seed, n
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.launch_size import SENSORS
-from drcmitsuba.transport.openings import hidden_in_disks, in_rooms
-from drcmitsuba.transport.shadow_rays import one_sun_deposit, rim_deposit, sun_deposit
+from drcmitsuba.transport.launch_size import SENSORS, SHADOW_RAYS
+from drcmitsuba.transport.openings import Openings, hidden_in_disks, in_rooms
+from drcmitsuba.transport.shadow_rays import (
+    one_sun_deposit,
+    possible_pairs,
+    rim_deposit,
+    sun_deposit,
+)
 
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
@@ -76,7 +83,7 @@ def _straight_suns(
     within = None if within is None else mi.Bool(within)
     p, n, places = flat(points), flat(normals), sensor_numbers(here)
     disks = Disks(scene, suns.directions, suns.diameter, accuracy.seed, p, n, places, within)
-    rims, edges = disks.rims()
+    rims, edges = disks.rims
     mean, error = rims.numpy(), np.zeros(dr.width(rims), np.float32)
     if dr.width(edges):
         every = range(accuracy.replicates)
@@ -105,22 +112,39 @@ class Disks:
     within: mi.Bool | None
     """Whether each sensor lies in a room of a model, see `openings.in_rooms`."""
 
-    def by_replicate(
-        self, replicates: range, samples: int, edges: mi.UInt32 | None = None
-    ) -> mi.TensorXf:
+    @cached_property
+    def pairs(self) -> tuple[mi.UInt32, ...]:
+        """Pairs sensor · suns + sun that may see each other, in arrays of one launch each."""
+        openings = Openings.of(self.scene, self.p, self.within)
+        return tuple(possible_pairs(openings, self.p, self.n, self.suns, self.diameter))
+
+    def _pairs_of_replicates(self, count: int) -> Iterator[mi.UInt32]:
+        """Yield the pairs of `count` replicates, whose sensors stand one after another."""
+        entries = dr.opaque(mi.UInt32, dr.width(self.places) * len(self.suns))
+        for pairs in self.pairs:
+            step = max(1, SHADOW_RAYS // dr.width(pairs))
+            for start in range(0, count, step):
+                lane = dr.arange(mi.UInt32, min(step, count - start) * dr.width(pairs))
+                replicate, at = row_and_column(lane, dr.width(pairs))
+                replicate += dr.opaque(mi.UInt32, start)
+                pair = dr.gather(mi.UInt32, pairs, at) + replicate * entries
+                dr.eval(pair)
+                yield pair
+
+    def by_replicate(self, replicates: range, samples: int) -> mi.TensorXf:
         """D [sr] of the sensors in some replicates, shape (replicate · sensor, sun).
 
         Replicates draw `samples` directions where a shadow's edge crosses a disk. On other disks,
         whose rim is alike, they draw `FEWER`: a hole or a bar counts as often as it is hit.
         """
-        edges = self.rims()[1] if edges is None else edges
-        count, sensors = len(replicates), dr.width(self.p) // 3
+        count, sensors, (_, edges) = len(replicates), dr.width(self.places), self.rims
         out = sun_deposit(
             self.scene, dr.tile(self.p, count), dr.tile(self.n, count), suns=self.suns,
             diameter=self.diameter, samples=max(1, samples // FEWER),
             seed=launch_seed(self.seed, Stream.SUN_EDGES),
             numbers=dr.concat([number_in_replicate(self.places, r) for r in replicates]),
             within=None if self.within is None else dr.tile(self.within, count),
+            pairs=self._pairs_of_replicates(count),
         ).array  # fmt: skip
         if dr.width(edges):
             each = dr.opaque(mi.UInt32, sensors * len(self.suns))
@@ -132,21 +156,17 @@ class Disks:
             dr.scatter(out, drawn, at)
         return mi.TensorXf(out, (count * sensors, len(self.suns)))
 
+    @cached_property
     def rims(self) -> tuple[mi.Float, mi.UInt32]:
-        """Look around the edge of each disk.
+        """Mean D [sr] of `RIM` directions around each disk, flat (sensor, sun), and shadows' edges.
 
-        Returns
-        -------
-        mi.Float, flat (sensor, sun)
-            Mean D of `RIM` directions [sr].
-        mi.UInt32
-            Entries where a shadow's edge crosses the disk.
+        The latter are the entries where a shadow's edge crosses the disk.
         """
         with self.scene.ray_counter.purpose(Stream.SUN_RIMS.name):
             mean, least, most = rim_deposit(
                 self.scene, self.p, self.n, suns=self.suns, diameter=self.diameter,
                 seed=launch_seed(self.seed, Stream.SUN_RIMS), numbers=self.places,
-                within=self.within,
+                pairs=self.pairs, within=self.within,
             )  # fmt: skip
         points = self.p.numpy().reshape(-1, 3)
         slits = hidden_in_disks(self.scene, points, self.suns, self.diameter)

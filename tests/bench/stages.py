@@ -46,10 +46,7 @@ STAGES = {
     "gather: sensors to cells": ("transport.coefficients:Gathered.of",),
     "transfer: cells to cells": ("transport.coefficients:solved",),
     "deposit on cells": ("transport.replicate:Replicates.meet",),
-    "deposit on sensors": (
-        "transport.replicate:Replicates.sensors",
-        "transport.deposit:Deposit.shadow_edges",
-    ),
+    "deposit on sensors": ("transport.replicate:Replicates.sensors",),
     "products": ("transport.replicate:Replicates.interreflected",),
     "illuminance and metrics": ("annual.result:evaluate_metrics",),
 }

@@ -102,7 +102,7 @@ def test_a_screen_finer_than_the_sun_lets_its_open_share_through(same):
         scenes.build(bars), np.array([[0, 0, 1.0]]), 0.5, 3,
         flat(points), flat(np.tile(UP, (n, 1))), dr.arange(mi.UInt32, n), None,
     )  # fmt: skip
-    edges = disks.rims()[1]
+    edges = disks.rims[1]
     D = disks.by_replicate(range(32), 4).numpy().reshape(32, n)
     assert 0.2 < dr.width(edges) / n < 0.8  # the rims of the others miss every gap
     whole = disk_solid_angle(0.5)
