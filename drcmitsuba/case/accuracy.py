@@ -42,7 +42,7 @@ class Accuracy(Table):
     """Number of independent replicates, whose scatter gives the standard errors."""
     paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Gather G: number of paths from a sensor."""
-    cell_paths: Annotated[int, Field(ge=1, le=1 << 16)] = 64
+    cell_paths: Annotated[int, Field(ge=1, le=1 << 16)] = 32
     """Transfer T: number of rays from a cell to others."""
     cell_size: Annotated[float, Field(ge=1e-3, le=100)] = 0.45
     """Edge of the cubes that cut diffuse surfaces into cells [m]."""

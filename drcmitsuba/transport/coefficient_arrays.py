@@ -60,6 +60,16 @@ def with_zeros(C: xr.Dataset, labels: list[str], at: list[int]) -> xr.Dataset:
     return xr.Dataset(parts, coords, C.attrs)
 
 
+def fill_bins(out: np.ndarray, light: Irradiance) -> None:
+    """Write light to an array (replicate, sensor, bin), sky and suns side by side."""
+    sky, sun = (part.numpy().reshape(*out.shape[:2], -1) for part in light)
+
+    def fill(r: int) -> None:
+        out[r, :, : sky.shape[-1]], out[r, :, sky.shape[-1] :] = sky[r], sun[r]
+
+    in_threads(fill, range(len(out)))
+
+
 @dataclass
 class Spread:
     """Sums over replicates that are added one after another: their mean and its standard error.
@@ -110,7 +120,13 @@ class Statistics:
     )
 
     def add(self, lights: dict[str, Irradiance], replicates: int) -> None:
-        """Add the parts in some replicates, each (replicate · sensor, bin) [sr]."""
+        """Add the parts in some replicates, each (replicate · sensor, bin) [sr].
+
+        Where nothing is added to straight light, direct light is the same object.
+        """
+        if lights["direct"] is lights["straight"]:
+            self.spreads["direct"] = self.spreads["straight"]
+            lights = {name: light for name, light in lights.items() if name != "direct"}
         for name, light in lights.items():
             for spread, values in zip(self.spreads[name], light, strict=True):
                 spread.add(values.array, replicates)

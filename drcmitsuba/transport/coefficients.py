@@ -33,6 +33,7 @@ from drcmitsuba.transport.coefficient_arrays import (
     Statistics,
     as_dataset,
     dark,
+    fill_bins,
     with_zeros,
 )
 from drcmitsuba.transport.deposit import Deposit
@@ -243,7 +244,7 @@ def _of_block(
     count, every = here.stop - here.start, replicates[-1].numbers.stop
     statistics, total = Statistics(), np.empty((every, count, len(labels)), np.float32)
     base = replicates[0].deposits[0]
-    (sky, _), disks = base.bins, base.disks(p, n, sensor_numbers(here), within)
+    disks = base.disks(p, n, sensor_numbers(here), within)
     for some in replicates:
         straight, direct = some.sensors(p, n, here, sun_samples, within, disks)
         interreflected = some.interreflected(met, count)
@@ -251,9 +252,7 @@ def _of_block(
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(parts, whole)
         statistics.add(parts, len(some))
-        own = slice(some.numbers.start, some.numbers.stop)
-        for columns, values in zip((np.s_[:sky], np.s_[sky:]), whole, strict=True):
-            total[own, :, columns] = values.numpy().reshape(len(some), count, -1)
+        fill_bins(total[some.numbers.start : some.numbers.stop], whole)
         progress(some.numbers.stop / every)
     return as_dataset(labels, points[here], statistics.arrays(count), total)
 
