@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import sample_disk
 
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
@@ -69,12 +69,11 @@ class Mount:
         """Tabulate f [1/sr] from suns into the outgoing cells, shape (row · sun,)."""
         out = dr.zeros(mi.Float, self.rows * len(suns))
         directions, ctx = flat(suns), mi.BSDFContext()
-        count = dr.opaque(mi.UInt32, len(suns))  # a literal would have the kernel compiled anew
         places = mi.UInt32(sun_numbers(suns))
         for start in range(0, dr.width(out), SHADOW_RAYS):
             lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
             pair = lane + dr.opaque(mi.UInt32, start)
-            row, sun = pair // count, pair % count
+            row, sun = row_and_column(pair, len(suns))
             centre = dr.gather(mi.Vector3f, directions, sun)
             place = dr.gather(mi.UInt32, places, sun)
             total, cosines = mi.Float(0), mi.Float(0)

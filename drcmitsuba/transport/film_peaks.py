@@ -24,7 +24,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
-from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
 from drcmitsuba.transport.film_orientation import Mount
@@ -75,10 +75,11 @@ def take_out(
     peaks : Peaks or None
         None where no cell stands out.
     """
-    cells, stride = (dr.opaque(mi.UInt32, n) for n in (mount.bsdf.out_cells, dr.width(suns)))
-    lane, sizes = dr.arange(mi.UInt32, dr.width(f)), flat(mount.cell_size)
-    size = dr.gather(mi.Float, sizes, lane // stride % cells)
-    side = lane // stride // cells * stride + lane % stride
+    cells, shining, sizes = mount.bsdf.out_cells, dr.width(suns), flat(mount.cell_size)
+    row, sun = row_and_column(dr.arange(mi.UInt32, dr.width(f)), shining)
+    side, cell = row_and_column(row, cells)
+    size = dr.gather(mi.Float, sizes, cell)
+    side = side * dr.opaque(mi.UInt32, shining) + sun
     flux = dr.zeros(mi.Float64, len(mount.sides) * dr.width(suns))
     dr.scatter_add(flux, mi.Float64(f) * mi.Float64(size), side)
     mean = mi.Float(flux / np.pi)
@@ -86,14 +87,14 @@ def take_out(
     at = dr.compress(peaked)
     if dr.width(at) == 0:
         return f, None
-    row = at // stride
+    row, sun = row_and_column(at, shining)
     first = first_of_rows(row, mount.rows)
     every = dr.arange(mi.UInt32, mount.rows)
     rows = dr.compress(dr.gather(mi.UInt32, first, every + 1) > dr.gather(mi.UInt32, first, every))
     peaks = Peaks(
-        owner, rows, dr.gather(mi.Float, sizes, rows % cells),
+        owner, rows, dr.gather(mi.Float, sizes, row_and_column(rows, cells)[1]),
         dr.concat([dr.gather(mi.UInt32, first, rows), mi.UInt32(dr.width(at))]),
-        dr.gather(mi.UInt32, suns, at % stride), dr.gather(mi.Float, f, at),
+        dr.gather(mi.UInt32, suns, sun), dr.gather(mi.Float, f, at),
     )  # fmt: skip
     rest = dr.select(peaked, 0, f)
     dr.eval(rest, peaks)
@@ -132,7 +133,8 @@ def peak_deposit(
     block = max(1, SHADOW_RAYS // n)
     for start in range(0, count, block):
         lane = dr.arange(mi.UInt32, min(block, count - start) * n)
-        receiver, index = lane // n + dr.opaque(mi.UInt32, start), lane % n
+        receiver, index = row_and_column(lane, n)
+        receiver += dr.opaque(mi.UInt32, start)
         number = dr.gather(mi.UInt32, numbers, receiver)
         a, b = (mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed, index))
         cell, u = share.sample_reuse((mi.Float(index) + a) / n)

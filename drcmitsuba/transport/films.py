@@ -159,9 +159,10 @@ class Films:
             block = max(1, SHADOW_RAYS // samples)
             for start in range(0, mount.rows, block):
                 lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
-                row = lane // each + dr.opaque(mi.UInt32, start)
+                row, index = row_and_column(lane, samples)
+                row += dr.opaque(mi.UInt32, start)
                 key = seed + 7919 * int(patch)
-                d, weight = self._from_sky(int(patch), row, lane % each, each, key)
+                d, weight = self._from_sky(int(patch), row, index, each, key)
                 index = row * bins + patch_index(d, subdivision)
                 dr.scatter_add(out, mi.Float64(weight / mi.Float(each)), index, weight > 0)
                 dr.eval(out)

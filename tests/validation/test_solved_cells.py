@@ -5,8 +5,9 @@ over blocks of cells. Points and blocks stand for their surfaces in proportion t
 sensors get by way of them, so that the mean over the sensors has no bias from the size of cells.
 
 Method: rooms in which light varies within cells: long, white, of several rooms, with furniture
-finer than a cell, behind diffusing glass. The sensors' means of every bin and the sums of every
-sensor are compared with the plugin `coefficient`, per entry (Šidák) and in sum.
+finer than a cell, behind diffusing glass, films and mirror lamellae. The sensors' means of every
+bin and the sums of every sensor are compared with the plugin `coefficient`, per entry (Šidák) and
+in sum.
 
 In a small room the scatter of sixty seeds is compared with the standard errors that they tell, and
 the systematic error of single sensors with the size of cells.
@@ -16,7 +17,10 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.reading import load_case
+from drcmitsuba.case.sensors import Sensors
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
@@ -79,6 +83,14 @@ def room_behind_diffusing_glass():
     return room([4.0, 5.0, 2.8], strips, sensors=sensors, furniture=DESKS)
 
 
+def shipped(name, **accuracy):
+    """Shipped case with fewer sensors."""
+    sensors = Sensors(corner=(1.2, 1.2, 0.75), count=(6, 6), spacing=1.28)
+    many = {"replicates": 32, "paths": 512, "sensor_sun_samples": 256}
+    accuracy = Accuracy(**ACCURACY | many | accuracy)
+    return load_case(name).with_tables(sensors=sensors, accuracy=accuracy)
+
+
 @pytest.fixture(autouse=True)
 def _backend():
     backend.select()
@@ -93,6 +105,8 @@ def _backend():
         pytest.param(white_room_with_desks, 0.45, id="white room with desks"),
         pytest.param(room_behind_diffusing_glass, 0.45, id="diffusing glass"),
         pytest.param(lambda: l_room(accuracy=ACCURACY), 0.45, id="L-shaped model"),
+        pytest.param(lambda: shipped("classroom/reference/o2"), 0.45, id="O2"),
+        pytest.param(lambda: shipped("lamella/lamella", photons=1 << 13), 0.45, id="lamellae"),
     ],
 )
 def test_solved_cells_agree_with_plain_path_tracing(case, cell_size, same, plain_coefficients):
@@ -109,12 +123,13 @@ def test_solved_cells_agree_with_plain_path_tracing(case, cell_size, same, plain
     }
     shapes = {f"shape{i}": s for i, s in enumerate(world.full.shapes())}
     with_sources = mi.load_dict({"type": "scene", **shapes, **sources}, optimize=False)
-    plain = plain_coefficients(with_sources, points, normals, replicates=16, spp=1 << 12)
+    plain = plain_coefficients(with_sources, points, normals, replicates=16, spp=1 << 14)
     theirs = plain.sum(axis=0)
     for bins in (slice(0, 1), slice(1, 146), slice(146, None)):
         ours, other = mine[..., bins], theirs[..., bins]
         same(ours.mean(axis=1), other=other.mean(axis=1), within=0.02)
-        same(ours.sum(axis=2), other=other.sum(axis=2), within=0.05)
+        if cell_size < 0.9:  # single sensors err with large cells, as the last test measures
+            same(ours.sum(axis=2), other=other.sum(axis=2), within=0.05)
 
 
 def small_room(seed, *, solved, **accuracy):
