@@ -4,7 +4,8 @@
 
 from the repository's root, with the test extras installed; prints Markdown.
 
-(a) Sky coefficients of the classroom: seconds at equal error.
+(a) Sky coefficients of the classroom: seconds at equal error, light between surfaces by paths or
+    solved on cells, whichever is faster.
 (b) Exact suns of a year: seconds at equal error; Radiance's for 100 suns, times suns over 100.
 (c) A whole evaluation as a user starts it, import and compilation included; memory and disk.
 (d) Seconds against the number of sensors.
@@ -63,8 +64,18 @@ SKY_SEARCH = {
     "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (128,),
     "sensor_sky_rays": (1024, 2048, 4096, 8192),
 }  # fmt: skip
+SKY_BY_CELLS = {
+    "solved_cells": (True,), "replicates": (2,), "paths": (16, 32, 64, 128), "cell_paths": (8, 32),
+    "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (32, 128),
+    "sensor_sky_rays": (1024, 2048, 4096, 8192),
+}  # fmt: skip
 SUN_SEARCH = {
     "replicates": (2,), "paths": (64, 128, 256, 384, 512, 768),
+    "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (16,), "sensor_sky_rays": (64,),
+    "sensor_sun_samples": (1, 4),
+}  # fmt: skip
+SUNS_BY_CELLS = {
+    "solved_cells": (True,), "replicates": (2,), "paths": (16, 32, 64, 128), "cell_paths": (8, 32),
     "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (16,), "sensor_sky_rays": (64,),
     "sensor_sun_samples": (1, 4),
 }  # fmt: skip
@@ -78,6 +89,10 @@ FILM_SEARCH = {
     "replicates": (2,), "paths": (16, 32, 64, 128), "cell_size": (0.45, 0.6),
     "cell_sky_rays": (16,), "sensor_sky_rays": (64,), "sensor_sun_samples": (1,),
     "pane_points": (16, 64), "film_sky_samples": (16,),
+}  # fmt: skip
+FILM_BY_CELLS = {
+    **FILM_SEARCH, "solved_cells": (True,), "paths": (8, 16, 32, 64), "cell_paths": (8, 32),
+    "pane_points": (8, 16, 64),
 }  # fmt: skip
 QUICK = {"paths": (64, 256, 1024), "cell_size": (0.45,), "sensor_sky_rays": (4096,)}
 
@@ -188,7 +203,7 @@ def sky(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
         total, time = timed(partial(traced.sky, arguments))
         theirs[line] = time, known.errors(total[0], direct)
         rows.append([f"`rcontrib -n 2 {line}` ({why})", *columns(*theirs[line])])
-    search = settings(SKY_SEARCH, options.quick)
+    search = settings(SKY_SEARCH, options.quick) + settings(SKY_BY_CELLS, options.quick)
     compare(room, search, NO_SUNS, "ours", Patches().labels, known, theirs, rows)
 
 
@@ -208,7 +223,8 @@ def suns(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
         theirs[line] = time * count / picked, known.errors(total[0], direct)
         shown = f"{time[0]:.1f} s for {picked} suns, times {count} / {picked}"
         rows.append([f"`rcontrib -n 2 {line}` ({why}), {shown}", *columns(*theirs[line])])
-    search, name = settings(SUN_SEARCH, options.quick), f"ours, all {count} suns and a coarse sky"
+    search = settings(SUN_SEARCH, options.quick) + settings(SUNS_BY_CELLS, options.quick)
+    name = f"ours, all {count} suns and a coarse sky"
     compare(room, search, room.year, name, list(room.suns.labels), known, theirs, rows)
 
 
@@ -299,7 +315,8 @@ def film(plain: Classroom, options: argparse.Namespace, folder: Path) -> None:
     theirs[line] = time * count / len(hundred.labels), known.errors(total[0, :, ::33], direct)
     shown = f"{time[0]:.1f} s for {len(hundred.labels)} suns, errors of the same {picked}"
     rows.append([f"`rcontrib -n 2 {line}`, {shown}", *columns(*theirs[line])])
-    search, name = settings(FILM_SEARCH, options.quick), f"ours, all {count} suns and a coarse sky"
+    search = settings(FILM_SEARCH, options.quick) + settings(FILM_BY_CELLS, options.quick)
+    name = f"ours, all {count} suns and a coarse sky"
     compare(room, search, room.year, name, list(room.suns.labels), known, theirs, rows)
 
 

@@ -17,6 +17,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky import daylight
@@ -64,7 +65,13 @@ class Classroom:
 
     @cached_property
     def scene(self) -> scene.Scene:
+        """Scene in which paths follow all bounces."""
         return scene.load(self.case)
+
+    @cached_property
+    def scene_with_cells(self) -> scene.Scene:
+        """Scene whose light between surfaces is solved on cells."""
+        return scene.load(self.case, effects=EnabledEffects(solved_cells=True))
 
     @cached_property
     def sensors(self) -> tuple[np.ndarray, np.ndarray]:
@@ -82,13 +89,14 @@ class Classroom:
         return self.year.only(np.array(self.year.labels)[at])
 
     def ours(
-        self, suns: Suns, points: np.ndarray | None = None, normals: np.ndarray | None = None,
-        **accuracy: Any,
+        self, suns: Suns, points: np.ndarray | None = None, normals: np.ndarray | None = None, *,
+        solved_cells: bool = False, **accuracy: Any,
     ) -> xr.Dataset:  # fmt: skip
         """Coefficients by `drcmitsuba.transport.coefficients.compute`."""
         if points is None or normals is None:
             points, normals = self.sensors
-        return compute(self.scene, points, normals, suns, Accuracy(**accuracy))
+        world = self.scene_with_cells if solved_cells else self.scene
+        return compute(world, points, normals, suns, Accuracy(**accuracy))
 
     def room(self, folder: Path) -> radiance.Room:
         """Radiance gets this room."""

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.coefficients import compute
 from tests import radiance
 from tests.bench.classroom import BINS, Classroom, Reference
 
@@ -58,18 +57,21 @@ class Filmed(Classroom):
         return radiance.with_glass(scene.load(self.case), TRANSMISSIVITY)
 
     @cached_property
+    def scene_with_cells(self) -> scene.Scene:
+        world = scene.load(self.case, effects=EnabledEffects(solved_cells=True))
+        return radiance.with_glass(world, TRANSMISSIVITY)
+
+    @cached_property
     def year(self) -> Suns:
         """The suns in front of the façade: for others nothing comes in by the film."""
         every = Classroom(self.weather).year
         return every.only(np.array(every.labels)[every.directions[:, 1] < -0.05])
 
     def ours(
-        self, suns: Suns, points: np.ndarray | None = None, normals: np.ndarray | None = None,
-        **accuracy: Any,
+        self, suns: Suns, points: np.ndarray | None = None, normals: np.ndarray | None = None, *,
+        solved_cells: bool = False, **accuracy: Any,
     ) -> xr.Dataset:  # fmt: skip
-        if points is None or normals is None:
-            points, normals = self.sensors
-        C = compute(self.scene, points, normals, suns, Accuracy(**accuracy))
+        C = super().ours(suns, points, normals, solved_cells=solved_cells, **accuracy)
         scattered = C["direct"] - C["straight"] + C["interreflected"]
         return C.assign(direct=C["straight"], interreflected=scattered)
 
