@@ -80,7 +80,9 @@ class Mount:
             for i in range(samples):
                 index = dr.full(mi.UInt32, i, dr.width(lane))
                 d = sample_disk(centre, diameter, even_numbers(index, row, seed, 0, place))
-                uv = even_numbers(index, row, seed, 1, place)
+                # Where f is the same all over a cell, its centre stands for it.
+                even = self.bsdf.out_even
+                uv = mi.Point2f(0.5) if even else even_numbers(index, row, seed, 1, place)
                 si, wo = self.interaction(self.outgoing(row, uv)), self.turn.to_local(d)
                 counts = (wo.z < 0) | (not self.exposed)
                 total += dr.select(counts, self.bsdf.eval(ctx, si, wo)[0], 0)
