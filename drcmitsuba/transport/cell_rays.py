@@ -95,10 +95,11 @@ class Blocks:
         row = dr.gather(mi.UInt32, self.of, source) + replicate * count
         value = mi.Float64(weight * dr.gather(mi.Float, self.share, source))
         dr.scatter_add(out, value, row * count + dr.gather(mi.UInt32, self.of, cell))
-        t = out.numpy().reshape(replicates, self.count, self.count)
-        t = t * (MOST_RETURNED / np.maximum(t.sum(axis=2, keepdims=True), 1))
+        every = np.empty((replicates, self.count, self.count), np.float32)
         with one_blas_thread():
-            every = np.linalg.inv(np.eye(self.count) - t)
+            for total, t in zip(every, out.numpy().reshape(every.shape), strict=True):
+                t = t * (MOST_RETURNED / np.maximum(t.sum(axis=1, keepdims=True), 1))
+                total[:] = np.linalg.inv(np.eye(self.count) - t)
         return mi.TensorXf(flat(every), (rows, self.count))
 
 
