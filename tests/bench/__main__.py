@@ -65,8 +65,8 @@ SKY_SEARCH = {
     "sensor_sky_rays": (1024, 2048, 4096, 8192),
 }  # fmt: skip
 SKY_BY_CELLS = {
-    "solved_cells": (True,), "replicates": (2,), "paths": (16, 32, 64, 128), "cell_paths": (8, 32),
-    "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (32, 128),
+    "solved_cells": (True,), "replicates": (2,), "paths": (64, 128, 192, 256, 384),
+    "cell_paths": (8,), "cell_size": (0.45, 0.6), "cell_sky_rays": (32, 128),
     "sensor_sky_rays": (1024, 2048, 4096, 8192),
 }  # fmt: skip
 SUN_SEARCH = {
@@ -75,9 +75,9 @@ SUN_SEARCH = {
     "sensor_sun_samples": (1, 4),
 }  # fmt: skip
 SUNS_BY_CELLS = {
-    "solved_cells": (True,), "replicates": (2,), "paths": (16, 32, 64, 128), "cell_paths": (8, 32),
-    "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (16,), "sensor_sky_rays": (64,),
-    "sensor_sun_samples": (1, 4),
+    "solved_cells": (True,), "replicates": (2,), "paths": (32, 64, 128, 256),
+    "cell_paths": (8,), "cell_size": (0.3, 0.45, 0.6), "cell_sky_rays": (16,),
+    "sensor_sky_rays": (64,), "sensor_sun_samples": (1, 4),
 }  # fmt: skip
 FILM = {
     "-ab 5 -ad 512 -lw 1e-9": "nothing cut off",
