@@ -22,7 +22,7 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
-from drcmitsuba.design.bounce_counts import FRAMES, WALLS
+from drcmitsuba.design.surface_kinds import FRAMES, WALLS
 from drcmitsuba.design.parameters import Parameter
 from drcmitsuba.design.traced_room import TracedRoom
 from drcmitsuba.runtime.errors import InputError

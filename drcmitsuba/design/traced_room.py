@@ -1,4 +1,4 @@
-"""A room whose paths were traced once: its illuminance at other reflectances, without new rays."""
+"""A room whose rays were traced once: its illuminance at other reflectances, without new rays."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
-from drcmitsuba.design.bounce_counts import Sums, marked, numbered, powers
+from drcmitsuba.design.room_matrices import RoomMatrices
+from drcmitsuba.design.surface_kinds import marked
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress
-from drcmitsuba.runtime.random_streams import Stream, launch_seed, number_in_replicate
+from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.schema import positions
@@ -24,11 +25,11 @@ from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import blended
 from drcmitsuba.sky.sun_models import Blend
 from drcmitsuba.transport.cell_points import Draws
-from drcmitsuba.transport.cells import Cells, Grid
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather_blocks import Gathered
+from drcmitsuba.transport.solved_cells import solved
 
 
 @dataclass(frozen=True)
@@ -109,25 +110,22 @@ class TracedRoom:
 
     Parameters
     ----------
-    gathered : Sums
-        Path weights; place: cell · sensors + sensor.
-    means : Sums
-        Mean of the interreflected illuminance over time; place: replicate · sensors + sensor.
-    digits : list of list of mi.Bool
-        Binary digits of every mark's number of hits on every kind of surface.
+    light : RoomMatrices
+        From light on cells to that on sensors.
+    means : RoomMatrices
+        Likewise of each replicate, from its mean over time.
     """
 
     deposited: Deposited
-    gathered: Sums
-    means: Sums
-    digits: list[list[mi.Bool]]
+    light: RoomMatrices
+    means: RoomMatrices
 
     @classmethod
     def of(
         cls, case: Case, state: State, daylight: Daylight, rho: Mapping[str, float],
         progress: Progress,
     ) -> TracedRoom:  # fmt: skip
-        """Trace paths and deposits at a case's reflectances `rho`, and multiply deposits by L.
+        """Trace rays and deposits at a case's reflectances `rho`, and multiply deposits by L.
 
         Raises
         ------
@@ -137,44 +135,37 @@ class TracedRoom:
         a = case.accuracy
         world, marks = marked(case, state, rho)
         points, normals = sensor_points(case)
-        grid = Grid.of(world, a.cell_size)
-        vertices = gather(
-            world, points, normals, replicates=a.replicates, paths=a.paths,
-            grid=grid, seed=launch_seed(a.seed, Stream.PATHS), marks=marks,
+        n = len(points)
+        gathered = Gathered.of(
+            world, points, normals, a, block=n, lanes=a.replicates * a.paths * n, marks=marks,
+            once=True,
         )  # fmt: skip
-        cells = Cells.none(grid).extended(vertices)
-        if not cells.count:
+        if not gathered.cells.count:
             raise InputError(case.source, "sensors", "no surface in their sight", "add a [room]")
-        cell = cells.of(vertices)
-        D = _deposited(
-            case, world, daylight, points, normals,
-            Draws.none(a.replicates).extended(vertices, cell, cells.count), progress,
-        )  # fmt: skip
-        assert vertices.mark is not None
-        kinds, mark = numbered(vertices.mark)
-        row, weight, count = vertices.row, vertices.weight, dr.opaque(mi.UInt32, len(points))
-        at = row // count * dr.opaque(mi.UInt32, cells.count) + cell
-        mean_there = dr.gather(mi.Float, mi.Float(D.cell_means.ravel()), at)
-        size, rows = cells.count * len(points), a.replicates * len(points)
+        gathered, transfer = solved(world, gathered, a, marks)
+        D = _deposited(case, world, daylight, points, normals, gathered.drawn, progress)
+        met = gathered.met(slice(0, n))
         return cls(
-            D,
-            Sums.of(cell * count + row % count, mark, weight / a.replicates, size),
-            Sums.of(row, mark, weight * mean_there, rows),
-            marks.digits(kinds),
+            D, RoomMatrices.of(met, transfer, n, gathered.cells.count),
+            RoomMatrices.of_replicates(met, transfer, n, D.cell_means),
         )  # fmt: skip
 
     def illuminance(self, ratios: list[mi.Float]) -> mi.TensorXf:
         """E (time, sensor) [lx] at ratios ρ/ρ′ of the reflectances to the traced ones."""
         D = self.deposited
-        G = self.gathered.weighed(powers(ratios, self.digits))
-        return D.sensors + D.cells @ mi.TensorXf(G, (D.cells.shape[1], D.sensors.shape[1]))
+        return D.sensors + D.cells @ self.light.gathered(_by_mark(ratios)).T
 
     def standard_error(self, ratios: list[mi.Float]) -> np.ndarray:
         """Standard error of the mean of E over time, (sensor,) [lx]."""
         before = self.deposited.sensor_means
-        inner = self.means.weighed(powers(ratios, self.digits)).numpy()
+        inner = self.means.gathered(_by_mark(ratios)).numpy()
         total = before + inner.reshape(before.shape)
         return total.std(axis=0, ddof=1) / np.sqrt(len(total))
+
+
+def _by_mark(ratios: list[mi.Float]) -> mi.Float:
+    """Factor of every mark of a ray."""
+    return dr.concat([mi.Float(1), *ratios])
 
 
 def _deposited(

@@ -24,7 +24,7 @@ from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Cells, Vertices
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather import Marks, gather
 from drcmitsuba.transport.launch_size import PATHS
 
 EDGE = 3
@@ -96,16 +96,21 @@ class Blocks:
         value = mi.Float64(weight * dr.gather(mi.Float, self.share, source))
         dr.scatter_add(out, value, row * count + dr.gather(mi.UInt32, self.of, cell))
         every = np.empty((replicates, self.count, self.count), np.float32)
-        with one_blas_thread():
-            for total, t in zip(every, out.numpy().reshape(every.shape), strict=True):
-                t = t * (MOST_RETURNED / np.maximum(t.sum(axis=1, keepdims=True), 1))
-                total[:] = np.linalg.inv(np.eye(self.count) - t)
+        for total, t in zip(every, out.numpy().reshape(every.shape), strict=True):
+            total[:] = sum_of_bounces(t)
         return mi.TensorXf(flat(every), (rows, self.count))
+
+
+def sum_of_bounces(t: np.ndarray) -> np.ndarray:
+    """1 + t + t² + … of light between blocks, whose rows return at most `MOST_RETURNED`."""
+    with one_blas_thread():
+        t = t * (MOST_RETURNED / np.maximum(t.sum(axis=1, keepdims=True), 1))
+        return np.linalg.inv(np.eye(len(t)) - t)
 
 
 def trace(
     scene: Scene, cells: Cells, drawn: Draws, here: slice, rays: int,
-    accuracy: Accuracy, turn: int,
+    accuracy: Accuracy, turn: int, marks: Marks | None = None,
 ) -> Iterator[CellRays]:  # fmt: skip
     """Trace rays from the points that stand for some cells, in every replicate.
 
@@ -117,6 +122,8 @@ def trace(
         Number of rays from a cell in each replicate.
     turn : int
         Number of the round, 0 or 1: each has its own random numbers.
+    marks : Marks, optional
+        Rule that marks every vertex with the surfaces of its ray.
 
     Yields
     ------
@@ -138,7 +145,7 @@ def trace(
         with scene.ray_counter.purpose(Stream.CELL_RAYS.name):
             met = gather(
                 scene, p, n, replicates=1, paths=rays, grid=cells.grid, seed=seed, numbers=number,
-                within=within, once=True,
+                within=within, once=True, marks=marks,
             )  # fmt: skip
         met = replace(met, tag=met.tag ^ _TAGS[turn])
         yield CellRays(met.row % few + first, met, met.row // few)

@@ -63,6 +63,8 @@ class Transfer:
     blocks: Blocks
     bounces: tuple[OneBounce, ...]
     """T of every replicate."""
+    marks: tuple[mi.UInt32, ...] = ()
+    """Mark of every ray of T, of every replicate, where rays have marks."""
     _all_bounces: dict[range, mi.TensorXf] = field(default_factory=dict, repr=False)
     """Sums over all bounces that have been computed, by replicates."""
 
@@ -104,7 +106,9 @@ class Transfer:
         return [by_replicate(further, X, count) for X in once]
 
 
-def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gathered, Transfer]:
+def solved(
+    scene: Scene, gathered: Gathered, accuracy: Accuracy, marks: Marks | None = None
+) -> tuple[Gathered, Transfer]:
     """Trace T among the cells that sensors see, and those that these cells see in turn.
 
     Parameters
@@ -113,6 +117,8 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
     gathered : Gathered
         Paths from the sensors that end at their first diffuse vertex.
     accuracy : Accuracy
+    marks : Marks, optional
+        Rule that marks every ray with the surfaces that it meets.
 
     Returns
     -------
@@ -124,7 +130,8 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
     cells, drawn, total = first.cells, gathered.drawn, first.of_sensors
     sending = slice(0, first.sending)
     parts: list[list[OneBounce]] = [[] for _ in range(replicates)]
-    for rays in trace(scene, cells, first.points, sending, accuracy.cell_paths, accuracy, 1):
+    marked: list[list[mi.UInt32]] = [[] for _ in range(replicates)]
+    for rays in trace(scene, cells, first.points, sending, accuracy.cell_paths, accuracy, 1, marks):
         cells = cells.extended(rays.met)  # some few more, which send no rays
         met = rays.weighed(first.importance, replicates)
         cell = cells.of(met)
@@ -135,12 +142,15 @@ def solved(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> tuple[Gather
             at = dr.arange(mi.UInt32, each) + dr.opaque(mi.UInt32, r * each)
             columns = (rays.source, cell, rays.met.weight)
             part.append(OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
-            dr.eval(part[-1])
+            if marks is not None:
+                marked[r].append(dr.gather(mi.UInt32, rays.met.mark, at))
+            dr.eval(part[-1], marked[r])
     bounces = tuple(OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
     # No rays give the mean of a block from the cells that come last.
     sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, first.sending)
     blocks = Blocks.weighed(cells, dr.maximum(dr.select(sends, mi.Float(total), 0), 1e-30))
-    return replace(gathered, cells=cells, drawn=drawn), Transfer(blocks, bounces)
+    marks_of = () if marks is None else tuple(map(dr.concat, marked))
+    return replace(gathered, cells=cells, drawn=drawn), Transfer(blocks, bounces, marks_of)
 
 
 class _Explored(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba.design.bounce_counts import Sums
+from drcmitsuba.design.room_matrices import Sums
 from drcmitsuba.metrics import accumulate, smooth
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.intervals.draw import _mean_illuminance

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.design.bounce_counts import Hits, numbered
+from drcmitsuba.design.surface_kinds import Kinds
 from drcmitsuba.design.reflectances import BOUNDS, Interior, reflectances, with_reflectances
 from drcmitsuba.metrics import accumulate
 from drcmitsuba.runtime import backend
@@ -293,24 +293,17 @@ def test_box_in_a_uniform_world_gives_the_series_of_its_bounces(year, same):
         same(np.stack(E), other=expected, within=0.02)
 
 
-def test_counts_stay_where_they_are_full():
-    square = scenes.quad_mesh("square", np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]]))
-    scene = mi.load_dict({"type": "scene", "square": square})
-    si = scene.ray_intersect(mi.Ray3f([0.3, 0.3, 1], [0, 0, -1]))
-    hits = Hits([None, *scene.shapes(), *[None] * 6])
-    mark = mi.UInt32(0)
-    for n in range(1, 20):
-        _, mark, factor, is_cell, _ = hits.meet(si, mark, mi.Float(0.5))
-        assert mark[0] == min(n, 15) << 4
-        assert factor[0] == 1
-        assert is_cell[0]
-
-
-def test_marks_are_numbered_as_they_differ():
-    marks = np.random.default_rng(1).integers(0, 50, 1000).astype(np.uint32) << 20
-    kinds, number = (x.numpy() for x in numbered(mi.UInt32(marks)))
-    assert np.array_equal(kinds, np.unique(marks))
-    assert np.array_equal(kinds[number], marks)
+def test_rays_are_marked_with_the_surface_that_they_end_on():
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]])
+    shapes = [scenes.quad_mesh(f"square {i}", corners + [2 * i, 0, 0]) for i in range(3)]
+    scene = mi.load_dict({"type": "scene"} | {f"square{i}": s for i, s in enumerate(shapes)})
+    x = mi.Float(0.3, 2.3, 4.3)
+    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(x, 0.3, 1), mi.Vector3f(0, 0, -1)))
+    kinds = Kinds([None, shapes[2], shapes[0]])  # the second one is of no kind
+    _, mark, factor, is_cell, _ = kinds.meet(si, dr.zeros(mi.UInt32, 3), mi.Float(0.5))
+    assert mark.numpy().tolist() == [3, 0, 2]
+    assert dr.all(factor == 1)
+    assert dr.all(is_cell)
 
 
 def test_gradients_cost_little_more_than_illuminances(interiors):
