@@ -7,6 +7,7 @@
   `change_problem`, `change_search`, `composed_facades`, `present_facade`
 - `tilt`, `tilt_search`: the tilt of lamellae
 - `film`, `film_bins`, `film_year`: a year as a function of its film; `film_problem`, `film_search`
-- `reflectances`, `traced_room`, `bounce_counts`: a year as a function of the reflectances in a room
+- `reflectances`, `traced_room`, `room_matrices`, `surface_kinds`: a year as a function of the
+  reflectances in a room
 - `pictures`: plots of fronts, façades, searches and tilts
 """

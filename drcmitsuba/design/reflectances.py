@@ -1,14 +1,12 @@
 r"""Reflectances of a room's surfaces as design parameters, with gradients.
 
 The façade is fixed, and so is the deposit D, the irradiance of sensors and cells before any diffuse
-reflection. Only the gather G depends on the reflectances ρ:
+reflection. Only the light between surfaces depends on the reflectances ρ:
 
-.. math:: E(\rho) = D_s L + G(\rho) \, (D_c L), \qquad
-          G(\rho) = \sum_v w_v \prod_k (\rho_k / \rho'_k)^{n_{vk}},
+.. math:: E(\rho) = D_s L + G(\rho) \, (D_c L),
 
-with the vertices v of paths that were traced once, at ρ′, and n the number of times that a path
-met surface k up to and with the vertex. D·L is multiplied out beforehand; E is then a polynomial in
-ρ, one product of matrices, and Dr.Jit differentiates it exactly.
+with G(ρ) of `room_matrices`, whose rays were traced once, at ρ′. D·L is multiplied out beforehand;
+E is then a product of matrices, and Dr.Jit differentiates it exactly.
 """
 
 from __future__ import annotations
@@ -22,8 +20,8 @@ import numpy as np
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
-from drcmitsuba.design.surface_kinds import FRAMES, WALLS
 from drcmitsuba.design.parameters import Parameter
+from drcmitsuba.design.surface_kinds import FRAMES, WALLS
 from drcmitsuba.design.traced_room import TracedRoom
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -35,10 +33,9 @@ from drcmitsuba.transport.facade_basis.year import Illuminances
 
 BOUNDS = (0.0, 0.95)
 """Least and largest reflectance of a design."""
-DARKEST = 0.85
-"""Least reflectance ρ′ at which paths are traced: darker surfaces only need lower weights. Weights
-grow by ρ/ρ′ with every hit, their second moment by ρ²/ρ′ times the fraction of paths that stay in
-the room: at ρ = 0.95 the moment is bounded with this ρ′, and was not with ρ′ = 0.7."""
+DARKEST = 0.5
+"""Least reflectance ρ′ at which rays are traced: a black surface would send none. Points on cells
+are drawn by their importance at ρ′, and blocks of cells are means that it weighs."""
 MOST_KEYS = 8
 """Largest number of kinds of surfaces."""
 _ROOM = ("floor", "ceiling", "walls")
@@ -105,7 +102,7 @@ class Interior:
     start : dict of str to float
         Reflectances of the case by key, see `reflectances`.
     traced : dict of str to float
-        Reflectances at which paths were traced.
+        Reflectances at which rays were traced.
     months : np.ndarray of int, shape (time,)
         Month of each time stamp, 1 … 12.
     step_hours : float
@@ -117,12 +114,10 @@ class Interior:
 
     Notes
     -----
-    Frames of façades, panes and shades keep their reflectances. Paths are traced at `DARKEST` or
-    more, so that weights stay even towards black. Above the traced reflectances, weights and
-    `standard_error` grow with every hit; if the error is too large, take
-    ``Interior.of(with_reflectances(case, rho), daylight)``. In the paper's classroom it is 1.0 % of
-    E at the start, at most 1.6 % with any one surface at 0.95, and 7 % with all surfaces at 0.95.
-    All sensors are traced at once, with 1 MB each for 8 replicates of 128 paths.
+    Frames of façades, panes and shades keep their reflectances. Light between surfaces is always
+    solved on cells, to any depth. In the paper's classroom the standard error of a sensor is 0.5 %
+    of E in the mean and 1.7 % at most: at the start, with any one surface at 0.95, and with all of
+    them at 0.95. All sensors are traced at once.
     """
 
     start: dict[str, float]
@@ -197,8 +192,7 @@ class Interior:
     def standard_error(self, rho: Mapping[str, mi.Float | float]) -> np.ndarray:
         """Standard error of the mean over time, shade open, (sensor,) [lx].
 
-        Estimated from the replicates, each with its own paths and deposit. The estimate itself is
-        uncertain where a few paths, some ten times the traced weights, carry most of the light.
+        Estimated from the replicates, each with its own rays and deposit.
         """
         return self.states[0].standard_error(
             self._ratios({k: dr.detach(v) for k, v in rho.items()})

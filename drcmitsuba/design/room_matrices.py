@@ -1,7 +1,7 @@
 r"""Light between the surfaces of a room as a function of their reflectances.
 
-Every ray ends on a surface that reflects diffusely, and a reflectance ρ is a factor of all rays that
-end on its surface. With the matrices of `transport.solved_cells`, traced at ρ′,
+Every ray ends on a surface that reflects diffusely, and a reflectance ρ is a factor of all rays
+that end on its surface. With the matrices of `transport.solved_cells`, traced at ρ′,
 
 .. math:: G(\rho) = G_1 + G_1 P \, (1 - W T P)^{-1} \, W T, \qquad
           G_1 = \sum_k \frac{\rho_k}{\rho'_k} G_1^k, \quad T = \sum_k \frac{\rho_k}{\rho'_k} T^k,
@@ -103,7 +103,8 @@ class RoomMatrices:
     def of(cls, met: Met, transfer: Transfer, sensors: int, cells: int) -> RoomMatrices:
         """Matrices by the rays of all replicates together."""
         row = met.row % dr.opaque(mi.UInt32, sensors)
-        every = Met(row, met.cell, met.weight / len(transfer.bounces), met.mark)
+        weight = met.weight / dr.opaque(mi.Float, len(transfer.bounces))
+        every = Met(row, met.cell, weight, met.mark)
         return cls._of(every, transfer, sensors, cells, 1, None)
 
     @classmethod
@@ -118,7 +119,7 @@ class RoomMatrices:
         cls, met: Met, transfer: Transfer, sensors: int, cells: int, replicates: int,
         light: mi.Float | None,
     ) -> RoomMatrices:  # fmt: skip
-        """Matrices of rays from sensors and from cells, all rows of replicates one after another."""
+        """Matrices of rays from sensors and from cells."""
         blocks, columns = transfer.blocks, cells if light is None else 1
         source, cell, weight = (dr.concat(c) for c in zip(*transfer.bounces, strict=True))
         mark = dr.concat(transfer.marks)
@@ -128,7 +129,7 @@ class RoomMatrices:
         if replicates > 1:
             row += replicate * dr.opaque(mi.UInt32, blocks.count)
         weight = weight * dr.gather(mi.Float, blocks.share, source)
-        weight /= len(transfer.bounces) // replicates
+        weight /= dr.opaque(mi.Float, len(transfer.bounces) // replicates)
 
         def sums(
             row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mark: mi.UInt32, rows: int
@@ -161,7 +162,5 @@ class RoomMatrices:
         M = dr.custom(AllBounces, t, self.blocks)
         M = mi.TensorXf(M, (self.replicates * self.blocks, self.blocks))
         X = by_replicate(M, matrix(self.of_blocks, self.columns), self.replicates)
-        further = by_replicate(
-            matrix(self.of_sensors_by_block, self.blocks), X, self.replicates
-        )
+        further = by_replicate(matrix(self.of_sensors_by_block, self.blocks), X, self.replicates)
         return matrix(self.of_sensors, self.columns) + further

@@ -1,4 +1,4 @@
-"""Kinds of surfaces whose reflectance is a design parameter: rays are marked with that they end on."""
+"""Kinds of surfaces whose reflectance is a design parameter, and marks of rays that end on them."""
 
 from __future__ import annotations
 

@@ -31,6 +31,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
 from drcmitsuba.transport.cells import Cells
+from drcmitsuba.transport.gather import Marks
 from drcmitsuba.transport.gather_blocks import (
     Gathered,
     Reached,
