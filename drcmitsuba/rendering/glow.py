@@ -114,7 +114,7 @@ class Glow:
         """BSDF of the films from the sun of a deposit into all rows of their mounts [1/sr]."""
         if lit.films is None or not len(lit.films.suns):
             return mi.Float()
-        return lit.films.answer_to_suns(lit.suns, lit.diameter, seed)
+        return lit.films.answer_to_suns(seed)
 
     def split(self, answer: mi.Float) -> tuple[mi.Float, tuple[Peaks, ...]]:
         """Take the narrow peaks out of an answer to one sun; what is left, and the peaks."""

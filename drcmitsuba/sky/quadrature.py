@@ -54,16 +54,21 @@ class PatchCentres:
 class PatchMeans:
     """Mean luminance of each patch, ∫ l dΩ / Ω, by Gauss nodes in sin(altitude) and azimuth."""
 
-    far: tuple[int, int] = (8, 5)
-    """Nodes in altitude and in azimuth of each patch. Altitude takes more, since exp(b / cos ζ) is
-    steep in the row above the horizon."""
+    far: tuple[int, int] = (4, 5)
+    """Nodes in altitude and in azimuth of each patch. The row above the horizon takes twice as many
+    in altitude, since exp(b / cos ζ) is steep there."""
     near: tuple[int, int] = (10, 10)
     """The same for patches whose centre is within 1.5 row heights of the sun, where exp(dγ) of the
     circumsolar glow has its cusp."""
 
     def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
         """Value of each patch, shape (time, patch)."""
-        values = _integrate(luminance, sun, *gauss_nodes(patches, *self.far))
+        altitude, azimuth = self.far
+        low = patches.bounds[1:, 0] < 1e-6
+        values = np.empty((len(sun), len(low)))
+        for row, count in ((low, 2 * altitude), (~low, altitude)):
+            nodes, weights = gauss_nodes(patches, count, azimuth)
+            values[:, row] = _integrate(luminance, sun, nodes[:, row], weights[:, row])
         nodes, weights = gauss_nodes(patches, *self.near)
         close = sun @ patches.directions[1:].T > np.cos(1.5 * patches.row_height)
         time, patch = np.nonzero(close)

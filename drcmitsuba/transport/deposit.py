@@ -28,7 +28,7 @@ from drcmitsuba.runtime.random_streams import (
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.film_peaks import peak_deposit
-from drcmitsuba.transport.films import Films, Lit
+from drcmitsuba.transport.films import EvenRows, Films, Lit, Looked
 from drcmitsuba.transport.outside_glass import OutsideGlass
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 from drcmitsuba.transport.straight_suns import Disks
@@ -223,7 +223,7 @@ class Deposit:
         p, n = self.films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))
         sun = self._suns(p, n, key, 1)
         seed = self.seed(key, Draw.SUN_ANSWER)
-        to_suns = self.films.answer_to_suns(self.suns, self.diameter, seed)
+        to_suns = self.films.answer_to_suns(seed)
         samples = self.accuracy.film_sky_samples
         with self.launch(key, Draw.SKY) as seed:
             to_sky = self.films.answer_to_sky(self.subdivision, samples, seed)
@@ -234,31 +234,39 @@ class Deposit:
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance | None:
         """D by way of films; None without films."""
-        return self.by_film_patches(p, n, key, numbers)
+        looked = self.looked(p, n, key, numbers)
+        return None if looked is None else self.by_looked(looked, p, n, key, numbers)
 
-    def by_film_patches(
-        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None,
-        among: np.ndarray | None = None,
-    ) -> Irradiance | None:  # fmt: skip
-        """D by way of the patches of films in a mask (patch,), by default all of them.
-
-        The narrow peaks of a film count with its first patch.
-        """
+    def looked(
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
+    ) -> Looked | None:
+        """Directions from receivers to films; None without films."""
         if self.films is None or self.on_films is None:
             return None
-        rays, owner = self.accuracy.pane_points, self.films.patches.owner
         with self.launch(key, Draw.FILMS) as seed:
-            looked = self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers)
+            rays = self.accuracy.pane_points
+            return self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers)
+
+    def by_looked(
+        self, looked: Looked, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None,
+        among: np.ndarray | None = None, without: tuple[EvenRows, ...] = (),
+    ) -> Irradiance:  # fmt: skip
+        """D by way of the patches of films in a mask (patch,), by default all of them.
+
+        The narrow peaks of a film count with its first patch. Films `without` their light are left
+        to the caller, see `Films.sent`.
+        """
+        assert self.films is not None and self.on_films is not None
+        owner, most = self.films.patches.owner, PEAK_RAYS * self.accuracy.pane_points
         looked = looked if among is None else looked.of(among)
-        sky, sun = self.films.sent(looked, self.on_films)
+        sky, sun = self.films.sent(looked, self.on_films, without)
         with self.launch(key, Draw.PEAKS) as seed:
             for peaks in self.on_films.peaks:
                 if among is not None and not among[np.argmax(owner == peaks.owner)]:
                     continue
                 sun += peak_deposit(
                     self.scene, self.films.patches, self.films.mounts[peaks.owner], peaks, p, n,
-                    suns=self.suns, diameter=self.diameter, most=PEAK_RAYS * rays, seed=seed,
-                    numbers=numbers,
+                    suns=self.suns, diameter=self.diameter, most=most, seed=seed, numbers=numbers,
                 )  # fmt: skip
         return Irradiance(sky, sun)
 

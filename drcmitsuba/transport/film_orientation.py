@@ -8,14 +8,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import sample_disk
 
-from drcmitsuba.runtime.flat_arrays import flat, row_and_column
-from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.shadow_rays import sun_numbers
 
 
 @dataclass(frozen=True)
@@ -62,34 +57,6 @@ class Mount:
         si = dr.zeros(mi.SurfaceInteraction3f, dr.width(outgoing))
         si.n, si.sh_frame, si.wi = self.turn.n, self.turn, outgoing
         return si
-
-    def answer_to_suns(
-        self, suns: np.ndarray, diameter: float, samples: int, seed: int
-    ) -> mi.Float:
-        """Tabulate f [1/sr] from suns into the outgoing cells, shape (row · sun,)."""
-        out = dr.zeros(mi.Float, self.rows * len(suns))
-        directions, ctx = flat(suns), mi.BSDFContext()
-        places = mi.UInt32(sun_numbers(suns))
-        for start in range(0, dr.width(out), SHADOW_RAYS):
-            lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
-            pair = lane + dr.opaque(mi.UInt32, start)
-            row, sun = row_and_column(pair, len(suns))
-            centre = dr.gather(mi.Vector3f, directions, sun)
-            place = dr.gather(mi.UInt32, places, sun)
-            total, cosines = mi.Float(0), mi.Float(0)
-            for i in range(samples):
-                index = dr.full(mi.UInt32, i, dr.width(lane))
-                d = sample_disk(centre, diameter, even_numbers(index, row, seed, 0, place))
-                # Where f is the same all over a cell, its centre stands for it.
-                even = self.bsdf.out_even
-                uv = mi.Point2f(0.5) if even else even_numbers(index, row, seed, 1, place)
-                si, wo = self.interaction(self.outgoing(row, uv)), self.turn.to_local(d)
-                counts = (wo.z < 0) | (not self.exposed)
-                total += dr.select(counts, self.bsdf.eval(ctx, si, wo)[0], 0)
-                cosines += dr.select(counts, dr.abs(wo.z), 0)
-            dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
-            dr.eval(out)
-        return out
 
 
 def _frame(normal: np.ndarray, up: np.ndarray) -> np.ndarray:

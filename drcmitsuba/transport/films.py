@@ -16,7 +16,9 @@ Limits: light from a film or a diffusing pane to another film is not followed he
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import drjit as dr
@@ -29,15 +31,15 @@ from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices, row_and_
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
+from drcmitsuba.transport.film_answers import even_answer, sampled_answer
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.film_sums import summed, widened
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
 from drcmitsuba.transport.shadow_rays import straight
 
-SUN_SAMPLES = {"even": 8, "uneven": 16}
-"""Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate, for
-BSDFs that are constant over a cell and for those that are not (isotropic trees)."""
+FEW_ROWS = 48
+"""Number of outgoing cells per direction to an exposed film up to which its light is a product."""
 
 
 class Lit(NamedTuple):
@@ -74,6 +76,8 @@ class Looked(NamedTuple):
 
     def of(self, patches: np.ndarray) -> Looked:
         """Keep the directions to some patches, a mask (patch,)."""
+        if patches.all():
+            return self
         wanted = mi.Bool(patches)
         kinds = []
         for kind in self.kinds:
@@ -82,6 +86,29 @@ class Looked(NamedTuple):
                 kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in kind)))
                 dr.eval(*kinds[-1])
         return Looked(self.receivers, tuple(kinds))
+
+    def by_row(self, rows: mi.UInt32, of: int) -> mi.TensorXf:
+        """Sum of the weights [sr] of each receiver in some outgoing cells `of` all of them.
+
+        The shape is (receiver, cell).
+        """
+        few, place = dr.width(rows), dr.zeros(mi.UInt32, of)
+        dr.scatter(place, dr.arange(mi.UInt32, few), rows)
+        dr.eval(place)
+        out = dr.zeros(mi.Float64, self.receivers * few)
+        for kind in self.kinds:
+            at = kind.receiver * dr.opaque(mi.UInt32, few) + dr.gather(mi.UInt32, place, kind.row)
+            dr.scatter_add(out, mi.Float64(kind.weight), at)
+        return mi.TensorXf(mi.Float(out), (self.receivers, few))
+
+
+class EvenRows(NamedTuple):
+    """Outgoing cells of an exposed film: each sends the same light from all over the film."""
+
+    mount: int
+    """Index of the mount."""
+    rows: mi.UInt32
+    """Rows of the cells within the mount."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +121,10 @@ class Films:
     """Patches, owned by their mount."""
     suns: np.ndarray
     """Indices of the suns that may shine on a film, int, shape (lit,)."""
+    directions: np.ndarray
+    """Unit vectors to these suns, shape (lit, 3)."""
+    diameter: float
+    """Angle across a sun [deg]."""
 
     @classmethod
     def of(cls, scene: Scene, size: float, suns: np.ndarray, diameter: float) -> Films | None:
@@ -102,7 +133,8 @@ class Films:
             return None
         mounted = tuple(mounts(scene))
         patches = PanePatches.of([m.quads for m in mounted], size)
-        return cls(scene, mounted, patches, np.zeros(0, int)).with_suns(suns, diameter)
+        none = np.zeros(0, int), np.zeros((0, 3))
+        return cls(scene, mounted, patches, *none, diameter).with_suns(suns, diameter)
 
     def with_suns(self, suns: np.ndarray, diameter: float) -> Films:
         """Return the same films under other suns: unit vectors (sun, 3), angle across [deg]."""
@@ -110,15 +142,26 @@ class Films:
         shining = np.zeros(len(suns), bool)
         for mount in self.mounts:
             shining |= (suns @ mount.frame[2] < np.sin(radius)) | (not mount.exposed)
-        return replace(self, suns=np.flatnonzero(shining))
+        lit = np.flatnonzero(shining)
+        return replace(self, suns=lit, directions=suns[lit], diameter=diameter)
 
-    def answer_to_suns(self, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
+    @cached_property
+    def _even_answers(self) -> tuple[mi.Float | None, ...]:
+        """Answers of the mounts that are the same in all replicates."""
+        return tuple(
+            even_answer(mount, self.directions, self.diameter) if mount.bsdf.out_even else None
+            for mount in self.mounts
+        )
+
+    def answer_to_suns(self, seed: int) -> mi.Float:
         """Tabulate f [1/sr] from the suns that may shine on a film, see `Lit.to_suns`."""
-        tables = []
-        for i, mount in enumerate(self.mounts):
-            samples = SUN_SAMPLES["even" if mount.bsdf.out_even else "uneven"]
-            tables.append(mount.answer_to_suns(suns[self.suns], diameter, samples, seed + i))
-        return dr.concat(tables)
+        tables = [
+            sampled_answer(self.mounts[i], self.directions, self.diameter, seed + i)
+            if even is None
+            else even
+            for i, even in enumerate(self._even_answers)
+        ]
+        return tables[0] if len(tables) == 1 else dr.concat(tables)
 
     def without_peaks(self, to_suns: mi.Float) -> tuple[mi.Float, tuple[Peaks, ...]]:
         """Take the peaks of films that are not exposed out of the table of `answer_to_suns`."""
@@ -219,39 +262,118 @@ class Films:
             dr.eval(*kinds[-1])
         return Looked(dr.width(p) // 3, tuple(kinds))
 
-    def sent(self, looked: Looked, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
-        """Irradiance D [sr] of receivers by way of the films: (receiver, bin), (receiver, sun)."""
+    def even_rows(self, every: Sequence[Looked]) -> tuple[EvenRows, ...]:
+        """Find the cells that receivers see in films whose light is best told by a product.
+
+        These films are exposed, and directions meet few of their cells.
+        """
+        films = []
+        for i, mount in enumerate(self.mounts):
+            seen = [looked.of(self.patches.owner == i) for looked in every if mount.exposed]
+            rays = sum(dr.width(kind.row) for looked in seen for kind in looked.kinds)
+            rows = rows_met(seen, mount.rows)
+            count = dr.width(rows) * sum(looked.receivers for looked in seen)
+            if rays and count <= FEW_ROWS * rays:
+                films.append(EvenRows(i, rows))
+        return tuple(films)
+
+    def weights(self, looked: Looked, even: EvenRows) -> mi.TensorXf:
+        """Weights [sr] of the cells of an exposed film for receivers, shape (receiver, cell)."""
+        of_mount = looked.of(self.patches.owner == even.mount)
+        return of_mount.by_row(even.rows, self.mounts[even.mount].rows)
+
+    def radiance(self, even: EvenRows, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
+        """Radiance of the cells of an exposed film: shapes (cell, bin), (cell, lit sun)."""
+        few, some, bins = dr.width(even.rows), len(self.suns), lit.to_sky.shape[1]
+        mine = np.flatnonzero(self.patches.owner == even.mount)
+        before = sum(mount.rows for mount in self.mounts[: even.mount])
+        first = dr.opaque(mi.UInt32, int(self.first_sky_rows()[mine[0]]))
+        line, bin = row_and_column(dr.arange(mi.UInt32, few * bins), bins)
+        row = dr.gather(mi.UInt32, even.rows, line) + first
+        to_sky = dr.gather(mi.Float, lit.to_sky.array, row * dr.opaque(mi.UInt32, bins) + bin)
+        if not some:
+            return mi.TensorXf(to_sky, (few, bins)), dr.zeros(mi.TensorXf, (few, 0))
+        of_patches = mi.TensorXf(self._shone(lit), (len(self.patches), some))
+        mean = dr.mean(of_patches[int(mine[0]) : int(mine[-1]) + 1], axis=0)  # they are lit alike
+        line, sun = row_and_column(dr.arange(mi.UInt32, few * some), some)
+        row = dr.gather(mi.UInt32, even.rows, line) + dr.opaque(mi.UInt32, before)
+        to_suns = dr.gather(mi.Float, lit.to_suns, row * dr.opaque(mi.UInt32, some) + sun)
+        to_suns *= dr.gather(mi.Float, mean.array, sun)
+        return mi.TensorXf(to_sky, (few, bins)), mi.TensorXf(to_suns, (few, some))
+
+    def of_all_suns(self, values: mi.TensorXf, n_suns: int) -> mi.TensorXf:
+        """Values (row, lit sun) with zeros for the suns that do not shine on a film."""
+        rows, some = values.shape
+        if some == n_suns or not rows * some:
+            return values if some == n_suns else dr.zeros(mi.TensorXf, (rows, n_suns))
+        row, sun = row_and_column(dr.arange(mi.UInt32, rows * n_suns), n_suns)
+        place = np.full(n_suns, some, np.uint32)
+        place[self.suns] = np.arange(some)
+        at, few = dr.gather(mi.UInt32, flat_indices(place), sun), dr.opaque(mi.UInt32, some)
+        return mi.TensorXf(
+            dr.gather(mi.Float, values.array, row * few + at, at < few), (rows, n_suns)
+        )
+
+    def sent(
+        self, looked: Looked, lit: Lit, without: tuple[EvenRows, ...] = ()
+    ) -> tuple[mi.TensorXf, mi.TensorXf]:
+        """Irradiance D [sr] of receivers by way of the films: (receiver, bin), (receiver, sun).
+
+        Films `without` their light, as from `even_rows`, are left to the caller.
+        """
         count, n_suns, bins = looked.receivers, lit.faces.shape[1], lit.to_sky.shape[1]
+        by_sky, by_sun = (dr.zeros(mi.TensorXf, (count, n)) for n in (bins, len(self.suns)))
+        even = () if without else self.even_rows([looked])
+        for film in even:
+            W, light = self.weights(looked, film), self.radiance(film, lit)
+            of_film = [
+                W @ part if part.shape[1] else dr.zeros(mi.TensorXf, (count, 0)) for part in light
+            ]
+            by_sky, by_sun = by_sky + of_film[0], by_sun + of_film[1]
+        apart = ~np.isin(self.patches.owner, [film.mount for film in even or without])
+        if apart.any():
+            of_sky, of_sun = self._summed(looked.of(apart), lit)
+            by_sky, by_sun = by_sky + of_sky, by_sun + of_sun
+        dr.eval(by_sky, by_sun)
+        return by_sky, self.of_all_suns(by_sun, n_suns)
+
+    def _shone(self, lit: Lit) -> mi.Float:
+        """D [sr] of both faces of every patch, flat (patch, lit sun)."""
+        columns, faces = dr.opaque(mi.UInt32, lit.faces.shape[1]), lit.faces.array
+        at = dr.arange(mi.UInt32, len(self.patches) * len(self.suns))
+        patch, shining = row_and_column(at, len(self.suns))
+        front = 2 * patch * columns + dr.gather(mi.UInt32, flat_indices(self.suns), shining)
+        return dr.gather(mi.Float, faces, front) + dr.gather(mi.Float, faces, front + columns)
+
+    def _summed(self, looked: Looked, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
+        """Sum over the directions to any patches: (receiver, bin), (receiver, lit sun)."""
+        count, some, bins = looked.receivers, len(self.suns), lit.to_sky.shape[1]
         first_sky = flat_indices(self.first_sky_rows())
         first_of_mount = np.cumsum([0, *(m.rows for m in self.mounts)])
         first_sun = flat_indices(first_of_mount[self.patches.owner])
-        lit_suns, columns = flat_indices(self.suns), dr.opaque(mi.UInt32, n_suns)
         shone, to_suns = mi.Float(0), mi.Float(0)
-        if len(self.suns):
-            at = dr.arange(mi.UInt32, len(self.patches) * len(self.suns))
-            patch, shining = row_and_column(at, len(self.suns))
-            front = 2 * patch * columns + dr.gather(mi.UInt32, lit_suns, shining)
-            faces = lit.faces.array
-            shone = dr.gather(mi.Float, faces, front) + dr.gather(mi.Float, faces, front + columns)
-            shone, to_suns = (widened(table, len(self.suns)) for table in (shone, lit.to_suns))
+        if some:
+            shone, to_suns = (widened(table, some) for table in (self._shone(lit), lit.to_suns))
         to_sky = widened(lit.to_sky.array, bins) if bins else mi.Float(0)
-        by_sun = dr.zeros(mi.Float, count * len(self.suns))
-        by_sky = dr.zeros(mi.Float, count * bins)
+        by_sun, by_sky = dr.zeros(mi.Float, count * some), dr.zeros(mi.Float, count * bins)
         for kind in looked.kinds:
             first = first_of_rows(kind.receiver, count)
             sun_row = kind.row + dr.gather(mi.UInt32, first_sun, kind.patch)
             sky_row = kind.row + dr.gather(mi.UInt32, first_sky, kind.patch)
             dr.eval(sun_row, sky_row)
             w, patch = kind.weight, kind.patch
-            if len(self.suns):
-                by_sun += summed(first, w, sun_row, to_suns, patch, shone, len(self.suns))
+            if some:
+                by_sun += summed(first, w, sun_row, to_suns, patch, shone, some)
             if bins:
                 by_sky += summed(first, w, sky_row, to_sky, None, None, bins)
             dr.eval(by_sun, by_sky)
-        out = dr.zeros(mi.Float, count * n_suns)
-        if len(self.suns):
-            at = dr.arange(mi.UInt32, count * len(self.suns))
-            receiver, shining = row_and_column(at, len(self.suns))
-            sun = dr.gather(mi.UInt32, lit_suns, shining)
-            dr.scatter(out, by_sun, receiver * columns + sun)
-        return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(out, (count, n_suns))
+        return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(by_sun, (count, some))
+
+
+def rows_met(every: Sequence[Looked], rows: int) -> mi.UInt32:
+    """Outgoing cells, of a number of `rows`, in which any direction lies."""
+    met = dr.zeros(mi.Bool, rows)
+    for looked in every:
+        for kind in looked.kinds:
+            dr.scatter(met, mi.Bool(True), kind.row)
+    return dr.compress(met)

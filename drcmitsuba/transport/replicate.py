@@ -14,6 +14,7 @@ from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.films import Films, Looked
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met, Reached, by_replicate, lit_and_shining, product
 from drcmitsuba.transport.photons import Landed
@@ -24,13 +25,18 @@ TOGETHER = 1 << 23
 """Largest number of values of D in one launch, 32 MiB: more take memory and no less time."""
 
 
-class FromFaces(NamedTuple):
-    """Light that the faces of evenly scattering panes send, per irradiance on a face."""
+class FromPanes(NamedTuple):
+    """Light that some parts of panes send: per light of a part, and the light of every part.
+
+    A part is a face of an evenly scattering pane, or an outgoing cell of an exposed film.
+    """
 
     cells: mi.TensorXf
-    """To cells, before any diffuse reflection, shape (replicate · cell, face)."""
+    """To cells, before any diffuse reflection, shape (replicate · cell, part)."""
     indirect: mi.TensorXf | None
-    """To blocks of cells by light that cells have reflected, shape (replicate · block, face)."""
+    """To blocks of cells by light that cells have reflected, shape (replicate · block, part)."""
+    light: Irradiance
+    """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each."""
 
 
 @dataclass
@@ -51,7 +57,7 @@ class Replicates:
     """Cells and bins with light of `cells`."""
     indirect: Irradiance | None = None
     """Light that cells have reflected, shape (replicate · block, bin) each."""
-    faces: FromFaces | None = None
+    panes: tuple[FromPanes, ...] = ()
     """Light that is not part of `cells` and `indirect`, see `join`."""
     light: CellLight | None = None
     """Light of many cells after all bounces, in place of `cells` and `indirect`."""
@@ -79,19 +85,21 @@ class Replicates:
     def meet(self, drawn: Draws, keys: mi.UInt32) -> None:
         """Compute D of the cells [sr] at the points that stand for them, and what they reflect.
 
-        Where the faces of evenly scattering panes are fewer than bins, their light stays apart.
-        `drawn` are the points in each of these replicates.
+        Where parts of panes are fewer than bins, their light stays apart. `drawn` are the points in
+        each of these replicates.
         """
         base, rays = self.deposits[0], self.deposits[0].accuracy.cell_sky_rays
         p, n = drawn.p, drawn.n
         each = [number_in_replicate(keys, r) for r in self.numbers]
         numbers, key = dr.concat(each), (Stream.CELLS,)
         D = base.straight(p, n, key, rays, numbers=numbers, within=drawn.within)
-        films = [
-            lit.by_films(one.p, one.n, key, own)
-            for lit, one, own in zip(self.deposits, drawn.apart(), each, strict=True)
-        ]
-        D = D.plus(_stacked(films)).plus(_stacked(one.on(keys) for one in self.landed))
+        D = D.plus(_stacked(one.on(keys) for one in self.landed))
+        parts = list[tuple[mi.TensorXf, Irradiance]]()
+        if base.films is not None:
+            films, parts = self._by_films(base.films, drawn, each)
+            D = D.plus(films)
+        if (E := _stacked(one.faces for one in self.deposits)) is not None:
+            parts.append((base.transfer(p, n, key, numbers), E))
         dr.eval(*D)  # a pending sum would keep all of its parts
         self.cells, self.reached = D, None
         if self.transfer is not None:
@@ -100,31 +108,45 @@ class Replicates:
             further = self.transfer.indirect(self.numbers, *D, reached=self.reached)
             self.indirect = Irradiance(*further)
             dr.eval(*self.indirect)
-        if base.faces is not None:
-            K, X = base.transfer(p, n, key, numbers), None
-            if self.transfer is not None:
-                [X] = self.transfer.indirect(self.numbers, K)
-            self.faces = FromFaces(K, X)
-            if K.shape[1] >= sum(base.bins):
-                self.join()
+        for K, light in parts:
+            X = None if self.transfer is None else self.transfer.indirect(self.numbers, K)[0]
+            self.panes += (FromPanes(K, X, light),)
+        if sum(K.shape[1] for K, _ in parts) >= sum(base.bins):
+            self.join()
+
+    def _by_films(
+        self, films: Films, drawn: Draws, numbers: list[mi.UInt32]
+    ) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Irradiance]]]:
+        """D of cells by films [sr]; and apart, weights and radiance of cells of exposed films."""
+        key, every = (Stream.CELLS,), list[Looked]()
+        each = [*zip(self.deposits, drawn.apart(), numbers, strict=True)]
+        for lit, at, own in each:
+            looked = lit.looked(at.p, at.n, key, own)
+            assert looked is not None
+            every.append(looked)
+        even = films.even_rows(every)
+        parts = []
+        for film in even:
+            K = _rows([films.weights(looked, film) for looked in every])
+            light = [films.radiance(film, lit.on_films) for lit in self.deposits if lit.on_films]
+            sky, sun = map(_rows, zip(*light, strict=True))
+            parts.append((K, Irradiance(sky, films.of_all_suns(sun, self.deposits[0].bins[1]))))
+        rest = _stacked(
+            lit.by_looked(looked, at.p, at.n, key, own, without=even)
+            for looked, (lit, at, own) in zip(every, each, strict=True)
+        )
+        return rest, parts
 
     def join(self) -> None:
-        """Add light by way of the panes' faces to that of cells."""
-        E = self._on_faces
-        if self.faces is None or E is None or self.cells is None:
-            return
-        K, X = self.faces
-        self.cells, self.reached = self.cells.plus(self._by(K, E)), None
-        dr.eval(*self.cells)
-        if X is not None and self.indirect is not None:
-            self.indirect = self.indirect.plus(self._by(X, E))
-            dr.eval(*self.indirect)
-        self.faces = None
-
-    @property
-    def _on_faces(self) -> Irradiance | None:
-        """E on the faces of evenly scattering panes, shape (replicate · face, bin) each."""
-        return _stacked(one.faces for one in self.deposits)
+        """Add light by way of panes to that of cells."""
+        for K, X, light in self.panes:
+            assert self.cells is not None
+            self.cells, self.reached = self.cells.plus(self._by(K, light)), None
+            dr.eval(*self.cells)
+            if X is not None and self.indirect is not None:
+                self.indirect = self.indirect.plus(self._by(X, light))
+                dr.eval(*self.indirect)
+        self.panes = ()
 
     def _by(self, K: mi.TensorXf, E: Irradiance) -> Irradiance:
         """Product of the matrices of every replicate."""
@@ -189,9 +211,8 @@ class Replicates:
         further = Irradiance(None, None) if self.indirect is None else self.indirect
         where = (None, None) if self.reached is None else self.reached
         C = Irradiance(*map(sent, self.cells, further, where))
-        E = self._on_faces
-        if self.faces is not None and E is not None:
-            C = C.plus(self._by(sent(*self.faces, None), E))
+        for K, X, light in self.panes:
+            C = C.plus(self._by(sent(K, X, None), light))
         return C
 
     def _sent(
@@ -219,11 +240,12 @@ def _stacked(parts: Iterable[Irradiance | None]) -> Irradiance | None:
     if not every:
         return None
 
-    def joined(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
-        rows = sum(one.shape[0] for one in tensors)
-        shape = rows, tensors[0].shape[1]
-        if not shape[0] * shape[1]:
-            return dr.zeros(mi.TensorXf, shape)
-        return mi.TensorXf(dr.concat([one.array for one in tensors]), shape)
+    return Irradiance(*(_rows(column) for column in zip(*every, strict=True)))
 
-    return Irradiance(*(joined(column) for column in zip(*every, strict=True)))
+
+def _rows(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
+    """Rows of several matrices one after another."""
+    rows, columns = sum(one.shape[0] for one in tensors), tensors[0].shape[1]
+    if not rows * columns:
+        return dr.zeros(mi.TensorXf, (rows, columns))
+    return mi.TensorXf(dr.concat([one.array for one in tensors]), (rows, columns))

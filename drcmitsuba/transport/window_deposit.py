@@ -186,7 +186,10 @@ class WindowDeposit:
         among = None if self.of_film is None else self.of_film == window
         if among is None or not among.any():
             return None
-        return deposit.by_film_patches(p, n, key, numbers, among)
+        looked = deposit.looked(p, n, key, numbers)
+        if looked is None:
+            return None
+        return deposit.by_looked(looked, p, n, key, numbers, among)
 
 
 def _column(mask: np.ndarray) -> mi.TensorXf:

@@ -29,13 +29,16 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import launch_size
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
-from drcmitsuba.transport.films import SUN_SAMPLES, Films
+from drcmitsuba.transport.film_answers import SAMPLES
+from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
 from drcmitsuba.transport.photons import PATCH
 from drcmitsuba.transport.shadow_rays import sun_deposit
 from drcmitsuba.transport.solved_cells import FEW
 
+DISK_CELLS = 2
+"""Number of incident cells of a film that a sun's disk lies in, roughly."""
 REPLICATES = 2
 """Number of replicates of a pilot: the smallest that has a standard error."""
 SENSORS, RAYS, VERTICES = 48, 1 << 20, 1 << 16
@@ -173,9 +176,10 @@ class Pilot:
 
     @property
     def film_values(self) -> int:
-        """Number of values of the films' BSDFs that a replicate looks up for each sun."""
+        """Number of values of the films' BSDFs that all replicates look up for each sun."""
         mounts = () if self.films is None else self.films.mounts
-        return sum(m.rows * SUN_SAMPLES["even" if m.bsdf.out_even else "uneven"] for m in mounts)
+        own = self.accuracy.replicates * SAMPLES
+        return sum(m.rows * (DISK_CELLS if m.bsdf.out_even else own) for m in mounts)
 
     def rays(self) -> Iterator[Amount]:
         """Rays of the evaluation by effect and kind, and the sums of the answers of films."""

@@ -130,11 +130,8 @@ class GroupSum:
         yield "interreflection", "deposit", replicates * pilot.cells * self.bins
         yield "rest", "entry", replicates * sensors * self.bins
         yield "rest", "launch", replicates * pilot.blocks
-        yield (
-            "films",
-            "film_sun",
-            (replicates * self.panes_shut.film_values * pilot.bins[1] * further / len(self.states)),
-        )
+        values = self.panes_shut.film_values * pilot.bins[1]
+        yield "films", "film_sun", values * further / len(self.states)
         yield "rest", "illuminance", replicates * stamps * sensors * len(self.states)
 
 

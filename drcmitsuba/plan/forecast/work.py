@@ -152,4 +152,4 @@ def _transport(pilot: Pilot) -> Iterator[Amount]:
     yield "interreflection", "deposit", a.replicates * cells * bins
     yield "rest", "entry", a.replicates * n * bins
     yield "rest", "launch", a.replicates * pilot.blocks
-    yield "films", "film_sun", a.replicates * pilot.film_values * pilot.bins[1]
+    yield "films", "film_sun", pilot.film_values * pilot.bins[1]

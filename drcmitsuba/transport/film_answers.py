@@ -1,0 +1,120 @@
+"""f of films from the suns into the outgoing cells of their BSDFs.
+
+Where f is the same all over an outgoing cell, it is so all over an incident one: a sun's disk lies
+in a few of these. Its shares in them, by many directions, give the answer of all replicates. Other
+BSDFs are averaged over directions on the disk and in the outgoing cell, in each replicate its own.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from drcmitsuba_plugins.sampling import TO_UNIT, sample_disk
+
+from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices, row_and_column
+from drcmitsuba.runtime.random_streams import even_numbers, even_steps
+from drcmitsuba.transport.film_orientation import Mount
+from drcmitsuba.transport.launch_size import SHADOW_RAYS
+from drcmitsuba.transport.shadow_rays import sun_numbers
+
+DISK_POINTS = 256
+"""Number of directions on a sun's disk that tell its shares in incident cells."""
+SAMPLES = 16
+"""Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate."""
+
+
+class DiskParts(NamedTuple):
+    """Parts of the suns' disks that lie in one incident cell each, sorted by sun."""
+
+    first: mi.UInt32
+    """First part of every sun, and last their number."""
+    d: mi.Float
+    """A direction of each part in the pane's frame, three numbers each."""
+    share: mi.Float
+    """Share of the part in the light that the disk sends to the pane."""
+
+
+def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
+    """Cut the disks of suns, unit vectors (sun, 3), by the incident cells of a film."""
+    lane = dr.arange(mi.UInt32, len(suns) * DISK_POINTS)
+    sun, index = row_and_column(lane, DISK_POINTS)
+    uv = (mi.Float((index * mi.UInt32(step)) >> 8) * TO_UNIT for step in even_steps(2))
+    centre = dr.gather(mi.Vector3f, flat(suns), sun)
+    d = mount.turn.to_local(sample_disk(centre, diameter, mi.Point2f(*uv)))
+    cell = mount.bsdf.out_cell(d) + dr.select(d.z > 0, mi.UInt32(mount.bsdf.out_cells), 0)
+    light = dr.select((d.z < 0) | (not mount.exposed), dr.abs(d.z), 0)
+    key = sun * mi.UInt32(2 * mount.bsdf.out_cells) + cell
+    keys, at, part = np.unique(key.numpy(), return_index=True, return_inverse=True)
+    of_sun, light_of = keys // (2 * mount.bsdf.out_cells), light.numpy().astype(float)
+    whole = np.bincount(of_sun, share := np.bincount(part, light_of), len(suns))[of_sun]
+    share = np.divide(share, whole, out=np.zeros(len(share)), where=whole > 0)
+    some = dr.gather(mi.Vector3f, dr.ravel(d), flat_indices(at))
+    first = first_of_rows(flat_indices(of_sun), len(suns))
+    return DiskParts(first, dr.ravel(some), mi.Float(share.astype(np.float32)))
+
+
+def even_answer(mount: Mount, suns: np.ndarray, diameter: float) -> mi.Float:
+    """Tabulate f [1/sr] from suns into outgoing cells over which f is the same.
+
+    Parameters
+    ----------
+    suns : np.ndarray, shape (sun, 3)
+        Unit vectors.
+    diameter : float
+        Angle across a sun [deg].
+
+    Returns
+    -------
+    mi.Float, flat (row, sun)
+    """
+    out = dr.zeros(mi.Float, mount.rows * len(suns))
+    parts = disk_parts(mount, suns, diameter)
+    for start in range(0, dr.width(out), SHADOW_RAYS):
+        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
+        pair = lane + dr.opaque(mi.UInt32, start)
+        row, sun = row_and_column(pair, len(suns))
+        dr.scatter(out, _of_parts(mount, parts, row, sun), pair)
+        dr.eval(out)
+    return out
+
+
+@dr.syntax
+def _of_parts(mount: Mount, parts: DiskParts, row: mi.UInt32, sun: mi.UInt32) -> mi.Float:
+    """Sum of share · f over the parts of the suns' disks."""
+    si, ctx = mount.interaction(mount.outgoing(row, mi.Point2f(0.5))), mi.BSDFContext()
+    at, total = dr.gather(mi.UInt32, parts.first, sun), mi.Float(0)
+    end = dr.gather(mi.UInt32, parts.first, sun + 1)
+    while dr.hint(at < end, exclude=[mount, parts, row, sun, si, ctx, end]):
+        d = dr.gather(mi.Vector3f, parts.d, at)
+        f = mount.bsdf.eval(ctx, si, d)[0] / dr.maximum(dr.abs(d.z), 1e-6)
+        total += dr.gather(mi.Float, parts.share, at) * f
+        at += 1
+    return total
+
+
+def sampled_answer(mount: Mount, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
+    """Estimate f [1/sr] from suns into any outgoing cells; arguments as for `even_answer`."""
+    out = dr.zeros(mi.Float, mount.rows * len(suns))
+    directions, ctx = flat(suns), mi.BSDFContext()
+    places = mi.UInt32(sun_numbers(suns))
+    for start in range(0, dr.width(out), SHADOW_RAYS):
+        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
+        pair = lane + dr.opaque(mi.UInt32, start)
+        row, sun = row_and_column(pair, len(suns))
+        centre = dr.gather(mi.Vector3f, directions, sun)
+        place = dr.gather(mi.UInt32, places, sun)
+        total, cosines = mi.Float(0), mi.Float(0)
+        for i in range(SAMPLES):
+            index = dr.full(mi.UInt32, i, dr.width(lane))
+            d = sample_disk(centre, diameter, even_numbers(index, row, seed, 0, place))
+            uv = even_numbers(index, row, seed, 1, place)
+            si, wo = mount.interaction(mount.outgoing(row, uv)), mount.turn.to_local(d)
+            counts = (wo.z < 0) | (not mount.exposed)
+            total += dr.select(counts, mount.bsdf.eval(ctx, si, wo)[0], 0)
+            cosines += dr.select(counts, dr.abs(wo.z), 0)
+        dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
+        dr.eval(out)
+    return out
