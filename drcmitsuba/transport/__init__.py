@@ -10,7 +10,7 @@ gather, gather_blocks
     G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory; G·D.
 openings, shadow_rays
     D: light that comes straight, through openings and clear panes.
-diffusing_panes, films, film_sums, film_peaks
+diffusing_panes, film_looks, film_answers, film_sums, films, film_peaks
     D: light that one scattering pane sends on, evenly, by a measured BSDF, by its narrow peaks.
 ports, photon_paths, receivers, photons
     D: light by every other chain, from film to film and by components, on photons.

@@ -27,8 +27,9 @@ from drcmitsuba.runtime.random_streams import (
 )
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
+from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.film_peaks import peak_deposit
-from drcmitsuba.transport.films import EvenRows, Films, Lit, Looked
+from drcmitsuba.transport.films import EvenRows, Films, Lit
 from drcmitsuba.transport.outside_glass import OutsideGlass
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 from drcmitsuba.transport.straight_suns import Disks
@@ -256,7 +257,8 @@ class Deposit:
         The narrow peaks of a film count with its first patch. Films `without` their light are left
         to the caller, see `Films.sent`.
         """
-        assert self.films is not None and self.on_films is not None
+        assert self.films is not None
+        assert self.on_films is not None
         owner, most = self.films.patches.owner, PEAK_RAYS * self.accuracy.pane_points
         looked = looked if among is None else looked.of(among)
         sky, sun = self.films.sent(looked, self.on_films, without)

@@ -1,8 +1,9 @@
-"""f of films from the suns into the outgoing cells of their BSDFs.
+"""Answers of films to suns and sky, by the outgoing cells of their BSDFs.
 
-Where f is the same all over an outgoing cell, it is so all over an incident one: a sun's disk lies
-in a few of these. Its shares in them, by many directions, give the answer of all replicates. Other
-BSDFs are averaged over directions on the disk and in the outgoing cell, in each replicate its own.
+Where f is the same all over an outgoing cell, it is so all over an incident one. The disk of a sun
+lies in a few of these; its shares in them, found by many directions, give an answer that serves all
+replicates. Other BSDFs are averaged over directions on the disk and in the outgoing cell, drawn
+anew in every replicate, and so are the answers to the sky.
 """
 
 from __future__ import annotations
@@ -12,16 +13,20 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT, sample_disk
+from drcmitsuba_plugins.patches import Patches, patch_index
+from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
 
 from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers, even_steps
+from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
 from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.shadow_rays import sun_numbers
+from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 DISK_POINTS = 256
-"""Number of directions on a sun's disk that tell its shares in incident cells."""
+"""Number of directions on a sun's disk that tell its shares in incident cells: for suns of 0.53°
+on a tree of 32² cells, answers err by 0.3 % (RMS), and by 0.01 % in sum over the outgoing cells."""
 SAMPLES = 16
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate."""
 
@@ -71,6 +76,8 @@ def even_answer(mount: Mount, suns: np.ndarray, diameter: float) -> mi.Float:
     mi.Float, flat (row, sun)
     """
     out = dr.zeros(mi.Float, mount.rows * len(suns))
+    if not len(suns):
+        return out
     parts = disk_parts(mount, suns, diameter)
     for start in range(0, dr.width(out), SHADOW_RAYS):
         lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
@@ -118,3 +125,61 @@ def sampled_answer(mount: Mount, suns: np.ndarray, diameter: float, seed: int) -
         dr.scatter(out, dr.select(cosines > 0, total / cosines, 0), pair)
         dr.eval(out)
     return out
+
+
+def sky_answer(
+    scene: Scene, patches: PanePatches, mount: Mount, patch: int, subdivision: int, samples: int,
+    seed: int,
+) -> mi.Float:  # fmt: skip
+    """Estimate the radiance of a film's cells per unit radiance of ground and sky patches.
+
+    Parameters
+    ----------
+    patch : int
+        Patch of the film that light arrives at.
+    subdivision : int
+        Reinhart's factor MF of the sky.
+    samples : int
+        Number of directions for every outgoing cell, drawn from the BSDF.
+
+    Returns
+    -------
+    mi.Float, flat (row, bin)
+    """
+    bins, each = len(Patches(subdivision)), dr.opaque(mi.UInt32, samples)
+    out = dr.zeros(mi.Float64, mount.rows * bins)  # of many samples in one bin
+    block = max(1, SHADOW_RAYS // samples)
+    for start in range(0, mount.rows, block):
+        lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
+        row, index = row_and_column(lane, samples)
+        row += dr.opaque(mi.UInt32, start)
+        d, weight = _from_sky(scene, patches, mount, patch, row, index, each, seed)
+        index = row * bins + patch_index(d, subdivision)
+        dr.scatter_add(out, mi.Float64(weight / mi.Float(each)), index, weight > 0)
+        dr.eval(out)
+    return mi.Float(out)
+
+
+def _from_sky(
+    scene: Scene, patches: PanePatches, mount: Mount, patch: int, row: mi.UInt32,
+    index: mi.UInt32, samples: mi.UInt32, seed: int,
+) -> tuple[mi.Vector3f, mi.Float]:  # fmt: skip
+    """Directions to the sky whose light leaves a patch in the rows' cells, and weights."""
+    si = mount.interaction(mount.outgoing(row, even_numbers(index, row, seed, 1)))
+    ctx = mi.BSDFContext()
+    ctx.type_mask = +mi.BSDFFlags.GlossyTransmission
+    if not mount.exposed:
+        ctx.type_mask = ctx.type_mask | +mi.BSDFFlags.GlossyReflection
+    lobe, a, b = (
+        mi.Float(v >> 8) * TO_UNIT
+        for v in (*random_bits(row, seed, index), random_bits(row, seed + 1, index)[0])
+    )
+    lobe = (mi.Float(index) + lobe) / mi.Float(samples)  # spread evenly over the lobes
+    bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
+    d, weight = mount.turn.to_world(bs.wo), value[0]
+    wanted = scene.effects.shines(d)
+    if mount.exposed:
+        return d, dr.select((bs.wo.z < 0) & wanted, weight, 0)
+    p = patches.at(dr.full(mi.UInt32, patch, dr.width(row)), a, b)
+    p += dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
+    return d, weight * straight(scene, mi.Point3f(p), d, (weight > 0) & wanted)

@@ -10,6 +10,9 @@ direction back, and D_a the straight irradiance of the patch. For the suns, f is
 exact directions. Within a patch of the sky f varies: there f · D_a is one integral, estimated by
 directions drawn from the BSDF.
 
+A film is exposed where nothing lies beyond its plane. All of it is then lit alike, and the sum is a
+product of matrices, of the weights w by cell and of the radiance of every cell.
+
 Limits: light from a film or a diffusing pane to another film is not followed here, but by photons
 (`photons`, effect `pane_to_pane`); nor is a film that is seen through the straight view of another.
 """
@@ -24,19 +27,16 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.patches import Patches, patch_index
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
+from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices, row_and_column
-from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches, looks
-from drcmitsuba.transport.film_answers import even_answer, sampled_answer
+from drcmitsuba.transport.diffusing_panes import PanePatches, looks
+from drcmitsuba.transport.film_answers import even_answer, sampled_answer, sky_answer
+from drcmitsuba.transport.film_looks import Directions, Looked, rows_met
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.film_sums import summed, widened
-from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.shadow_rays import straight
 
 FEW_ROWS = 48
 """Number of outgoing cells per direction to an exposed film up to which its light is a product."""
@@ -55,51 +55,6 @@ class Lit(NamedTuple):
     (row, bin); for the first row of each patch see `Films.first_sky_rows`."""
     peaks: tuple[Peaks, ...] = ()
     """Narrow peaks of films that other surfaces shade, see `film_peaks`."""
-
-
-class Directions(NamedTuple):
-    """Directions from receivers to films, sorted by receiver."""
-
-    receiver: mi.UInt32
-    patch: mi.UInt32
-    row: mi.UInt32
-    """Outgoing cell of the direction back, counted within the patch's mount."""
-    weight: mi.Float
-    """cos θ / density [sr]."""
-
-
-class Looked(NamedTuple):
-    """Directions of two kinds from receivers to films, see `diffusing_panes.looks`."""
-
-    receivers: int
-    kinds: tuple[Directions, ...]
-
-    def of(self, patches: np.ndarray) -> Looked:
-        """Keep the directions to some patches, a mask (patch,)."""
-        if patches.all():
-            return self
-        wanted = mi.Bool(patches)
-        kinds = []
-        for kind in self.kinds:
-            seen = dr.compress(dr.gather(mi.Bool, wanted, kind.patch))
-            if dr.width(seen):
-                kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in kind)))
-                dr.eval(*kinds[-1])
-        return Looked(self.receivers, tuple(kinds))
-
-    def by_row(self, rows: mi.UInt32, of: int) -> mi.TensorXf:
-        """Sum of the weights [sr] of each receiver in some outgoing cells `of` all of them.
-
-        The shape is (receiver, cell).
-        """
-        few, place = dr.width(rows), dr.zeros(mi.UInt32, of)
-        dr.scatter(place, dr.arange(mi.UInt32, few), rows)
-        dr.eval(place)
-        out = dr.zeros(mi.Float64, self.receivers * few)
-        for kind in self.kinds:
-            at = kind.receiver * dr.opaque(mi.UInt32, few) + dr.gather(mi.UInt32, place, kind.row)
-            dr.scatter_add(out, mi.Float64(kind.weight), at)
-        return mi.TensorXf(mi.Float(out), (self.receivers, few))
 
 
 class EvenRows(NamedTuple):
@@ -194,47 +149,13 @@ class Films:
         first = self.first_sky_rows()
         if not subdivision:
             return dr.zeros(mi.TensorXf, (int(first[-1]), 0))
-        bins, each = len(Patches(subdivision)), dr.opaque(mi.UInt32, samples)
         tables = []
         for patch in np.unique(first[:-1], return_index=True)[1]:
-            mount = self.mounts[self.patches.owner[patch]]
-            out = dr.zeros(mi.Float64, mount.rows * bins)  # of many samples in one bin
-            block = max(1, SHADOW_RAYS // samples)
-            for start in range(0, mount.rows, block):
-                lane = dr.arange(mi.UInt32, min(block, mount.rows - start) * samples)
-                row, index = row_and_column(lane, samples)
-                row += dr.opaque(mi.UInt32, start)
-                key = seed + 7919 * int(patch)
-                d, weight = self._from_sky(int(patch), row, index, each, key)
-                index = row * bins + patch_index(d, subdivision)
-                dr.scatter_add(out, mi.Float64(weight / mi.Float(each)), index, weight > 0)
-                dr.eval(out)
-            tables.append(mi.Float(out))
-        return mi.TensorXf(dr.concat(tables), (int(first[-1]), bins))
-
-    def _from_sky(
-        self, patch: int, row: mi.UInt32, index: mi.UInt32, samples: mi.UInt32, seed: int
-    ) -> tuple[mi.Vector3f, mi.Float]:
-        """Directions to the sky whose light leaves a patch in the rows' cells, and weights."""
-        mount = self.mounts[self.patches.owner[patch]]
-        si = mount.interaction(mount.outgoing(row, even_numbers(index, row, seed, 1)))
-        ctx = mi.BSDFContext()
-        ctx.type_mask = +mi.BSDFFlags.GlossyTransmission
-        if not mount.exposed:
-            ctx.type_mask = ctx.type_mask | +mi.BSDFFlags.GlossyReflection
-        lobe, a, b = (
-            mi.Float(v >> 8) * TO_UNIT
-            for v in (*random_bits(row, seed, index), random_bits(row, seed + 1, index)[0])
-        )
-        lobe = (mi.Float(index) + lobe) / mi.Float(samples)  # spread evenly over the lobes
-        bs, value = mount.bsdf.sample(ctx, si, lobe, even_numbers(index, row, seed, 0))
-        d, weight = mount.turn.to_world(bs.wo), value[0]
-        wanted = self.scene.effects.shines(d)
-        if mount.exposed:
-            return d, dr.select((bs.wo.z < 0) & wanted, weight, 0)
-        p = self.patches.at(dr.full(mi.UInt32, patch, dr.width(row)), a, b)
-        p += dr.select(bs.wo.z > 0, OFFSET, -OFFSET) * mount.turn.n
-        return d, weight * straight(self.scene, mi.Point3f(p), d, (weight > 0) & wanted)
+            mount, key = self.mounts[self.patches.owner[patch]], seed + 7919 * int(patch)
+            tables.append(
+                sky_answer(self.scene, self.patches, mount, int(patch), subdivision, samples, key)
+            )
+        return mi.TensorXf(dr.concat(tables), (int(first[-1]), len(Patches(subdivision))))
 
     def rows(self, patch: mi.UInt32, d: mi.Vector3f, front: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
         """Row within the mount of light that a patch sends along −d, and whether it exists."""
@@ -284,28 +205,23 @@ class Films:
 
     def radiance(self, even: EvenRows, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
         """Radiance of the cells of an exposed film: shapes (cell, bin), (cell, lit sun)."""
-        few, some, bins = dr.width(even.rows), len(self.suns), lit.to_sky.shape[1]
         mine = np.flatnonzero(self.patches.owner == even.mount)
         before = sum(mount.rows for mount in self.mounts[: even.mount])
-        first = dr.opaque(mi.UInt32, int(self.first_sky_rows()[mine[0]]))
-        line, bin = row_and_column(dr.arange(mi.UInt32, few * bins), bins)
-        row = dr.gather(mi.UInt32, even.rows, line) + first
-        to_sky = dr.gather(mi.Float, lit.to_sky.array, row * dr.opaque(mi.UInt32, bins) + bin)
-        if not some:
-            return mi.TensorXf(to_sky, (few, bins)), dr.zeros(mi.TensorXf, (few, 0))
-        of_patches = mi.TensorXf(self._shone(lit), (len(self.patches), some))
-        mean = dr.mean(of_patches[int(mine[0]) : int(mine[-1]) + 1], axis=0)  # they are lit alike
-        line, sun = row_and_column(dr.arange(mi.UInt32, few * some), some)
-        row = dr.gather(mi.UInt32, even.rows, line) + dr.opaque(mi.UInt32, before)
-        to_suns = dr.gather(mi.Float, lit.to_suns, row * dr.opaque(mi.UInt32, some) + sun)
-        to_suns *= dr.gather(mi.Float, mean.array, sun)
-        return mi.TensorXf(to_sky, (few, bins)), mi.TensorXf(to_suns, (few, some))
+        some, bins = len(self.suns), lit.to_sky.shape[1]
+        to_sky = _of_rows(lit.to_sky.array, even.rows, int(self.first_sky_rows()[mine[0]]), bins)
+        to_suns = _of_rows(lit.to_suns, even.rows, before, some)
+        if some:  # all of the film is lit alike
+            of_patches = mi.TensorXf(self._shone(lit), (len(self.patches), some))
+            to_suns = to_suns * dr.mean(of_patches[int(mine[0]) : int(mine[-1]) + 1], axis=0)
+        return to_sky, to_suns
 
     def of_all_suns(self, values: mi.TensorXf, n_suns: int) -> mi.TensorXf:
         """Values (row, lit sun) with zeros for the suns that do not shine on a film."""
         rows, some = values.shape
-        if some == n_suns or not rows * some:
-            return values if some == n_suns else dr.zeros(mi.TensorXf, (rows, n_suns))
+        if some == n_suns:
+            return values
+        if not rows * some:
+            return dr.zeros(mi.TensorXf, (rows, n_suns))
         row, sun = row_and_column(dr.arange(mi.UInt32, rows * n_suns), n_suns)
         place = np.full(n_suns, some, np.uint32)
         place[self.suns] = np.arange(some)
@@ -325,11 +241,9 @@ class Films:
         by_sky, by_sun = (dr.zeros(mi.TensorXf, (count, n)) for n in (bins, len(self.suns)))
         even = () if without else self.even_rows([looked])
         for film in even:
-            W, light = self.weights(looked, film), self.radiance(film, lit)
-            of_film = [
-                W @ part if part.shape[1] else dr.zeros(mi.TensorXf, (count, 0)) for part in light
-            ]
-            by_sky, by_sun = by_sky + of_film[0], by_sun + of_film[1]
+            W, (to_sky, to_suns) = self.weights(looked, film), self.radiance(film, lit)
+            by_sky = by_sky + W @ to_sky if bins else by_sky
+            by_sun = by_sun + W @ to_suns if len(self.suns) else by_sun
         apart = ~np.isin(self.patches.owner, [film.mount for film in even or without])
         if apart.any():
             of_sky, of_sun = self._summed(looked.of(apart), lit)
@@ -370,10 +284,12 @@ class Films:
         return mi.TensorXf(by_sky, (count, bins)), mi.TensorXf(by_sun, (count, some))
 
 
-def rows_met(every: Sequence[Looked], rows: int) -> mi.UInt32:
-    """Outgoing cells, of a number of `rows`, in which any direction lies."""
-    met = dr.zeros(mi.Bool, rows)
-    for looked in every:
-        for kind in looked.kinds:
-            dr.scatter(met, mi.Bool(True), kind.row)
-    return dr.compress(met)
+def _of_rows(table: mi.Float, rows: mi.UInt32, first: int, columns: int) -> mi.TensorXf:
+    """Some rows of a flat table (row, column), counted from a first one."""
+    count = dr.width(rows)
+    if not columns:
+        return dr.zeros(mi.TensorXf, (count, 0))
+    line, column = row_and_column(dr.arange(mi.UInt32, count * columns), columns)
+    row = dr.gather(mi.UInt32, rows, line) + dr.opaque(mi.UInt32, first)
+    values = dr.gather(mi.Float, table, row * dr.opaque(mi.UInt32, columns) + column)
+    return mi.TensorXf(values, (count, columns))

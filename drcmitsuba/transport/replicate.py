@@ -14,7 +14,8 @@ from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.films import Films, Looked
+from drcmitsuba.transport.film_looks import Looked
+from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met, Reached, by_replicate, lit_and_shining, product
 from drcmitsuba.transport.photons import Landed

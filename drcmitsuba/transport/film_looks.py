@@ -1,0 +1,64 @@
+"""Directions from receivers to films, and their weights in the outgoing cells that they meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+
+class Directions(NamedTuple):
+    """Directions from receivers to films, sorted by receiver."""
+
+    receiver: mi.UInt32
+    patch: mi.UInt32
+    row: mi.UInt32
+    """Outgoing cell of the direction back, counted within the patch's mount."""
+    weight: mi.Float
+    """cos θ / density [sr]."""
+
+
+class Looked(NamedTuple):
+    """Directions of two kinds from receivers to films, see `diffusing_panes.looks`."""
+
+    receivers: int
+    kinds: tuple[Directions, ...]
+
+    def of(self, patches: np.ndarray) -> Looked:
+        """Keep the directions to some patches, a mask (patch,)."""
+        if patches.all():
+            return self
+        wanted = mi.Bool(patches)
+        kinds = []
+        for kind in self.kinds:
+            seen = dr.compress(dr.gather(mi.Bool, wanted, kind.patch))
+            if dr.width(seen):
+                kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in kind)))
+                dr.eval(*kinds[-1])
+        return Looked(self.receivers, tuple(kinds))
+
+    def by_row(self, rows: mi.UInt32, of: int) -> mi.TensorXf:
+        """Sum of the weights [sr] of each receiver in some outgoing cells `of` all of them.
+
+        The shape is (receiver, cell).
+        """
+        few, place = dr.width(rows), dr.zeros(mi.UInt32, of)
+        dr.scatter(place, dr.arange(mi.UInt32, few), rows)
+        dr.eval(place)
+        out = dr.zeros(mi.Float64, self.receivers * few)
+        for kind in self.kinds:
+            at = kind.receiver * dr.opaque(mi.UInt32, few) + dr.gather(mi.UInt32, place, kind.row)
+            dr.scatter_add(out, mi.Float64(kind.weight), at)
+        return mi.TensorXf(mi.Float(out), (self.receivers, few))
+
+
+def rows_met(every: Sequence[Looked], rows: int) -> mi.UInt32:
+    """Outgoing cells, of a number of `rows`, in which any direction lies."""
+    met = dr.zeros(mi.Bool, rows)
+    for looked in every:
+        for kind in looked.kinds:
+            dr.scatter(met, mi.Bool(True), kind.row)
+    return dr.compress(met)
