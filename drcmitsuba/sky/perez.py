@@ -105,7 +105,7 @@ class Perez:
 
     Measured against 60² nodes per patch over 300 hours of each of six weather files, `PatchMeans()`
     errs by at most 0.08 % in the sun's own patch and 0.03 % in the others. A year of 2610 hours
-    takes 0.3 s on one core, less on several.
+    takes 0.2 s on one core, less on several.
 
     Limits: where the parameters give b > 0 (sun low and ε high, or Δ beyond the measured range) the
     gradation diverges at the horizon and has no mean; patch means then take b = 0. Centre values

@@ -234,16 +234,16 @@ class Deposit:
     def by_films(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
     ) -> Irradiance | None:
-        """D by way of films; None without films."""
-        looked = self.looked(p, n, key, numbers)
-        return None if looked is None else self.by_looked(looked, p, n, key, numbers)
+        """D by way of films; None without films, or where they are not lit."""
+        if self.on_films is None:
+            return None
+        return self.by_looked(self.looked(p, n, key, numbers), p, n, key, numbers)
 
     def looked(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
-    ) -> Looked | None:
-        """Directions from receivers to films; None without films."""
-        if self.films is None or self.on_films is None:
-            return None
+    ) -> Looked:
+        """Directions from receivers to films."""
+        assert self.films is not None
         with self.launch(key, Draw.FILMS) as seed:
             rays = self.accuracy.pane_points
             return self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers)

@@ -14,8 +14,6 @@ from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.film_looks import Looked
-from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met, Reached, by_replicate, lit_and_shining, product
 from drcmitsuba.transport.photons import Landed
@@ -94,11 +92,8 @@ class Replicates:
         each = [number_in_replicate(keys, r) for r in self.numbers]
         numbers, key = dr.concat(each), (Stream.CELLS,)
         D = base.straight(p, n, key, rays, numbers=numbers, within=drawn.within)
-        D = D.plus(_stacked(one.on(keys) for one in self.landed))
-        parts = list[tuple[mi.TensorXf, Irradiance]]()
-        if base.films is not None:
-            films, parts = self._by_films(base.films, drawn, each)
-            D = D.plus(films)
+        films, parts = self._by_films(drawn, each)
+        D = D.plus(_stacked(one.on(keys) for one in self.landed)).plus(films)
         if (E := _stacked(one.faces for one in self.deposits)) is not None:
             parts.append((base.transfer(p, n, key, numbers), E))
         dr.eval(*D)  # a pending sum would keep all of its parts
@@ -116,22 +111,21 @@ class Replicates:
             self.join()
 
     def _by_films(
-        self, films: Films, drawn: Draws, numbers: list[mi.UInt32]
+        self, drawn: Draws, numbers: list[mi.UInt32]
     ) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Irradiance]]]:
         """D of cells by films [sr]; and apart, weights and radiance of cells of exposed films."""
-        key, every = (Stream.CELLS,), list[Looked]()
+        base, key = self.deposits[0], (Stream.CELLS,)
         each = [*zip(self.deposits, drawn.apart(), numbers, strict=True)]
-        for lit, at, own in each:
-            looked = lit.looked(at.p, at.n, key, own)
-            assert looked is not None
-            every.append(looked)
+        if base.films is None or base.on_films is None:
+            return _stacked(lit.by_films(at.p, at.n, key, own) for lit, at, own in each), []
+        every = [lit.looked(at.p, at.n, key, own) for lit, at, own in each]
+        films, parts = base.films, []
         even = films.even_rows(every)
-        parts = []
         for film in even:
             K = _rows([films.weights(looked, film) for looked in every])
             light = [films.radiance(film, lit.on_films) for lit in self.deposits if lit.on_films]
             sky, sun = map(_rows, zip(*light, strict=True))
-            parts.append((K, Irradiance(sky, films.of_all_suns(sun, self.deposits[0].bins[1]))))
+            parts.append((K, Irradiance(sky, films.of_all_suns(sun, base.bins[1]))))
         rest = _stacked(
             lit.by_looked(looked, at.p, at.n, key, own, without=even)
             for looked, (lit, at, own) in zip(every, each, strict=True)

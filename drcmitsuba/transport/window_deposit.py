@@ -184,12 +184,9 @@ class WindowDeposit:
     ) -> Irradiance | None:  # fmt: skip
         """D by way of the films of a window; None without any."""
         among = None if self.of_film is None else self.of_film == window
-        if among is None or not among.any():
+        if among is None or not among.any() or deposit.on_films is None:
             return None
-        looked = deposit.looked(p, n, key, numbers)
-        if looked is None:
-            return None
-        return deposit.by_looked(looked, p, n, key, numbers, among)
+        return deposit.by_looked(deposit.looked(p, n, key, numbers), p, n, key, numbers, among)
 
 
 def _column(mask: np.ndarray) -> mi.TensorXf:

@@ -18,8 +18,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import (
     coefficients,
-    film_orientation,
-    films,
+    film_answers,
     gather_blocks,
     photons,
     shadow_rays,
@@ -124,8 +123,7 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     monkeypatch.setattr(gather_blocks, "SUMMED", 100)
     monkeypatch.setattr(gather_blocks, "KEPT", 1000)
     monkeypatch.setattr(shadow_rays, "SHADOW_RAYS", 1 << 12)
-    monkeypatch.setattr(films, "SHADOW_RAYS", 1 << 18)
-    monkeypatch.setattr(film_orientation, "SHADOW_RAYS", 1 << 18)
+    monkeypatch.setattr(film_answers, "SHADOW_RAYS", 1 << 18)
     monkeypatch.setattr(photons, "PHOTONS", 1 << 12)
     holds("C in one chunk and in ten", max(distances(run(kind), usual[kind])), SAME)
 

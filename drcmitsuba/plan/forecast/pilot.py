@@ -30,7 +30,7 @@ from drcmitsuba.transport import launch_size
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.film_answers import SAMPLES
-from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.films import FEW_ROWS, Films
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
 from drcmitsuba.transport.photons import PATCH
@@ -181,6 +181,23 @@ class Pilot:
         own = self.accuracy.replicates * SAMPLES
         return sum(m.rows * (DISK_CELLS if m.bsdf.out_even else own) for m in mounts)
 
+    @cached_property
+    def _even_films(self) -> np.ndarray:
+        """Whether light of each patch of films is a product, see `Films.even_rows`."""
+        if self.films is None:
+            return np.zeros(1, bool)
+        most = FEW_ROWS * self.accuracy.pane_points
+        even = np.array([m.exposed and m.rows <= most for m in self.films.mounts])
+        return np.asarray(even[self.films.patches.owner])
+
+    @property
+    def film_rows(self) -> int:
+        """Number of outgoing cells of films whose light is a product."""
+        if self.films is None:
+            return 0
+        even = np.unique(self.films.patches.owner[self._even_films])
+        return sum(self.films.mounts[i].rows for i in even)
+
     def rays(self) -> Iterator[Amount]:
         """Rays of the evaluation by effect and kind, and the sums of the answers of films."""
         vertices = self.count * self.paths.vertices
@@ -196,7 +213,8 @@ class Pilot:
                 for kind in ("shadow", "pane", "photon"):
                     yield effect, kind, share * scale * rays[kind]
             if Draw.FILMS.name in purpose:
-                yield "films", "film_sum", scale * rays["pane"] * sum(self.bins)
+                summed = scale * rays["pane"] * (1 - float(self._even_films.mean()))
+                yield "films", "film_sum", summed * sum(self.bins)
 
     def _effects(self, purpose: Purpose) -> list[tuple[str, float]]:
         """Effects that the rays of a purpose serve, each with its share [–]."""
