@@ -14,7 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits, sample_disk
+from drcmitsuba_plugins.sampling import TO_UNIT, from_disk, random_bits, sample_disk
 
 from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers, even_steps
@@ -24,9 +24,11 @@ from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
-DISK_POINTS = 256
+DISK_POINTS = 4096
 """Number of directions on a sun's disk that tell its shares in incident cells: for suns of 0.53°
-on a tree of 32² cells, answers err by 0.3 % (RMS), and by 0.01 % in sum over the outgoing cells."""
+on a tree of 32² cells, answers err by 0.05 % (RMS). All replicates have this error alike."""
+RIM_POINTS = 64
+"""Number of points on the rim of a sun's disk that tell whether cells cut it."""
 SAMPLES = 16
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate."""
 
@@ -44,21 +46,46 @@ class DiskParts(NamedTuple):
 
 def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
     """Cut the disks of suns, unit vectors (sun, 3), by the incident cells of a film."""
-    lane = dr.arange(mi.UInt32, len(suns) * DISK_POINTS)
-    sun, index = row_and_column(lane, DISK_POINTS)
-    uv = (mi.Float((index * mi.UInt32(step)) >> 8) * TO_UNIT for step in even_steps(2))
-    centre = dr.gather(mi.Vector3f, flat(suns), sun)
-    d = mount.turn.to_local(sample_disk(centre, diameter, mi.Point2f(*uv)))
-    cell = mount.bsdf.out_cell(d) + dr.select(d.z > 0, mi.UInt32(mount.bsdf.out_cells), 0)
+    points = np.where(_are_cut(mount, suns, diameter), DISK_POINTS, 1)
+    sun = flat_indices(np.repeat(np.arange(len(suns)), points))
+    lane = dr.arange(mi.UInt32, dr.width(sun))
+    uv = (mi.Float((lane * mi.UInt32(step)) >> 8) * TO_UNIT for step in even_steps(2))
+    at = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(*uv))
+    d, cell = _on_disks(mount, suns, diameter, sun, at)
     light = dr.select((d.z < 0) | (not mount.exposed), dr.abs(d.z), 0)
     key = sun * mi.UInt32(2 * mount.bsdf.out_cells) + cell
-    keys, at, part = np.unique(key.numpy(), return_index=True, return_inverse=True)
-    of_sun, light_of = keys // (2 * mount.bsdf.out_cells), light.numpy().astype(float)
-    whole = np.bincount(of_sun, share := np.bincount(part, light_of), len(suns))[of_sun]
-    share = np.divide(share, whole, out=np.zeros(len(share)), where=whole > 0)
-    some = dr.gather(mi.Vector3f, dr.ravel(d), flat_indices(at))
+    dr.eval(key, light)
+    keys = np.unique(key.numpy())
+    known, of_sun = flat_indices(keys), keys // (2 * mount.bsdf.out_cells)
+    part = dr.binary_search(0, len(keys), lambda i: dr.gather(mi.UInt32, known, i) < key)
+    some, shares = dr.full(mi.UInt32, dr.width(lane), len(keys)), dr.zeros(mi.Float64, len(keys))
+    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, part)
+    dr.scatter_add(shares, mi.Float64(light), part)
+    dr.eval(some, shares)
+    whole = np.bincount(of_sun, shares.numpy(), len(suns))[of_sun]
+    share = np.divide(shares.numpy(), whole, out=np.zeros(len(keys)), where=whole > 0)
     first = first_of_rows(flat_indices(of_sun), len(suns))
-    return DiskParts(first, dr.ravel(some), mi.Float(share.astype(np.float32)))
+    d = dr.gather(mi.Vector3f, dr.ravel(d), some)
+    return DiskParts(first, dr.ravel(d), mi.Float(share.astype(np.float32)))
+
+
+def _on_disks(
+    mount: Mount, suns: np.ndarray, diameter: float, sun: mi.UInt32, at: mi.Point2f
+) -> tuple[mi.Vector3f, mi.UInt32]:
+    """Directions to points of the unit disk on suns, in the pane's frame; their incident cells."""
+    d = mount.turn.to_local(from_disk(dr.gather(mi.Vector3f, flat(suns), sun), diameter, at))
+    return d, mount.bsdf.out_cell(d) + dr.select(d.z > 0, mi.UInt32(mount.bsdf.out_cells), 0)
+
+
+def _are_cut(mount: Mount, suns: np.ndarray, diameter: float) -> np.ndarray:
+    """Whether the rims of suns' disks lie in several incident cells, shape (sun,)."""
+    sun, index = row_and_column(dr.arange(mi.UInt32, len(suns) * RIM_POINTS), RIM_POINTS)
+    angle = mi.Float(index) * (2 * dr.pi / RIM_POINTS)
+    _, cell = _on_disks(mount, suns, diameter, sun, mi.Point2f(dr.cos(angle), dr.sin(angle)))
+    dr.eval(cell)
+    cut = dr.zeros(mi.Bool, len(suns))
+    dr.scatter(cut, True, sun, cell != dr.gather(mi.UInt32, cell, sun * RIM_POINTS))
+    return np.array(cut)
 
 
 def even_answer(mount: Mount, suns: np.ndarray, diameter: float) -> mi.Float:

@@ -258,32 +258,30 @@ def film_case():
 def through_the_film(film, corner, u, v, points, suns, diameter):
     """C [sr] by a parallelogram of film of sensors that look south, shape (sensor, sun).
 
-    A midpoint rule for C = ∫ ∫ f cos θ cos θ_p cos θ_s / r² dA dΩ over the pane and the sun's disk.
+    C = ∫ ∫ f cos θ cos θ_p cos θ_s / r² dA dΩ as a mean over pairs of points on the pane and on the
+    sun's disk; both lie in several cells of the film. With 16 times as many, ΣC changes by 8·10⁻⁵.
     """
-    n, m = 4, 4096  # cells of the film are smaller than the sun
-    grid = (np.stack(np.meshgrid(range(n), range(n)), axis=-1).reshape(-1, 2) + 0.5) / n
-    at = corner + grid[:, :1] * u + grid[:, 1:] * v
-    i = np.arange(m)
-    radius, turn = np.sqrt((i + 0.5) / m), np.pi * (3 - 5**0.5) * i
+    i = np.arange(n := 262_144)
+    on_pane = np.stack([(i + 0.5) / n, i * 0.6180339887498949 % 1], axis=-1)
+    at = corner + on_pane[:, :1] * u + on_pane[:, 1:] * v
+    radius, turn = np.sqrt((i * 0.7548776662466927 + 0.5) % 1), 2 * np.pi * (i * 0.5698402909980532)
     across = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
-    si = dr.zeros(mi.SurfaceInteraction3f, len(at) * m)
+    si = dr.zeros(mi.SurfaceInteraction3f, n)
     si.n = mi.Normal3f(0, 1, 0)
     si.sh_frame = mi.Frame3f(si.n)
     C = np.zeros((len(points), len(suns)))
-    for j, p in enumerate(points):
-        to = p - at
-        r = np.linalg.norm(to, axis=1)
-        to /= r[:, None]
-        weight = to[:, 1] ** 2 / r**2 * np.linalg.norm(np.cross(u, v)) / n**2
-        for k, sun in enumerate(suns):
-            east = np.cross([0.0, 0, 1], sun) / np.linalg.norm(np.cross([0.0, 0, 1], sun))
-            axes = np.stack([east, np.cross(sun, east)])
-            d = sun + np.sin(np.radians(diameter / 2)) * across @ axes
-            d /= np.linalg.norm(d, axis=1, keepdims=True)
-            si.wi = si.to_local(mi.Vector3f(np.repeat(to, m, axis=0).T))
-            wo = si.to_local(mi.Vector3f(np.tile(d, (len(at), 1)).T))
-            value = film.eval(mi.BSDFContext(), si, wo)[0].numpy().reshape(len(at), m)
-            C[j, k] = value.mean(axis=1, dtype=float) @ weight * disk_solid_angle(diameter)
+    area, context = np.linalg.norm(np.cross(u, v)), mi.BSDFContext()
+    for k, sun in enumerate(suns):
+        east = np.cross([0.0, 0, 1], sun) / np.linalg.norm(np.cross([0.0, 0, 1], sun))
+        axes = np.stack([east, np.cross(sun, east)])
+        d = sun + np.sin(np.radians(diameter / 2)) * across @ axes
+        wo = si.to_local(mi.Vector3f((d / np.linalg.norm(d, axis=1, keepdims=True)).T))
+        for j, p in enumerate(points):
+            to = p - at
+            r = np.linalg.norm(to, axis=1)
+            si.wi = si.to_local(mi.Vector3f((to / r[:, None]).T))
+            values = film.eval(context, si, wo)[0].numpy() * to[:, 1] ** 2 / r**4
+            C[j, k] = values.mean(dtype=float) * area * disk_solid_angle(diameter)
     return C
 
 
