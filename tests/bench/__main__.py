@@ -273,8 +273,9 @@ def whole(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
 def scaling(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
     """Part (d)."""
     print("## (d) Denser sensors: sky and 100 suns\n")
-    accuracy = {"replicates": 2, "paths": 256, "cell_size": 0.45, "cell_sky_rays": 128,
-                "sensor_sky_rays": 4096}  # fmt: skip
+    both = {"replicates": 2, "cell_size": 0.45, "cell_sky_rays": 128, "sensor_sky_rays": 4096}
+    of_paths = {**both, "paths": 256}
+    by_cells = {**both, "solved_cells": True, "paths": 192, "cell_paths": 8}  # with smaller errors
     points, normals = room.sensors
     low, high = points.min(axis=0), points.max(axis=0)
     rows = []
@@ -282,13 +283,15 @@ def scaling(room: Classroom, options: argparse.Namespace, folder: Path) -> None:
         x, y = np.meshgrid(np.linspace(low[0], high[0], nx), np.linspace(low[1], high[1], ny))
         p = np.column_stack([x.ravel(), y.ravel(), np.full(nx * ny, low[2])])
         n = np.tile(normals[0], (nx * ny, 1))
-        work = partial(room.ours, room.suns, p, n, **accuracy)
-        time = seconds(work, 1 if nx > 100 else 3)[0]
+        times = 1 if nx > 100 else 3
+        a, b = (
+            seconds(partial(room.ours, room.suns, p, n, **accuracy), times)[0]
+            for accuracy in (of_paths, by_cells)
+        )
         entries = nx * ny * (BINS + len(room.suns.labels))
-        rows.append([f"{nx * ny:,}", f"{time:.2f}", f"{time / nx / ny * 1e6:.0f}",
-                     f"{time / entries * 1e6:.2f}"])  # fmt: skip
-    print(f"{short(accuracy)}\n")
-    table(["sensors", "seconds", "µs per sensor", "µs per sensor and bin"], rows)
+        rows.append([f"{nx * ny:,}", f"{a:.2f}", f"{b:.2f}", f"{b / entries * 1e6:.2f}"])
+    print(f"paths: {short(of_paths)}\n\nsolved cells: {short(by_cells)}\n")
+    table(["sensors", "seconds, paths", "solved cells", "µs per sensor and bin"], rows)
 
 
 def film(plain: Classroom, options: argparse.Namespace, folder: Path) -> None:
@@ -324,6 +327,7 @@ PHOTON_MAPS = ((800_000, 50), (800_000, 200), (6_400_000, 50), (6_400_000, 200))
 """Photons of a map and of a look-up."""
 PHOTON_SETTINGS = (
     {"replicates": 2, "photons": 512, "paths": 128, "cell_size": 0.3},
+    {"replicates": 2, "photons": 1024, "paths": 192, "cell_size": 0.3},
     {"replicates": 2, "photons": 2048, "paths": 256, "cell_size": 0.3},
     {"replicates": 2, "photons": 8192, "paths": 512, "cell_size": 0.3},
 )
