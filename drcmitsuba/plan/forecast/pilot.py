@@ -184,8 +184,7 @@ class Pilot:
     @cached_property
     def _even_films(self) -> np.ndarray:
         """Whether light of each patch of films is a product, see `Films.even_rows`."""
-        if self.films is None:
-            return np.zeros(1, bool)
+        assert self.films is not None
         most = FEW_ROWS * self.accuracy.pane_points
         even = np.array([m.exposed and m.rows <= most for m in self.films.mounts])
         return np.asarray(even[self.films.patches.owner])
