@@ -24,7 +24,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics, possible_states
+from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, draw_shade, evaluate_metrics
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.sky.daylight import Daylight
@@ -103,11 +103,12 @@ class _Sampling:
         """Evaluate the metrics; first simulate the states of hours that may newly take them."""
         attributes, step_hours = self.first.attrs, self.daylight.step_hours
         direct = illuminance.direct_sun(self.coefficients, self.daylight.sky)
+        shade = None
         if attributes["has_shade"]:
-            taken = possible_states(self.case, step_hours, direct, attributes)
-            for state, hours in taken.items():
+            shade = draw_shade(self.case, step_hours, direct, attributes)
+            for state, hours in shade.closures.others.items():
                 self._extend(state, hours)
-        return evaluate_metrics(self.case, self.daylight, self.coefficients, direct)
+        return evaluate_metrics(self.case, self.daylight, self.coefficients, direct, shade)
 
     def _extend(self, state: State, hours: np.ndarray) -> None:
         """Simulate the suns of some hours that a state lacks."""

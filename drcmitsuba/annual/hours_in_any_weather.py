@@ -13,7 +13,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import possible_states
+from drcmitsuba.metrics.evaluate_metrics import draw_shade
 from drcmitsuba.metrics.facade_states import ShadeRule, most_states, sunlit
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import Daylight
@@ -37,7 +37,7 @@ def hours_in_any_weather(
     rule = ShadeRule.of(marked)
     assert rule is not None
     if len(rule.groups) == 1:
-        return possible_states(case, daylight.step_hours, direct, marked)
+        return draw_shade(case, daylight.step_hours, direct, marked).closures.others
     may_close = (sunlit(direct, rule) > 0).any(axis=1) & rule.by_rule
     taken: dict[State, np.ndarray] = {}
     for closes in product((False, True), repeat=len(rule.groups)):

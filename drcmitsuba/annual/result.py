@@ -238,9 +238,10 @@ def _whole(begun: _Begun, known: xr.Dataset | None) -> Result:
     planned, run = begun.planned, begun.run
     case, light = planned.facts.case, planned.facts.light
     by_state = None if known is None else Coefficients.of(known)
-    coefficients, direct = simulation.simulate(case, light, run, by_state)
+    simulated = simulation.simulate(case, light, run, by_state)
     with run.timed("accumulation and metrics"):
-        evaluated = evaluate_metrics(case, light, coefficients, direct)
+        evaluated = evaluate_metrics(case, light, *simulated)
+    coefficients = simulated.coefficients
     outcome = None
     if case.accuracy.target is not None:
         coefficients, evaluated, outcome = toward_target(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,8 +21,9 @@ from drcmitsuba.case.groups import OPEN, SHADED, VARYING, GroupStates, State
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.metrics.evaluate_metrics import possible_states
+from drcmitsuba.metrics.evaluate_metrics import draw_shade
 from drcmitsuba.metrics.facade_states import FacadeStates
+from drcmitsuba.metrics.intervals import ShadeDraws
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
@@ -171,10 +172,21 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     return bool(run.kept(case.name, *content, suns).cover(len(points)))
 
 
+class SimulatedYear(NamedTuple):
+    """C of all states of a case, and what decided on them: the last arguments of the metrics."""
+
+    coefficients: Coefficients
+    """C [sr]."""
+    direct: xr.Dataset
+    """Direct sun by `illuminance.direct_sun` [lx]."""
+    shade: ShadeDraws | None = None
+    """States that may occur by this direct sun; None where something else decided."""
+
+
 def simulate(
     case: Case, daylight: Daylight, run: Run, known: Coefficients | None = None,
     needed: Callable[[xr.Dataset], np.ndarray] | None = None,
-) -> tuple[Coefficients, xr.Dataset]:  # fmt: skip
+) -> SimulatedYear:  # fmt: skip
     """Simulate C of all states, each but the open one for the suns of hours that may take it.
 
     Parameters
@@ -190,8 +202,7 @@ def simulate(
 
     Returns
     -------
-    coefficients, direct
-        C [sr], and direct sun [lx] by `illuminance.direct_sun`, which decides on these hours.
+    SimulatedYear
 
     Raises
     ------
@@ -210,13 +221,15 @@ def simulate(
     coefficients = Coefficients(C.assign_attrs(marked))
     direct = illuminance.direct_sun(coefficients, daylight.sky)
     if not marked["has_shade"]:
-        return coefficients, direct
+        return SimulatedYear(coefficients, direct)
+    shade = None
     if needed is not None:
         taken = {SHADED: needed(direct)}
     elif case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
         taken = hours_in_any_weather(simulated, daylight, coefficients, marked)
     else:
-        taken = possible_states(simulated, daylight.step_hours, direct, marked)
+        shade = draw_shade(simulated, daylight.step_hours, direct, marked)
+        taken = shade.closures.others
     groups = GroupStates.of_attributes(marked)
     if effects.every_shade and VARYING not in taken:
         taken[groups.label(groups.last)] = np.ones(direct.sizes["time"], bool)
@@ -234,7 +247,7 @@ def simulate(
                 share = part(done, i / len(taken), (i + 1) / len(taken))
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
-    return Coefficients(coefficients.open, others), direct
+    return SimulatedYear(Coefficients(coefficients.open, others), direct, shade)
 
 
 def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:
@@ -248,7 +261,7 @@ def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coef
     """Simulate C of all states [sr], by default with the effects of the case's plan."""
     if run is None:
         run = Run.of(case, plan(case, daylight).scope)
-    return simulate(case, daylight, run)[0]
+    return simulate(case, daylight, run).coefficients
 
 
 def _refuse_others(

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.case.groups import SHADED, GroupStates, State
+from drcmitsuba.case.groups import SHADED, GroupStates
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.case.schedule import Schedule
 from drcmitsuba.case.shading import AREA, THRESHOLD
@@ -22,7 +22,7 @@ from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.facade_states import shares_of_states
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.metrics.illuminance import illuminance
-from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, values
+from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, ShadeDraws, values
 from drcmitsuba.metrics.sensor_counts import undecided
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
@@ -126,38 +126,37 @@ def drawing(case: Case) -> dict[str, Any]:
     return {"rays": rays, "seed": a.seed}
 
 
-def possible_states(
+def draw_shade(
     case: Case, step_hours: float, direct: xr.Dataset, attributes: Mapping[str, Any] | None = None
-) -> dict[State, np.ndarray]:
-    """Time stamps at which the façade may take each state, bool (time,), the open one left out.
+) -> ShadeDraws:
+    """Draw the states that the façade may take within the errors of the direct sun.
 
-    They hold within the errors of the direct sun. `direct` is from `illuminance.direct_sun` [lx];
-    `step_hours` is the length of an interval [h]; `attributes` are those of C.
+    `direct` is from `illuminance.direct_sun` [lx]; `step_hours` is the length of an interval [h];
+    `attributes` are those of C.
     """
-    by_luminance = direct.map(luminance)
     asked = rules(case, step_hours, attributes)
-    closures = intervals.closures(by_luminance, asked, **drawing(case))
-    return dict(zip(closures.states[1:], closures.possible[1:], strict=True))
+    return ShadeDraws.of(direct.map(luminance), asked, **drawing(case))
 
 
 def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:
-    """Time stamps at which the one shade may close, bool (time,), as `possible_states`."""
-    possible = possible_states(case, step_hours, direct)
-    return possible.get(SHADED, np.zeros(direct.sizes["time"], bool))
+    """Time stamps at which the one shade may close, bool (time,), as `draw_shade` says."""
+    others = draw_shade(case, step_hours, direct).closures.others
+    return others.get(SHADED, np.zeros(direct.sizes["time"], bool))
 
 
 def evaluate_metrics(
-    case: Case, daylight: Daylight, coefficients: Coefficients, direct: xr.Dataset | None = None
-) -> EvaluatedMetrics:
+    case: Case, daylight: Daylight, coefficients: Coefficients, direct: xr.Dataset | None = None,
+    shade: ShadeDraws | None = None,
+) -> EvaluatedMetrics:  # fmt: skip
     """Accumulate E from coefficients and draw its metrics.
 
-    `direct` is from `illuminance.direct_sun` [lx] and computed by default. Errors are those of
-    `illuminance.illuminance`.
+    `direct` is from `illuminance.direct_sun` [lx], `shade` from `draw_shade` of the same direct
+    sun; both are computed by default. Errors are those of `illuminance.illuminance`.
     """
     E = illuminance(coefficients, daylight.sky, direct)
     E.attrs["step_hours"] = daylight.step_hours
     asked = rules(case, daylight.step_hours, coefficients.attrs)
-    draws = intervals.draw(coefficients, daylight.sky, E, asked, **drawing(case))
+    draws = intervals.draw(coefficients, daylight.sky, E, asked, **drawing(case), shade=shade)
     return EvaluatedMetrics(E, draws, summarise(E, asked, draws))
 
 

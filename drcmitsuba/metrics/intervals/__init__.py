@@ -11,12 +11,12 @@ year_draws
 spread
     Intervals from draws, or from standard errors alone.
 draw
-    `draw`, `closures`: all of it.
+    `draw`: all of it; `ShadeDraws`, of which the simulation of the states needs to know.
 of_metric
     `interval_of` any metric of E.
 """
 
-from drcmitsuba.metrics.intervals.draw import closures, draw
+from drcmitsuba.metrics.intervals.draw import ShadeDraws, draw
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.of_metric import interval_of
 from drcmitsuba.metrics.intervals.rules import Rules, t_factor
@@ -28,7 +28,7 @@ __all__ = [
     "DrawnShares",
     "Draws",
     "Rules",
-    "closures",
+    "ShadeDraws",
     "draw",
     "interval_of",
     "t_factor",

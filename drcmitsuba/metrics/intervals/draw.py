@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,33 +22,43 @@ from drcmitsuba.metrics.intervals.year_draws import YearDraws, closures_of
 from drcmitsuba.schema import luminance, mean_and_error
 
 
-def closures(direct: xr.Dataset, rules: Rules, rays: int | None, seed: int) -> Closures:
-    """Draw when the shade closes, from the direct sun [lx] of luminance; the rest as for `draw`."""
-    mean, error = (direct[name].values for name in ("direct_sun", "direct_sun_se"))
-    limits = rules.metrics.ase_threshold, rules.shade_threshold
-    return closures_of(direct, draw_sun(mean, error, limits, rays, seed), rules)
+class ShadeDraws(NamedTuple):
+    """Direct sun near its thresholds, and the states of the façade that follow from it."""
+
+    sun: SunDraws
+    closures: Closures
+
+    @classmethod
+    def of(cls, direct: xr.Dataset, rules: Rules, rays: int | None, seed: int) -> ShadeDraws:
+        """Draw from the direct sun [lx] of luminance; the attribute and the rest as for `draw`."""
+        mean, error = (direct[name].values for name in ("direct_sun", "direct_sun_se"))
+        limits = rules.metrics.ase_threshold, rules.shade_threshold
+        sun = draw_sun(mean, error, limits, rays, seed)
+        if not direct.attrs.get("has_shade", 1):
+            return cls(sun, Closures.never(direct.sizes["time"]))
+        return cls(sun, closures_of(direct, sun, rules))
 
 
 def draw(
     coefficients: Coefficients, sky: xr.Dataset, illuminance: xr.Dataset, rules: Rules, *,
-    rays: int | None, seed: int,
+    rays: int | None, seed: int, shade: ShadeDraws | None = None,
 ) -> Draws:  # fmt: skip
     """Draw all metrics from C of all states, by luminance or channel, and E of the same C and sky.
 
     E is from `accumulate.illuminance`, with the attribute `has_shade`. `rays` are the directions
     that were drawn from the disk of every sun, in all replicates; None where its rim was searched
-    for edges, so that none is hidden. The same seed gives the same draws.
+    for edges, so that none is hidden. The same seed gives the same draws. `shade` are the draws of
+    this direct sun with the same rules, rays and seed, where they are known.
     """
-    E = {name: luminance(illuminance[name]) for name in illuminance.data_vars}
-    t, stamps = rules.metrics, sky.sizes["time"]
-    mean, error = E["direct_sun"].values, E["direct_sun_se"].values
-    sun = draw_sun(mean, error, (t.ase_threshold, rules.shade_threshold), rays, seed)
-    shut = Closures.never(stamps)
-    if illuminance.attrs.get("has_shade", 1):
-        shut = closures_of(xr.Dataset(E), sun, rules)
+    if shade is None:
+        names = ("direct_sun", "direct_sun_se", "sun_group")
+        direct = illuminance[[name for name in names if name in illuminance]].map(luminance)
+        shade = ShadeDraws.of(direct.assign_attrs(illuminance.attrs), rules, rays, seed)
+    sun, shut = shade
     grid = grid_of_sensors(illuminance)
     block = draw_block(coefficients, sky, illuminance, rules, sun, shut, grid, seed)
-    return block.draws(shut, metrics.months(E["total"]) - 1, list(sensors_by_grid(illuminance)))
+    month = metrics.months(illuminance["total"]) - 1
+    return block.draws(shut, month, list(sensors_by_grid(illuminance)))
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,11 @@ class Closures:
             monthly = 100.0 * counts / stamps
         return 100.0 * counts.sum(axis=0) / len(month), monthly
 
+    @property
+    def others(self) -> dict[State, np.ndarray]:
+        """Time stamps at which each state but the open one occurs in some draw, bool (time,)."""
+        return dict(zip(self.states[1:], self.possible[1:], strict=True))
+
     @cached_property
     def possible(self) -> np.ndarray:
         """Whether each state occurs at a time stamp in some draw, shape (state, time)."""
