@@ -46,6 +46,19 @@ def _size(text: str) -> int | tuple[int, int]:
     return int(match[1]) if match[2] is None else (int(match[1]), int(match[2]))
 
 
+def _scale(text: str, tone: Tone) -> tuple[float, float]:
+    """Luminances [cd/m²] of a text such as "10,10000"."""
+    from drcmitsuba.rendering.rendering import check_scale
+
+    try:
+        least, most = (float(number) for number in text.split(","))
+    except ValueError:
+        remedy = "give least and most [cd/m²], as 10,10000"
+        raise InputError("command line", "--scale", repr(text), remedy) from None
+    check_scale((least, most), tone.value)
+    return least, most
+
+
 def render(
     case: CaseName,
     view: Annotated[str | None, option("NAME", "View of the case; not needed for one.")] = None,
@@ -58,6 +71,10 @@ def render(
     ] = False,
     size: Annotated[str, option("PIXELS", "Columns, or columns x rows.")] = "512",
     tone: Annotated[Tone, option("NAME", "PNG: human, exposure or false (colour).")] = Tone.human,
+    scale: Annotated[
+        str | None,
+        option("LEAST,MOST", "Ends of false colours, white of an exposure [cd/m²], as 10,10000."),
+    ] = None,
     pixels: Annotated[Pixels, option("NAME", "EXR: float or half.")] = Pixels.float,
     samples: Annotated[int, option("NUMBER", "Rays in each pixel.")] = 8,
     state: Annotated[
@@ -73,6 +90,7 @@ def render(
     from drcmitsuba.case.groups import APPLIED
     from drcmitsuba.rendering import Sampling, frames, prepare
     from drcmitsuba.rendering.prepared_view import instant_of
+    from drcmitsuba.sky.daylight import weather_of
     from drcmitsuba.sky.period import read_timestamps
 
     given = [name for name, is_given in (
@@ -88,6 +106,7 @@ def render(
     if times is not None:
         instants = list(read_timestamps(times))
     wanted, sampling, notes = _size(size), Sampling(samples=samples), dict[str, None]()
+    ends = None if scale is None else _scale(scale, tone)
     loaded = load(case, weather)
     files: list[Path] = []
     shown: Counter[str] = Counter()
@@ -103,9 +122,11 @@ def render(
             loaded, view, instants, size=wanted, sampling=sampling, state=state, folder=output,
             source=source.value, stage=stage,
         ):  # fmt: skip
-            files += rendering.save(output, tone.value, pixels.value)
+            files += rendering.save(output, tone.value, pixels.value, ends)
             notes |= dict.fromkeys(rendering.notes)
             shown[rendering.state] += 1
+    if not bins:
+        notes |= dict.fromkeys(weather_of(loaded).notes)
     if state == APPLIED:
         each = ", ".join(f"{name} in {count}" for name, count in shown.items())
         notes |= {f"façade {each} of {len(instants)} pictures": None}

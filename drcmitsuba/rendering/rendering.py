@@ -16,14 +16,36 @@ from drcmitsuba.picture.false_colour import false_colour, save_png
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.report import style
 from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.errors import InputError
 
 images = lazy.module("matplotlib.image")
 
 Tone = Literal["human", "exposure", "false"]
 """Ways to a picture for a screen: as the eye would see it, by an exposure, in false colours."""
 
+Scale = tuple[float, float]
+"""Ends of a scale of luminances [cd/m²]."""
+
 Source = Literal["all", "sky", "sun"]
 """Light of a picture: of sky and sun, of the sky and the ground alone, or of the sun alone."""
+
+
+def check_scale(scale: Scale | None, tone: Tone) -> None:
+    """Refuse a scale out of order, or one for a tone that adapts to each picture as the eye does.
+
+    Raises
+    ------
+    InputError
+        The scale is unfit.
+    """
+    if scale is None:
+        return
+    if not 0 < scale[0] < scale[1] < np.inf:
+        got = f"{scale[0]:g} to {scale[1]:g}"
+        raise InputError("rendering", "scale", got, "give 0 < least < most [cd/m²]")
+    if tone == "human":
+        remedy = 'give tone "false" or "exposure"'
+        raise InputError("rendering", "scale", 'tone "human" has no scale', remedy)
 
 
 def file_name(view: str) -> str:
@@ -65,8 +87,9 @@ class Rendering:
         return not (self.picture.rgb > 0).any()
 
     def save(
-        self, folder: str | Path, tone: Tone = "human", pixels: Literal["float", "half"] = "float"
-    ) -> list[Path]:
+        self, folder: str | Path, tone: Tone = "human", pixels: Literal["float", "half"] = "float",
+        scale: Scale | None = None,
+    ) -> list[Path]:  # fmt: skip
         """Write the picture as `.exr` with its error, `.hdr` and `.png`, each whole or not at all.
 
         Parameters
@@ -74,23 +97,35 @@ class Rendering:
         folder : str or Path
             Folder, which is made.
         tone : {"human", "exposure", "false"}
-            How the PNG shows luminances.
+            How the PNG shows luminances; its name ends with the tone unless that is "human".
         pixels : {"float", "half"}
             Values of the `.exr`.
+        scale : tuple of two float, optional
+            Luminances [cd/m²] at the ends of the false colours; an exposure shows the second as
+            white. By default they follow from each picture.
 
         Returns
         -------
         list of Path
             Files.
+
+        Raises
+        ------
+        InputError
+            The scale is not in order above 0, or the tone has none.
         """
+        check_scale(scale, tone)
         folder = Path(folder)
-        files = [folder / f"{self.name}{ending}" for ending in (".exr", ".hdr", ".png")]
+        png = ".png" if tone == "human" else f"_{tone}.png"
+        files = [folder / f"{self.name}{ending}" for ending in (".exr", ".hdr", png)]
         exr.save(self.picture, files[0], pixels, self.error)
         hdr.save(self.picture, files[1])
         if tone == "false" and not self.is_dark:
-            style.save(false_colour(self.picture, title=self._title), files[2])
+            least, most = scale or (None, None)
+            drawn = false_colour(self.picture, least=least, most=most, title=self._title)
+            style.save(drawn, files[2])
         else:
-            save_png(self._shown(tone), files[2])
+            save_png(self._shown(tone, None if scale is None else scale[1]), files[2])
         return files
 
     @property
@@ -100,11 +135,11 @@ class Rendering:
         source = "" if self.source == "all" else f", {self.source} alone"
         return f"{self.case}, {self.view}, {when}{facade}{source}"
 
-    def _shown(self, how: Tone) -> np.ndarray:
+    def _shown(self, how: Tone, white: float | None = None) -> np.ndarray:
         """Pixels of a screen (row, column, 3)."""
         if self.is_dark:
             return np.zeros(self.picture.rgb.shape, np.uint8)
-        return tone.exposed(self.picture) if how == "exposure" else tone.human(self.picture)
+        return tone.exposed(self.picture, white) if how == "exposure" else tone.human(self.picture)
 
     def _repr_png_(self) -> bytes:
         """Picture as the eye would see it."""

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.image import imread
 
 from drcmitsuba import picture
 from drcmitsuba.rendering import prepare, stored_view
@@ -27,7 +28,8 @@ def rendered(tmp_path_factory):
         (folder / "room.toml").write_text(CASE + VIEW)
         (folder / "frames.csv").write_text("time\n2015-03-20T09:00\n2015-03-20T15:30\n")
         run(patch, "render", "room.toml", "--time", "03-20 12:00", *SMALL)
-        run(patch, "render", "room.toml", "--times", "frames.csv", "--tone", "false", *SMALL)
+        false = ("--tone", "false", "--scale", "10,5000")
+        run(patch, "render", "room.toml", "--times", "frames.csv", *false, *SMALL)
         run(patch, "render", "room.toml", "--bins", *SMALL)
     return folder
 
@@ -54,7 +56,7 @@ def test_the_exr_has_a_channel_of_standard_errors(rendered):
 
 def test_frames_and_bins_follow_without_tracing_again(rendered, monkeypatch):
     assert (rendered / "out/desk_03-20_0900.exr").exists()
-    assert (rendered / "out/desk_03-20_1530.png").exists()
+    assert (rendered / "out/desk_03-20_1530_false.png").exists()
     with xr.open_zarr(rendered / "out/desk_bins.zarr") as bins:
         assert dict(bins.sizes) == {"row": 24, "column": 24, "bin": 146}
         assert float(bins["coefficient"].sum()) > 0
@@ -90,6 +92,20 @@ def test_frames_have_the_state_that_the_shade_takes_in_their_hour(rendered, monk
         assert np.array_equal(rgb, fixed.picture.rgb)
         assert fixed.state == state
     assert not (rendered / "out/desk_open_light_paths").exists()
+
+
+def test_tones_stand_beside_each_other_and_share_a_scale(rendered, monkeypatch, capsys):
+    monkeypatch.chdir(rendered)
+    noon, shown = ("render", "room.toml", "--time", "03-20 12:00", "--tone"), {}
+    for tone, scale in (("exposure", "1,1e6"), ("exposure", "1,10"), ("false", "1,10")):
+        run(monkeypatch, *noon, tone, "--scale", scale, *SMALL)
+        shown[tone, scale] = imread(f"out/desk_03-20_1200_{tone}.png")[..., :3]
+    assert "no weather file: the typical year of" in capsys.readouterr().out
+    assert (rendered / "out/desk_03-20_1200.png").exists()
+    dark, white = shown["exposure", "1,1e6"], shown["exposure", "1,10"]
+    lit = picture.read("out/desk_03-20_1200.exr").luminance > 10
+    assert dark[lit].max() < 0.6
+    assert np.allclose(white[lit].max(axis=-1), 1)
 
 
 def test_another_view_or_case_is_traced_anew(rendered, monkeypatch, tmp_path):
@@ -129,6 +145,18 @@ def test_a_night_is_a_dark_picture_and_said(rendered, monkeypatch, capsys):
         (CASE + VIEW, ("--time", "02-30 12:00"), "--time: '02-30 12:00'; give month, day and"),
         (CASE + VIEW, ("--time", "03-20 12:00", "--view", "door"), "--view: 'door'; give one of"),
         (CASE + VIEW, ("--bins", "--size", "wide"), "--size: 'wide'; give 512 or 800x600"),
+        (
+            CASE + VIEW, ("--time", "03-20 12:00", "--tone", "false", "--scale", "9,1"),
+            "scale: 9 to 1; give 0 < least < most",
+        ),
+        (
+            CASE + VIEW, ("--time", "03-20 12:00", "--scale", "1,9"),
+            'tone "human" has no scale; give tone "false" or "exposure"',
+        ),
+        (
+            CASE + VIEW, ("--time", "03-20 12:00", "--scale", "bright"),
+            "--scale: 'bright'; give least and most",
+        ),
         (CASE + VIEW, ("--bins", "--size", "99999"), "size: 99999 by 99999 pixels; give 1 to"),
         (CASE + VIEW, ("--bins", "--size", "5000"), "MB on the disk; give a smaller size"),
         (CASE + VIEW, ("--bins", "--samples", "0"), "samples: 0; give 1 to"),
