@@ -19,7 +19,8 @@ import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.transport.cell_rays import sum_of_bounces
-from drcmitsuba.transport.gather_blocks import Met, by_replicate
+from drcmitsuba.transport.gather_blocks import Met
+from drcmitsuba.transport.products import by_replicate
 from drcmitsuba.transport.solved_cells import Transfer
 
 

@@ -62,12 +62,13 @@ def _of_cells(light: SurfaceLight) -> mi.Float:
     if lit is None or lit.cells is None:
         return mi.Float(0)
     H = lit.cells.sky.array
-    if lit.indirect is None:
+    X = lit.indirect[0]
+    if X is None:
         return H
     bins = dr.opaque(mi.UInt32, lit.cells.sky.shape[1])
     entry = dr.arange(mi.UInt32, dr.width(H))
     block = lit.block_of(entry // bins)
-    return H + dr.gather(mi.Float, lit.indirect.sky.array, block * bins + entry % bins)
+    return H + dr.gather(mi.Float, X.array, block * bins + entry % bins)
 
 
 def _slots(

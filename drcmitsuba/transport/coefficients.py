@@ -203,7 +203,7 @@ def estimate_blocks(
         transfer = None
         if once and gathered.cells.count:  # light between surfaces is solved on cells
             gathered, transfer = solved(scene, gathered, accuracy)
-        every = Replicates(numbers, deposits, tuple(landed), transfer)
+        every = Replicates(numbers, deposits, tuple(landed), transfer, len(points))
         most = max(here.stop - here.start for here in gathered.blocks)
         replicates = [*every.batches(max(most, gathered.cells.count))]
         if gathered.cells.count:

@@ -35,7 +35,9 @@ class CellLight:
     """Number of bins of sky and suns together."""
 
     @classmethod
-    def of(cls, D: Irradiance, X: Irradiance, block: mi.UInt32, blocks: int) -> CellLight:
+    def of(
+        cls, D: Irradiance, X: tuple[mi.TensorXf | None, ...], block: mi.UInt32, blocks: int
+    ) -> CellLight:
         """Add the light X (replicate · block, bin) of `blocks` to D (replicate · cell, bin) [sr].
 
         `block` is the block of every cell.
@@ -48,9 +50,10 @@ class CellLight:
         of_block = dr.gather(mi.UInt32, block, own_cell)
         of_block += replicate * dr.opaque(mi.UInt32, blocks)
         values = mi.Float(0)
-        for d, x, first in ((D.sky, X.sky, 0), (D.sun, X.sun, sky)):
+        for d, x, first in ((D.sky, X[0], 0), (D.sun, X[1], sky)):
             if d.shape[1] == 0:
                 continue
+            assert x is not None
             count, start = (dr.opaque(mi.UInt32, n) for n in (d.shape[1], first))
             own = (bin >= start) & (bin < start + count)
             values += dr.gather(mi.Float, d.array, cell * count + bin - start, own)

@@ -16,7 +16,6 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
@@ -26,8 +25,6 @@ from drcmitsuba.transport.openings import in_rooms
 
 KEPT = 1 << 24
 """Largest number of vertices that are stored, 200 MB."""
-SUMMED = 1 << 9
-"""Number of cells whose light is summed in single precision."""
 
 
 class Met(NamedTuple):
@@ -140,82 +137,3 @@ def with_weights(before: mi.Float64, cells: int, cell: mi.UInt32, weight: mi.Flo
     dr.scatter_add(out, mi.Float64(weight), cell)
     dr.eval(out)
     return out
-
-
-def by_replicate(a: mi.TensorXf, b: mi.TensorXf, replicates: int) -> mi.TensorXf:
-    """Products of matrices (row, inner) and (inner, column), one after another in rows."""
-    (rows, inner), columns = a.shape, b.shape[1]
-    if not rows * inner * columns:
-        return dr.zeros(mi.TensorXf, (rows, columns))
-    each = mi.TensorXf(a.array, (replicates, rows // replicates, inner))
-    out = each @ mi.TensorXf(b.array, (replicates, inner, columns))
-    return mi.TensorXf(out.array, (rows, columns))
-
-
-class Reached(NamedTuple):
-    """Where D has light."""
-
-    lit: mi.UInt32
-    """Cells that get light from any bin."""
-    shining: mi.UInt32
-    """Bins that reach any cell."""
-
-
-def lit_and_shining(d: mi.TensorXf, replicates: int = 1) -> Reached:
-    """Find the lit cells and the shining bins of D (replicate · cell, bin)."""
-    (rows, bins), values = d.shape, d.array
-    if not rows * bins:
-        return Reached(mi.UInt32(), mi.UInt32())
-    row, bin = row_and_column(dr.arange(mi.UInt32, rows * bins), bins)
-    _, cell = row_and_column(row, rows // replicates)
-    lit, shining = dr.zeros(mi.Bool, rows // replicates), dr.zeros(mi.Bool, bins)
-    dr.scatter(lit, mi.Bool(True), cell, values > 0)
-    dr.scatter(shining, mi.Bool(True), bin, values > 0)
-    dr.eval(lit, shining)
-    return Reached(dr.compress(lit), dr.compress(shining))
-
-
-def product(
-    row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, sensors: int,
-    d: mi.TensorXf, replicates: int = 1, reached: Reached | None = None,
-) -> mi.TensorXf:  # fmt: skip
-    """G·D, shape (replicate · sensor, bin), of vertices (row, cell, weight).
-
-    D has the shape (replicate · cell, bin), and rows are replicate · sensors + sensor. Cells
-    without light and bins that reach no cell are left out of the matrices: `reached`, where D is
-    used more than once. G is summed in double precision, and the product `SUMMED` cells at a time:
-    single precision drifts.
-    """
-    rows = replicates * sensors
-    if 0 in d.shape:
-        return dr.zeros(mi.TensorXf, (rows, d.shape[1]))
-    cells, bins = d.shape[0] // replicates, d.shape[1]
-    stride = dr.opaque(mi.UInt32, bins)  # literals would have kernels compiled anew
-    lit, shining = lit_and_shining(d, replicates) if reached is None else reached
-    n_lit, n_shining = dr.width(lit), dr.width(shining)
-    out = dr.zeros(mi.Float, rows * bins)
-    if n_lit and n_shining:
-        every = dr.opaque(mi.UInt32, cells)
-        number = dr.full(mi.UInt32, n_lit, cells)
-        dr.scatter(number, dr.arange(mi.UInt32, n_lit), lit)
-        at = dr.gather(mi.UInt32, number, cell, mine)
-        to_row, column = row_and_column(dr.arange(mi.UInt32, rows * n_shining), n_shining)
-        to_bin = dr.gather(mi.UInt32, shining, column)
-        total = dr.zeros(mi.Float64, rows * n_shining)
-        for start in range(0, n_lit, SUMMED):
-            size = min(SUMMED, n_lit - start)
-            first, few = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
-            here = mine & (at >= first) & (at < first + few)
-            g = dr.zeros(mi.Float64, rows * size)
-            dr.scatter_add(g, mi.Float64(weight), row * few + at - first, here)
-            entry = dr.arange(mi.UInt32, replicates * size * n_shining)
-            line, column = row_and_column(entry, n_shining)
-            replicate, place = row_and_column(line, size)
-            from_cell = dr.gather(mi.UInt32, lit, first + place) + replicate * every
-            from_bin = dr.gather(mi.UInt32, shining, column)
-            compact = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
-            G = mi.TensorXf(mi.Float(g), (rows, size))
-            D = mi.TensorXf(compact, (replicates * size, n_shining))
-            total += mi.Float64(by_replicate(G, D, replicates).array)
-        dr.scatter(out, mi.Float(total), to_row * stride + to_bin)
-    return mi.TensorXf(out, (rows, bins))

@@ -33,9 +33,10 @@ from drcmitsuba.transport.cells import Vertices
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
-from drcmitsuba.transport.gather_blocks import Gathered, Met, product
+from drcmitsuba.transport.gather_blocks import Gathered, Met
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
 from drcmitsuba.transport.photons import Landed, PhotonTracer
+from drcmitsuba.transport.products import RayMatrix, product
 from drcmitsuba.transport.window_deposit import Window, WindowDeposit, Windows
 
 MOST_BOUNCES = 5
@@ -155,8 +156,9 @@ class _Vertices:
 def _product(
     row: mi.UInt32, cell: mi.UInt32, weight: mi.Float, mine: mi.Bool, rows: int, D: Irradiance
 ) -> np.ndarray:
-    """G·D of all bins (row, bin) [sr]; see `gather_blocks.product`."""
-    return np.concatenate([product(row, cell, weight, mine, rows, d).numpy() for d in D], axis=1)
+    """G·D of all bins (row, bin) [sr]; see `products.product`."""
+    paths = RayMatrix(row, cell, weight, rows, there=mine)
+    return np.concatenate([product(paths, d).numpy() for d in D], axis=1)
 
 
 def _vertices(gathered: Gathered, accuracy: Accuracy, sensors: int) -> Iterator[_Vertices]:

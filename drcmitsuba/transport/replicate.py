@@ -15,8 +15,9 @@ from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.first_bounce import MANY, CellLight
-from drcmitsuba.transport.gather_blocks import Met, Reached, by_replicate, lit_and_shining, product
+from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.photons import Landed
+from drcmitsuba.transport.products import Further, RayMatrix, Reached, by_replicate, product
 from drcmitsuba.transport.solved_cells import Transfer
 from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 
@@ -33,7 +34,8 @@ class FromPanes(NamedTuple):
     cells: mi.TensorXf
     """To cells, before any diffuse reflection, shape (replicate · cell, part)."""
     indirect: mi.TensorXf | None
-    """To blocks of cells by light that cells have reflected, shape (replicate · block, part)."""
+    """To blocks of cells by light that cells have reflected, shape (replicate · block, part); None
+    where `Transfer.onward` takes its place."""
     light: Irradiance
     """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each."""
 
@@ -50,12 +52,15 @@ class Replicates:
     deposits: tuple[Deposit, ...]
     landed: tuple[Landed, ...] = ()
     transfer: Transfer | None = None
+    gathering: int | None = None
+    """Number of sensors that gather the light of cells; None where it is asked for itself."""
     cells: Irradiance | None = None
     """D of the cells, shape (replicate · cell, bin) each."""
     reached: tuple[Reached, Reached] | None = None
     """Cells and bins with light of `cells`."""
-    indirect: Irradiance | None = None
-    """Light that cells have reflected, shape (replicate · block, bin) each."""
+    indirect: tuple[mi.TensorXf | None, mi.TensorXf | None] = (None, None)
+    """Light X that cells have reflected, of sky and suns, shape (replicate · block, bin) each; None
+    where nothing is solved on cells or `Transfer.onward` takes its place."""
     panes: tuple[FromPanes, ...] = ()
     """Light that is not part of `cells` and `indirect`, see `join`."""
     light: CellLight | None = None
@@ -98,17 +103,35 @@ class Replicates:
             parts.append((base.transfer(p, n, key, numbers), E))
         dr.eval(*D)  # a pending sum would keep all of its parts
         self.cells, self.reached = D, None
-        if self.transfer is not None:
-            sky, sun = D
-            self.reached = lit_and_shining(sky, len(self)), lit_and_shining(sun, len(self))
-            further = self.transfer.indirect(self.numbers, *D, reached=self.reached)
-            self.indirect = Irradiance(*further)
-            dr.eval(*self.indirect)
-        for K, light in parts:
-            X = None if self.transfer is None else self.transfer.indirect(self.numbers, K)[0]
-            self.panes += (FromPanes(K, X, light),)
-        if sum(K.shape[1] for K, _ in parts) >= sum(base.bins):
+        self.panes = tuple(FromPanes(K, None, light) for K, light in parts)
+        if self._is_packed or sum(K.shape[1] for K, _ in parts) >= sum(base.bins):
             self.join()
+        if self.transfer is None:
+            return
+        self.panes = tuple(one._replace(indirect=self._reflected(one.cells)) for one in self.panes)
+        sky, sun = self.cells
+        where = Reached.by(sky, len(self)), Reached.by(sun, len(self))
+        self.indirect = self._reflected(sky, where[0]), self._reflected(sun, where[1])
+        self.reached = where
+        dr.eval(*self.indirect)
+
+    def _reflected(self, d: mi.TensorXf, reached: Reached | None = None) -> mi.TensorXf | None:
+        """X of light on the cells; None where `Transfer.onward` from the cells is less work."""
+        assert self.transfer is not None
+        reached = Reached.by(d, len(self)) if reached is None else reached
+        lit, shining = (dr.width(each) for each in reached)
+        if self.gathering is None or self._is_packed:
+            pays = True
+        else:
+            pays = self.transfer.pays(shining, lit, self.gathering)
+        return self.transfer.indirect(self.numbers, d, reached) if pays else None
+
+    @property
+    def _is_packed(self) -> bool:
+        """Whether cells are so many that sums over paths gather their light."""
+        if self.transfer is None or self.gathering is None or self.cells is None:
+            return False
+        return len(self.cells.sky) > MANY * self.deposits[0].accuracy.paths * len(self)
 
     def _by_films(
         self, drawn: Draws, numbers: list[mi.UInt32]
@@ -133,13 +156,16 @@ class Replicates:
         return rest, parts
 
     def join(self) -> None:
-        """Add light by way of panes to that of cells."""
+        """Add light by way of panes to that of cells, and what cells reflect of it."""
         for K, X, light in self.panes:
             assert self.cells is not None
             self.cells, self.reached = self.cells.plus(self._by(K, light)), None
             dr.eval(*self.cells)
-            if X is not None and self.indirect is not None:
-                self.indirect = self.indirect.plus(self._by(X, light))
+            if X is not None:
+                sky, sun = (by_replicate(X, part, len(self)) for part in light)
+                assert self.indirect[0] is not None
+                assert self.indirect[1] is not None
+                self.indirect = self.indirect[0] + sky, self.indirect[1] + sun
                 dr.eval(*self.indirect)
         self.panes = ()
 
@@ -157,13 +183,13 @@ class Replicates:
 
     def pack(self) -> None:
         """Join the light of cells where they are so many that sums over paths gather it."""
-        if self.transfer is None or self.cells is None or self.indirect is None:
+        if not self._is_packed:
             return
-        if len(self.cells.sky) > MANY * self.deposits[0].accuracy.paths * len(self):
-            self.join()
-            blocks = self.transfer.blocks
-            self.light = CellLight.of(self.cells, self.indirect, blocks.of, blocks.count)
-            self.cells = self.indirect = None
+        assert self.cells is not None
+        assert self.transfer is not None
+        blocks = self.transfer.blocks
+        self.light = CellLight.of(self.cells, self.indirect, blocks.of, blocks.count)
+        self.cells, self.indirect = None, (None, None)
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None,
@@ -203,9 +229,8 @@ class Replicates:
             return Irradiance(*self.light.gathered(here, len(self), paths, deposit.bins))
         assert self.cells is not None
         sent = self._sent(met, sensors)
-        further = Irradiance(None, None) if self.indirect is None else self.indirect
         where = (None, None) if self.reached is None else self.reached
-        C = Irradiance(*map(sent, self.cells, further, where))
+        C = Irradiance(*map(sent, self.cells, self.indirect, where))
         for K, X, light in self.panes:
             C = C.plus(self._by(sent(K, X, None), light))
         return C
@@ -219,14 +244,26 @@ class Replicates:
             first = dr.opaque(mi.UInt32, self.numbers.start * sensors)  # a literal: compiled anew
             row = met.row - first
             mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, count * sensors))
-            return lambda d, _, at: product(row, met.cell, met.weight, mine, sensors, d, count, at)
-        paths, blocks = self.deposits[0].accuracy.paths, self.transfer.blocks.of
-        row, cell, weight, _ = met.of_replicates(self.numbers, sensors, paths)
-        block, seen = dr.gather(mi.UInt32, blocks, cell), weight > 0
-        return lambda d, x, at: (
-            product(row, cell, weight, seen, sensors, d, count, at)
-            + product(row, block, weight, seen, sensors, x, count)
+            every = RayMatrix(row, met.cell, met.weight, sensors, count, mine)
+            return lambda d, _, at: product(every, d, at)
+        row, cell, weight, _ = met.of_replicates(
+            self.numbers, sensors, self.deposits[0].accuracy.paths
         )
+        seen = weight > 0
+        to_cells = RayMatrix(row, cell, weight, sensors, count, seen)
+        block = dr.gather(mi.UInt32, self.transfer.blocks.of, cell)
+        to_blocks = to_cells._replace(cell=block)
+        onward: list[Further] = []  # made once, where it is needed
+
+        def sent(d: mi.TensorXf, x: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:
+            if x is not None:
+                return product(to_cells, d, at) + product(to_blocks, x)
+            if not onward:
+                assert self.transfer is not None
+                onward.append(self.transfer.onward(self.numbers, to_cells))
+            return product(to_cells, d, at, onward[0])
+
+        return sent
 
 
 def _stacked(parts: Iterable[Irradiance | None]) -> Irradiance | None:

@@ -18,7 +18,6 @@ points drawn by importance, estimates T and draws the points at which D is compu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -32,13 +31,8 @@ from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
 from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather import Marks
-from drcmitsuba.transport.gather_blocks import (
-    Gathered,
-    Reached,
-    by_replicate,
-    product,
-    with_weights,
-)
+from drcmitsuba.transport.gather_blocks import Gathered, with_weights
+from drcmitsuba.transport.products import Further, RayMatrix, Reached, by_replicate, product
 
 FEW = 8
 """Number of rays from a cell in the first round, in every replicate."""
@@ -69,42 +63,64 @@ class Transfer:
     _all_bounces: dict[range, mi.TensorXf] = field(default_factory=dict, repr=False)
     """Sums over all bounces that have been computed, by replicates."""
 
-    def indirect(
-        self, replicates: range, *D: mi.TensorXf, reached: Sequence[Reached] | None = None
-    ) -> list[mi.TensorXf]:
-        """Compute X by the T of some replicates.
-
-        Parameters
-        ----------
-        *D : mi.TensorXf, shape (replicate · cell, bin)
-            Irradiance before any diffuse reflection [sr], for several kinds of bins.
-        reached : sequence of Reached, optional
-            Cells and bins with light of every D.
-
-        Returns
-        -------
-        list of mi.TensorXf, shape (replicate · block, bin)
-            Mean irradiance by light that cells have reflected [sr].
-        """
+    def sent(self, replicates: range) -> RayMatrix:
+        """W·T, shape (replicate · block, cell)."""
         blocks, count = self.blocks, len(replicates)
         every = [self.bounces[r] for r in replicates]
         source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
-        ray = dr.arange(mi.UInt32, dr.width(source))
-        number, _ = row_and_column(ray, dr.width(source) // count)
-        if replicates not in self._all_bounces:
-            further = blocks.all_bounces(source, cell, weight, count)
-            self._all_bounces[replicates] = further
-        further = self._all_bounces[replicates]
+        number, _ = row_and_column(
+            dr.arange(mi.UInt32, dr.width(source)), dr.width(source) // count
+        )
         row = dr.gather(mi.UInt32, blocks.of, source) + number * dr.opaque(mi.UInt32, blocks.count)
         share = weight * dr.gather(mi.Float, blocks.share, source)
-        rays = dr.full(mi.Bool, True, dr.width(row))
         dr.eval(row, cell, share)
-        where = [None] * len(D) if reached is None else reached
-        once = (
-            product(row, cell, share, rays, blocks.count, d, count, at)
-            for d, at in zip(D, where, strict=True)
-        )
-        return [by_replicate(further, X, count) for X in once]
+        return RayMatrix(row, cell, share, blocks.count, count)
+
+    def all_bounces(self, replicates: range) -> mi.TensorXf:
+        """M = (1 − W·T·P)⁻¹, shape (replicate · block, block)."""
+        if replicates not in self._all_bounces:
+            every = [self.bounces[r] for r in replicates]
+            source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
+            further = self.blocks.all_bounces(source, cell, weight, len(replicates))
+            self._all_bounces[replicates] = further
+        return self._all_bounces[replicates]
+
+    def indirect(
+        self, replicates: range, d: mi.TensorXf, reached: Reached | None = None
+    ) -> mi.TensorXf:
+        """Compute X = M·(W·T·D) by the T of some replicates.
+
+        Parameters
+        ----------
+        d : mi.TensorXf, shape (replicate · cell, bin)
+            Irradiance before any diffuse reflection [sr].
+        reached : Reached, optional
+            Cells and bins with light of D.
+
+        Returns
+        -------
+        mi.TensorXf, shape (replicate · block, bin)
+            Mean irradiance by light that cells have reflected [sr].
+        """
+        count = len(replicates)
+        if reached is not None and not dr.width(reached.lit):
+            return dr.zeros(mi.TensorXf, (count * self.blocks.count, d.shape[1]))
+        once = product(self.sent(replicates), d, reached)
+        return by_replicate(self.all_bounces(replicates), once, count)
+
+    def onward(self, replicates: range, gathered: RayMatrix) -> Further:
+        """Make the function that gives columns of (G₁·P)·M·(W·T), which gathers X without X."""
+        by_block = gathered._replace(cell=dr.gather(mi.UInt32, self.blocks.of, gathered.cell))
+        count, sent = len(replicates), self.sent(replicates)
+        whole = by_block.whole(self.blocks.count)
+        solved = by_replicate(whole, self.all_bounces(replicates), count)
+        dr.eval(solved)
+        return lambda some: by_replicate(solved, sent.columns(some), count)
+
+    def pays(self, bins: int, cells: int, sensors: int) -> bool:
+        """Whether X of so many bins takes fewer multiplications than `onward` from lit cells."""
+        blocks = self.blocks.count
+        return bins * (cells + blocks + sensors) <= cells * (blocks + sensors)
 
 
 def solved(

@@ -16,8 +16,9 @@ from drcmitsuba.metrics.intervals.draw import _mean_illuminance
 from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene as scenes
-from drcmitsuba.transport import gather_blocks
+from drcmitsuba.transport import products
 from drcmitsuba.transport.film_sums import summed, widened
+from drcmitsuba.transport.products import RayMatrix
 from drcmitsuba.transport.shadow_rays import sky_deposit
 
 ENOUGH = 1e-5
@@ -54,9 +55,7 @@ def test_three_million_vertices_in_one_cell(kind, holds):
     weight = np.full(MANY, 0.1 / MANY) if kind == "alike" else 10 ** rng.uniform(-12, -6, MANY)
     weight, D = weight.astype(np.float32), np.array([[0.3, 1e-4, 1.2]], np.float32)
     zeros = dr.zeros(mi.UInt32, MANY)
-    product = gather_blocks.product(
-        zeros, zeros, flat(weight), dr.full(mi.Bool, True, MANY), 1, mi.TensorXf(D)
-    )
+    product = products.product(RayMatrix(zeros, zeros, flat(weight), 1), mi.TensorXf(D))
     exact = weight.astype(float).sum() * D
     holds("G·D", abs(product.numpy() / exact - 1), ENOUGH)
 
@@ -70,10 +69,8 @@ def test_many_cells_of_one_sensor(cells, holds):
     D = rng.random((cells, 5)).astype(np.float32)
     D[:, 3], D[:, 4] = 0, 0.1
     row, cell = np.divmod(np.arange(2 * cells), cells)
-    product = gather_blocks.product(
-        flat(row, np.uint32), flat(cell, np.uint32), flat(weight),
-        dr.full(mi.Bool, True, 2 * cells), 2, mi.TensorXf(D),
-    ).numpy()  # fmt: skip
+    paths = RayMatrix(flat(row, np.uint32), flat(cell, np.uint32), flat(weight), 2)
+    product = products.product(paths, mi.TensorXf(D)).numpy()
     exact = weight.astype(float) @ D.astype(float)
     lit = exact > 0
     holds("G·D", abs(product[lit] / exact[lit] - 1), ENOUGH)

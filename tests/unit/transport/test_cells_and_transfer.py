@@ -61,7 +61,7 @@ def closed_box(reflectance, accuracy):
 def test_even_light_in_a_closed_box_is_reflected_to_the_sum_of_its_series(reflectance):
     seen, transfer = closed_box(reflectance, Accuracy(paths=256, replicates=2))
     even = dr.ones(mi.TensorXf, (seen.cells.count, 1))
-    (X,) = transfer.indirect(range(1), even)
+    X = transfer.indirect(range(1), even)
     # Blocks of the few cells that the second round finds send no rays.
     sent = np.bincount(transfer.blocks.of.numpy(), minlength=transfer.blocks.count) > 0
     expected = reflectance / (1 - reflectance)
@@ -70,7 +70,7 @@ def test_even_light_in_a_closed_box_is_reflected_to_the_sum_of_its_series(reflec
 
 def test_a_closed_box_that_absorbs_nothing_has_a_finite_sum():
     seen, transfer = closed_box(1.0, Accuracy(paths=64, cell_paths=16, replicates=2))
-    (X,) = transfer.indirect(range(1), dr.ones(mi.TensorXf, (seen.cells.count, 1)))
+    X = transfer.indirect(range(1), dr.ones(mi.TensorXf, (seen.cells.count, 1)))
     assert np.isfinite(X.numpy()).all()
     assert X.numpy().max() > 1e4
 
