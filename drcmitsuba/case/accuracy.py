@@ -38,7 +38,7 @@ class Accuracy(Table):
 
     seed: Annotated[int, Field(ge=0, le=1 << 30)] = 0
     """Seed of all random numbers; the same seed gives the same numbers."""
-    replicates: Annotated[int, Field(ge=2, le=64)] = 8
+    replicates: Annotated[int, Field(ge=2, le=64)] = 6
     """Number of independent replicates, whose scatter gives the standard errors."""
     paths: Annotated[int, Field(ge=1, le=1 << 16)] = 128
     """Gather G: number of paths from a sensor."""

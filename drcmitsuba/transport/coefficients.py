@@ -211,7 +211,6 @@ def estimate_blocks(
             for some in replicates:
                 some.meet(gathered.drawn.of(some.numbers), keys)
                 some.pack()
-                dr.flush_malloc_cache()  # later arrays have other sizes, and NumPy needs memory
                 light = some.light
                 if light is None or kept.folder is None:
                     continue
@@ -228,7 +227,8 @@ def estimate_blocks(
                 C = _of_block(
                     replicates, gathered, points, normals, here, labels, sun_samples, of_block
                 )
-                dr.flush_malloc_cache()
+                if len(gathered.blocks) > 1:  # to fetch memory anew takes time
+                    dr.flush_malloc_cache()
                 C.attrs |= attributes
                 kept.put(here, C)
             yield here, C

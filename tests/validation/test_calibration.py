@@ -7,7 +7,7 @@ Method: a room of 3 × 4 × 3 m with a south window and a diffusing shade, 24 se
 working hour of the year (373). The truth is the plain path tracer `coefficient`, which shares with
 the program neither cells nor replicates, with 0.5 million (open) and 1.6 million (shaded) paths a
 sensor; its own error, an eighth of that of an evaluation, is added to it in the test of single
-entries. One evaluation takes 8 replicates of 32 paths. Cells of 0.2 m are so small that what
+entries. One evaluation takes 6 replicates of 32 paths. Cells of 0.2 m are so small that what
 they smear is below a tenth of the spread of the evaluations (tested).
 
 Metrics move in steps, of one sensor or one hour, and one set of thresholds may lie where nothing
@@ -65,7 +65,7 @@ ROOM = Case.model_validate(
         "shading": {"material": "shade"},
         "sensors": {"corner": [0.3, 0.2, 0.8], "count": [4, 6], "spacing": 0.6},
         "accuracy": {
-            "replicates": 8, "paths": 32, "cell_size": 0.2, "cell_sky_rays": 32,
+            "replicates": 6, "paths": 32, "cell_size": 0.2, "cell_sky_rays": 32,
             "sensor_sky_rays": 256, "sensor_sun_samples": 4, "pane_points": 16,
         },
     }
