@@ -140,10 +140,9 @@ def of_points(
                 kept.kept(len(points), of_mesh), world, points, normals, suns, accuracy
             )
         else:
-            followed = suns.where(world.effects.enabled_suns(suns))
             C = compute(
                 world, points, normals, suns, accuracy, subdivision=subdivision,
-                kept=run.kept(f"{case.name}, {state}", *content, followed), progress=done,
+                kept=run.kept(f"{case.name}, {state}", *content, suns), progress=done,
             )  # fmt: skip
         channels.append(C)
     return joined_channels(channels)
@@ -167,9 +166,8 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     (points, normals), effects = sensor_points(case), run.enabled_effects
     accuracy = case.accuracy.model_copy(update={"seed": run.seed})
     world = scene.load(case, OPEN, scene.channels_of(case, effects)[0], effects)
-    suns = daylight.suns.where(effects.enabled_suns(daylight.suns))
     content = block_content(world, points, normals, accuracy, case.sky.subdivision)
-    return bool(run.kept(case.name, *content, suns).cover(len(points)))
+    return bool(run.kept(case.name, *content, daylight.suns).cover(len(points)))
 
 
 class SimulatedYear(NamedTuple):

@@ -121,6 +121,22 @@ def albedo(material: SurfaceMaterial) -> float:
     return 1.0
 
 
+def loaded(material: SurfaceMaterial, channel: int = 0) -> Any:
+    """Load the BSDF of a material as `mi.BSDF`; nobody may change the parameters of a film's.
+
+    The film's tables are made once for all scenes: states of a façade, forecasts, further runs.
+    """
+    if not isinstance(material, BsdfMaterial):
+        return mi.load_dict(bsdf(material, channel))
+    changed = material.file.stat().st_mtime_ns
+    return _loaded_film(tuple(bsdf(material, channel).items()), changed, str(mi.variant()))
+
+
+@lru_cache(maxsize=8)
+def _loaded_film(description: tuple[tuple[str, Any], ...], changed: int, variant: str) -> Any:
+    return mi.load_dict(dict(description))
+
+
 def _uniform(value: float) -> dict[str, Any]:
     return {"type": "uniform", "value": value}
 

@@ -20,7 +20,7 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.scene.materials import bsdf, film, lets_through
+from drcmitsuba.scene.materials import film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
@@ -115,7 +115,7 @@ def build(
     shapes = {}
     for (component, m, closed), group in groups.items():
         quads = np.concatenate([s.quads for s in group])
-        part = Part(group[0].name, m, quads, component, closed, mi.load_dict(bsdf(m, channel)))
+        part = Part(group[0].name, m, quads, component, closed, loaded(m, channel))
         shapes[f"shape{len(parts)}"] = quad_mesh(part.name, quads, part.bsdf)
         parts.append(part)
     is_clear = [lets_through(part.material) for part in parts]

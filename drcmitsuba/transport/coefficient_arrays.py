@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
 from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import describe
 from drcmitsuba.transport.deposit import Irradiance
@@ -42,32 +43,45 @@ def dark(
         yield here, as_dataset(labels, points[here], parts, dark)
 
 
-def with_zeros(C: xr.Dataset, labels: list[str], at: list[int]) -> xr.Dataset:
-    """C with bins of all labels: its own are those `at` some indices, the others are 0."""
+@dataclass(frozen=True)
+class Bins:
+    """Bins of C: those that are followed, and others, of which C is 0."""
 
-    def widened(part: xr.DataArray) -> xr.Variable:
-        values = part.values.reshape(-1, part.shape[-1])
-        out = np.zeros((len(values), len(labels)), part.dtype)
+    labels: list[str]
+    place: np.ndarray
+    """Place of each bin among those that are followed, int, shape (bin,); −1 for others."""
 
-        def fill(here: slice) -> None:
-            out[here, at] = values[here]
+    @classmethod
+    def of(cls, labels: list[str], followed: list[str] | None = None) -> Bins:
+        """Bins by their labels; by default all are followed."""
+        if followed is None or len(followed) == len(labels):
+            return cls(labels, np.arange(len(labels)))
+        number = {label: i for i, label in enumerate(followed)}
+        return cls(labels, np.array([number.get(label, -1) for label in labels]))
 
-        in_threads(fill, [slice(i, i + SENSORS) for i in range(0, len(values), SENSORS)])
-        return xr.Variable(part.dims, out.reshape(*part.shape[:-1], len(labels)), part.attrs)
+    def joined(self, light: tuple[mi.Float, mi.Float], rows: int) -> mi.Float:
+        """Values of all bins, flat (row, bin), from those of sky and suns that are followed."""
+        first, number = (dr.width(part) // rows for part in light)
+        known = flat_indices(np.where(self.place < 0, first + number, self.place))
+        row, bin = row_and_column(dr.arange(mi.UInt32, rows * len(known)), len(known))
+        at, out = dr.gather(mi.UInt32, known, bin), mi.Float(0)
+        for start, size, part in zip((0, first), (first, number), light, strict=True):
+            if size:
+                begin, count = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
+                own = (at >= begin) & (at < begin + count)
+                out += dr.gather(mi.Float, part, row * count + at - begin, own)
+        return mi.Float(out)
 
-    parts = {name: widened(part) for name, part in C.items()}
-    coords = {**C.drop_vars("bin").coords, "bin": np.array(labels, dtype=object)}
-    return xr.Dataset(parts, coords, C.attrs)
 
+def fill(out: np.ndarray, light: Irradiance, bins: Bins) -> None:
+    """Write light to an array (replicate, sensor, bin)."""
+    values = bins.joined((light.sky.array, light.sun.array), len(out) * out.shape[1])
+    values = values.numpy().reshape(out.shape)
 
-def fill_bins(out: np.ndarray, light: Irradiance) -> None:
-    """Write light to an array (replicate, sensor, bin), sky and suns side by side."""
-    sky, sun = (part.numpy().reshape(*out.shape[:2], -1) for part in light)
+    def copy(r: int) -> None:
+        out[r] = values[r]
 
-    def fill(r: int) -> None:
-        out[r, :, : sky.shape[-1]], out[r, :, sky.shape[-1] :] = sky[r], sun[r]
-
-    in_threads(fill, range(len(out)))
+    in_threads(copy, range(len(out)))
 
 
 @dataclass
@@ -132,18 +146,14 @@ class Statistics:
                 spread.add(values.array, replicates)
         dr.eval([spread.sums for pair in self.spreads.values() for spread in pair])
 
-    def arrays(self, sensors: int) -> dict[str, np.ndarray]:
+    def arrays(self, sensors: int, bins: Bins) -> dict[str, np.ndarray]:
         """Means and standard errors of all parts, each of shape (sensor, bin)."""
-        every = {
-            name: [spread.mean_and_error() for spread in pair]
-            for name, pair in self.spreads.items()
-        }
+        every = {}
+        for name, (sky, sun) in self.spreads.items():
+            pairs = zip(sky.mean_and_error(), sun.mean_and_error(), strict=True)
+            every[name], every[f"{name}_se"] = (bins.joined(pair, sensors) for pair in pairs)
         dr.eval(every)
-        return {
-            name + suffix: np.hstack([pair[i].numpy().reshape(sensors, -1) for pair in pairs])
-            for name, pairs in every.items()
-            for i, suffix in enumerate(("", "_se"))
-        }
+        return {name: values.numpy().reshape(sensors, -1) for name, values in every.items()}
 
 
 @dr.syntax

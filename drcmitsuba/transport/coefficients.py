@@ -30,11 +30,11 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.coefficient_arrays import (
     PARTS,
+    Bins,
     Statistics,
     as_dataset,
     dark,
-    fill_bins,
-    with_zeros,
+    fill,
 )
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
@@ -114,22 +114,14 @@ def compute_blocks(
     if subdivision is None and not suns.labels:
         yield from dark(labels, points, accuracy.replicates)
         return
-    followed = [*(Patches(subdivision).labels if subdivision else ()), *suns.labels]
-
-    def widened(C: xr.Dataset) -> xr.Dataset:
-        """C with zeros for the suns that are not followed."""
-        if len(followed) == len(labels):
-            return C
-        number = {label: i for i, label in enumerate(labels)}
-        return with_zeros(C, labels, [number[label] for label in followed])
-
+    bins = Bins.of(labels, [*(Patches(subdivision).labels if subdivision else ()), *suns.labels])
     done = 0
     for block, here in enumerate(kept.cover(len(points))):
         if kept.part.holds(block):
             C = kept.get(here)
             if C is None:
                 break
-            yield here, widened(C)
+            yield here, C
         done = here.stop
         progress(done / len(points))
     if done == len(points):
@@ -142,27 +134,25 @@ def compute_blocks(
     photons = PhotonTracer.of(
         scene, points, normals, suns.directions, suns.diameter, subdivision, accuracy
     )
-    blocks = estimate_blocks(
-        base, followed, points, normals, photons=photons, kept=kept, progress=progress,
+    yield from estimate_blocks(
+        base, bins, points, normals, photons=photons, kept=kept, progress=progress,
         sun_samples=accuracy.sensor_sun_samples if suns.straight else 0, done=done,
     )  # fmt: skip
-    for here, C in blocks:
-        yield here, widened(C)
 
 
 def estimate(
     base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
     sun_samples: int, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
-    """Coefficients of all sensors; arguments are those of `estimate_blocks`."""
+    """Coefficients of all sensors, of bins with these labels; else as `estimate_blocks`."""
     blocks = estimate_blocks(
-        base, labels, points, normals, sun_samples=sun_samples, progress=progress
+        base, Bins.of(labels), points, normals, sun_samples=sun_samples, progress=progress
     )
     return joined(blocks, len(points))
 
 
 def estimate_blocks(
-    base: Deposit, labels: list[str], points: np.ndarray, normals: np.ndarray, *,
+    base: Deposit, bins: Bins, points: np.ndarray, normals: np.ndarray, *,
     sun_samples: int, photons: PhotonTracer | None = None, kept: BlockSeries = NOTHING_KEPT,
     done: int = 0, progress: Progress = lambda share: None,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
@@ -172,8 +162,8 @@ def estimate_blocks(
     ----------
     base : Deposit
         Deposit before `lit`.
-    labels : list of str
-        Labels of the bins.
+    bins : Bins
+        Bins of C, among which are all of the deposit.
     sun_samples : int
         Directions from a sensor to every sun; 0 leaves out straight sun.
     photons : PhotonTracer, optional
@@ -225,7 +215,7 @@ def estimate_blocks(
             if C is None:
                 of_block = part(progress, *(np.array([block, block + 1]) / len(gathered.blocks)))
                 C = _of_block(
-                    replicates, gathered, points, normals, here, labels, sun_samples, of_block
+                    replicates, gathered, points, normals, here, bins, sun_samples, of_block
                 )
                 if len(gathered.blocks) > 1:  # to fetch memory anew takes time
                     dr.flush_malloc_cache()
@@ -236,13 +226,13 @@ def estimate_blocks(
 
 def _of_block(
     replicates: list[Replicates], gathered: Gathered, points: np.ndarray, normals: np.ndarray,
-    here: slice, labels: list[str], sun_samples: int, progress: Progress,
+    here: slice, bins: Bins, sun_samples: int, progress: Progress,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of a block of sensors."""
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
     count, every = here.stop - here.start, replicates[-1].numbers.stop
-    statistics, total = Statistics(), np.empty((every, count, len(labels)), np.float32)
+    statistics, total = Statistics(), np.empty((every, count, len(bins.labels)), np.float32)
     base = replicates[0].deposits[0]
     disks = base.disks(p, n, sensor_numbers(here), within)
     for some in replicates:
@@ -252,9 +242,9 @@ def _of_block(
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(parts, whole)
         statistics.add(parts, len(some))
-        fill_bins(total[some.numbers.start : some.numbers.stop], whole)
+        fill(total[some.numbers.start : some.numbers.stop], whole, bins)
         progress(some.numbers.stop / every)
-    return as_dataset(labels, points[here], statistics.arrays(count), total)
+    return as_dataset(bins.labels, points[here], statistics.arrays(count, bins), total)
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from drcmitsuba.transport.shadow_rays import visibility
 
 STANDS_OUT = 8.0
 """A cell is a peak where f is above this times the mean f of its side."""
-DIRECTIONS = 4
+DIRECTIONS = 16
 """Number of directions into a peak's cell per receiver and replicate."""
 
 
