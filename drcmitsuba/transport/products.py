@@ -15,7 +15,9 @@ import mitsuba as mi
 from drcmitsuba.runtime.flat_arrays import row_and_column
 
 SUMMED = 1 << 9
-"""Number of cells whose light is summed in single precision."""
+"""Number of cells whose light, and of rays whose weights, are summed in single precision."""
+TOGETHER = 1 << 24
+"""Largest number of values of a matrix, or of its product, that are made at once."""
 
 
 class Reached(NamedTuple):
@@ -42,13 +44,15 @@ class Reached(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Some of the lit cells, one after another."""
+    """Pieces of the lit cells, of the same size; the last one is filled up with dark ones."""
 
     place: mi.UInt32
-    """Place of every cell among all lit cells; their number for a dark one."""
+    """Place of every cell among the lit ones, beyond all pieces for a dark one."""
     start: int
     """Place of the first cell."""
     size: int
+    """Number of cells of a piece."""
+    pieces: int
 
 
 Further = Callable[[Columns], Any]
@@ -69,19 +73,26 @@ class RayMatrix(NamedTuple):
     """Whether a ray counts; by default all do."""
 
     def columns(self, some: Columns) -> mi.TensorXf:
-        """Columns of some cells, shape (replicate · row, cell), summed in double precision."""
-        first, size = (dr.opaque(mi.UInt32, n) for n in some[1:])
+        """Columns of some cells, shape (piece · replicate · row, cell)."""
+        first, size = dr.opaque(mi.UInt32, some.start), dr.opaque(mi.UInt32, some.size)
+        count = dr.opaque(mi.UInt32, some.size * some.pieces)
         there = mi.Bool(True) if self.there is None else self.there
-        at = dr.gather(mi.UInt32, some.place, self.cell, there)
-        here = there & (at >= first) & (at < first + size)
+        at = dr.gather(mi.UInt32, some.place, self.cell, there) - first
+        here = there & (at < count)  # places before the first one wrap around
+        piece, column = row_and_column(at, some.size)
         every = self.replicates * self.rows
-        out = dr.zeros(mi.Float64, every * some.size)
-        dr.scatter_add(out, mi.Float64(self.weight), self.row * size + at - first, here)
-        return mi.TensorXf(mi.Float(out), (every, some.size))
+        line = piece * dr.opaque(mi.UInt32, every) + self.row
+        # Few weights in a row do not drift.
+        kind = mi.Float if dr.width(self.weight) <= SUMMED * every else mi.Float64
+        out = dr.zeros(kind, some.pieces * every * some.size)
+        # The rays of a row stand together: their threads hardly meet.
+        mode = dr.ReduceMode.Direct
+        dr.scatter_add(out, kind(self.weight), line * size + column, here, mode=mode)
+        return mi.TensorXf(mi.Float(out), (some.pieces * every, some.size))
 
     def whole(self, cells: int) -> mi.TensorXf:
         """All columns, shape (replicate · row, cell)."""
-        return self.columns(Columns(dr.arange(mi.UInt32, cells), 0, cells))
+        return self.columns(Columns(dr.arange(mi.UInt32, cells), 0, cells, 1))
 
 
 def by_replicate(a: mi.TensorXf, b: mi.TensorXf, replicates: int) -> mi.TensorXf:
@@ -114,22 +125,36 @@ def product(
     if not n_lit * n_shining:
         return mi.TensorXf(out, (rows, bins))
     # Literals would have kernels compiled anew.
-    every, stride = dr.opaque(mi.UInt32, cells), dr.opaque(mi.UInt32, bins)
-    place = dr.full(mi.UInt32, n_lit, cells)
+    every, stride, known = (dr.opaque(mi.UInt32, n) for n in (cells, bins, n_lit))
+    place = dr.full(mi.UInt32, 0x7FFFFFFF, cells)
     dr.scatter(place, dr.arange(mi.UInt32, n_lit), lit)
+    all_pieces = -(-n_lit // SUMMED)
+    size = -(-n_lit // all_pieces)
+    step = max(1, TOGETHER // (rows * max(size, n_shining)))
     total = mi.Float64(0)
-    for start in range(0, n_lit, SUMMED):
-        some = Columns(place, start, min(SUMMED, n_lit - start))
-        line, column = row_and_column(
-            dr.arange(mi.UInt32, count * some.size * n_shining), n_shining
-        )
-        replicate, at = row_and_column(line, some.size)
-        from_cell = dr.gather(mi.UInt32, lit, at + dr.opaque(mi.UInt32, start)) + replicate * every
+    for first in range(0, all_pieces, step):
+        some = Columns(place, first * size, size, min(step, all_pieces - first))
+        batch = some.pieces * count
+        line, column = row_and_column(dr.arange(mi.UInt32, batch * size * n_shining), n_shining)
+        piece, replicate, at = _piece(line, size, count)
+        at += piece * dr.opaque(mi.UInt32, size) + dr.opaque(mi.UInt32, some.start)
+        from_cell = dr.gather(mi.UInt32, lit, at, at < known) + replicate * every
         from_bin = dr.gather(mi.UInt32, shining, column)
-        D = dr.gather(mi.Float, d.array, from_cell * stride + from_bin)
+        D = dr.gather(mi.Float, d.array, from_cell * stride + from_bin, at < known)
         G = matrix.columns(some) if further is None else matrix.columns(some) + further(some)
-        part = by_replicate(G, mi.TensorXf(D, (count * some.size, n_shining)), count)
-        total += mi.Float64(part.array)
+        parts = by_replicate(G, mi.TensorXf(D, (batch * size, n_shining)), batch).array
+        dr.eval(parts)
+        entry = dr.arange(mi.UInt32, rows * n_shining)
+        for piece in range(some.pieces):
+            begin = dr.opaque(mi.UInt32, piece * rows * n_shining)
+            total += mi.Float64(dr.gather(mi.Float, parts, entry + begin))
     row, column = row_and_column(dr.arange(mi.UInt32, rows * n_shining), n_shining)
     dr.scatter(out, mi.Float(total), row * stride + dr.gather(mi.UInt32, shining, column))
     return mi.TensorXf(out, (rows, bins))
+
+
+def _piece(line: mi.UInt32, size: int, replicates: int) -> tuple[mi.UInt32, mi.UInt32, mi.UInt32]:
+    """Piece, replicate and column of lines piece · replicate · column."""
+    batch, column = row_and_column(line, size)
+    piece, replicate = row_and_column(batch, replicates)
+    return piece, replicate, column

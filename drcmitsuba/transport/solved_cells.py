@@ -32,7 +32,14 @@ from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
 from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather import Marks
 from drcmitsuba.transport.gather_blocks import Gathered, with_weights
-from drcmitsuba.transport.products import Further, RayMatrix, Reached, by_replicate, product
+from drcmitsuba.transport.products import (
+    Columns,
+    Further,
+    RayMatrix,
+    Reached,
+    by_replicate,
+    product,
+)
 
 FEW = 8
 """Number of rays from a cell in the first round, in every replicate."""
@@ -115,7 +122,13 @@ class Transfer:
         whole = by_block.whole(self.blocks.count)
         solved = by_replicate(whole, self.all_bounces(replicates), count)
         dr.eval(solved)
-        return lambda some: by_replicate(solved, sent.columns(some), count)
+
+        def columns(some: Columns) -> mi.TensorXf:
+            rows, blocks = solved.shape
+            each = mi.TensorXf(dr.tile(solved.array, some.pieces), (some.pieces * rows, blocks))
+            return by_replicate(each, sent.columns(some), some.pieces * count)
+
+        return columns
 
     def pays(self, bins: int, cells: int, sensors: int) -> bool:
         """Whether X of so many bins takes fewer multiplications than `onward` from lit cells."""
