@@ -92,25 +92,33 @@ class Openings:
         result = mi.Bool(False)
         if self.within is not None:
             result = ~dr.gather(mi.Bool, self.within, row)
-        s, c = dr.sincos(mi.Float(spread))
         for i in range(len(self.quads)):
-            corner, n = (dr.gather(mi.Vector3f, self._numbers, 5 * i + k) for k in (0, 1))
-            length = dr.gather(mi.Vector3f, self._numbers, 5 * i + 4)
-            height, cosine = dr.dot(p - corner, n), -dr.dot(d, n)
-            outermost = cosine * c - dr.safe_sqrt(1 - cosine * cosine) * s
-            margin = dr.select(s > 0, height * s / (cosine * outermost), 0) + 1e-3
-            y = p + height / cosine * d - corner
-            inside = (height > -1e-3) & (cosine > 0)
-            for k in (0, 1):
-                along = dr.dot(y, dr.gather(mi.Vector3f, self._numbers, 5 * i + 2 + k))
-                inside &= (along > -margin) & (along < length[k] + margin)
-            grazes = (s > 0) & (outermost < 0.01) & (cosine > -s)
-            result |= inside | grazes
+            result |= self.passed_one(i, p, d, spread)
         return result
 
+    def passed_one(
+        self, opening: int, p: mi.Point3f, d: mi.Vector3f, spread: mi.Float | float = 0.0
+    ) -> mi.Bool:
+        """Whether cones of directions from p may leave the room by one opening, as `passed`."""
+        s, c = dr.sincos(mi.Float(spread))
+        corner, n, *sides, length = self.axes(opening)
+        height, cosine = dr.dot(p - corner, n), -dr.dot(d, n)
+        outermost = cosine * c - dr.safe_sqrt(1 - cosine * cosine) * s
+        margin = dr.select(s > 0, height * s / (cosine * outermost), 0) + 1e-3
+        y = p + height / cosine * d - corner
+        inside = (height > -1e-3) & (cosine > 0)
+        for side, most in zip(sides, length.xy, strict=True):
+            along = dr.dot(y, side)
+            inside &= (along > -margin) & (along < most + margin)
+        return inside | ((s > 0) & (outermost < 0.01) & (cosine > -s))
+
+    def axes(self, opening: int) -> tuple[mi.Vector3f, ...]:
+        """Corner, normal, both directions, and their lengths twice, of an opening."""
+        return self._axes[opening]
+
     @cached_property
-    def _numbers(self) -> mi.Float:
-        """Corner, normal, both directions and their lengths of every rectangle, three numbers each.
+    def _axes(self) -> list[tuple[mi.Vector3f, ...]]:
+        """Values of `axes`, one of each.
 
         A kernel reads them: as literals they would have it compiled anew for every room.
         """
@@ -118,7 +126,13 @@ class Openings:
         along, up = (np.linalg.norm(edge, axis=1, keepdims=True) for edge in (u, v))
         lengths = np.concatenate([along, up, up], axis=1)
         rows = [self.quads[:, 0], normals(self.quads), u / along, v / up, lengths]
-        return flat(np.stack(rows, axis=1))
+        numbers = flat(np.stack(rows, axis=1))
+        every = [
+            tuple(dr.gather(mi.Vector3f, numbers, mi.UInt32(5 * i + k)) for k in range(5))
+            for i in range(len(self.quads))
+        ]
+        dr.eval(every)
+        return every
 
     def reached(self, points: np.ndarray, axes: np.ndarray, spread: np.ndarray) -> np.ndarray:
         """Whether cones of directions may leave the room, shape (point, cone); in doubt yes.

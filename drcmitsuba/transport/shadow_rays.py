@@ -25,7 +25,7 @@ from drcmitsuba_plugins.sampling import (
 
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.gather import first_directions
+from drcmitsuba.transport.even_rays import EvenRays
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
 from drcmitsuba.transport.openings import CLUSTER, Openings, candidates
 
@@ -89,30 +89,13 @@ def sky_deposit(
     block = max(1, SHADOW_RAYS // rays)
     for start in range(0, count, block):
         n_points = min(block, count - start)
-        lane = dr.arange(mi.UInt32, n_points * rays) + dr.opaque(mi.UInt32, start) * rays
-        row, p, d = _cosine_rays(points, normals, numbers, lane, rays, seed)
-        active = scene.effects.shines(d)
-        if openings is not None:  # few rays leave a room: the others would cost as much
-            chosen = dr.compress(active & openings.passed(row, p, d))
-            if not dr.width(chosen):
-                continue
-            lane, active = dr.gather(mi.UInt32, lane, chosen), mi.Bool(True)
-            row, p, d = _cosine_rays(points, normals, numbers, lane, rays, seed)
-        tau = straight(scene, p, d, active)
-        index = row * bins + patch_index(d, subdivision)
-        dr.scatter_add(out, mi.Float64(tau * (np.pi / rays)), index, tau > 0)
-        dr.eval(out)
+        every = EvenRays.of(points, normals, numbers, start, n_points, rays, seed)
+        for row, p, d, active in every.leaving(scene.effects.shines, openings):
+            tau = straight(scene, p, d, active)
+            index = row * bins + patch_index(d, subdivision)
+            dr.scatter_add(out, mi.Float64(tau * (np.pi / rays)), index, tau > 0)
+            dr.eval(out)
     return mi.TensorXf(mi.Float(out), (count, bins))
-
-
-def _cosine_rays(
-    points: mi.Float, normals: mi.Float, numbers: mi.UInt32, lane: mi.UInt32, rays: int, seed: int
-) -> tuple[mi.UInt32, mi.Point3f, mi.Vector3f]:
-    """Receiver, origin and direction of lanes receiver · rays + index."""
-    row = lane // rays
-    frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
-    d = first_directions(lane % rays, dr.gather(mi.UInt32, numbers, row), seed)
-    return row, dr.gather(mi.Point3f, points, row), frame.to_world(d)
 
 
 def sun_deposit(

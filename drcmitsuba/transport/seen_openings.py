@@ -1,0 +1,171 @@
+r"""Rays of even sequences that may leave by an opening, found without making all of them.
+
+A ray of index i from a receiver has the numbers :math:`\{i a_k + s_k\}`, k = 1, 2, with fixed steps
+a and shifts s of the receiver. An opening is seen within a rectangle of these numbers. In the order
+of :math:`\{i a_k\}`, which all receivers share, the indices whose number k lies between two bounds
+follow one another: the shorter of both such runs holds all rays that pass the opening, and few
+others.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.runtime.random_streams import even_steps
+from drcmitsuba.transport.openings import Openings
+
+SEGMENTS = 16
+"""Number of pieces of an opening's edge between whose ends its image is bounded."""
+WIDER = 2e-3
+"""Width by which an opening counts as larger on all sides [m]; `Openings.passed` takes 1 mm."""
+NEAR = 5e-3
+"""Distance from an opening's plane within which all rays count [m]."""
+BEHIND = -0.7
+"""Cosine below which a part of an opening lies so far behind a receiver that all rays count."""
+BLOCK = 64
+"""Number of lanes that belong to one receiver: lanes past its run are idle."""
+_STEPS = even_steps(4)[:2]
+
+
+class Runs(NamedTuple):
+    """Run of indices of every receiver, in one of two orders."""
+
+    order: mi.UInt32
+    """Indices by the first number, then by the second one, shape (2 · rays,)."""
+    begin: mi.UInt32
+    """Place of the first index in `order`, less than `rays`, shape (receiver,)."""
+    count: mi.UInt32
+    """Length of the run, which goes on at the order's beginning, shape (receiver,)."""
+    second: mi.UInt32
+    """First place of the order that is taken: 0 or `rays`, shape (receiver,)."""
+    rays: mi.UInt32
+    """Number of rays from a receiver."""
+    receiver: mi.UInt32
+    """Receiver of every `BLOCK` lanes."""
+    start: mi.UInt32
+    """Place in the run of the first of these lanes."""
+
+    def lanes(self) -> mi.UInt32:
+        """Lanes of all runs."""
+        return dr.arange(mi.UInt32, BLOCK * dr.width(self.receiver))
+
+    def ray(self, lane: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32, mi.Bool]:
+        """Receiver and index of the ray of a lane, and whether there is one."""
+        block = lane // BLOCK
+        receiver = dr.gather(mi.UInt32, self.receiver, block)
+        at = dr.gather(mi.UInt32, self.start, block) + lane % BLOCK
+        there = at < dr.gather(mi.UInt32, self.count, receiver)
+        at += dr.gather(mi.UInt32, self.begin, receiver)
+        at = dr.select(at < self.rays, at, at - self.rays)
+        at += dr.gather(mi.UInt32, self.second, receiver)
+        return receiver, dr.gather(mi.UInt32, self.order, at, there), there
+
+
+def runs(
+    openings: Openings, opening: int, p: mi.Point3f, n: mi.Normal3f,
+    shifts: tuple[mi.UInt32, mi.UInt32], rays: int,
+) -> Runs:  # fmt: skip
+    """Find the runs that hold all rays through an opening.
+
+    Parameters
+    ----------
+    opening : int
+        Index of the opening.
+    p, n : shape (receiver,)
+        Positions [m] and normals of the receivers.
+    shifts : mi.UInt32, shape (receiver,) each
+        Shifts s of the first two numbers, in parts of 2³².
+    rays : int
+        Number of rays from a receiver.
+    """
+    bounds = _bounds(openings, opening, p, n)
+    orders = _orders(rays)
+    count, most = dr.width(p), dr.opaque(mi.UInt32, rays)
+    begin, length = mi.UInt32(0), mi.UInt32(0)
+    second, empty = mi.UInt32(0), bounds[0] > bounds[1]
+    for k, (_, key) in enumerate(orders):
+        rising = flat_indices(key)
+        first, last = (_number(bound) - shifts[k] for bound in bounds[2 * k : 2 * k + 2])
+        low, high = _place(rising, first, rays), _place(rising, last, rays)
+        # Numbers from `first` to `last`, going around; bounds that span everything hold all.
+        span = dr.select(last >= first, high - low, most - low + high)
+        span = dr.select(bounds[2 * k + 1] - bounds[2 * k] > 1 - 1e-6, most, span)
+        takes = (span < length) if k else mi.Bool(True)
+        begin, length = dr.select(takes, low % most, begin), dr.select(takes, span, length)
+        second = dr.select(takes, k * most, second)
+    length = dr.select(empty, 0, length)
+    dr.eval(begin, length, second)
+    blocks = -(-length.numpy().astype(np.int64) // BLOCK) if count else np.zeros(0, np.int64)
+    receiver = np.repeat(np.arange(len(blocks)), blocks)
+    start = BLOCK * (np.arange(len(receiver)) - np.repeat(np.cumsum(blocks) - blocks, blocks))
+    order = flat_indices(np.concatenate([order for order, _ in orders]))
+    return Runs(
+        order, begin, length, second, most, flat_indices(receiver), flat_indices(start)
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def _orders(rays: int) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """Indices by the first and by the second number without shift, and these in parts of 2³²."""
+    keys = [(np.arange(rays) * step % (1 << 32)).astype(np.uint32) for step in _STEPS]
+    orders = [np.argsort(key, kind="stable") for key in keys]
+    return tuple((order, key[order]) for key, order in zip(keys, orders, strict=True))
+
+
+def _number(x: mi.Float) -> mi.UInt32:
+    """Part of 2³² of a number in [0, 1]."""
+    return mi.UInt32(dr.clip(mi.Float64(x), 0, 1) * (2.0**32 - 1))
+
+
+def _place(rising: mi.UInt32, number: mi.UInt32, rays: int) -> mi.UInt32:
+    """Place of the first of rising numbers that is not below a number; `rays` for none."""
+    return mi.UInt32(
+        dr.binary_search(0, rays, lambda i: dr.gather(mi.UInt32, rising, i, i < rays) < number)
+    )
+
+
+@dr.syntax
+def _bounds(
+    openings: Openings, opening: int, p: mi.Point3f, n: mi.Normal3f
+) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float]:
+    """Least and largest first, then second number of rays to an opening; 1, 0, … for none."""
+    corner, normal, along, up, length = openings.axes(opening)
+    frame, height = mi.Frame3f(n), dr.dot(p - corner, normal)
+    width, tall = length.x + 2 * WIDER, length.y + 2 * WIDER
+    start = corner - WIDER * (along + up) - p
+    lowest, highest = mi.Point2f(2), mi.Point2f(-1)
+    before, widest = mi.Point2f(0), mi.Float(0)
+    above, behind, i = mi.Bool(False), mi.Bool(False), mi.UInt32(0)
+    many = dr.opaque(mi.UInt32, 4 * SEGMENTS)
+    while dr.hint(
+        i <= many, exclude=[frame, width, tall, start, along, up, many, normal, corner, length]
+    ):
+        t = mi.Float(i % SEGMENTS) * (1 / SEGMENTS)
+        side = (i // SEGMENTS) % 4
+        a = dr.select(side == 0, t, dr.select(side == 1, 1, dr.select(side == 2, 1 - t, 0)))
+        b = dr.select(side == 0, 0, dr.select(side == 1, t, dr.select(side == 2, 1, 1 - t)))
+        d = frame.to_local(dr.normalize(start + a * width * along + b * tall * up))
+        above |= d.z > 0
+        behind |= d.z < BEHIND
+        flat = dr.select(d.z > 0, 1, dr.rsqrt(dr.maximum(dr.squared_norm(d.xy), 1e-12)))
+        at = mi.warp.uniform_disk_to_square_concentric(mi.Point2f(d.x * flat, d.y * flat))
+        lowest, highest = dr.minimum(lowest, at), dr.maximum(highest, at)
+        widest = dr.select(i > 0, dr.maximum(widest, dr.norm(at - before)), widest)
+        before = at
+        i += 1
+    # Between two points the image stays within half their distance of them.
+    lowest, highest = lowest - 0.5 * widest - 1e-4, highest + 0.5 * widest + 1e-4
+    every = (dr.abs(height) < NEAR) | (above & behind)
+    none = ~every & ((height < 0) | ~above)
+    lowest = dr.select(every, 0, dr.maximum(lowest, 0))
+    highest = dr.select(every, 1, dr.minimum(highest, 1))
+    return (
+        dr.select(none, 1, lowest.x), dr.select(none, 0, highest.x),
+        dr.select(none, 1, lowest.y), dr.select(none, 0, highest.y),
+    )  # fmt: skip
