@@ -19,7 +19,7 @@ from drcmitsuba.transport.gather_blocks import Met
 
 Bins = tuple[int, int]
 
-MANY = 16
+MANY = 40
 """Number of cells per path of a sensor from which on the paths are summed."""
 WIDE = 4
 """Number of bins that are read at once."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
@@ -176,21 +177,45 @@ def _clusters(directions: np.ndarray) -> np.ndarray:
     return np.pad(order, (0, -len(order) % CLUSTER), constant_values=-1).reshape(-1, CLUSTER)
 
 
-def candidates(
-    openings: Openings | None, p: np.ndarray, n: np.ndarray, suns: np.ndarray, radius: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Receivers and clusters of suns that may see each other, pair by pair, and the clusters."""
-    clusters = _clusters(suns)
-    members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
-    axes = members.mean(axis=1)
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    cosines = np.einsum("gsi,gi->gs", members, axes)
-    spread = np.arccos(np.clip(cosines, -1, 1)).max(axis=1) + radius
-    possible = n @ axes.T > -np.sin(spread)
-    if openings is not None:
-        possible &= openings.reached(p, axes, spread)
-    rows, groups = np.nonzero(possible)
-    return rows, groups, clusters
+class SunClusters(NamedTuple):
+    """Neighbouring suns, `CLUSTER` together."""
+
+    members: mi.Int32
+    """Indices of the suns, shape (cluster · CLUSTER,); −1 for none."""
+    axis: mi.Float
+    """Mean directions, three numbers each."""
+    spread: mi.Float
+    """Largest angle from the axis to a sun's centre [rad]."""
+
+    @classmethod
+    def of(cls, suns: np.ndarray) -> SunClusters:
+        """Clusters of unit vectors (sun, 3)."""
+        clusters = _clusters(suns)
+        members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
+        axes = members.mean(axis=1)
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        cosines = np.einsum("gsi,gi->gs", members, axes)
+        spread = np.arccos(np.clip(cosines, -1, 1)).max(axis=1)
+        return cls(mi.Int32(clusters.astype(np.int32).ravel()), flat(axes), flat(spread))
+
+    def candidates(
+        self, openings: Openings | None, points: mi.Float, normals: mi.Float, radius: float
+    ) -> tuple[mi.UInt32, mi.UInt32]:
+        """Receivers and clusters of suns of a `radius` [rad] that may see each other, in pairs."""
+        count = dr.width(self.spread)
+        entry = dr.arange(mi.UInt32, dr.width(points) // 3 * count)
+        row, group = row_and_column(entry, count)
+        p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
+        axis = dr.gather(mi.Vector3f, self.axis, group)
+        # Single precision errs by far less than a thousandth of a degree.
+        spread = dr.gather(mi.Float, self.spread, group) + dr.opaque(mi.Float, radius + 1e-5)
+        possible = dr.dot(n, axis) > -dr.sin(spread)
+        if openings is not None:
+            possible &= openings.passed(row, p, axis, spread)
+        chosen = dr.compress(possible)
+        row, group = (dr.gather(mi.UInt32, x, chosen) for x in (row, group))
+        dr.eval(row, group)
+        return row, group
 
 
 def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter: float) -> mi.Bool:

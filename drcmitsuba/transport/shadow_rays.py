@@ -23,11 +23,11 @@ from drcmitsuba_plugins.sampling import (
     transmittance,
 )
 
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.even_rays import EvenRays
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.openings import CLUSTER, Openings, candidates
+from drcmitsuba.transport.openings import CLUSTER, Openings, SunClusters
 
 Through = Callable[..., Any]
 """Function that gives the share of light that reaches points from directions, as `straight`."""
@@ -185,18 +185,16 @@ def possible_pairs(
     """Yield pairs point · suns + sun that may see each other."""
     if not len(suns) or (openings is not None and openings.are_none):
         return
-    at, facing = (a.numpy().reshape(-1, 3) for a in (points, normals))
-    rows, groups, clusters = candidates(openings, at, facing, suns, np.radians(diameter) / 2)
-    row_of, group_of = flat_indices(rows), flat_indices(groups)
-    sun_of = mi.Int32(clusters.astype(np.int32).ravel())
+    clusters = SunClusters.of(suns)
+    row_of, group_of = clusters.candidates(openings, points, normals, np.radians(diameter) / 2)
     directions, radius = flat(suns), dr.opaque(mi.Float, np.radians(diameter) / 2)
     block, stride = max(1, SHADOW_RAYS // CLUSTER), dr.opaque(mi.UInt32, len(suns))
-    for start in range(0, len(rows), block):
-        lane = dr.arange(mi.UInt32, min(block, len(rows) - start) * CLUSTER)
+    for start in range(0, dr.width(row_of), block):
+        lane = dr.arange(mi.UInt32, min(block, dr.width(row_of) - start) * CLUSTER)
         candidate = lane // CLUSTER + dr.opaque(mi.UInt32, start)
         row = dr.gather(mi.UInt32, row_of, candidate)
         group = dr.gather(mi.UInt32, group_of, candidate)
-        member = dr.gather(mi.Int32, sun_of, group * CLUSTER + lane % CLUSTER)
+        member = dr.gather(mi.Int32, clusters.members, group * CLUSTER + lane % CLUSTER)
         sun, exists = mi.UInt32(member), member >= 0
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
         centre = dr.gather(mi.Vector3f, directions, sun, exists)
