@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -31,6 +33,15 @@ def _aligned(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
     return out
 
 
+def add_at(out: Any, values: Any, entry: mi.UInt32, active: mi.Bool | bool = True) -> None:
+    """Add values to entries of an array.
+
+    By default Dr.Jit gives every thread a copy of a small array: its size becomes part of a kernel,
+    which is compiled anew for every other size, and the copies have to be cleared and summed.
+    """
+    dr.scatter_add(out, values, entry, active, mode=dr.ReduceMode.Local)
+
+
 def row_and_column(entry: mi.UInt32, columns: int) -> tuple[mi.UInt32, mi.UInt32]:
     """Row and column of entries of a flat array (row, column).
 
@@ -42,6 +53,16 @@ def row_and_column(entry: mi.UInt32, columns: int) -> tuple[mi.UInt32, mi.UInt32
         return entry, entry
     row = mi.UInt32((mi.Float64(entry) + 0.5) * dr.opaque(mi.Float64, 1 / columns))
     return row, entry - row * dr.opaque(mi.UInt32, columns)
+
+
+def repeated(values: Any, times: int) -> Any:
+    """Array several times over; `dr.tile` would have kernels compiled anew for every length."""
+    if times == 1 or dr.width(values) == 0:
+        return values
+    _, at = row_and_column(dr.arange(mi.UInt32, times * dr.width(values)), dr.width(values))
+    out = dr.gather(type(values), values, at)
+    dr.eval(out)
+    return out
 
 
 def first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:

@@ -8,6 +8,7 @@ References
 from __future__ import annotations
 
 from enum import Enum, IntEnum
+from functools import lru_cache
 from typing import Any
 
 import drjit as dr
@@ -138,6 +139,21 @@ def even_steps(dimensions: int) -> list[int]:
 
 
 _STEPS = even_steps(4)
+
+
+@lru_cache(maxsize=32)
+def even_order(count: int, dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Order of the first points of `even_numbers` along the dimension 0 or 1 of the first pair.
+
+    Returns
+    -------
+    index, number : np.ndarray of uint32, shape (count,)
+        Indices in rising order of their number without a shift, and these numbers in parts of 2³².
+        A shift turns the order around.
+    """
+    number = (np.arange(count) * _STEPS[dimension] % (1 << 32)).astype(np.uint32)
+    index = np.argsort(number, kind="stable").astype(np.uint32)
+    return index, number[index]
 
 
 def even_numbers(

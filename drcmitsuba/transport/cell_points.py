@@ -152,7 +152,7 @@ class _Kernels:
         draw = mi.UInt32(self.begin)
         while dr.hint(draw < self.end, exclude=[self]):
             at, rank = self._entry(draw), self._ranks(draw)
-            dr.scatter_reduce(dr.ReduceOp.Max, self.every.rank, rank, at, self._met)
+            _largest(self.every.rank, rank, at, self._met)
             draw += 1
 
     @dr.syntax
@@ -161,7 +161,7 @@ class _Kernels:
         draw = mi.UInt32(self.begin)
         while dr.hint(draw < self.end, exclude=[self]):
             at, best, tag = self._entry(draw), self._best(draw), self.vertices.tag
-            dr.scatter_reduce(dr.ReduceOp.Max, self.tag, tag, at, best)
+            _largest(self.tag, tag, at, best)
             draw += 1
 
     @dr.syntax
@@ -179,6 +179,11 @@ class _Kernels:
             if dr.hint(told, mode="scalar"):
                 dr.scatter(self.every.within, self.vertices.within, at, wins)
             draw += 1
+
+
+def _largest(out: mi.UInt32, values: mi.UInt32, entry: mi.UInt32, active: mi.Bool) -> None:
+    """Keep the largest values; see `flat_arrays.add_at` for the mode."""
+    dr.scatter_reduce(dr.ReduceOp.Max, out, values, entry, active, mode=dr.ReduceMode.Local)
 
 
 @dr.syntax

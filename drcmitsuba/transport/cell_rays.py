@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import flat, row_and_column
+from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.scene import Scene
@@ -75,7 +75,7 @@ class Blocks:
             edge += 1
             block, count = cells.flat_blocks(edge)
         whole = dr.zeros(mi.Float64, count)
-        dr.scatter_add(whole, mi.Float64(weight), block)
+        add_at(whole, mi.Float64(weight), block)
         share = mi.Float(mi.Float64(weight) / dr.gather(mi.Float64, whole, block))
         dr.eval(share)
         return cls(block, count, share)
@@ -94,7 +94,7 @@ class Blocks:
         replicate, _ = row_and_column(ray, dr.width(source) // replicates)
         row = dr.gather(mi.UInt32, self.of, source) + replicate * count
         value = mi.Float64(weight * dr.gather(mi.Float, self.share, source))
-        dr.scatter_add(out, value, row * count + dr.gather(mi.UInt32, self.of, cell))
+        add_at(out, value, row * count + dr.gather(mi.UInt32, self.of, cell))
         every = np.empty((replicates, self.count, self.count), np.float32)
         for total, t in zip(every, out.numpy().reshape(every.shape), strict=True):
             total[:] = sum_of_bounces(t)
@@ -168,19 +168,19 @@ def importance(cells: Cells, seen: mi.Float64, rays: list[CellRays], replicates:
     hits = dr.zeros(mi.Float64, cells.count)
     at = [cells.of(one.met) for one in rays]
     for one, cell in zip(rays, at, strict=True):
-        dr.scatter_add(hits, mi.Float64(1), cell, one.met.weight > 0)
+        add_at(hits, mi.Float64(1), cell, one.met.weight > 0)
         dr.eval(hits)
     blocks = Blocks.weighed(cells, mi.Float(hits + 1e-3))
     source, cell = dr.concat([one.source for one in rays]), dr.concat(at)
     weight = dr.concat([one.met.weight for one in rays]) / dr.opaque(mi.Float, replicates)
     direct = dr.zeros(mi.Float64, blocks.count)
-    dr.scatter_add(direct, seen, blocks.of)
+    add_at(direct, seen, blocks.of)
     row = mi.TensorXf(mi.Float(direct), (1, blocks.count))
     of_block = (row @ blocks.all_bounces(source, cell, weight)).array
     before = blocks.share * dr.gather(mi.Float, of_block, blocks.of)
     out = mi.Float64(seen)
     for one, cell in zip(rays, at, strict=True):
-        dr.scatter_add(out, mi.Float64(one.weighed(before, replicates).weight), cell)
+        add_at(out, mi.Float64(one.weighed(before, replicates).weight), cell)
         dr.eval(out)
     most = float(dr.max(out)[0])
     return dr.maximum(mi.Float(out), dr.opaque(mi.Float, 1e-9 * most))

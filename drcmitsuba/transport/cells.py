@@ -8,6 +8,7 @@ directions. Only cells that paths met exist; points drawn from the vertices of t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -90,16 +91,28 @@ class Grid:
         """Count the possible cells."""
         return 6 * self.count[0] * self.count[1] * self.count[2]
 
+    @cached_property
+    def _numbers(self) -> tuple[mi.Point3f, mi.Float, mi.UInt32, mi.UInt32, mi.Point3f]:
+        """Corner, cubes to a metre, numbers of cubes along x and y, and the last cube.
+
+        A kernel reads them: as literals they would have it compiled anew for every room.
+        """
+        scale = dr.opaque(mi.Float, 1 / self.size)
+        nx, ny = (dr.opaque(mi.UInt32, n) for n in self.count[:2])
+        low = mi.Point3f(*(dr.opaque(mi.Float, v) for v in self.low))
+        last = mi.Point3f(*(dr.opaque(mi.Float, n - 1) for n in self.count))
+        return low, scale, nx, ny, last
+
+    def prepare(self) -> Grid:
+        """Make the numbers of `key` outside of a loop that is being recorded."""
+        _ = self._numbers
+        return self
+
     def key(self, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
         """Key of the cell at points `p` with facing normals `n`."""
-        if self.near is None:
-            q = dr.floor((p - mi.Point3f(*self.low)) * (1 / self.size))
-        else:
-            q = dr.floor(self.steps(p) - mi.Point3f(*self.low))
-        nx, ny, nz = self.count
-        i = mi.UInt32(dr.clip(q.x, 0, nx - 1))
-        j = mi.UInt32(dr.clip(q.y, 0, ny - 1))
-        k = mi.UInt32(dr.clip(q.z, 0, nz - 1))
+        low, scale, nx, ny, last = self._numbers
+        q = dr.floor((p - low) * scale if self.near is None else self.steps(p) - low)
+        i, j, k = (mi.UInt32(v) for v in dr.clip(q, 0, last))
         a = dr.abs(n)
         axis = dr.select((a.x >= a.y) & (a.x >= a.z), 0, dr.select(a.y >= a.z, 1, mi.UInt32(2)))
         along = dr.select(axis == 0, n.x, dr.select(axis == 1, n.y, n.z))

@@ -18,6 +18,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.flat_arrays import repeated
 from drcmitsuba.runtime.random_streams import (
     Draw,
     Key,
@@ -128,8 +129,8 @@ class Deposit:
         """
         count, key, rays = len(replicates), (Stream.SENSORS,), self.accuracy.sensor_sky_rays
         numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
-        every_p, every_n = dr.tile(p, count), dr.tile(n, count)
-        every_within = None if within is None else dr.tile(within, count)
+        every_p, every_n = repeated(p, count), repeated(n, count)
+        every_within = None if within is None else repeated(within, count)
         sky = self.by_sky(every_p, every_n, key, rays, numbers, every_within)
         if not sun_samples or not len(self.suns):
             return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(numbers), self.bins[1])))

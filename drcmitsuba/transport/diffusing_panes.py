@@ -22,7 +22,7 @@ import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
@@ -171,10 +171,11 @@ def looks(
     """
     count = dr.width(points) // 3
     normal = flat(patches.normal)
-    total_area = float(patches.area.sum())
+    total_area = dr.opaque(mi.Float, float(patches.area.sum()))
+    many = dr.opaque(mi.Float, rays)
     share = mi.DiscreteDistribution(flat(patches.area))
     lane = dr.arange(mi.UInt32, count * rays)
-    row, index = lane // rays, lane % rays
+    row, index = row_and_column(lane, rays)
     number = row if numbers is None else dr.gather(mi.UInt32, numbers, row)
     a, b = (mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed, index))
     p = dr.gather(mi.Point3f, points, row)
@@ -191,11 +192,11 @@ def looks(
         tau = visibility(scene, before, seen)
         by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
         by_cosine = cosine * dr.inv_pi
-        weight = dr.select(tau > 0, by_cosine * tau / (rays * (by_area + by_cosine)), 0)
+        weight = dr.select(tau > 0, by_cosine * tau / (many * (by_area + by_cosine)), 0)
         return Look(row, dr.select(seen, patch, 0), d, cos_pane > 0, weight)
 
     # Points on the panes.
-    stratum = (mi.Float(index) + a) / rays
+    stratum = (mi.Float(index) + a) / many
     patch, u = share.sample_reuse(stratum)
     y = patches.at(patch, u, b)
     distance = dr.norm(y - p)
@@ -227,7 +228,7 @@ def pane_transfer(
         K, dimensionless.
     """
     count, faces = dr.width(points) // 3, 2 * len(patches)
-    out = dr.zeros(mi.Float64, count * faces)
+    out, stride = dr.zeros(mi.Float64, count * faces), dr.opaque(mi.UInt32, faces)
     optics: list[Any] = [pane.material for pane in scene.scattering]
     through = flat([optics[i].transmittance for i in patches.owner])
     back = flat([optics[i].reflectance for i in patches.owner])
@@ -237,7 +238,7 @@ def pane_transfer(
         # The back reflects nothing, as in `materials.bsdf`.
         for face, albedo, lit in ((near ^ 1, through, seen), (near, back, seen & look.front)):
             value = look.weight * dr.gather(mi.Float, albedo, look.patch, lit)
-            dr.scatter_add(out, mi.Float64(value), look.row * faces + face, lit & (value > 0))
+            add_at(out, mi.Float64(value), look.row * stride + face, lit & (value > 0))
     dr.eval(out)
     return mi.TensorXf(mi.Float(out), (count, faces))
 

@@ -16,7 +16,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, from_disk, random_bits, sample_disk
 
-from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices, row_and_column
+from drcmitsuba.runtime.flat_arrays import add_at, first_of_rows, flat, flat_indices, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers, even_steps
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
@@ -59,8 +59,8 @@ def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
     known, of_sun = flat_indices(keys), keys // (2 * mount.bsdf.out_cells)
     part = dr.binary_search(0, len(keys), lambda i: dr.gather(mi.UInt32, known, i) < key)
     some, shares = dr.full(mi.UInt32, dr.width(lane), len(keys)), dr.zeros(mi.Float64, len(keys))
-    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, part)
-    dr.scatter_add(shares, mi.Float64(light), part)
+    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, part, mode=dr.ReduceMode.Local)
+    add_at(shares, mi.Float64(light), part)
     dr.eval(some, shares)
     whole = np.bincount(of_sun, shares.numpy(), len(suns))[of_sun]
     share = np.divide(shares.numpy(), whole, out=np.zeros(len(keys)), where=whole > 0)
@@ -182,7 +182,7 @@ def sky_answer(
         row += dr.opaque(mi.UInt32, start)
         d, weight = _from_sky(scene, patches, mount, patch, row, index, each, seed)
         index = row * bins + patch_index(d, subdivision)
-        dr.scatter_add(out, mi.Float64(weight / mi.Float(each)), index, weight > 0)
+        add_at(out, mi.Float64(weight / mi.Float(each)), index, weight > 0)
         dr.eval(out)
     return mi.Float(out)
 

@@ -9,6 +9,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime.flat_arrays import add_at
+
 
 class Directions(NamedTuple):
     """Directions from receivers to films, sorted by receiver."""
@@ -40,6 +42,20 @@ class Looked(NamedTuple):
                 dr.eval(*kinds[-1])
         return Looked(self.receivers, tuple(kinds))
 
+    def apart(self, parts: int) -> list[Looked]:
+        """Directions of as many parts of the receivers, which stand one after another."""
+        size, every = self.receivers // parts, []
+        for part in range(parts):
+            first, kinds = dr.opaque(mi.UInt32, part * size), []
+            for kind in self.kinds:
+                own = dr.compress((kind.receiver >= first) & (kind.receiver < first + size))
+                if dr.width(own):
+                    mine = Directions(*(dr.gather(type(x), x, own) for x in kind))
+                    kinds.append(mine._replace(receiver=mine.receiver - first))
+                    dr.eval(*kinds[-1])
+            every.append(Looked(size, tuple(kinds)))
+        return every
+
     def by_row(self, rows: mi.UInt32, of: int) -> mi.TensorXf:
         """Sum of the weights [sr] of each receiver in some outgoing cells `of` all of them.
 
@@ -51,7 +67,7 @@ class Looked(NamedTuple):
         out = dr.zeros(mi.Float64, self.receivers * few)
         for kind in self.kinds:
             at = kind.receiver * dr.opaque(mi.UInt32, few) + dr.gather(mi.UInt32, place, kind.row)
-            dr.scatter_add(out, mi.Float64(kind.weight), at)
+            add_at(out, mi.Float64(kind.weight), at)
         return mi.TensorXf(mi.Float(out), (self.receivers, few))
 
 

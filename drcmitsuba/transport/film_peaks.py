@@ -24,7 +24,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
-from drcmitsuba.runtime.flat_arrays import first_of_rows, flat, flat_indices, row_and_column
+from drcmitsuba.runtime.flat_arrays import add_at, first_of_rows, flat, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
 from drcmitsuba.transport.film_orientation import Mount
@@ -81,7 +81,7 @@ def take_out(
     size = dr.gather(mi.Float, sizes, cell)
     side = side * dr.opaque(mi.UInt32, shining) + sun
     flux = dr.zeros(mi.Float64, len(mount.sides) * dr.width(suns))
-    dr.scatter_add(flux, mi.Float64(f) * mi.Float64(size), side)
+    add_at(flux, mi.Float64(f) * mi.Float64(size), side)
     mean = mi.Float(flux / np.pi)
     peaked = f > STANDS_OUT * dr.gather(mi.Float, mean, side)
     at = dr.compress(peaked)
@@ -185,5 +185,5 @@ def _add_suns(
         scene.ray_counter.add("shadow", mi.Bool(True))
         tau = visibility(scene, mi.Ray3f(origin, d), mi.Bool(True))
         value = weight * dr.gather(mi.Float, peaks.f, entry) * tau * dr.abs(cosine) * omega
-        dr.scatter_add(out, mi.Float64(value), receiver * stride + sun, value > 0)
+        add_at(out, mi.Float64(value), receiver * stride + sun, value > 0)
         entry += 1

@@ -198,6 +198,10 @@ class Films:
                 films.append(EvenRows(i, rows))
         return tuple(films)
 
+    def others(self, even: Sequence[EvenRows]) -> np.ndarray:
+        """Patches of all other films, a mask (patch,)."""
+        return ~np.isin(self.patches.owner, [film.mount for film in even])
+
     def weights(self, looked: Looked, even: EvenRows) -> mi.TensorXf:
         """Weights [sr] of the cells of an exposed film for receivers, shape (receiver, cell)."""
         of_mount = looked.of(self.patches.owner == even.mount)
@@ -244,7 +248,7 @@ class Films:
             W, (to_sky, to_suns) = self.weights(looked, film), self.radiance(film, lit)
             by_sky = by_sky + W @ to_sky if bins else by_sky
             by_sun = by_sun + W @ to_suns if len(self.suns) else by_sun
-        apart = ~np.isin(self.patches.owner, [film.mount for film in even or without])
+        apart = self.others(even or without)
         if apart.any():
             of_sky, of_sun = self._summed(looked.of(apart), lit)
             by_sky, by_sun = by_sky + of_sky, by_sun + of_sun

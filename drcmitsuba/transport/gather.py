@@ -19,7 +19,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import streams
 
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import max_reflectance
 from drcmitsuba.scene.scene import Scene
@@ -171,9 +171,9 @@ def _numbers(
     """Row of every lane, its row among all sensors, which gives the random numbers, and path."""
     lane = dr.arange(mi.UInt32, lanes)
     here = dr.opaque(mi.UInt32, sensors)  # a literal would be compiled anew
-    row = lane // paths
+    row, index = row_and_column(lane, paths)
     own = row // here * dr.opaque(mi.UInt32, among) + row % here + dr.opaque(mi.UInt32, first)
-    return row, own, lane % paths
+    return row, own, index
 
 
 def deviates(flags: mi.UInt32) -> mi.Bool:
@@ -211,10 +211,13 @@ def _trace(
     inside, before = mi.Float(0), mi.Point3f(p)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    tag = own * paths + index
+    share = dr.opaque(mi.Float, 1 / paths)
+    tag = own * dr.opaque(mi.UInt32, paths) + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
+    grid.prepare()
     while dr.hint(
-        active, exclude=[grid, scene, count, store, marks, solids, limit, told, once, crossings]
+        active,
+        exclude=[grid, scene, count, share, store, marks, solids, limit, told, once, crossings],
     ):
         scene.ray_counter.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
@@ -250,7 +253,7 @@ def _trace(
             inside, before = absorption_after(solids, bsdf, bs, inside, active), si.p
         facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         store.add(
-            is_cell, row=row, weight=beta * (1 / paths), key=grid.key(si.p, facing),
+            is_cell, row=row, weight=beta * share, key=grid.key(si.p, facing),
             tag=depth * count + tag, mark=mark, within=in_room, p=si.spawn_ray(facing).o, n=facing,
         )  # fmt: skip
         if dr.hint(once, mode="scalar"):

@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.flat_arrays import add_at, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
@@ -48,7 +49,8 @@ class Met(NamedTuple):
         first = dr.opaque(mi.UInt32, numbers.start * size)
         at = dr.arange(mi.UInt32, len(numbers) * size) + first
         cell, weight = dr.gather(mi.UInt32, self.cell, at), dr.gather(mi.Float, self.weight, at)
-        return Met(dr.arange(mi.UInt32, dr.width(at)) // paths, cell, weight)
+        row, _ = row_and_column(dr.arange(mi.UInt32, dr.width(at)), paths)
+        return Met(row, cell, weight)
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,6 @@ def with_weights(before: mi.Float64, cells: int, cell: mi.UInt32, weight: mi.Flo
         return out
     dr.scatter(out, before, dr.arange(mi.UInt32, dr.width(before)))
     dr.eval(out)  # Dr.Jit 1.5 ignores a pending scatter when it reduces
-    dr.scatter_add(out, mi.Float64(weight), cell)
+    add_at(out, mi.Float64(weight), cell)
     dr.eval(out)
     return out

@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.flat_arrays import add_at
 from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather_blocks import Gathered, Met
 
@@ -98,7 +99,7 @@ class MarkedPaths:
         block, blocks = self._blocks
         visits = dr.zeros(mi.Float64, self.cells.count)
         for _, met in self._met():
-            dr.scatter_add(visits, mi.Float64(met.weight), met.cell, met.mark > 0)
+            add_at(visits, mi.Float64(met.weight), met.cell, met.mark > 0)
             dr.eval(visits)
         each, of = visits.numpy(), block.numpy()
         whole = np.bincount(of, each, blocks)[of]

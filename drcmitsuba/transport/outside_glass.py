@@ -20,7 +20,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 
 from drcmitsuba.model.materials import GlazingMaterial
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import add_at, flat, flat_indices, row_and_column
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
@@ -69,19 +69,20 @@ class OutsideGlass:
         out = dr.zeros(mi.Float64, count * bins)
         rows = self._before(points, self.planes)
         numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
-        block = max(1, SHADOW_RAYS // rays)
+        block, share = max(1, SHADOW_RAYS // rays), dr.opaque(mi.Float, np.pi / rays)
         for start in range(0, len(rows), block):
             here = flat_indices(rows[start : start + block])
             lane = dr.arange(mi.UInt32, dr.width(here) * rays)
-            row = dr.gather(mi.UInt32, here, lane // rays)
+            place, ray = row_and_column(lane, rays)
+            row = dr.gather(mi.UInt32, here, place)
             p = dr.gather(mi.Point3f, points, row)
             frame = mi.Frame3f(dr.gather(mi.Normal3f, normals, row))
             number = dr.gather(mi.UInt32, numbers, row)
-            d = frame.to_world(first_directions(lane % rays, number, seed))
+            d = frame.to_world(first_directions(ray, number, seed))
             rho, onward = self._mirrored(p, d, mi.Bool(True))
             rho = dr.select(self.scene.effects.shines(onward), rho, 0)
             index = row * bins + patch_index(onward, subdivision)
-            dr.scatter_add(out, mi.Float64(rho * (np.pi / rays)), index, rho > 0)
+            add_at(out, mi.Float64(rho * share), index, rho > 0)
             dr.eval(out)
         return mi.TensorXf(mi.Float(out), (count, bins))
 

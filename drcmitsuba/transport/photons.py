@@ -212,7 +212,7 @@ class PhotonTracer:
                 with ports.scene.ray_counter.purpose(Stream.PHOTONS.name, draw.name, ports.name):
                     start = ports.start(sources, some, could[some], photons, key)
                     fate = self._follow(
-                        ports.scene, traits, squares, sources, start, sums, bins, photons, key
+                        ports, traits, squares, sources, start, sums, bins, photons, key
                     )
                 ledger = ledger.plus(fate)
                 progress((i + (first + len(some)) / len(seen)) / len(self.ports))
@@ -229,8 +229,8 @@ class PhotonTracer:
         return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
 
     def _follow(
-        self, scene: Scene, traits: Traits, squares: Recorder, sources: PhotonSources, start: Start,
-        sums: FluxSums, bins: int, photons: int, seed: int,
+        self, ports: ComponentPorts, traits: Traits, squares: Recorder, sources: PhotonSources,
+        start: Start, sums: FluxSums, bins: int, photons: int, seed: int,
     ) -> FluxLedger:  # fmt: skip
         """Follow `photons` photons of each source and add their flux to `sums`."""
         dr.eval(*start)
@@ -240,9 +240,10 @@ class PhotonTracer:
         start = Start(*(dr.gather(type(x), x, lanes) for x in start))
         # Mitsuba's sampler is three times slower in a loop than the generator behind it.
         number = dr.gather(mi.UInt32, mi.UInt32(sources.numbers), start.bin)
-        random = streams(number, seed, lanes % dr.opaque(mi.UInt32, photons))
+        random = streams(number, seed, ports.index(lanes, photons))
+        self.areas.grid.prepare()
         fates = follow(
-            scene.full, traits, self.areas, squares, start, sums,
+            ports.scene.full, traits, self.areas, squares, start, sums,
             dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
         )  # fmt: skip
         dr.eval(fates, sums)  # together: each sum alone would follow all photons again

@@ -15,7 +15,7 @@ from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
-from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.runtime.random_streams import even_numbers, even_order
 from drcmitsuba.scene.geometry import Port, is_triangle, normals, reversed_quads
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
@@ -183,7 +183,7 @@ class ComponentPorts:
         """
         lane = dr.arange(mi.UInt32, len(seen) * photons)
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
-        place, index = lane // each, lane % each
+        place, index = lane // each, self.index(lane, photons)
         source = dr.gather(mi.UInt32, flat_indices(seen), place)
         share = could / could.sum(axis=1, keepdims=True)
         table = flat(np.cumsum(share, axis=1))
@@ -203,6 +203,16 @@ class ComponentPorts:
         flux *= dr.gather(mi.Float, flat(self.area), port)
         flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
         return Start(p, -d, self._visible(p, d, dr.select(chance > 0, flux, 0)), source)
+
+    def index(self, lane: mi.UInt32, photons: int) -> mi.UInt32:
+        """Index of the photon of a lane among the `photons` of its source.
+
+        Photons that start side by side, at heights that follow one another, have similar ways: they
+        fill the lanes of a processor better.
+        """
+        _, u, v = self.edges
+        order, _ = even_order(photons, 0 if abs(u[0, 2]) >= abs(v[0, 2]) else 1)
+        return dr.gather(mi.UInt32, flat_indices(order), lane % dr.opaque(mi.UInt32, photons))
 
     def sky_share(self, seed: int = 0) -> np.ndarray:
         """Share of its cosine-weighted hemisphere that every port sees of sky and ground."""

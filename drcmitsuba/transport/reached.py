@@ -14,6 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from drcmitsuba.runtime.flat_arrays import add_at
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.gather import gather
@@ -48,7 +49,7 @@ class Reached:
         lane = dr.arange(mi.UInt32, count)
         p, n = (dr.gather(mi.Vector3f, column, lane) for column in (met.p, met.n))
         marks, vertices = dr.zeros(mi.UInt32, _TABLE), dr.zeros(mi.UInt32, len(grid))
-        dr.scatter_add(vertices, mi.UInt32(1), met.key)
+        add_at(vertices, mi.UInt32(1), met.key)
         for step in (-1, 0, 1):  # rounding may move a point across a border
             dr.scatter(marks, mi.UInt32(1), _field(grid, mi.Point3f(p), n, step))
         dr.eval(marks, vertices)

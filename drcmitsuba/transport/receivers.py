@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime import lazy
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import add_at, flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
@@ -65,7 +65,7 @@ class CellAreas:
                 if reached is not None:
                     exposed &= reached.counts(p, facing)
                 key = grid.key(p, mi.Normal3f(facing))
-                dr.scatter_add(area, mi.Float64(whole / count), key, exposed)
+                add_at(area, mi.Float64(whole / count), key, exposed)
         there = dr.compress(area > 0)
         row = dr.full(mi.UInt32, _NONE, len(grid))
         if dr.width(there):
@@ -90,7 +90,7 @@ class CellAreas:
         """Add the flux of photons that arrive along `d` to the cells on their side of surfaces."""
         facing = dr.select(dr.dot(si.n, d) < 0, si.n, -si.n)
         row, known = self.at(self.grid.key(si.p, facing), active)
-        dr.scatter_add(sums, mi.Float64(flux), row * bins + column, known)
+        add_at(sums, mi.Float64(flux), row * bins + column, known)
 
 
 def _triangles(quads: list[np.ndarray]) -> np.ndarray:

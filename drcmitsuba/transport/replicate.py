@@ -10,10 +10,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat, row_and_column
-from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
+from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
+from drcmitsuba.runtime.random_streams import Key, Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.films import EvenRows, Films
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.photons import Landed
@@ -95,12 +96,10 @@ class Replicates:
         base, rays = self.deposits[0], self.deposits[0].accuracy.cell_sky_rays
         p, n = drawn.p, drawn.n
         each = [number_in_replicate(keys, r) for r in self.numbers]
-        numbers, key = dr.concat(each), (Stream.CELLS,)
-        D = base.straight(p, n, key, rays, numbers=numbers, within=drawn.within)
-        films, parts = self._by_films(drawn, each)
-        D = D.plus(_stacked(one.on(keys) for one in self.landed)).plus(films)
-        if (E := _stacked(one.faces for one in self.deposits)) is not None:
-            parts.append((base.transfer(p, n, key, numbers), E))
+        key = (Stream.CELLS,)
+        D = base.straight(p, n, key, rays, numbers=dr.concat(each), within=drawn.within)
+        rest, parts = self._by_panes(p, n, key, each)
+        D = D.plus(_stacked(one.on(keys) for one in self.landed)).plus(rest)
         dr.eval(*D)  # a pending sum would keep all of its parts
         self.cells, self.reached = D, None
         self.panes = tuple(FromPanes(K, None, light) for K, light in parts)
@@ -133,40 +132,58 @@ class Replicates:
             return False
         return len(self.cells.sky) > MANY * self.deposits[0].accuracy.paths * len(self)
 
-    def _by_films(
-        self, drawn: Draws, numbers: list[mi.UInt32]
+    def _by_panes(
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: list[mi.UInt32]
     ) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Irradiance]]]:
-        """D of cells by films [sr]; and apart, weights and radiance of cells of exposed films."""
-        base, key = self.deposits[0], (Stream.CELLS,)
-        each = [*zip(self.deposits, drawn.apart(), numbers, strict=True)]
-        if base.films is None or base.on_films is None:
-            return _stacked(lit.by_films(at.p, at.n, key, own) for lit, at, own in each), []
-        every = [lit.looked(at.p, at.n, key, own) for lit, at, own in each]
-        films, parts = base.films, []
-        even = films.even_rows(every)
-        for film in even:
-            K = _rows([films.weights(looked, film) for looked in every])
-            light = [films.radiance(film, lit.on_films) for lit in self.deposits if lit.on_films]
-            sky, sun = map(_rows, zip(*light, strict=True))
-            parts.append((K, Irradiance(sky, films.of_all_suns(sun, base.bins[1]))))
-        rest = _stacked(
-            lit.by_looked(looked, at.p, at.n, key, own, without=even)
-            for looked, (lit, at, own) in zip(every, each, strict=True)
-        )
+        """Light of scattering panes on receivers, those of one replicate after those of another.
+
+        Returns
+        -------
+        rest : Irradiance or None
+            D [sr] by films whose light is no product.
+        parts : list of (K, light)
+            Weights of parts of panes for the receivers, and their light, see `FromPanes`.
+        """
+        base, every, parts = self.deposits[0], dr.concat(numbers), []
+        films, rest = base.films, None
+        if films is not None and base.on_films is not None:
+            looked = base.looked(p, n, key, every)
+            even = films.even_rows([looked])
+            parts = [(films.weights(looked, film), self._radiance(films, film)) for film in even]
+            peaks = any(lit.on_films is not None and lit.on_films.peaks for lit in self.deposits)
+            if peaks or looked.of(films.others(even)).kinds:
+                each = zip(looked.apart(len(self)), self.deposits, numbers, strict=True)
+                rest = _stacked(
+                    lit.by_looked(
+                        own, _part(p, r, len(self)), _part(n, r, len(self)), key, number,
+                        without=even,
+                    )
+                    for r, (own, lit, number) in enumerate(each)
+                )  # fmt: skip
+        else:
+            rest = base.by_films(p, n, key, every)
+        if (E := _stacked(one.faces for one in self.deposits)) is not None:
+            parts.append((base.transfer(p, n, key, every), E))
         return rest, parts
+
+    def _radiance(self, films: Films, film: EvenRows) -> Irradiance:
+        """Radiance of the cells of an exposed film, shape (replicate · cell, bin) each."""
+        light = [films.radiance(film, lit.on_films) for lit in self.deposits if lit.on_films]
+        sky, sun = map(_rows, zip(*light, strict=True))
+        return Irradiance(sky, films.of_all_suns(sun, self.deposits[0].bins[1]))
 
     def join(self) -> None:
         """Add light by way of panes to that of cells, and what cells reflect of it."""
         for K, X, light in self.panes:
             assert self.cells is not None
             self.cells, self.reached = self.cells.plus(self._by(K, light)), None
-            dr.eval(*self.cells)
-            if X is not None:
-                sky, sun = (by_replicate(X, part, len(self)) for part in light)
-                assert self.indirect[0] is not None
-                assert self.indirect[1] is not None
-                self.indirect = self.indirect[0] + sky, self.indirect[1] + sun
-                dr.eval(*self.indirect)
+            sky, sun = self.indirect
+            if X is None or sky is None or sun is None:
+                self.indirect = (None, None)  # `Transfer.onward` takes all light of cells
+            else:
+                further = self._by(X, light)
+                self.indirect = sky + further.sky, sun + further.sun
+            dr.eval(self.cells, self.indirect)
         self.panes = ()
 
     def _by(self, K: mi.TensorXf, E: Irradiance) -> Irradiance:
@@ -201,11 +218,12 @@ class Replicates:
         """
         base, place = self.deposits[0], sensor_numbers(here)
         straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, disks)
-        scattered = _stacked(
-            lit.scattered(p, n, (Stream.SENSORS,), number_in_replicate(place, r))
-            for r, lit in zip(self.numbers, self.deposits, strict=True)
-        )
-        direct = straight.plus(scattered)
+        numbers = [number_in_replicate(place, r) for r in self.numbers]
+        every_p, every_n = (repeated(x, len(self)) for x in (p, n))
+        rest, parts = self._by_panes(every_p, every_n, (Stream.SENSORS,), numbers)
+        direct = straight.plus(rest)
+        for K, light in parts:
+            direct = direct.plus(self._by(K, light))
         if self.landed:
             straight = straight.plus(self._columns(one.mirrored[here] for one in self.landed))
             direct = direct.plus(self._columns(one.sensors[here] for one in self.landed))
@@ -264,6 +282,15 @@ class Replicates:
             return product(to_cells, d, at, onward[0])
 
         return sent
+
+
+def _part(values: mi.Float, number: int, parts: int) -> mi.Float:
+    """One of several parts of equal length of an array."""
+    size = dr.width(values) // parts
+    first = dr.opaque(mi.UInt32, number * size)
+    out = dr.gather(mi.Float, values, dr.arange(mi.UInt32, size) + first)
+    dr.eval(out)
+    return out
 
 
 def _stacked(parts: Iterable[Irradiance | None]) -> Irradiance | None:

@@ -9,7 +9,6 @@ others.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import drjit as dr
@@ -17,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat_indices
-from drcmitsuba.runtime.random_streams import even_steps
+from drcmitsuba.runtime.random_streams import even_order
 from drcmitsuba.transport.openings import Openings
 
 SEGMENTS = 16
@@ -30,7 +29,6 @@ BEHIND = -0.7
 """Cosine below which a part of an opening lies so far behind a receiver that all rays count."""
 BLOCK = 64
 """Number of lanes that belong to one receiver: lanes past its run are idle."""
-_STEPS = even_steps(4)[:2]
 
 
 class Runs(NamedTuple):
@@ -85,7 +83,7 @@ def runs(
         Number of rays from a receiver.
     """
     bounds = _bounds(openings, opening, p, n)
-    orders = _orders(rays)
+    orders = [even_order(rays, dimension) for dimension in (0, 1)]
     count, most = dr.width(p), dr.opaque(mi.UInt32, rays)
     begin, length = mi.UInt32(0), mi.UInt32(0)
     second, empty = mi.UInt32(0), bounds[0] > bounds[1]
@@ -108,14 +106,6 @@ def runs(
     return Runs(
         order, begin, length, second, most, flat_indices(receiver), flat_indices(start)
     )  # fmt: skip
-
-
-@lru_cache(maxsize=16)
-def _orders(rays: int) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-    """Indices by the first and by the second number without shift, and these in parts of 2³²."""
-    keys = [(np.arange(rays) * step % (1 << 32)).astype(np.uint32) for step in _STEPS]
-    orders = [np.argsort(key, kind="stable") for key in keys]
-    return tuple((order, key[order]) for key, order in zip(keys, orders, strict=True))
 
 
 def _number(x: mi.Float) -> mi.UInt32:

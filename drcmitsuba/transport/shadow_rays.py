@@ -23,7 +23,7 @@ from drcmitsuba_plugins.sampling import (
     transmittance,
 )
 
-from drcmitsuba.runtime.flat_arrays import flat, row_and_column
+from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.even_rays import EvenRays
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
@@ -85,6 +85,7 @@ def sky_deposit(
     if openings is not None and openings.are_none:
         return dr.zeros(mi.TensorXf, (count, bins))
     out = dr.zeros(mi.Float64, count * bins)  # a million rays may end in one bin
+    share = dr.opaque(mi.Float, np.pi / rays)
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     block = max(1, SHADOW_RAYS // rays)
     for start in range(0, count, block):
@@ -93,7 +94,7 @@ def sky_deposit(
         for row, p, d, active in every.leaving(scene.effects.shines, openings):
             tau = straight(scene, p, d, active)
             index = row * bins + patch_index(d, subdivision)
-            dr.scatter_add(out, mi.Float64(tau * (np.pi / rays)), index, tau > 0)
+            add_at(out, mi.Float64(tau * share), index, tau > 0)
             dr.eval(out)
     return mi.TensorXf(mi.Float(out), (count, bins))
 

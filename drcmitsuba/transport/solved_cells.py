@@ -25,7 +25,7 @@ import drjit as dr
 import mitsuba as mi
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import row_and_column
+from drcmitsuba.runtime.flat_arrays import repeated, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
@@ -125,7 +125,7 @@ class Transfer:
 
         def columns(some: Columns) -> mi.TensorXf:
             rows, blocks = solved.shape
-            each = mi.TensorXf(dr.tile(solved.array, some.pieces), (some.pieces * rows, blocks))
+            each = mi.TensorXf(repeated(solved.array, some.pieces), (some.pieces * rows, blocks))
             return by_replicate(each, sent.columns(some), some.pieces * count)
 
         return columns

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import flat, row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
 from drcmitsuba.runtime.random_streams import REPLICATES, Stream, launch_seed, number_in_replicate
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import mean_and_error
@@ -139,11 +139,11 @@ class Disks:
         """
         count, sensors, (_, edges) = len(replicates), dr.width(self.places), self.rims
         out = sun_deposit(
-            self.scene, dr.tile(self.p, count), dr.tile(self.n, count), suns=self.suns,
+            self.scene, repeated(self.p, count), repeated(self.n, count), suns=self.suns,
             diameter=self.diameter, samples=max(1, samples // FEWER),
             seed=launch_seed(self.seed, Stream.SUN_EDGES),
             numbers=dr.concat([number_in_replicate(self.places, r) for r in replicates]),
-            within=None if self.within is None else dr.tile(self.within, count),
+            within=None if self.within is None else repeated(self.within, count),
             pairs=self._pairs_of_replicates(count),
         ).array  # fmt: skip
         if dr.width(edges):
