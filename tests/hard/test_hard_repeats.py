@@ -21,6 +21,7 @@ from drcmitsuba.transport import (
     film_answers,
     gather_blocks,
     photons,
+    products,
     shadow_rays,
 )
 from drcmitsuba.transport.straight_suns import straight_suns
@@ -120,7 +121,8 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     begins within the photons of one component: none of it may move a random number.
     """
     monkeypatch.setattr(coefficients, "SENSORS", 2)
-    monkeypatch.setattr(gather_blocks, "SUMMED", 100)
+    monkeypatch.setattr(products, "SUMMED", 100)
+    monkeypatch.setattr(products, "TOGETHER", 1 << 12)
     monkeypatch.setattr(gather_blocks, "KEPT", 1000)
     monkeypatch.setattr(shadow_rays, "SHADOW_RAYS", 1 << 12)
     monkeypatch.setattr(film_answers, "SHADOW_RAYS", 1 << 18)

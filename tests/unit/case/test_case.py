@@ -79,7 +79,7 @@ def test_a_case_is_what_its_file_says(load):
     assert case.room.size == (4, 5, 3)
     assert case.facade["south"].strips[0].material == "glass"
     assert case.source.endswith("case.toml")
-    assert case.accuracy.replicates == 8
+    assert case.accuracy.replicates == 6
     with pytest.raises(ValueError, match="frozen"):
         case.name = "other"
 
