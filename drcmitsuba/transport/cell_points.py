@@ -182,7 +182,7 @@ class _Kernels:
 
 
 def _largest(out: mi.UInt32, values: mi.UInt32, entry: mi.UInt32, active: mi.Bool) -> None:
-    """Keep the largest values; see `flat_arrays.add_at` for the mode."""
+    """Keep the largest values, without copies of `out` for threads: no kernel knows its size."""
     dr.scatter_reduce(dr.ReduceOp.Max, out, values, entry, active, mode=dr.ReduceMode.Local)
 
 

@@ -59,7 +59,7 @@ def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
     known, of_sun = flat_indices(keys), keys // (2 * mount.bsdf.out_cells)
     part = dr.binary_search(0, len(keys), lambda i: dr.gather(mi.UInt32, known, i) < key)
     some, shares = dr.full(mi.UInt32, dr.width(lane), len(keys)), dr.zeros(mi.Float64, len(keys))
-    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, part, mode=dr.ReduceMode.Local)
+    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, part)
     add_at(shares, mi.Float64(light), part)
     dr.eval(some, shares)
     whole = np.bincount(of_sun, shares.numpy(), len(suns))[of_sun]

@@ -185,5 +185,5 @@ def _add_suns(
         scene.ray_counter.add("shadow", mi.Bool(True))
         tau = visibility(scene, mi.Ray3f(origin, d), mi.Bool(True))
         value = weight * dr.gather(mi.Float, peaks.f, entry) * tau * dr.abs(cosine) * omega
-        add_at(out, mi.Float64(value), receiver * stride + sun, value > 0)
+        dr.scatter_add(out, mi.Float64(value), receiver * stride + sun, value > 0)
         entry += 1

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
-from drcmitsuba.runtime.flat_arrays import add_at, row_and_column
+from drcmitsuba.runtime.flat_arrays import row_and_column
 
 SUMMED = 1 << 9
 """Number of cells whose light, and of rays whose weights, are summed in single precision."""
@@ -85,7 +85,9 @@ class RayMatrix(NamedTuple):
         # Few weights in a row do not drift.
         kind = mi.Float if dr.width(self.weight) <= SUMMED * every else mi.Float64
         out = dr.zeros(kind, some.pieces * every * some.size)
-        add_at(out, kind(self.weight), line * size + column, here)
+        # The rays of a row stand together: their threads hardly meet.
+        mode = dr.ReduceMode.Local
+        dr.scatter_add(out, kind(self.weight), line * size + column, here, mode=mode)
         return mi.TensorXf(mi.Float(out), (some.pieces * every, some.size))
 
     def whole(self, cells: int) -> mi.TensorXf:

@@ -90,7 +90,7 @@ class CellAreas:
         """Add the flux of photons that arrive along `d` to the cells on their side of surfaces."""
         facing = dr.select(dr.dot(si.n, d) < 0, si.n, -si.n)
         row, known = self.at(self.grid.key(si.p, facing), active)
-        add_at(sums, mi.Float64(flux), row * bins + column, known)
+        dr.scatter_add(sums, mi.Float64(flux), row * bins + column, known)
 
 
 def _triangles(quads: list[np.ndarray]) -> np.ndarray:
