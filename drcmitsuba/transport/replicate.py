@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
-from drcmitsuba.runtime.random_streams import Key, Stream, number_in_replicate
+from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.films import EvenRows, Films
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
+from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
 from drcmitsuba.transport.products import Further, RayMatrix, Reached, by_replicate, product
 from drcmitsuba.transport.solved_cells import Transfer
@@ -24,21 +23,6 @@ from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 
 TOGETHER = 1 << 23
 """Largest number of values of D in one launch, 32 MiB: more take memory and no less time."""
-
-
-class FromPanes(NamedTuple):
-    """Light that some parts of panes send: per light of a part, and the light of every part.
-
-    A part is a face of an evenly scattering pane, or an outgoing cell of an exposed film.
-    """
-
-    cells: mi.TensorXf
-    """To cells, before any diffuse reflection, shape (replicate · cell, part)."""
-    indirect: mi.TensorXf | None
-    """To blocks of cells by light that cells have reflected, shape (replicate · block, part); None
-    where `Transfer.onward` takes its place."""
-    light: Irradiance
-    """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each."""
 
 
 @dataclass
@@ -98,8 +82,8 @@ class Replicates:
         each = [number_in_replicate(keys, r) for r in self.numbers]
         key = (Stream.CELLS,)
         D = base.straight(p, n, key, rays, numbers=dr.concat(each), within=drawn.within)
-        rest, parts = self._by_panes(p, n, key, each)
-        D = D.plus(_stacked(one.on(keys) for one in self.landed)).plus(rest)
+        rest, parts = by_panes(self.deposits, p, n, key, each)
+        D = D.plus(stacked(one.on(keys) for one in self.landed)).plus(rest)
         dr.eval(*D)  # a pending sum would keep all of its parts
         self.cells, self.reached = D, None
         self.panes = tuple(FromPanes(K, None, light) for K, light in parts)
@@ -131,46 +115,6 @@ class Replicates:
         if self.transfer is None or self.gathering is None or self.cells is None:
             return False
         return len(self.cells.sky) > MANY * self.deposits[0].accuracy.paths * len(self)
-
-    def _by_panes(
-        self, p: mi.Float, n: mi.Float, key: Key, numbers: list[mi.UInt32]
-    ) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Irradiance]]]:
-        """Light of scattering panes on receivers, those of one replicate after those of another.
-
-        Returns
-        -------
-        rest : Irradiance or None
-            D [sr] by films whose light is no product.
-        parts : list of (K, light)
-            Weights of parts of panes for the receivers, and their light, see `FromPanes`.
-        """
-        base, every, parts = self.deposits[0], dr.concat(numbers), []
-        films, rest = base.films, None
-        if films is not None and base.on_films is not None:
-            looked = base.looked(p, n, key, every)
-            even = films.even_rows([looked])
-            parts = [(films.weights(looked, film), self._radiance(films, film)) for film in even]
-            peaks = any(lit.on_films is not None and lit.on_films.peaks for lit in self.deposits)
-            if peaks or looked.of(films.others(even)).kinds:
-                each = zip(looked.apart(len(self)), self.deposits, numbers, strict=True)
-                rest = _stacked(
-                    lit.by_looked(
-                        own, _part(p, r, len(self)), _part(n, r, len(self)), key, number,
-                        without=even,
-                    )
-                    for r, (own, lit, number) in enumerate(each)
-                )  # fmt: skip
-        else:
-            rest = base.by_films(p, n, key, every)
-        if (E := _stacked(one.faces for one in self.deposits)) is not None:
-            parts.append((base.transfer(p, n, key, every), E))
-        return rest, parts
-
-    def _radiance(self, films: Films, film: EvenRows) -> Irradiance:
-        """Radiance of the cells of an exposed film, shape (replicate · cell, bin) each."""
-        light = [films.radiance(film, lit.on_films) for lit in self.deposits if lit.on_films]
-        sky, sun = map(_rows, zip(*light, strict=True))
-        return Irradiance(sky, films.of_all_suns(sun, self.deposits[0].bins[1]))
 
     def join(self) -> None:
         """Add light by way of panes to that of cells, and what cells reflect of it."""
@@ -220,7 +164,7 @@ class Replicates:
         straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, disks)
         numbers = [number_in_replicate(place, r) for r in self.numbers]
         every_p, every_n = (repeated(x, len(self)) for x in (p, n))
-        rest, parts = self._by_panes(every_p, every_n, (Stream.SENSORS,), numbers)
+        rest, parts = by_panes(self.deposits, every_p, every_n, (Stream.SENSORS,), numbers)
         direct = straight.plus(rest)
         for K, light in parts:
             direct = direct.plus(self._by(K, light))
@@ -282,29 +226,3 @@ class Replicates:
             return product(to_cells, d, at, onward[0])
 
         return sent
-
-
-def _part(values: mi.Float, number: int, parts: int) -> mi.Float:
-    """One of several parts of equal length of an array."""
-    size = dr.width(values) // parts
-    first = dr.opaque(mi.UInt32, number * size)
-    out = dr.gather(mi.Float, values, dr.arange(mi.UInt32, size) + first)
-    dr.eval(out)
-    return out
-
-
-def _stacked(parts: Iterable[Irradiance | None]) -> Irradiance | None:
-    """Rows of several irradiances one after another; None where there are none."""
-    every = [part for part in parts if part is not None]
-    if not every:
-        return None
-
-    return Irradiance(*(_rows(column) for column in zip(*every, strict=True)))
-
-
-def _rows(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
-    """Rows of several matrices one after another."""
-    rows, columns = sum(one.shape[0] for one in tensors), tensors[0].shape[1]
-    if not rows * columns:
-        return dr.zeros(mi.TensorXf, (rows, columns))
-    return mi.TensorXf(dr.concat([one.array for one in tensors]), (rows, columns))

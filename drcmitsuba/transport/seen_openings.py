@@ -83,6 +83,7 @@ def runs(
         Number of rays from a receiver.
     """
     bounds = _bounds(openings, opening, p, n)
+    dr.eval(bounds)
     orders = [even_order(rays, dimension) for dimension in (0, 1)]
     count, most = dr.width(p), dr.opaque(mi.UInt32, rays)
     begin, length = mi.UInt32(0), mi.UInt32(0)
@@ -90,7 +91,7 @@ def runs(
     for k, (_, key) in enumerate(orders):
         rising = flat_indices(key)
         first, last = (_number(bound) - shifts[k] for bound in bounds[2 * k : 2 * k + 2])
-        low, high = _place(rising, first, rays), _place(rising, last, rays)
+        low, high = _place(rising, first, most), _place(rising, last, most)
         # Numbers from `first` to `last`, going around; bounds that span everything hold all.
         span = dr.select(last >= first, high - low, most - low + high)
         span = dr.select(bounds[2 * k + 1] - bounds[2 * k] > 1 - 1e-6, most, span)
@@ -113,11 +114,15 @@ def _number(x: mi.Float) -> mi.UInt32:
     return mi.UInt32(dr.clip(mi.Float64(x), 0, 1) * (2.0**32 - 1))
 
 
-def _place(rising: mi.UInt32, number: mi.UInt32, rays: int) -> mi.UInt32:
+@dr.syntax
+def _place(rising: mi.UInt32, number: mi.UInt32, rays: mi.UInt32) -> mi.UInt32:
     """Place of the first of rising numbers that is not below a number; `rays` for none."""
-    return mi.UInt32(
-        dr.binary_search(0, rays, lambda i: dr.gather(mi.UInt32, rising, i, i < rays) < number)
-    )
+    low, high = dr.zeros(mi.UInt32, dr.width(number)), mi.UInt32(rays)
+    while dr.hint(low < high, exclude=[rising, number, rays]):
+        middle = (low + high) >> 1
+        below = dr.gather(mi.UInt32, rising, middle) < number
+        low, high = dr.select(below, middle + 1, low), dr.select(below, high, middle)
+    return low
 
 
 @dr.syntax

@@ -1,0 +1,106 @@
+"""Light of scattering panes on receivers, in several replicates: weights of parts and light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+
+from drcmitsuba.runtime.random_streams import Key
+from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.films import EvenRows, Films
+
+
+class FromPanes(NamedTuple):
+    """Light that some parts of panes send: per light of a part, and the light of every part.
+
+    A part is a face of an evenly scattering pane, or an outgoing cell of an exposed film.
+    """
+
+    cells: mi.TensorXf
+    """To cells, before any diffuse reflection, shape (replicate · cell, part)."""
+    indirect: mi.TensorXf | None
+    """To blocks of cells by light that cells have reflected, shape (replicate · block, part); None
+    where `Transfer.onward` takes its place."""
+    light: Irradiance
+    """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each."""
+
+
+def by_panes(
+    deposits: Sequence[Deposit], p: mi.Float, n: mi.Float, key: Key, numbers: list[mi.UInt32]
+) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Irradiance]]]:
+    """Light of scattering panes on receivers, those of one replicate after those of another.
+
+    Parameters
+    ----------
+    deposits : sequence of Deposit
+        Deposits of the replicates.
+    p, n : mi.Float
+        Positions [m] and normals, three numbers each.
+    key : tuple
+        Stream of the random numbers, with its indices.
+    numbers : list of mi.UInt32
+        Numbers of the receivers in each replicate.
+
+    Returns
+    -------
+    rest : Irradiance or None
+        D [sr] by films whose light is no product.
+    parts : list of (K, light)
+        Weights of parts of panes for the receivers, and their light, see `FromPanes`.
+    """
+    base, every, parts = deposits[0], dr.concat(numbers), []
+    films, count = base.films, len(deposits)
+    if films is None or base.on_films is None:
+        rest = base.by_films(p, n, key, every)
+    else:
+        rest, looked = None, base.looked(p, n, key, every)
+        even = films.even_rows([looked])
+        parts = [(films.weights(looked, film), _radiance(deposits, films, film)) for film in even]
+        peaks = any(lit.on_films is not None and lit.on_films.peaks for lit in deposits)
+        if peaks or looked.of(films.others(even)).kinds:
+            at = (_parts(values, count) for values in (p, n))
+            each = zip(deposits, looked.apart(count), *at, numbers, strict=True)
+            rest = stacked(
+                lit.by_looked(own, own_p, own_n, key, number, without=even)
+                for lit, own, own_p, own_n, number in each
+            )
+    if (E := stacked(one.faces for one in deposits)) is not None:
+        parts.append((base.transfer(p, n, key, every), E))
+    return rest, parts
+
+
+def _radiance(deposits: Sequence[Deposit], films: Films, film: EvenRows) -> Irradiance:
+    """Radiance of the cells of an exposed film, shape (replicate · cell, bin) each."""
+    light = [films.radiance(film, lit.on_films) for lit in deposits if lit.on_films]
+    sky, sun = map(rows_of, zip(*light, strict=True))
+    return Irradiance(sky, films.of_all_suns(sun, deposits[0].bins[1]))
+
+
+def _parts(values: mi.Float, parts: int) -> list[mi.Float]:
+    """Parts of equal length of an array."""
+    size = dr.width(values) // parts
+    entry = dr.arange(mi.UInt32, size)
+    starts = (dr.opaque(mi.UInt32, part * size) for part in range(parts))
+    out = [dr.gather(mi.Float, values, entry + start) for start in starts]
+    dr.eval(out)
+    return out
+
+
+def stacked(parts: Iterable[Irradiance | None]) -> Irradiance | None:
+    """Rows of several irradiances one after another; None where there are none."""
+    every = [part for part in parts if part is not None]
+    if not every:
+        return None
+
+    return Irradiance(*(rows_of(column) for column in zip(*every, strict=True)))
+
+
+def rows_of(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
+    """Rows of several matrices one after another."""
+    rows, columns = sum(one.shape[0] for one in tensors), tensors[0].shape[1]
+    if not rows * columns:
+        return dr.zeros(mi.TensorXf, (rows, columns))
+    return mi.TensorXf(dr.concat([one.array for one in tensors]), (rows, columns))
