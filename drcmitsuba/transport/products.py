@@ -15,7 +15,7 @@ import mitsuba as mi
 from drcmitsuba.runtime.flat_arrays import row_and_column
 
 SUMMED = 1 << 9
-"""Number of cells whose light, and of rays whose weights, are summed in single precision."""
+"""Number of cells whose light is summed in single precision."""
 TOGETHER = 1 << 24
 """Largest number of values of a matrix, or of its product, that are made at once."""
 
@@ -82,12 +82,11 @@ class RayMatrix(NamedTuple):
         piece, column = row_and_column(at, some.size)
         every = self.replicates * self.rows
         line = piece * dr.opaque(mi.UInt32, every) + self.row
-        # Few weights in a row do not drift.
-        kind = mi.Float if dr.width(self.weight) <= SUMMED * every else mi.Float64
-        out = dr.zeros(kind, some.pieces * every * some.size)
+        # Double precision neither drifts nor lets the order of threads show in single precision.
+        out = dr.zeros(mi.Float64, some.pieces * every * some.size)
         # The rays of a row stand together: their threads hardly meet.
         mode = dr.ReduceMode.Local
-        dr.scatter_add(out, kind(self.weight), line * size + column, here, mode=mode)
+        dr.scatter_add(out, mi.Float64(self.weight), line * size + column, here, mode=mode)
         return mi.TensorXf(mi.Float(out), (some.pieces * every, some.size))
 
     def whole(self, cells: int) -> mi.TensorXf:
