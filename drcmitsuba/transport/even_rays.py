@@ -10,9 +10,10 @@ import drjit as dr
 import mitsuba as mi
 from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
 
+from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.runtime.random_streams import even_steps
 from drcmitsuba.transport.openings import Openings
-from drcmitsuba.transport.seen_openings import BLOCK, runs
+from drcmitsuba.transport.seen_openings import BLOCK, Runs, runs
 
 MOST_OPENINGS = 8
 """Number of openings up to which rays are looked for opening by opening."""
@@ -63,9 +64,9 @@ class EvenRays:
         if openings is None:
             rays = self._of(*self._receiver_and_index(self._lanes()))
             yield rays._replace(active=wanted(rays.d))
-        elif openings.within is None and self.rays >= BLOCK and self._are_few(openings):
-            for i in range(len(openings.quads)):
-                yield from self._by(i, wanted, openings)
+        elif openings.within is None and (found := self._found(openings)) is not None:
+            for opening, some in enumerate(found):
+                yield from self._by(opening, some, wanted, openings)
         else:
             lane = self._lanes()
             rays = self._of(*self._receiver_and_index(lane))
@@ -74,14 +75,20 @@ class EvenRays:
             if dr.width(chosen):  # few rays leave a room: the others would cost as much
                 yield self._of(*self._receiver_and_index(dr.gather(mi.UInt32, lane, chosen)))
 
-    def _are_few(self, openings: Openings) -> bool:
-        return len(openings.quads) <= MOST_OPENINGS
+    def _found(self, openings: Openings) -> list[Runs] | None:
+        """Runs of rays to each opening; None where there would be as many lanes as rays."""
+        count = len(openings.quads)
+        if count > MOST_OPENINGS or self.rays < BLOCK:
+            return None
+        found = [runs(openings, i, self.p, self.n, self.shifts, self.rays) for i in range(count)]
+        lanes = sum(dr.width(some.receiver) for some in found) * BLOCK
+        return found if lanes < dr.width(self.p) * self.rays else None
 
     def _by(
-        self, opening: int, wanted: Callable[[mi.Vector3f], mi.Bool], openings: Openings
-    ) -> Iterator[Rays]:
-        """Yield the rays by an opening, without those that pass an earlier one, too."""
-        some = runs(openings, opening, self.p, self.n, self.shifts, self.rays)
+        self, opening: int, some: Runs, wanted: Callable[[mi.Vector3f], mi.Bool],
+        openings: Openings,
+    ) -> Iterator[Rays]:  # fmt: skip
+        """Yield the rays of runs to an opening, without those that pass an earlier one, too."""
         lane = some.lanes()
         if not dr.width(lane):
             return
@@ -98,7 +105,7 @@ class EvenRays:
         return dr.arange(mi.UInt32, dr.width(self.p) * self.rays)
 
     def _receiver_and_index(self, lane: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
-        return lane // self.rays, lane % self.rays
+        return row_and_column(lane, self.rays)
 
     def _of(self, receiver: mi.UInt32, index: mi.UInt32) -> Rays:
         """Rays by their receiver among these and their index."""

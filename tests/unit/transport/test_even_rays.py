@@ -46,16 +46,20 @@ def test_no_ray_that_passes_an_opening_is_left_out(rotation, monkeypatch):
         flat(points), flat(normals), dr.arange(mi.UInt32, count), 0, count, RAYS, 7
     )  # fmt: skip
 
-    def found():
-        some = [*rays.leaving(lambda d: d.z > -0.9, openings)]
+    def wanted(d):
+        return d.z > -0.9
+
+    def sorted_rays(some):
         row = np.concatenate([one.receiver.numpy() for one in some])
         d = np.concatenate([dr.ravel(one.d).numpy().reshape(-1, 3) for one in some])
         order = np.lexsort((*d.T, row))
         return row[order], d[order]
 
-    by_opening = found()
+    found = [runs(openings, i, rays.p, rays.n, rays.shifts, RAYS) for i in range(3)]
+    each = [rays._by(i, some, wanted, openings) for i, some in enumerate(found)]
+    by_opening = sorted_rays([one for some in each for one in some])
     monkeypatch.setattr(even_rays, "MOST_OPENINGS", 0)
-    among_all = found()
+    among_all = sorted_rays([*rays.leaving(wanted, openings)])
     assert len(among_all[0]) > 10_000
     for mine, theirs in zip(by_opening, among_all, strict=True):
         np.testing.assert_array_equal(mine, theirs)
@@ -68,6 +72,7 @@ def test_few_rays_are_made_from_a_work_plane():
     up = np.tile([0.0, 0, 1], (30, 1))
     rays = EvenRays.of(flat(points), flat(up), dr.arange(mi.UInt32, 30), 0, 30, RAYS, 7)
     openings = Openings(world.enclosure.openings)
+    assert rays._found(openings) is not None
     made = dr.sum(mi.Float(runs(openings, 0, rays.p, rays.n, rays.shifts, RAYS).count))[0]
     (passed,) = (dr.width(one.d) for one in rays.leaving(lambda d: mi.Bool(True), openings))
     assert passed <= made < 0.4 * 30 * RAYS
