@@ -166,7 +166,13 @@ def even_numbers(
     cell, sun …, and a second one, `place`; `index` counts its points, and the `pair` 0 or 1 of its
     four dimensions is taken.
     """
-    shifts = random_bits(row, seed + 0x9E3779B9 * pair, place)
+    return shifted_point(index, random_bits(row, seed + 0x9E3779B9 * pair, place), pair)
+
+
+def shifted_point(
+    index: mi.UInt32, shifts: tuple[mi.UInt32, mi.UInt32], pair: int = 0
+) -> mi.Point2f:
+    """Point of the sequence of `even_numbers` whose shifts are known, in parts of 2³²."""
     numbers = (
         index * mi.UInt32(step) + shift
         for step, shift in zip(_STEPS[2 * pair : 2 * pair + 2], shifts, strict=True)

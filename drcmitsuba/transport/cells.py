@@ -103,10 +103,9 @@ class Grid:
         last = mi.Point3f(*(dr.opaque(mi.Float, n - 1) for n in self.count))
         return low, scale, nx, ny, last
 
-    def prepare(self) -> Grid:
+    def prepare(self) -> None:
         """Make the numbers of `key` outside of a loop that is being recorded."""
         _ = self._numbers
-        return self
 
     def key(self, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
         """Key of the cell at points `p` with facing normals `n`."""

@@ -8,16 +8,15 @@ from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
+from drcmitsuba_plugins.sampling import random_bits
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
-from drcmitsuba.runtime.random_streams import even_steps
+from drcmitsuba.runtime.random_streams import shifted_point
 from drcmitsuba.transport.openings import Openings
 from drcmitsuba.transport.seen_openings import BLOCK, Runs, runs
 
 MOST_OPENINGS = 8
 """Number of openings up to which rays are looked for opening by opening."""
-_STEPS = even_steps(4)[:2]
 
 
 class Rays(NamedTuple):
@@ -109,11 +108,8 @@ class EvenRays:
 
     def _of(self, receiver: mi.UInt32, index: mi.UInt32) -> Rays:
         """Rays by their receiver among these and their index."""
-        numbers = (
-            index * mi.UInt32(step) + dr.gather(mi.UInt32, shift, receiver)
-            for step, shift in zip(_STEPS, self.shifts, strict=True)
-        )
-        uv = mi.Point2f(*(mi.Float(number >> 8) * TO_UNIT for number in numbers))
+        a, b = (dr.gather(mi.UInt32, shift, receiver) for shift in self.shifts)
+        uv = shifted_point(index, (a, b))
         frame = mi.Frame3f(dr.gather(mi.Normal3f, self.n, receiver))
         d = frame.to_world(mi.warp.square_to_cosine_hemisphere(uv))
         p = dr.gather(mi.Point3f, self.p, receiver)

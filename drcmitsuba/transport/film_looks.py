@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import drjit as dr
@@ -70,11 +69,9 @@ class Looked(NamedTuple):
             add_at(out, mi.Float64(kind.weight), at)
         return mi.TensorXf(mi.Float(out), (self.receivers, few))
 
-
-def rows_met(every: Sequence[Looked], rows: int) -> mi.UInt32:
-    """Outgoing cells, of a number of `rows`, in which any direction lies."""
-    met = dr.zeros(mi.Bool, rows)
-    for looked in every:
-        for kind in looked.kinds:
+    def rows_met(self, rows: int) -> mi.UInt32:
+        """Outgoing cells, of a number of `rows`, in which any direction lies."""
+        met = dr.zeros(mi.Bool, rows)
+        for kind in self.kinds:
             dr.scatter(met, mi.Bool(True), kind.row)
-    return dr.compress(met)
+        return dr.compress(met)

@@ -33,7 +33,7 @@ from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices, row_and_
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, looks
 from drcmitsuba.transport.film_answers import even_answer, sampled_answer, sky_answer
-from drcmitsuba.transport.film_looks import Directions, Looked, rows_met
+from drcmitsuba.transport.film_looks import Directions, Looked
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.film_sums import summed, widened
@@ -183,18 +183,19 @@ class Films:
             dr.eval(*kinds[-1])
         return Looked(dr.width(p) // 3, tuple(kinds))
 
-    def even_rows(self, every: Sequence[Looked]) -> tuple[EvenRows, ...]:
+    def even_rows(self, looked: Looked) -> tuple[EvenRows, ...]:
         """Find the cells that receivers see in films whose light is best told by a product.
 
         These films are exposed, and directions meet few of their cells.
         """
         films = []
         for i, mount in enumerate(self.mounts):
-            seen = [looked.of(self.patches.owner == i) for looked in every if mount.exposed]
-            rays = sum(dr.width(kind.row) for looked in seen for kind in looked.kinds)
-            rows = rows_met(seen, mount.rows)
-            count = dr.width(rows) * sum(looked.receivers for looked in seen)
-            if rays and count <= FEW_ROWS * rays:
+            if not mount.exposed:
+                continue
+            seen = looked.of(self.patches.owner == i)
+            rays = sum(dr.width(kind.row) for kind in seen.kinds)
+            rows = seen.rows_met(mount.rows)
+            if rays and dr.width(rows) * seen.receivers <= FEW_ROWS * rays:
                 films.append(EvenRows(i, rows))
         return tuple(films)
 
@@ -243,7 +244,7 @@ class Films:
         """
         count, n_suns, bins = looked.receivers, lit.faces.shape[1], lit.to_sky.shape[1]
         by_sky, by_sun = (dr.zeros(mi.TensorXf, (count, n)) for n in (bins, len(self.suns)))
-        even = () if without else self.even_rows([looked])
+        even = () if without else self.even_rows(looked)
         for film in even:
             W, (to_sky, to_suns) = self.weights(looked, film), self.radiance(film, lit)
             by_sky = by_sky + W @ to_sky if bins else by_sky

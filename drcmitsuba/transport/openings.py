@@ -135,32 +135,6 @@ class Openings:
         dr.eval(every)
         return every
 
-    def reached(self, points: np.ndarray, axes: np.ndarray, spread: np.ndarray) -> np.ndarray:
-        """Whether cones of directions may leave the room, shape (point, cone); in doubt yes.
-
-        A ray at angle δ to an axis of incidence θ meets the wall, at distance h, within
-        h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it.
-        """
-        result = np.zeros((len(points), len(axes)), bool)
-        if self.within is not None:
-            result |= ~self.within.numpy()[:, None]
-        for quad, normal in zip(self.quads, normals(self.quads), strict=True):
-            cosine = -(axes @ normal)
-            outermost = np.cos(np.arccos(np.clip(cosine, -1, 1)) + spread)
-            grazes = (outermost < 0.01) & (cosine > -np.sin(spread))
-            safe = np.where(outermost < 0.01, 1.0, cosine)
-            h = ((points - quad[0]) @ normal)[:, None]
-            margin = h * np.sin(spread) / (safe * np.maximum(outermost, 0.01)) + 1e-3
-            inside = (outermost >= 0.01) & (h > -1e-3)
-            for edge in (quad[1] - quad[0], quad[3] - quad[0]):
-                length = np.linalg.norm(edge)
-                along = ((points - quad[0]) @ edge / length)[:, None] + h / safe * (
-                    axes @ edge / length
-                )
-                inside = inside & (along > -margin) & (along < length + margin)
-            result |= inside | grazes
-        return result
-
 
 def _clusters(directions: np.ndarray) -> np.ndarray:
     """Indices of neighbouring directions, shape (cluster, CLUSTER), padded with −1."""
@@ -218,14 +192,18 @@ class SunClusters(NamedTuple):
         return row, group
 
 
-def hidden_in_disks(scene: Scene, points: np.ndarray, suns: np.ndarray, diameter: float) -> mi.Bool:
+def hidden_in_disks(scene: Scene, points: mi.Float, suns: np.ndarray, diameter: float) -> mi.Bool:
     """Whether a slit may show a sun's disk without its edge, flat (point, sun).
 
     There is no such slit where every opening is wider than a disk's image across the room.
+    `points` are positions [m], three numbers each.
     """
     room, radius = scene.enclosure, np.radians(diameter) / 2
     if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
-        openings = Openings.of(scene, flat(points)) if room.is_box else Openings(room.openings)
+        openings = Openings.of(scene, points) if room.is_box else Openings(room.openings)
         if openings is not None:
-            return mi.Bool(openings.reached(points, suns, np.full(len(suns), radius)).ravel())
+            entry = dr.arange(mi.UInt32, dr.width(points) // 3 * len(suns))
+            row, sun = row_and_column(entry, len(suns))
+            p, d = dr.gather(mi.Point3f, points, row), dr.gather(mi.Vector3f, flat(suns), sun)
+            return openings.passed(row, p, d, dr.opaque(mi.Float, radius))
     return mi.Bool(False)

@@ -11,6 +11,7 @@ import mitsuba as mi
 from drcmitsuba.runtime.random_streams import Key
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.films import EvenRows, Films
+from drcmitsuba.transport.products import Reached
 
 
 class FromPanes(NamedTuple):
@@ -26,6 +27,8 @@ class FromPanes(NamedTuple):
     where `Transfer.onward` takes its place."""
     light: Irradiance
     """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each."""
+    reached: Reached | None = None
+    """Cells and parts with light of `cells`."""
 
 
 def by_panes(
@@ -57,7 +60,7 @@ def by_panes(
         rest = base.by_films(p, n, key, every)
     else:
         rest, looked = None, base.looked(p, n, key, every)
-        even = films.even_rows([looked])
+        even = films.even_rows(looked)
         parts = [(films.weights(looked, film), _radiance(deposits, films, film)) for film in even]
         peaks = any(lit.on_films is not None and lit.on_films.peaks for lit in deposits)
         if peaks or looked.of(films.others(even)).kinds:

@@ -91,23 +91,23 @@ class Replicates:
             self.join()
         if self.transfer is None:
             return
-        self.panes = tuple(one._replace(indirect=self._reflected(one.cells)) for one in self.panes)
-        sky, sun = self.cells
-        where = Reached.by(sky, len(self)), Reached.by(sun, len(self))
-        self.indirect = self._reflected(sky, where[0]), self._reflected(sun, where[1])
-        self.reached = where
+        for i, one in enumerate(panes := [*self.panes]):
+            X, reached = self._reflected(one.cells)
+            panes[i] = one._replace(indirect=X, reached=reached)
+        self.panes = tuple(panes)
+        (sky, lit_by_sky), (sun, lit_by_sun) = map(self._reflected, self.cells)
+        self.indirect, self.reached = (sky, sun), (lit_by_sky, lit_by_sun)
         dr.eval(*self.indirect)
 
-    def _reflected(self, d: mi.TensorXf, reached: Reached | None = None) -> mi.TensorXf | None:
-        """X of light on the cells; None where `Transfer.onward` from the cells is less work."""
+    def _reflected(self, d: mi.TensorXf) -> tuple[mi.TensorXf | None, Reached]:
+        """X of light on the cells, and what it reaches; None where `Transfer.onward` pays."""
         assert self.transfer is not None
-        reached = Reached.by(d, len(self)) if reached is None else reached
-        lit, shining = (dr.width(each) for each in reached)
-        if self.gathering is None or self._is_packed:
-            pays = True
-        else:
-            pays = self.transfer.pays(shining, lit, self.gathering)
-        return self.transfer.indirect(self.numbers, d, reached) if pays else None
+        reached = Reached.by(d, len(self))
+        if self.gathering is not None and not self._is_packed:
+            lit, shining = (dr.width(each) for each in reached)
+            if not self.transfer.pays(shining, lit, self.gathering):
+                return None, reached
+        return self.transfer.indirect(self.numbers, d, reached), reached
 
     @property
     def _is_packed(self) -> bool:
@@ -118,7 +118,7 @@ class Replicates:
 
     def join(self) -> None:
         """Add light by way of panes to that of cells, and what cells reflect of it."""
-        for K, X, light in self.panes:
+        for K, X, light, _ in self.panes:
             assert self.cells is not None
             self.cells, self.reached = self.cells.plus(self._by(K, light)), None
             sky, sun = self.indirect
@@ -193,8 +193,8 @@ class Replicates:
         sent = self._sent(met, sensors)
         where = (None, None) if self.reached is None else self.reached
         C = Irradiance(*map(sent, self.cells, self.indirect, where))
-        for K, X, light in self.panes:
-            C = C.plus(self._by(sent(K, X, None), light))
+        for K, X, light, reached in self.panes:
+            C = C.plus(self._by(sent(K, X, reached), light))
         return C
 
     def _sent(
@@ -208,13 +208,10 @@ class Replicates:
             mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, count * sensors))
             every = RayMatrix(row, met.cell, met.weight, sensors, count, mine)
             return lambda d, _, at: product(every, d, at)
-        row, cell, weight, _ = met.of_replicates(
-            self.numbers, sensors, self.deposits[0].accuracy.paths
-        )
-        seen = weight > 0
-        to_cells = RayMatrix(row, cell, weight, sensors, count, seen)
-        block = dr.gather(mi.UInt32, self.transfer.blocks.of, cell)
-        to_blocks = to_cells._replace(cell=block)
+        paths = self.deposits[0].accuracy.paths
+        row, cell, weight, _ = met.of_replicates(self.numbers, sensors, paths)
+        to_cells = RayMatrix(row, cell, weight, sensors, count, weight > 0)
+        to_blocks = to_cells._replace(cell=dr.gather(mi.UInt32, self.transfer.blocks.of, cell))
         onward: list[Further] = []  # made once, where it is needed
 
         def sent(d: mi.TensorXf, x: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:
@@ -222,7 +219,7 @@ class Replicates:
                 return product(to_cells, d, at) + product(to_blocks, x)
             if not onward:
                 assert self.transfer is not None
-                onward.append(self.transfer.onward(self.numbers, to_cells))
+                onward.append(self.transfer.onward(self.numbers, to_blocks))
             return product(to_cells, d, at, onward[0])
 
         return sent

@@ -104,9 +104,7 @@ def runs(
     receiver = np.repeat(np.arange(len(blocks)), blocks)
     start = BLOCK * (np.arange(len(receiver)) - np.repeat(np.cumsum(blocks) - blocks, blocks))
     order = flat_indices(np.concatenate([order for order, _ in orders]))
-    return Runs(
-        order, begin, length, second, most, flat_indices(receiver), flat_indices(start)
-    )  # fmt: skip
+    return Runs(order, begin, length, second, most, flat_indices(receiver), flat_indices(start))
 
 
 def _number(x: mi.Float) -> mi.UInt32:

@@ -69,9 +69,16 @@ class Transfer:
     """Mark of every ray of T, of every replicate, where rays have marks."""
     _all_bounces: dict[range, mi.TensorXf] = field(default_factory=dict, repr=False)
     """Sums over all bounces that have been computed, by replicates."""
+    _sent: dict[range, RayMatrix] = field(default_factory=dict, repr=False)
+    """Matrices W·T that have been made, likewise."""
 
     def sent(self, replicates: range) -> RayMatrix:
         """W·T, shape (replicate · block, cell)."""
+        if replicates not in self._sent:
+            self._sent[replicates] = self._rays(replicates)
+        return self._sent[replicates]
+
+    def _rays(self, replicates: range) -> RayMatrix:
         blocks, count = self.blocks, len(replicates)
         every = [self.bounces[r] for r in replicates]
         source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
@@ -115,11 +122,13 @@ class Transfer:
         once = product(self.sent(replicates), d, reached)
         return by_replicate(self.all_bounces(replicates), once, count)
 
-    def onward(self, replicates: range, gathered: RayMatrix) -> Further:
-        """Make the function that gives columns of (G₁·P)·M·(W·T), which gathers X without X."""
-        by_block = gathered._replace(cell=dr.gather(mi.UInt32, self.blocks.of, gathered.cell))
+    def onward(self, replicates: range, to_blocks: RayMatrix) -> Further:
+        """Make the function that gives columns of (G₁·P)·M·(W·T), which gathers X without X.
+
+        `to_blocks` is G₁·P.
+        """
         count, sent = len(replicates), self.sent(replicates)
-        whole = by_block.whole(self.blocks.count)
+        whole = to_blocks.whole(self.blocks.count)
         solved = by_replicate(whole, self.all_bounces(replicates), count)
         dr.eval(solved)
 

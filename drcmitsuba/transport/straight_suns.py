@@ -168,8 +168,7 @@ class Disks:
                 seed=launch_seed(self.seed, Stream.SUN_RIMS), numbers=self.places,
                 pairs=self.pairs, within=self.within,
             )  # fmt: skip
-        points = self.p.numpy().reshape(-1, 3)
-        slits = hidden_in_disks(self.scene, points, self.suns, self.diameter)
+        slits = hidden_in_disks(self.scene, self.p, self.suns, self.diameter)
         edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
         return mean, edges
 
