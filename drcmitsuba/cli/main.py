@@ -33,6 +33,7 @@ from drcmitsuba.cli import (
     tradeoff,
 )
 from drcmitsuba.cli.startup import with_kernels
+from drcmitsuba.runtime import interruption
 from drcmitsuba.runtime.errors import BackendError, InputError, on_a_line, was_stopped
 from drcmitsuba.runtime.interruption import LINE, STOPPED
 
@@ -116,7 +117,7 @@ def main() -> None:
         if not _is_closed_pipe(stop):
             raise
     except Exception as error:
-        if was_stopped(error):
+        if interruption.came or was_stopped(error):
             _exit(LINE, STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
             message = on_a_line(error.format_message().rstrip("."))

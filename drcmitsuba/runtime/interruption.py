@@ -20,6 +20,9 @@ LINE = "drcmitsuba: stopped\n"
 
 descriptor = 2
 """File descriptor for the line, also while stderr is redirected."""
+came = False
+"""Whether a stop was asked for during the work. Compiled code may turn KeyboardInterrupt into an
+error of its own, without a cause: Matplotlib's Agg does."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -30,6 +33,8 @@ def _exit_at_once(number: int, frame: FrameType | None) -> None:
 
 
 def _raise(number: int, frame: FrameType | None) -> None:
+    global came
+    came = True
     raise KeyboardInterrupt
 
 

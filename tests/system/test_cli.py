@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pvlib
@@ -14,7 +16,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.cli import main
 from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.report import plots
-from drcmitsuba.runtime import storage
+from drcmitsuba.runtime import interruption, storage
 from drcmitsuba.runtime.errors import BackendError
 from tests import SHARED
 
@@ -294,6 +296,18 @@ def test_a_stop_is_exit_code_130(run, case, tmp_path, monkeypatch, inside_a_loop
     assert not (tmp_path / "r").exists()
 
 
+def test_an_error_that_a_stop_became_is_exit_code_130(run, case, tmp_path, monkeypatch):
+    def stopped(case):
+        with suppress(KeyboardInterrupt):
+            interruption._raise(signal.SIGINT, None)
+        raise ValueError("Invalid bounding box")  # as Matplotlib's compiled code does
+
+    monkeypatch.setattr(interruption, "came", False)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight", stopped)
+    code, _, err = run("evaluate", case, "-o", tmp_path / "r")
+    assert (code, err) == (130, "drcmitsuba: stopped\n")
+
+
 SLOW = CASE.replace("3, 3]", "30, 30]").replace("spacing = 0.6", "spacing = 0.1")
 SLOW = SLOW.replace("paths = 16", "paths = 8000\nsensor_sky_rays = 20000")
 STOPPED_WITHIN = """
@@ -301,17 +315,18 @@ import os, signal, sys, threading
 signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
 from importlib import import_module
 
-from drcmitsuba.cli import main
+from drcmitsuba.cli.__main__ import main
 
 module = import_module("drcmitsuba.{module}")
 
 def stopped_within(*args, **options):
+    module.{name} = function  # one signal: a second one would end the process at once
     threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGINT)).start()
     return function(*args, **options)
 
 function, module.{name} = module.{name}, stopped_within
 sys.argv = ["drcmitsuba", "evaluate", {case!r}, "-o", {folder!r}]
-main.main()
+main()
 """
 
 
