@@ -57,7 +57,7 @@ def overcast_luminances(
     patches = Patches(subdivision)
     nodes, weights = gauss_nodes(patches, 8, 5)
     z = nodes[..., 2]
-    of_patches = (relative(kind, z, np.zeros_like(z), np.zeros(1)) * weights).sum(axis=(0, 2))
+    of_patches = (relative(kind, z, np.zeros_like(z), np.zeros(1)) * weights).sum(axis=1)
     of_patches /= of_patches @ patches.projected_solid_angles[1:]
     L = np.concatenate([[ground_reflectance / np.pi], of_patches])
     labels = np.array(patches.labels, dtype=object)

@@ -10,15 +10,20 @@ References
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import partial
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
+from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import sun as sun_module
-from drcmitsuba.sky.quadrature import PATCH_MEANS, PatchValues, SkyLight, scale_to
+from drcmitsuba.sky.quadrature import PATCH_MEANS, LuminanceAt, PatchValues, SkyLight, scale_to
 
 ISO_15469 = np.array(
     [
@@ -108,21 +113,22 @@ class CieSky:
         count, zenith = len(zenith), zenith[up]
         if isinstance(self.kind, str) and self.kind != "overcast":
             zenith = np.maximum(zenith, 90 - HIGHEST_SUN)
-        cos_sun = np.cos(np.radians(zenith))[:, None]
+        cos_sun = np.cos(np.radians(zenith))
+
+        def luminance(time: mi.UInt32) -> LuminanceAt:
+            of_time = dr.gather(mi.Float64, mi.Float64(cos_sun), time)
+            return partial(_relative, self.kind, cos_sun=of_time)
 
         centre = sun_module.direction(zenith, azimuth[up])
-        values = self.patch_values(
-            lambda time, to_zenith, to_sun: relative(self.kind, to_zenith, to_sun, cos_sun[time]),
-            centre, patches,
-        )  # fmt: skip
+        values = self.patch_values(luminance, centre, patches)
         horizontal = self.patch_values.horizontal(patches)
         sky = np.zeros((count, len(horizontal)))
         if self.diffuse_horizontal_illuminance is None:
-            sky[up] = values * zenith_luminance(str(self.kind), cos_sun, self.turbidity)
+            sky[up] = values * zenith_luminance(str(self.kind), cos_sun[:, None], self.turbidity)
         else:
             illuminance = np.full(len(up), float(self.diffuse_horizontal_illuminance))
             sky[up] = scale_to(values, illuminance, horizontal)
-        direct[up] = direct_normal_illuminance(self.kind, cos_sun[:, 0])
+        direct[up] = direct_normal_illuminance(self.kind, cos_sun)
         return SkyLight(sky, sky @ horizontal, direct)
 
 
@@ -137,23 +143,33 @@ def relative(
     ISO types: f(γ) φ(ζ) / (f(Zs) φ(0)), φ = 1 + a exp(b / cos ζ),
     f = 1 + c (exp(dγ) − exp(dπ/2)) + e cos² γ.
     """
+    cosines = np.broadcast_arrays(cos_zenith, cos_gamma, cos_sun)
+    backend.select()
+    out = _relative(kind, *(mi.Float64(c.ravel()) for c in cosines))
+    return np.asarray(out.numpy().reshape(cosines[0].shape))
+
+
+def _relative(
+    kind: int | str, cos_zenith: mi.Float64, cos_gamma: mi.Float64, cos_sun: mi.Float64
+) -> mi.Float64:
+    """Do as `relative`, in a kernel."""
     # At this cosine exp(b / cos ζ) with b < 0 has vanished already; 0 would divide by 0.
-    cos_zenith = np.maximum(cos_zenith, 1e-6)
-    gamma, sun_zenith = (np.arccos(np.clip(c, -1, 1)) for c in (cos_gamma, cos_sun))
+    cos_zenith = dr.maximum(cos_zenith, 1e-6)
+    gamma, sun_zenith = (dr.acos(dr.clip(c, -1, 1)) for c in (cos_gamma, cos_sun))
     if kind in (16, "overcast"):
         return (1 + 2 * cos_zenith + 0 * cos_gamma) / 3
     if kind in ("clear", "clear_with_sun"):
-        glow = 0.91 + 10 * np.exp(-3 * gamma) + 0.45 * cos_gamma**2
-        glow_at_zenith = 0.91 + 10 * np.exp(-3 * sun_zenith) + 0.45 * cos_sun**2
-        return glow * (1 - np.exp(-0.32 / cos_zenith)) / (glow_at_zenith * 0.274)
+        glow = 0.91 + 10 * dr.exp(-3 * gamma) + 0.45 * cos_gamma**2
+        glow_at_zenith = 0.91 + 10 * dr.exp(-3 * sun_zenith) + 0.45 * cos_sun**2
+        return glow * (1 - dr.exp(-0.32 / cos_zenith)) / (glow_at_zenith * 0.274)
     if kind in ("intermediate", "intermediate_with_sun"):
-        return _intermediate(np.arccos(cos_zenith), gamma, sun_zenith)
-    a, b, c, d, e = ISO_15469[int(kind) - 1]
+        return _intermediate(dr.acos(dr.clip(cos_zenith, -1, 1)), gamma, sun_zenith)
+    a, b, c, d, e = map(float, ISO_15469[int(kind) - 1])
 
-    def indicatrix(angle: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-        return 1 + c * (np.exp(d * angle) - np.exp(d * np.pi / 2)) + e * cosine**2
+    def indicatrix(angle: mi.Float64, cosine: mi.Float64) -> mi.Float64:
+        return 1 + c * (dr.exp(d * angle) - math.exp(d * math.pi / 2)) + e * cosine**2
 
-    gradation = (1 + a * np.exp(b / cos_zenith)) / (1 + a * np.exp(b))
+    gradation = (1 + a * dr.exp(b / cos_zenith)) / (1 + a * math.exp(b))
     return gradation * indicatrix(gamma, cos_gamma) / indicatrix(sun_zenith, cos_sun)
 
 
@@ -182,17 +198,17 @@ def direct_normal_illuminance(kind: int | str, cos_sun: np.ndarray) -> np.ndarra
     return strength * luminance * GENSKY_SUN_SOLID_ANGLE * WHITE_EFFICACY / SUN_EFFICACY
 
 
-def _intermediate(zenith: np.ndarray, gamma: np.ndarray, sun: np.ndarray) -> np.ndarray:
+def _intermediate(zenith: mi.Float64, gamma: mi.Float64, sun: mi.Float64) -> mi.Float64:
     """L / Lz of the intermediate sky, angles [rad]; constants of skybright.cal."""
 
-    def absolute(zenith: np.ndarray, gamma: np.ndarray) -> np.ndarray:
-        gradation = (1.35 * np.sin(5.631 - 3.59 * zenith) + 3.12) * np.sin(4.396 - 2.6 * sun)
-        glow = np.exp(-0.563 * gamma * ((2.629 - zenith) * (1.562 - sun) + 0.812))
+    def absolute(zenith: mi.Float64, gamma: mi.Float64) -> mi.Float64:
+        gradation = (1.35 * dr.sin(5.631 - 3.59 * zenith) + 3.12) * dr.sin(4.396 - 2.6 * sun)
+        glow = dr.exp(-0.563 * gamma * ((2.629 - zenith) * (1.562 - sun) + 0.812))
         return (gradation + 6.37 - zenith) / 2.326 * glow
 
     # gensky's own rounding of the value at the zenith, where γ is the sun's zenith angle.
-    altitude = np.pi / 2 - sun
-    at_zenith = (2.739 + 0.9891 * np.sin(0.3119 + 2.6 * altitude)) * np.exp(
+    altitude = math.pi / 2 - sun
+    at_zenith = (2.739 + 0.9891 * dr.sin(0.3119 + 2.6 * altitude)) * dr.exp(
         -sun * (0.4441 + 1.48 * altitude)
     )
     return absolute(zenith, gamma) / at_zenith

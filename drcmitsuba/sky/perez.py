@@ -11,14 +11,24 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.sky import sun as sun_module
-from drcmitsuba.sky.quadrature import PATCH_MEANS, PatchCentres, PatchValues, SkyLight, scale_to
+from drcmitsuba.sky.quadrature import (
+    PATCH_MEANS,
+    LuminanceAt,
+    PatchCentres,
+    PatchValues,
+    SkyLight,
+    scale_to,
+)
 
 SOLAR_CONSTANT = 1367.0
 """Solar constant [W/m²] with which Radiance uses the coefficients."""
@@ -105,7 +115,7 @@ class Perez:
 
     Measured against 60² nodes per patch over 300 hours of each of six weather files, `PatchMeans()`
     errs by at most 0.08 % in the sun's own patch and 0.03 % in the others. A year of 2610 hours
-    takes 0.2 s on one core, less on several.
+    takes 0.07 s on two cores.
 
     Limits: where the parameters give b > 0 (sun low and ε high, or Δ beyond the measured range) the
     gradation diverges at the horizon and has no mean; patch means then take b = 0. Centre values
@@ -124,17 +134,13 @@ class Perez:
         diffuse, direct = efficacies(model, precipitable_water(dew_point))
 
         lit = np.flatnonzero(dhi > 0)
-        a, b, c, d, e = model.distribution[:, lit, None]
+        distribution = model.distribution[:, lit]
         if not isinstance(self.patch_values, PatchCentres):
-            b = np.minimum(b, 0)
+            distribution[1] = np.minimum(distribution[1], 0)
 
-        def luminance(
-            time: slice | np.ndarray, cos_zenith: np.ndarray, cos_gamma: np.ndarray
-        ) -> np.ndarray:
-            gamma = np.arccos(np.clip(cos_gamma, -1, 1))
-            gradation = 1 + a[time] * np.exp(b[time] / cos_zenith)
-            indicatrix = 1 + c[time] * np.exp(d[time] * gamma) + e[time] * cos_gamma**2
-            return np.maximum(gradation * indicatrix, 0)
+        def luminance(time: mi.UInt32) -> LuminanceAt:
+            at_time = (dr.gather(mi.Float64, mi.Float64(x), time) for x in distribution)
+            return partial(relative, *at_time)
 
         azimuth = sun["solar_azimuth"].to_numpy()[lit]
         centre = sun_module.direction(np.clip(zenith[lit], *ZENITH_LIMITS), azimuth)
@@ -143,6 +149,19 @@ class Perez:
         sky = np.zeros((len(dhi), len(horizontal)))
         sky[lit] = scale_to(values, (dhi * diffuse)[lit], horizontal)
         return SkyLight(sky, dhi * diffuse, np.where(zenith < 90, dni * direct, 0.0))
+
+
+def relative(
+    a: mi.Float64, b: mi.Float64, c: mi.Float64, d: mi.Float64, e: mi.Float64,
+    cos_zenith: mi.Float64, cos_gamma: mi.Float64,
+) -> mi.Float64:  # fmt: skip
+    """Relative luminance l(ζ, γ) of the distribution a … e, [2] equation 1, at least 0.
+
+    (1 + a exp(b / cos ζ)) (1 + c exp(d γ) + e cos² γ)
+    """
+    gamma = dr.acos(dr.clip(cos_gamma, -1, 1))
+    gradation = 1 + a * dr.exp(b / cos_zenith)
+    return dr.maximum(gradation * (1 + c * dr.exp(d * gamma) + e * cos_gamma**2), 0)
 
 
 class PerezParameters(NamedTuple):

@@ -6,19 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 
-from drcmitsuba.runtime.threads import in_threads
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.flat_arrays import row_and_column
 
-Luminance = Callable[["slice | np.ndarray", np.ndarray, np.ndarray], np.ndarray]
-"""Luminance of some times at (cos ζ, cos γ), which broadcast with a (time, 1) parameter:
-ζ from the zenith, γ from the sun [rad]. Its first argument selects the times. Nodes at one altitude
-share their cos ζ: cos γ (azimuth, time, node) has a dimension more than cos ζ."""
+LuminanceAt = Callable[["mi.Float64", "mi.Float64"], "mi.Float64"]
+"""Luminance at (cos ζ, cos γ): ζ from the zenith, γ from the sun [rad]."""
+Luminance = Callable[["mi.UInt32"], LuminanceAt]
+"""Luminances of the skies of some times, which are given by their indices."""
 
-BLOCK = 16_000
-"""Values in flight at once in a thread: 125 KiB stay in the cache, and below the size from which
-the C library fetches memory anew for every array, which made this five times slower."""
+PAIRS = 1 << 23
+"""Largest number of pairs of a time and a patch in a launch, unless one patch has more times."""
 
 
 class SkyLight(NamedTuple):
@@ -42,8 +44,7 @@ class PatchCentres:
 
     def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
         """Value of each patch, shape (time, patch), no ground; `sun` (time, 3) are unit vectors."""
-        nodes = patches.directions[None, 1:, None]
-        return _integrate(luminance, sun, nodes, np.ones(nodes.shape[:-1]))
+        return _at_nodes(luminance, sun, *_single(patches.directions[1:]))
 
     def horizontal(self, patches: Patches) -> np.ndarray:
         """Illuminance by a unit luminance of each patch: Ω cos θ at the centre [sr], (patch,)."""
@@ -68,18 +69,11 @@ class PatchMeans:
         values = np.empty((len(sun), len(low)))
         for row, count in ((low, 2 * altitude), (~low, altitude)):
             nodes, weights = gauss_nodes(patches, count, azimuth)
-            values[:, row] = _integrate(luminance, sun, nodes[:, row], weights[:, row])
-        nodes, weights = gauss_nodes(patches, *self.near)
+            values[:, row] = _at_nodes(luminance, sun, nodes[row], weights[row])
         close = sun @ patches.directions[1:].T > np.cos(1.5 * patches.row_height)
         time, patch = np.nonzero(close)
-
-        def integrate(block: slice) -> None:
-            t, p = time[block], patch[block]
-            cos_gamma = np.einsum("atni,ti->atn", nodes[:, p], sun[t])
-            value = luminance(t, nodes[0, p, :, 2], cos_gamma)
-            values[t, p] = np.einsum("atn,atn->t", value, weights[:, p])
-
-        in_threads(integrate, _blocks(len(time), weights[:, 0].size))
+        near = _Nodes(*gauss_nodes(patches, *self.near))
+        values[time, patch] = near.sums(luminance, sun, mi.UInt32(time), mi.UInt32(patch))
         return values
 
     def horizontal(self, patches: Patches) -> np.ndarray:
@@ -99,8 +93,7 @@ class AtDirections:
     def __call__(self, luminance: Luminance, sun: np.ndarray, patches: Patches) -> np.ndarray:
         """Value of each patch and each direction, shape (time, patch + direction)."""
         values = self.patch_values(luminance, sun, patches)
-        nodes = self.directions[None, :, None]
-        return np.hstack([values, _integrate(luminance, sun, nodes, np.ones(nodes.shape[:-1]))])
+        return np.hstack([values, _at_nodes(luminance, sun, *_single(self.directions))])
 
     def horizontal(self, patches: Patches) -> np.ndarray:
         """Weights of the patches [sr], and 0 for every direction, shape (patch + direction,)."""
@@ -117,8 +110,8 @@ PATCH_MEANS = PatchMeans()
 def gauss_nodes(patches: Patches, altitude: int, azimuth: int) -> tuple[np.ndarray, np.ndarray]:
     """Directions and weights of the mean over each sky patch.
 
-    Shapes (azimuth, patch, altitude, 3) and (azimuth, patch, altitude). The zenith cap takes equal
-    steps around it: it has no ends for Gauss nodes to crowd at.
+    Shapes (patch, node, 3) and (patch, node). The zenith cap takes equal steps around it: it has no
+    ends for Gauss nodes to crowd at.
     """
     low, high, west, east = patches.bounds[1:].T[..., None]
     x, weight_z = np.polynomial.legendre.leggauss(altitude)
@@ -128,10 +121,11 @@ def gauss_nodes(patches: Patches, altitude: int, azimuth: int) -> tuple[np.ndarr
     weight_turn = np.tile(weight_turn, (len(turn), 1))
     turn[-1], weight_turn[-1] = 2 * np.pi * np.arange(azimuth) / azimuth, 2 / azimuth
 
-    z, turn = np.broadcast_arrays(z, turn.T[:, :, None])
+    z, turn = np.broadcast_arrays(z[:, None], turn[..., None])
     r = np.sqrt(1 - z * z)
     nodes = np.stack([r * np.sin(turn), r * np.cos(turn), z], axis=-1)
-    return nodes, weight_turn.T[:, :, None] * weight_z / 4
+    weights = weight_turn[..., None] * weight_z / 4
+    return nodes.reshape(len(z), -1, 3), weights.reshape(len(z), -1)
 
 
 def scale_to(values: np.ndarray, illuminance: np.ndarray, horizontal: np.ndarray) -> np.ndarray:
@@ -145,26 +139,58 @@ def scale_to(values: np.ndarray, illuminance: np.ndarray, horizontal: np.ndarray
     return values * (illuminance / total)[:, None]
 
 
-def _integrate(
-    luminance: Luminance, sun: np.ndarray, nodes: np.ndarray, weights: np.ndarray
+@dataclass(frozen=True, eq=False)
+class _Nodes:
+    """Nodes of patches on the device."""
+
+    directions: np.ndarray
+    """Unit vectors, shape (patch, node, 3)."""
+    weights: np.ndarray
+    """Weights, shape (patch, node)."""
+
+    def sums(
+        self, luminance: Luminance, sun: np.ndarray, time: mi.UInt32, patch: mi.UInt32
+    ) -> np.ndarray:
+        """Σ weight × luminance over the nodes of pairs of a time and a patch, shape (pair,)."""
+        if not dr.width(time):
+            return np.zeros(0)
+        count = self.weights.shape[1]
+        nodes = mi.Float64(np.dstack([self.directions, self.weights]).ravel())
+        here = dr.gather(mi.Vector3d, mi.Float64(sun.ravel()), time)
+        first = patch * dr.opaque(mi.UInt32, count)
+        return _sum(luminance(time), here, nodes, first, dr.opaque(mi.UInt32, count)).numpy()
+
+
+@dr.syntax
+def _sum(
+    luminance: LuminanceAt, sun: mi.Vector3d, nodes: mi.Float64, first: mi.UInt32, count: mi.UInt32
+) -> mi.Float64:
+    """Σ weight × luminance over nodes (x, y, z, weight), from the first one of every thread on."""
+    total, node = mi.Float64(0), mi.UInt32(0)
+    while node < count:
+        x, y, z, weight = dr.gather(mi.Vector4d, nodes, first + node)
+        total += weight * luminance(z, x * sun.x + y * sun.y + z * sun.z)
+        node += 1
+    return total
+
+
+def _single(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions as nodes of patches that have one each, and their weights 1."""
+    return directions[:, None], np.ones((len(directions), 1))
+
+
+def _at_nodes(
+    luminance: Luminance, sun: np.ndarray, directions: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Σ weight × luminance over the nodes of each patch, shape (time, patch)."""
-    azimuths, patches, altitudes = weights.shape
-    cos_zenith = nodes[0, :, :, 2].ravel()
-    across = np.ascontiguousarray(np.moveaxis(nodes.reshape(azimuths, -1, 3), -1, 1))
-    weights = weights.reshape(azimuths, 1, -1)
-    values = np.empty((len(sun), patches))
-
-    def integrate(block: slice) -> None:
-        value = luminance(block, cos_zenith, sun[block] @ across)
-        value *= weights
-        values[block] = value.sum(axis=0).reshape(-1, patches, altitudes).sum(axis=-1)
-
-    in_threads(integrate, _blocks(len(sun), weights.size))
+    """Σ weight × luminance over the nodes of each patch at every time, shape (time, patch)."""
+    backend.select()
+    times, patches = len(sun), len(weights)
+    values = np.empty((times, patches))
+    step = max(1, PAIRS // max(1, times))
+    for start in range(0, patches, step):
+        here = slice(start, min(start + step, patches))
+        pairs = dr.arange(mi.UInt32, (here.stop - start) * times)
+        patch, time = row_and_column(pairs, times)  # threads side by side share their nodes
+        sums = _Nodes(directions[here], weights[here]).sums(luminance, sun, time, patch)
+        values[:, here] = sums.reshape(here.stop - start, times).T
     return values
-
-
-def _blocks(count: int, width: int) -> list[slice]:
-    """Slices of `count` rows of `width` values that stay below BLOCK values each."""
-    rows = max(1, BLOCK // width)
-    return [slice(i, i + rows) for i in range(0, count, rows)]
