@@ -17,6 +17,9 @@ from drcmitsuba.runtime.progress import Progress, Stage
 
 WHILE = "open façade"
 """Stage in which kernels leave Python idle."""
+SWITCH = 1e-3
+"""Longest time that a thread of Python may hold up another one [s]: kernels wait for the main one
+while further modules are imported and files are written beside it."""
 FOR_METRICS = ("scipy.special", "scipy.sparse")
 FOR_FILES = ("h5netcdf", "numcodecs", "drcmitsuba.report.figures", "scipy.spatial")
 """Modules that a year's metrics and files need."""
@@ -61,6 +64,7 @@ def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
             importlib.import_module("drcmitsuba.annual.result")
             gc.freeze()
             gc.enable()
+        sys.setswitchinterval(SWITCH)
         with interruption.raised():
             return command(*arguments, **options)
 

@@ -12,7 +12,6 @@ References
 from __future__ import annotations
 
 import base64
-import os
 import textwrap
 import warnings
 from io import BytesIO
@@ -22,6 +21,8 @@ from typing import IO, Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+
+from drcmitsuba.runtime import storage
 
 BLUE, ORANGE, GREY, INK = "#0072B2", "#D55E00", "#5A5A5A", "#222222"
 COLOURS = "viridis"
@@ -98,10 +99,6 @@ def save(figure: Figure, path: str | Path) -> Path:
     An older file is replaced once the new one is complete.
     """
     target = Path(path)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with storage.whole(target) as part:
         write(figure, part, dpi=150)
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
     return target
