@@ -32,6 +32,7 @@ from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import EvenRows, Films, Lit
 from drcmitsuba.transport.outside_glass import OutsideGlass
+from drcmitsuba.transport.products import by_replicate
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 from drcmitsuba.transport.straight_suns import Disks
 
@@ -48,6 +49,10 @@ class Irradiance(NamedTuple):
     def plus(self, other: Irradiance | None) -> Irradiance:
         """Sum of two irradiances; None adds nothing."""
         return self if other is None else Irradiance(self.sky + other.sky, self.sun + other.sun)
+
+    def through(self, weights: mi.TensorXf, replicates: int) -> Irradiance:
+        """Light that receivers get, by their weights (replicate · receiver, part) of this light."""
+        return Irradiance(*(by_replicate(weights, part, replicates) for part in self))
 
     def numpy(self) -> np.ndarray:
         """All bins in one array (receiver, bin)."""

@@ -2,8 +2,9 @@
 
 Where f is the same all over an outgoing cell, it is so all over an incident one. The disk of a sun
 lies in a few of these; its shares in them, found by many directions, give an answer that serves all
-replicates. Other BSDFs are averaged over directions on the disk and in the outgoing cell, drawn
-anew in every replicate, and so are the answers to the sky.
+replicates. The suns of a year meet far fewer incident cells than they are: sums over outgoing cells
+are made for these. Other BSDFs are averaged over directions on the disk and in the outgoing cell,
+drawn anew in every replicate, and so are the answers to the sky.
 """
 
 from __future__ import annotations
@@ -33,15 +34,81 @@ SAMPLES = 16
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate."""
 
 
+class EvenAnswer(NamedTuple):
+    """Answer of a film to suns, by the incident cells that their disks lie in.
+
+    f(sun → outgoing cell) = Σ share · f(incident cell → outgoing cell) over the parts of the disk.
+    """
+
+    f: mi.TensorXf
+    """f [1/sr], shape (row, incident cell)."""
+    first: mi.UInt32
+    """First part of every sun's disk, and last their number."""
+    cell: mi.UInt32
+    """Incident cell of every part, a column of `f`."""
+    share: mi.Float
+    """Share of the part in the light that the disk sends to the pane."""
+
+    @classmethod
+    def of(cls, mount: Mount, suns: np.ndarray, diameter: float) -> EvenAnswer:
+        """Cut the disks of suns by the incident cells of a film, and tabulate f.
+
+        Parameters
+        ----------
+        suns : np.ndarray, shape (sun, 3)
+            Unit vectors.
+        diameter : float
+            Angle across a sun [deg].
+        """
+        if not len(suns):
+            f = dr.zeros(mi.TensorXf, (mount.rows, 0))
+            return cls(f, dr.zeros(mi.UInt32, 1), mi.UInt32(), mi.Float())
+        first, cell, share, directions = disk_parts(mount, suns, diameter)
+        cells = dr.width(directions) // 3
+        row, column = row_and_column(dr.arange(mi.UInt32, mount.rows * cells), cells)
+        si = mount.interaction(mount.outgoing(row, mi.Point2f(0.5)))
+        d = dr.gather(mi.Vector3f, directions, column)
+        f = mount.bsdf.eval(mi.BSDFContext(), si, d)[0] / dr.maximum(dr.abs(d.z), 1e-6)
+        dr.eval(f)
+        return cls(mi.TensorXf(f, (mount.rows, cells)), first, cell, share)
+
+    def to_suns(self, values: mi.TensorXf) -> mi.TensorXf:
+        """Values by sun from values by incident cell, shapes (row, cell) and (row, sun)."""
+        rows, suns = values.shape[0], dr.width(self.first) - 1
+        out = dr.zeros(mi.Float, rows * suns)
+        for start in range(0, rows * suns, SHADOW_RAYS):
+            lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, rows * suns - start))
+            pair = lane + dr.opaque(mi.UInt32, start)
+            row, sun = row_and_column(pair, suns)
+            begin = row * dr.opaque(mi.UInt32, values.shape[1])
+            dr.scatter(out, _of_parts(self, values.array, begin, sun), pair)
+            dr.eval(out)
+        return mi.TensorXf(out, (rows, suns))
+
+
+@dr.syntax
+def _of_parts(answer: EvenAnswer, values: mi.Float, begin: mi.UInt32, sun: mi.UInt32) -> mi.Float:
+    """Sum of share · value over the parts of the suns' disks."""
+    at, total = dr.gather(mi.UInt32, answer.first, sun), mi.Float(0)
+    end = dr.gather(mi.UInt32, answer.first, sun + 1)
+    while dr.hint(at < end, exclude=[answer, values, begin, sun, end]):
+        cell = dr.gather(mi.UInt32, answer.cell, at)
+        total += dr.gather(mi.Float, answer.share, at) * dr.gather(mi.Float, values, begin + cell)
+        at += 1
+    return total
+
+
 class DiskParts(NamedTuple):
     """Parts of the suns' disks that lie in one incident cell each, sorted by sun."""
 
     first: mi.UInt32
     """First part of every sun, and last their number."""
-    d: mi.Float
-    """A direction of each part in the pane's frame, three numbers each."""
+    cell: mi.UInt32
+    """Index of each part's cell among those that any part lies in."""
     share: mi.Float
     """Share of the part in the light that the disk sends to the pane."""
+    d: mi.Float
+    """A direction to each of these cells in the pane's frame, three numbers each."""
 
 
 def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
@@ -51,22 +118,24 @@ def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
     lane = dr.arange(mi.UInt32, dr.width(sun))
     uv = (mi.Float((lane * mi.UInt32(step)) >> 8) * TO_UNIT for step in even_steps(2))
     at = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(*uv))
-    d, cell = _on_disks(mount, suns, diameter, sun, at)
+    d, number = _on_disks(mount, suns, diameter, sun, at)
     light = dr.select((d.z < 0) | (not mount.exposed), dr.abs(d.z), 0)
-    key = sun * mi.UInt32(2 * mount.bsdf.out_cells) + cell
+    key = sun * mi.UInt32(2 * mount.bsdf.out_cells) + number
     dr.eval(key, light)
     keys = np.unique(key.numpy())
-    known, of_sun = flat_indices(keys), keys // (2 * mount.bsdf.out_cells)
+    known, (of_sun, numbers) = flat_indices(keys), np.divmod(keys, 2 * mount.bsdf.out_cells)
+    cells, cell = np.unique(numbers, return_inverse=True)
     part = dr.binary_search(0, len(keys), lambda i: dr.gather(mi.UInt32, known, i) < key)
-    some, shares = dr.full(mi.UInt32, dr.width(lane), len(keys)), dr.zeros(mi.Float64, len(keys))
-    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, part)
+    some, shares = dr.full(mi.UInt32, dr.width(lane), len(cells)), dr.zeros(mi.Float64, len(keys))
+    of_part = flat_indices(cell)
+    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, dr.gather(mi.UInt32, of_part, part))
     add_at(shares, mi.Float64(light), part)
     dr.eval(some, shares)
     whole = np.bincount(of_sun, shares.numpy(), len(suns))[of_sun]
     share = np.divide(shares.numpy(), whole, out=np.zeros(len(keys)), where=whole > 0)
     first = first_of_rows(flat_indices(of_sun), len(suns))
     d = dr.gather(mi.Vector3f, dr.ravel(d), some)
-    return DiskParts(first, dr.ravel(d), mi.Float(share.astype(np.float32)))
+    return DiskParts(first, of_part, mi.Float(share.astype(np.float32)), dr.ravel(d))
 
 
 def _on_disks(
@@ -88,49 +157,11 @@ def _are_cut(mount: Mount, suns: np.ndarray, diameter: float) -> np.ndarray:
     return np.array(cut)
 
 
-def even_answer(mount: Mount, suns: np.ndarray, diameter: float) -> mi.Float:
-    """Tabulate f [1/sr] from suns into outgoing cells over which f is the same.
-
-    Parameters
-    ----------
-    suns : np.ndarray, shape (sun, 3)
-        Unit vectors.
-    diameter : float
-        Angle across a sun [deg].
-
-    Returns
-    -------
-    mi.Float, flat (row, sun)
-    """
-    out = dr.zeros(mi.Float, mount.rows * len(suns))
-    if not len(suns):
-        return out
-    parts = disk_parts(mount, suns, diameter)
-    for start in range(0, dr.width(out), SHADOW_RAYS):
-        lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, dr.width(out) - start))
-        pair = lane + dr.opaque(mi.UInt32, start)
-        row, sun = row_and_column(pair, len(suns))
-        dr.scatter(out, _of_parts(mount, parts, row, sun), pair)
-        dr.eval(out)
-    return out
-
-
-@dr.syntax
-def _of_parts(mount: Mount, parts: DiskParts, row: mi.UInt32, sun: mi.UInt32) -> mi.Float:
-    """Sum of share · f over the parts of the suns' disks."""
-    si, ctx = mount.interaction(mount.outgoing(row, mi.Point2f(0.5))), mi.BSDFContext()
-    at, total = dr.gather(mi.UInt32, parts.first, sun), mi.Float(0)
-    end = dr.gather(mi.UInt32, parts.first, sun + 1)
-    while dr.hint(at < end, exclude=[mount, parts, row, sun, si, ctx, end]):
-        d = dr.gather(mi.Vector3f, parts.d, at)
-        f = mount.bsdf.eval(ctx, si, d)[0] / dr.maximum(dr.abs(d.z), 1e-6)
-        total += dr.gather(mi.Float, parts.share, at) * f
-        at += 1
-    return total
-
-
 def sampled_answer(mount: Mount, suns: np.ndarray, diameter: float, seed: int) -> mi.Float:
-    """Estimate f [1/sr] from suns into any outgoing cells; arguments as for `even_answer`."""
+    """Estimate f [1/sr] from suns into any outgoing cells; arguments as for `EvenAnswer.of`.
+
+    The answer is flat, (row, sun).
+    """
     out = dr.zeros(mi.Float, mount.rows * len(suns))
     directions, ctx = flat(suns), mi.BSDFContext()
     places = mi.UInt32(sun_numbers(suns))

@@ -32,7 +32,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, looks
-from drcmitsuba.transport.film_answers import even_answer, sampled_answer, sky_answer
+from drcmitsuba.transport.film_answers import EvenAnswer, sampled_answer, sky_answer
 from drcmitsuba.transport.film_looks import Directions, Looked
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
@@ -64,6 +64,32 @@ class EvenRows(NamedTuple):
     """Index of the mount."""
     rows: mi.UInt32
     """Rows of the cells within the mount."""
+
+
+class SunCells(NamedTuple):
+    """Light of suns on an exposed film, by the incident cells of its BSDF.
+
+    Light that a receiver gets from an outgoing cell is f · D; the sum over outgoing cells is made
+    for every incident cell, and only then told by sun.
+    """
+
+    f: mi.TensorXf
+    """f [1/sr], shape (outgoing cell, incident cell)."""
+    answer: EvenAnswer
+    shone: mi.Float
+    """D [sr] of the film, flat (replicate, lit sun)."""
+
+    def sent(self, values: mi.TensorXf) -> mi.TensorXf:
+        """Light by sun from sums of f by incident cell.
+
+        Shapes (replicate · row, incident cell) and (replicate · row, lit sun).
+        """
+        out = self.answer.to_suns(values)
+        rows, suns = out.shape
+        row, sun = row_and_column(dr.arange(mi.UInt32, rows * suns), suns)
+        replicate, _ = row_and_column(row, rows * suns // dr.width(self.shone))
+        at = replicate * dr.opaque(mi.UInt32, suns) + sun
+        return mi.TensorXf(out.array * dr.gather(mi.Float, self.shone, at), out.shape)
 
 
 @dataclass(frozen=True)
@@ -101,12 +127,17 @@ class Films:
         return replace(self, suns=lit, directions=suns[lit], diameter=diameter)
 
     @cached_property
-    def _even_answers(self) -> tuple[mi.Float | None, ...]:
+    def even_answers(self) -> tuple[EvenAnswer | None, ...]:
         """Answers of the mounts that are the same in all replicates."""
         return tuple(
-            even_answer(mount, self.directions, self.diameter) if mount.bsdf.out_even else None
+            EvenAnswer.of(mount, self.directions, self.diameter) if mount.bsdf.out_even else None
             for mount in self.mounts
         )
+
+    @cached_property
+    def _even_tables(self) -> tuple[mi.Float | None, ...]:
+        """The same answers by sun."""
+        return tuple(even and even.to_suns(even.f).array for even in self.even_answers)
 
     def answer_to_suns(self, seed: int) -> mi.Float:
         """Tabulate f [1/sr] from the suns that may shine on a film, see `Lit.to_suns`."""
@@ -114,7 +145,7 @@ class Films:
             sampled_answer(self.mounts[i], self.directions, self.diameter, seed + i)
             if even is None
             else even
-            for i, even in enumerate(self._even_answers)
+            for i, even in enumerate(self._even_tables)
         ]
         return tables[0] if len(tables) == 1 else dr.concat(tables)
 
@@ -208,17 +239,35 @@ class Films:
         of_mount = looked.of(self.patches.owner == even.mount)
         return of_mount.by_row(even.rows, self.mounts[even.mount].rows)
 
-    def radiance(self, even: EvenRows, lit: Lit) -> tuple[mi.TensorXf, mi.TensorXf]:
-        """Radiance of the cells of an exposed film: shapes (cell, bin), (cell, lit sun)."""
-        mine = np.flatnonzero(self.patches.owner == even.mount)
+    def radiance_of_sky(self, even: EvenRows, lit: Lit) -> mi.TensorXf:
+        """Radiance of the cells of an exposed film by sky and ground, shape (cell, bin)."""
+        first, bins = self.first_sky_rows()[self._first_patch(even)], lit.to_sky.shape[1]
+        return _of_rows(lit.to_sky.array, even.rows, int(first), bins)
+
+    def radiance_of_suns(self, even: EvenRows, lit: Lit) -> mi.TensorXf:
+        """Radiance of the cells of an exposed film by the suns, shape (cell, lit sun)."""
         before = sum(mount.rows for mount in self.mounts[: even.mount])
-        some, bins = len(self.suns), lit.to_sky.shape[1]
-        to_sky = _of_rows(lit.to_sky.array, even.rows, int(self.first_sky_rows()[mine[0]]), bins)
-        to_suns = _of_rows(lit.to_suns, even.rows, before, some)
-        if some:  # all of the film is lit alike
-            of_patches = mi.TensorXf(self._shone(lit), (len(self.patches), some))
-            to_suns = to_suns * dr.mean(of_patches[int(mine[0]) : int(mine[-1]) + 1], axis=0)
-        return to_sky, to_suns
+        values = _of_rows(lit.to_suns, even.rows, before, len(self.suns))
+        return values * self._shone_on(even, lit) if len(self.suns) else values
+
+    def sun_cells(self, even: EvenRows, every: Sequence[Lit]) -> SunCells | None:
+        """Light of the suns on an exposed film in some replicates, where its answer is even."""
+        answer = self.even_answers[even.mount]
+        if answer is None:
+            return None
+        f = _of_rows(answer.f.array, even.rows, 0, answer.f.shape[1])
+        shone = [self._shone_on(even, lit).array for lit in every] if len(self.suns) else []
+        return SunCells(f, answer, dr.concat(shone) if shone else mi.Float())
+
+    def _first_patch(self, even: EvenRows) -> int:
+        return int(np.argmax(self.patches.owner == even.mount))
+
+    def _shone_on(self, even: EvenRows, lit: Lit) -> mi.TensorXf:
+        """D [sr] of an exposed film, all of which is lit alike, shape (lit sun,)."""
+        first, some = self._first_patch(even), len(self.suns)
+        count = int((self.patches.owner == even.mount).sum())
+        of_patches = mi.TensorXf(self._shone(lit), (len(self.patches), some))
+        return dr.mean(of_patches[first : first + count], axis=0)
 
     def of_all_suns(self, values: mi.TensorXf, n_suns: int) -> mi.TensorXf:
         """Values (row, lit sun) with zeros for the suns that do not shine on a film."""
@@ -246,9 +295,13 @@ class Films:
         by_sky, by_sun = (dr.zeros(mi.TensorXf, (count, n)) for n in (bins, len(self.suns)))
         even = () if without else self.even_rows(looked)
         for film in even:
-            W, (to_sky, to_suns) = self.weights(looked, film), self.radiance(film, lit)
-            by_sky = by_sky + W @ to_sky if bins else by_sky
-            by_sun = by_sun + W @ to_suns if len(self.suns) else by_sun
+            W, suns = self.weights(looked, film), self.sun_cells(film, [lit])
+            if bins:
+                by_sky = by_sky + W @ self.radiance_of_sky(film, lit)
+            if len(self.suns) and suns is not None:
+                by_sun = by_sun + suns.sent(W @ suns.f)
+            elif len(self.suns):
+                by_sun = by_sun + W @ self.radiance_of_suns(film, lit)
         apart = self.others(even or without)
         if apart.any():
             of_sky, of_sun = self._summed(looked.of(apart), lit)

@@ -10,14 +10,34 @@ import mitsuba as mi
 
 from drcmitsuba.runtime.random_streams import Key
 from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.films import EvenRows, Films
-from drcmitsuba.transport.products import Reached
+from drcmitsuba.transport.film_looks import Looked
+from drcmitsuba.transport.films import EvenRows, Films, SunCells
+from drcmitsuba.transport.products import Reached, by_replicate
+
+
+class SunsOnFilm(NamedTuple):
+    """Light of the suns on an exposed film."""
+
+    films: Films
+    suns: SunCells
+    bins: tuple[int, int]
+    """Number of bins of the sky, and of suns."""
+
+    def through(self, weights: mi.TensorXf, replicates: int) -> Irradiance:
+        """Light that receivers get, as `Irradiance.through`."""
+        sky = dr.zeros(mi.TensorXf, (weights.shape[0], self.bins[0]))
+        return Irradiance(sky, self.films.of_all_suns(self.suns.sent(weights), self.bins[1]))
+
+
+Light = Irradiance | SunsOnFilm
+"""Light of parts of panes."""
 
 
 class FromPanes(NamedTuple):
     """Light that some parts of panes send: per light of a part, and the light of every part.
 
-    A part is a face of an evenly scattering pane, or an outgoing cell of an exposed film.
+    A part is a face of an evenly scattering pane, an outgoing cell of an exposed film, or where
+    `light` is `SunsOnFilm` an incident cell of its BSDF.
     """
 
     cells: mi.TensorXf
@@ -25,7 +45,7 @@ class FromPanes(NamedTuple):
     indirect: mi.TensorXf | None
     """To blocks of cells by light that cells have reflected, shape (replicate · block, part); None
     where `Transfer.onward` takes its place."""
-    light: Irradiance
+    light: Light
     """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each."""
     reached: Reached | None = None
     """Cells and parts with light of `cells`."""
@@ -33,7 +53,7 @@ class FromPanes(NamedTuple):
 
 def by_panes(
     deposits: Sequence[Deposit], p: mi.Float, n: mi.Float, key: Key, numbers: list[mi.UInt32]
-) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Irradiance]]]:
+) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Light]]]:
     """Light of scattering panes on receivers, those of one replicate after those of another.
 
     Parameters
@@ -54,14 +74,16 @@ def by_panes(
     parts : list of (K, light)
         Weights of parts of panes for the receivers, and their light, see `FromPanes`.
     """
-    base, every, parts = deposits[0], dr.concat(numbers), []
+    base, every = deposits[0], dr.concat(numbers)
+    parts: list[tuple[mi.TensorXf, Light]] = []
     films, count = base.films, len(deposits)
     if films is None or base.on_films is None:
         rest = base.by_films(p, n, key, every)
     else:
         rest, looked = None, base.looked(p, n, key, every)
         even = films.even_rows(looked)
-        parts = [(films.weights(looked, film), _radiance(deposits, films, film)) for film in even]
+        of_films = [_by_film(deposits, films, film, looked) for film in even]
+        parts = [part for _, part in of_films if part is not None]
         peaks = any(lit.on_films is not None and lit.on_films.peaks for lit in deposits)
         if peaks or looked.of(films.others(even)).kinds:
             at = (_parts(values, count) for values in (p, n))
@@ -70,16 +92,30 @@ def by_panes(
                 lit.by_looked(own, own_p, own_n, key, number, without=even)
                 for lit, own, own_p, own_n, number in each
             )
+        for sky, _ in of_films:
+            rest = sky.plus(rest)
     if (E := stacked(one.faces for one in deposits)) is not None:
         parts.append((base.transfer(p, n, key, every), E))
     return rest, parts
 
 
-def _radiance(deposits: Sequence[Deposit], films: Films, film: EvenRows) -> Irradiance:
-    """Radiance of the cells of an exposed film, shape (replicate · cell, bin) each."""
-    light = [films.radiance(film, lit.on_films) for lit in deposits if lit.on_films]
-    sky, sun = map(rows_of, zip(*light, strict=True))
-    return Irradiance(sky, films.of_all_suns(sun, deposits[0].bins[1]))
+def _by_film(
+    deposits: Sequence[Deposit], films: Films, film: EvenRows, looked: Looked
+) -> tuple[Irradiance, tuple[mi.TensorXf, Light] | None]:
+    """Light of an exposed film on receivers: of the sky; weights of parts, and their light."""
+    every = [lit.on_films for lit in deposits if lit.on_films is not None]
+    W, n_suns, count = films.weights(looked, film), deposits[0].bins[1], len(every)
+    to_sky = rows_of([films.radiance_of_sky(film, lit) for lit in every])
+    by_sky = by_replicate(W, to_sky, count)
+    sky = Irradiance(by_sky, dr.zeros(mi.TensorXf, (W.shape[0], n_suns)))
+    if not len(films.suns):
+        return sky, None
+    suns = films.sun_cells(film, every)
+    if suns is not None:
+        return sky, (W @ suns.f, SunsOnFilm(films, suns, (to_sky.shape[1], n_suns)))
+    to_suns = rows_of([films.radiance_of_suns(film, lit) for lit in every])
+    dark = dr.zeros(mi.TensorXf, (to_suns.shape[0], to_sky.shape[1]))
+    return sky, (W, Irradiance(dark, films.of_all_suns(to_suns, n_suns)))
 
 
 def _parts(values: mi.Float, parts: int) -> list[mi.Float]:

@@ -17,7 +17,7 @@ from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
-from drcmitsuba.transport.products import Further, RayMatrix, Reached, by_replicate, product
+from drcmitsuba.transport.products import Further, RayMatrix, Reached, product
 from drcmitsuba.transport.solved_cells import Transfer
 from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 
@@ -120,19 +120,15 @@ class Replicates:
         """Add light by way of panes to that of cells, and what cells reflect of it."""
         for K, X, light, _ in self.panes:
             assert self.cells is not None
-            self.cells, self.reached = self.cells.plus(self._by(K, light)), None
+            self.cells, self.reached = self.cells.plus(light.through(K, len(self))), None
             sky, sun = self.indirect
             if X is None or sky is None or sun is None:
                 self.indirect = (None, None)  # `Transfer.onward` takes all light of cells
             else:
-                further = self._by(X, light)
+                further = light.through(X, len(self))
                 self.indirect = sky + further.sky, sun + further.sun
             dr.eval(self.cells, self.indirect)
         self.panes = ()
-
-    def _by(self, K: mi.TensorXf, E: Irradiance) -> Irradiance:
-        """Product of the matrices of every replicate."""
-        return Irradiance(*(by_replicate(K, part, len(self)) for part in E))
 
     def block_of(self, row: mi.UInt32) -> mi.UInt32:
         """Row of `indirect` for rows of `cells`."""
@@ -167,7 +163,7 @@ class Replicates:
         rest, parts = by_panes(self.deposits, every_p, every_n, (Stream.SENSORS,), numbers)
         direct = straight.plus(rest)
         for K, light in parts:
-            direct = direct.plus(self._by(K, light))
+            direct = direct.plus(light.through(K, len(self)))
         if self.landed:
             straight = straight.plus(self._columns(one.mirrored[here] for one in self.landed))
             direct = direct.plus(self._columns(one.sensors[here] for one in self.landed))
@@ -194,7 +190,7 @@ class Replicates:
         where = (None, None) if self.reached is None else self.reached
         C = Irradiance(*map(sent, self.cells, self.indirect, where))
         for K, X, light, reached in self.panes:
-            C = C.plus(self._by(sent(K, X, reached), light))
+            C = C.plus(light.through(sent(K, X, reached), len(self)))
         return C
 
     def _sent(

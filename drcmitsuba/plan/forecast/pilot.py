@@ -30,6 +30,7 @@ from drcmitsuba.transport import launch_size
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.film_answers import SAMPLES
+from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.films import FEW_ROWS, Films
 from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
@@ -37,8 +38,8 @@ from drcmitsuba.transport.photons import PATCH
 from drcmitsuba.transport.shadow_rays import sun_deposit
 from drcmitsuba.transport.solved_cells import FEW
 
-DISK_CELLS = 2
-"""Number of incident cells of a film that a sun's disk lies in, roughly."""
+INCIDENT = 0.2
+"""Share of a film's incident cells that the suns of a year meet, roughly."""
 REPLICATES = 2
 """Number of replicates of a pilot: the smallest that has a standard error."""
 SENSORS, RAYS, VERTICES = 48, 1 << 20, 1 << 16
@@ -175,11 +176,15 @@ class Pilot:
         return Films.of(self.scene, size, suns.directions, suns.diameter)
 
     @property
-    def film_values(self) -> int:
-        """Number of values of the films' BSDFs that all replicates look up for each sun."""
+    def film_values(self) -> float:
+        """Number of values of the films' BSDFs that all replicates look up for the suns."""
+        suns, own = self.bins[1], self.accuracy.replicates * SAMPLES
         mounts = () if self.films is None else self.films.mounts
-        own = self.accuracy.replicates * SAMPLES
-        return sum(m.rows * (DISK_CELLS if m.bsdf.out_even else own) for m in mounts)
+        return sum(m.rows * (self._incident(m) if m.bsdf.out_even else own * suns) for m in mounts)
+
+    def _incident(self, mount: Mount) -> float:
+        """Number of incident cells that suns meet."""
+        return min(INCIDENT * mount.bsdf.out_cells, self.bins[1])
 
     @cached_property
     def _even_films(self) -> np.ndarray:
@@ -190,12 +195,17 @@ class Pilot:
         return np.asarray(even[self.films.patches.owner])
 
     @property
-    def film_rows(self) -> int:
-        """Number of outgoing cells of films whose light is a product."""
+    def film_products(self) -> float:
+        """Number of products of a replicate that make the light of exposed films."""
         if self.films is None:
             return 0
-        even = np.unique(self.films.patches.owner[self._even_films])
-        return sum(self.films.mounts[i].rows for i in even)
+        n, some = len(self.points), np.unique(self.films.patches.owner[self._even_films])
+        receivers, products = n + self.cells, 0.0
+        for mount in (self.films.mounts[i] for i in some):
+            incident = self._incident(mount) if mount.bsdf.out_even else self.bins[1]
+            products += mount.rows * receivers * (self.bins[0] + incident)
+            products += n * self.cells * incident
+        return products
 
     def rays(self) -> Iterator[Amount]:
         """Rays of the evaluation by effect and kind, and the sums of the answers of films."""

@@ -152,5 +152,5 @@ def _transport(pilot: Pilot) -> Iterator[Amount]:
     yield "interreflection", "deposit", a.replicates * cells * bins
     yield "rest", "entry", a.replicates * n * bins
     yield "rest", "launch", a.replicates * pilot.blocks
-    yield "films", "product", a.replicates * n * pilot.film_rows * (cells + 2 * bins)
-    yield "films", "film_sun", pilot.film_values * pilot.bins[1]
+    yield "films", "product", a.replicates * pilot.film_products
+    yield "films", "film_sun", pilot.film_values

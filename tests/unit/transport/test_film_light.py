@@ -14,7 +14,7 @@ from drcmitsuba.transport import film_answers, replicate
 from drcmitsuba.transport import films as films_module
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.film_answers import disk_parts, even_answer
+from drcmitsuba.transport.film_answers import EvenAnswer, disk_parts
 from drcmitsuba.transport.film_orientation import mounts
 from drcmitsuba.transport.films import Films
 
@@ -39,7 +39,8 @@ def test_answer_to_suns_is_the_mean_of_f_over_their_disks(world, diameter, discr
     """Independent route: f at 20,000 random directions on each disk, weighed by the cosine."""
     [mount] = mounts(world)
     suns = SUNS[:3]
-    table = even_answer(mount, suns, diameter).numpy().reshape(mount.rows, len(suns))
+    answer = EvenAnswer.of(mount, suns, diameter)
+    table = answer.to_suns(answer.f).numpy()
     rng = np.random.default_rng(1)
     brightest = np.argsort(-table.max(axis=1))[:20]
     for k, sun in enumerate(suns):
