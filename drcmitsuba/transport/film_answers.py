@@ -98,6 +98,32 @@ def _of_parts(answer: EvenAnswer, values: mi.Float, begin: mi.UInt32, sun: mi.UI
     return total
 
 
+class SunCells(NamedTuple):
+    """Light of suns on an exposed film, by the incident cells of its BSDF.
+
+    Light that a receiver gets from an outgoing cell is f · D; the sum over outgoing cells is made
+    for every incident cell, and only then told by sun.
+    """
+
+    f: mi.TensorXf
+    """f [1/sr], shape (outgoing cell, incident cell)."""
+    answer: EvenAnswer
+    shone: mi.Float
+    """D [sr] of the film, flat (replicate, lit sun)."""
+
+    def sent(self, values: mi.TensorXf) -> mi.TensorXf:
+        """Light by sun from sums of f by incident cell.
+
+        Shapes (replicate · row, incident cell) and (replicate · row, lit sun).
+        """
+        out = self.answer.to_suns(values)
+        rows, suns = out.shape
+        row, sun = row_and_column(dr.arange(mi.UInt32, rows * suns), suns)
+        replicate, _ = row_and_column(row, rows * suns // dr.width(self.shone))
+        at = replicate * dr.opaque(mi.UInt32, suns) + sun
+        return mi.TensorXf(out.array * dr.gather(mi.Float, self.shone, at), out.shape)
+
+
 class DiskParts(NamedTuple):
     """Parts of the suns' disks that lie in one incident cell each, sorted by sun."""
 

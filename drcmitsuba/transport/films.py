@@ -32,7 +32,7 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, looks
-from drcmitsuba.transport.film_answers import EvenAnswer, sampled_answer, sky_answer
+from drcmitsuba.transport.film_answers import EvenAnswer, SunCells, sampled_answer, sky_answer
 from drcmitsuba.transport.film_looks import Directions, Looked
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
@@ -64,32 +64,6 @@ class EvenRows(NamedTuple):
     """Index of the mount."""
     rows: mi.UInt32
     """Rows of the cells within the mount."""
-
-
-class SunCells(NamedTuple):
-    """Light of suns on an exposed film, by the incident cells of its BSDF.
-
-    Light that a receiver gets from an outgoing cell is f · D; the sum over outgoing cells is made
-    for every incident cell, and only then told by sun.
-    """
-
-    f: mi.TensorXf
-    """f [1/sr], shape (outgoing cell, incident cell)."""
-    answer: EvenAnswer
-    shone: mi.Float
-    """D [sr] of the film, flat (replicate, lit sun)."""
-
-    def sent(self, values: mi.TensorXf) -> mi.TensorXf:
-        """Light by sun from sums of f by incident cell.
-
-        Shapes (replicate · row, incident cell) and (replicate · row, lit sun).
-        """
-        out = self.answer.to_suns(values)
-        rows, suns = out.shape
-        row, sun = row_and_column(dr.arange(mi.UInt32, rows * suns), suns)
-        replicate, _ = row_and_column(row, rows * suns // dr.width(self.shone))
-        at = replicate * dr.opaque(mi.UInt32, suns) + sun
-        return mi.TensorXf(out.array * dr.gather(mi.Float, self.shone, at), out.shape)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ import mitsuba as mi
 
 from drcmitsuba.runtime.random_streams import Key
 from drcmitsuba.transport.deposit import Deposit, Irradiance
+from drcmitsuba.transport.film_answers import SunCells
 from drcmitsuba.transport.film_looks import Looked
-from drcmitsuba.transport.films import EvenRows, Films, SunCells
+from drcmitsuba.transport.films import EvenRows, Films
 from drcmitsuba.transport.products import Reached, by_replicate
 
 

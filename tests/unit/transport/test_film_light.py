@@ -10,11 +10,11 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.random_streams import Stream
 from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport import film_answers, replicate
+from drcmitsuba.transport import film_answers, pane_light, replicate
 from drcmitsuba.transport import films as films_module
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.film_answers import EvenAnswer, disk_parts
+from drcmitsuba.transport.film_answers import EvenAnswer, SunCells, disk_parts
 from drcmitsuba.transport.film_orientation import mounts
 from drcmitsuba.transport.films import Films
 
@@ -121,6 +121,47 @@ def test_product_is_the_sum_over_directions(world, case, monkeypatch, subdivisio
         sun = by_sum.sun.numpy()
         assert sun[:, :3].max() > 0
         assert not sun[:, 3].any()
+
+
+def test_light_by_incident_cells_is_told_by_sun_in_every_replicate(world):
+    """Independent route: shares as a dense matrix, in NumPy; the last sun lights nothing."""
+    [mount] = mounts(world)
+    answer = EvenAnswer.of(mount, SUNS, DIAMETER)
+    first, cell, share = (x.numpy() for x in (answer.first, answer.cell, answer.share))
+    shares = np.zeros((answer.f.shape[1], len(SUNS)))
+    np.add.at(shares, (cell, np.repeat(np.arange(len(SUNS)), np.diff(first))), share)
+    rng = np.random.default_rng(3)
+    values = rng.random((2, 5, len(shares))).astype(np.float32)
+    shone = rng.random((2, len(SUNS))).astype(np.float32)
+    suns = SunCells(answer.f, answer, mi.Float(shone.ravel()))
+    sent = suns.sent(mi.TensorXf(values.reshape(10, -1))).numpy().reshape(2, 5, -1)
+    np.testing.assert_allclose(sent, values @ shares * shone[:, None], rtol=1e-5)
+    assert not sent[..., 3].any()
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_exposed_film_whose_answer_is_not_even(world, case, monkeypatch, count):
+    """Its light is a product by sun: the same as by incident cells where both can be made."""
+    suns = SUNS[-count:]
+    films = Films.of(world, 0.9, suns, DIAMETER)
+    base = Deposit(world, suns, DIAMETER, 1, case.accuracy, None, films)
+    lit = [base.lit(r) for r in range(2)]
+    p = mi.Float([2.0, 1.0, 0.8, 4.4, 4.0, 0.8, 6.0, 7.5, 0.8])
+    n = mi.Float([0.0, 0.0, 1.0] * 3)
+    both = [dr.concat([x, x]) for x in (p, n)]
+    numbers = [dr.arange(mi.UInt32, 3), dr.arange(mi.UInt32, 3) + 3]
+
+    def light():
+        rest, parts = pane_light.by_panes(lit, *both, (Stream.SENSORS,), numbers)
+        for K, of_parts in parts:
+            rest = rest.plus(of_parts.through(K, 2))
+        return rest.numpy()
+
+    by_cells = light()
+    monkeypatch.setattr(Films, "sun_cells", lambda *args: None)
+    by_suns = light()
+    assert by_suns[:, -count:].any()
+    np.testing.assert_allclose(by_cells, by_suns, rtol=1e-4, atol=1e-9)
 
 
 def test_light_of_films_apart_from_cells_is_the_same(case, world, monkeypatch):
