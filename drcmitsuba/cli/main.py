@@ -117,7 +117,7 @@ def main() -> None:
         if not _is_closed_pipe(stop):
             raise
     except Exception as error:
-        if interruption.came or was_stopped(error):
+        if was_stopped(error):
             _exit(LINE, STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
             message = on_a_line(error.format_message().rstrip("."))
@@ -129,6 +129,8 @@ def main() -> None:
             got = str(error.strerror or error)
             line = InputError(error.filename or "files", "file", got, remedy)
             _exit(f"drcmitsuba: {line}\n", 2)
+        if interruption.came:
+            _exit(LINE, STOPPED)
         raise
 
 

@@ -141,7 +141,7 @@ def scale_to(values: np.ndarray, illuminance: np.ndarray, horizontal: np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class _Nodes:
-    """Nodes of patches on the device."""
+    """Nodes of patches, and sums over them in a kernel."""
 
     directions: np.ndarray
     """Unit vectors, shape (patch, node, 3)."""

@@ -2,9 +2,9 @@
 
 Where f is the same all over an outgoing cell, it is so all over an incident one. The disk of a sun
 lies in a few of these; its shares in them, found by many directions, give an answer that serves all
-replicates. The suns of a year meet far fewer incident cells than they are: sums over outgoing cells
-are made for these. Other BSDFs are averaged over directions on the disk and in the outgoing cell,
-drawn anew in every replicate, and so are the answers to the sky.
+replicates. The suns of a year are many more than the incident cells that they meet: sums over
+outgoing cells are made for these. Other BSDFs are averaged over directions on the disk and in the
+outgoing cell, drawn anew in every replicate, and so are the answers to the sky.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class EvenAnswer(NamedTuple):
         row, column = row_and_column(dr.arange(mi.UInt32, mount.rows * cells), cells)
         si = mount.interaction(mount.outgoing(row, mi.Point2f(0.5)))
         d = dr.gather(mi.Vector3f, directions, column)
-        f = mount.bsdf.eval(mi.BSDFContext(), si, d)[0] / dr.maximum(dr.abs(d.z), 1e-6)
+        f = mount.bsdf.eval(mi.BSDFContext(), si, d)[0] / dr.maximum(dr.abs(d.z), 1e-30)
         dr.eval(f)
         return cls(mi.TensorXf(f, (mount.rows, cells)), first, cell, share)
 

@@ -47,7 +47,8 @@ class FromPanes(NamedTuple):
     """To blocks of cells by light that cells have reflected, shape (replicate · block, part); None
     where `Transfer.onward` takes its place."""
     light: Light
-    """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each."""
+    """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each; or
+    sunlight by incident cells, `SunsOnFilm`."""
     reached: Reached | None = None
     """Cells and parts with light of `cells`."""
 
@@ -71,7 +72,7 @@ def by_panes(
     Returns
     -------
     rest : Irradiance or None
-        D [sr] by films whose light is no product.
+        D [sr] by films whose light is no product, and by the sky through all films.
     parts : list of (K, light)
         Weights of parts of panes for the receivers, and their light, see `FromPanes`.
     """

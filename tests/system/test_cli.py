@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pvlib
 import pytest
+from matplotlib.figure import Figure
 
 import drcmitsuba
 from drcmitsuba.case.case import Case
@@ -306,6 +307,25 @@ def test_an_error_that_a_stop_became_is_exit_code_130(run, case, tmp_path, monke
     monkeypatch.setattr("drcmitsuba.annual.result.daylight", stopped)
     code, _, err = run("evaluate", case, "-o", tmp_path / "r")
     assert (code, err) == (130, "drcmitsuba: stopped\n")
+
+
+def test_a_full_disk_after_a_stop_is_told(run, case, tmp_path, monkeypatch):
+    """A search that was stopped writes its best design, and may fail then."""
+
+    def full(case):
+        raise OSError(28, "No space left on device", "r")
+
+    monkeypatch.setattr(interruption, "came", True)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight", full)
+    code, _, err = run("evaluate", case, "-o", tmp_path / "r")
+    assert code == 2
+    assert "No space left on device" in err
+
+
+def test_a_picture_does_not_replace_a_folder(tmp_path):
+    with pytest.raises(IsADirectoryError):
+        plots.save(Figure(), tmp_path)
+    assert tmp_path.is_dir()
 
 
 SLOW = CASE.replace("3, 3]", "30, 30]").replace("spacing = 0.6", "spacing = 0.1")

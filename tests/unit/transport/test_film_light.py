@@ -207,3 +207,17 @@ def test_replicates_share_answers_to_suns_but_not_the_light(world, case):
     one, two = base.lit(0).on_films, base.lit(1).on_films
     assert one.to_suns is two.to_suns
     assert (one.to_sky.array.numpy() != two.to_sky.array.numpy()).any()
+
+
+def test_a_direction_close_to_the_plane_of_the_film_tells_all_of_its_cell(world, monkeypatch):
+    """One direction stands for all suns in its incident cell, however little light it sends."""
+    [mount] = mounts(world)
+    x = mount.turn.to_world(mi.Vector3f(1, 0, 0)).numpy().ravel()
+    z = mount.turn.to_world(mi.Vector3f(0, 0, 1)).numpy().ravel()
+    high, grazing = x - 1e-2 * z, x - 1e-7 * z
+
+    def f(sun):
+        return EvenAnswer.of(mount, sun[None] / np.linalg.norm(sun), 1e-6).f.numpy()
+
+    assert f(high).max() > 0
+    np.testing.assert_allclose(f(grazing)[:, 0], f(high)[:, 0], rtol=1e-3)
