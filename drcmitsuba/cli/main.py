@@ -35,7 +35,6 @@ from drcmitsuba.cli import (
 from drcmitsuba.cli.startup import with_kernels
 from drcmitsuba.runtime import interruption
 from drcmitsuba.runtime.errors import BackendError, InputError, on_a_line, was_stopped
-from drcmitsuba.runtime.interruption import LINE, STOPPED
 
 app = typer.Typer(
     name="drcmitsuba",
@@ -106,11 +105,11 @@ def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     try:
         code = app(standalone_mode=False)
-        if code == STOPPED:  # Typer has caught KeyboardInterrupt
+        if code == interruption.STOPPED:  # Typer has caught KeyboardInterrupt
             raise KeyboardInterrupt
         sys.stdout.flush()
     except (typer.Abort, KeyboardInterrupt):
-        _exit(LINE, STOPPED)
+        _exit(interruption.LINE, interruption.STOPPED)
     except (InputError, BackendError) as error:
         _exit(f"drcmitsuba: {error}\n", 2 if isinstance(error, InputError) else 1)
     except SystemExit as stop:
@@ -118,7 +117,7 @@ def main() -> None:
             raise
     except Exception as error:
         if was_stopped(error):
-            _exit(LINE, STOPPED)
+            _exit(interruption.LINE, interruption.STOPPED)
         if hasattr(error, "format_message"):  # a usage error of click
             message = on_a_line(error.format_message().rstrip("."))
             _exit(f"drcmitsuba: command line: {message}; see drcmitsuba --help\n", 2)
@@ -130,7 +129,7 @@ def main() -> None:
             line = InputError(error.filename or "files", "file", got, remedy)
             _exit(f"drcmitsuba: {line}\n", 2)
         if interruption.came:
-            _exit(LINE, STOPPED)
+            _exit(interruption.LINE, interruption.STOPPED)
         raise
 
 

@@ -12,7 +12,6 @@ References
 from __future__ import annotations
 
 import base64
-import errno
 import textwrap
 import warnings
 from io import BytesIO
@@ -100,8 +99,6 @@ def save(figure: Figure, path: str | Path) -> Path:
     An older file is replaced once the new one is complete.
     """
     target = Path(path)
-    if target.is_dir():  # `whole` would replace it
-        raise IsADirectoryError(errno.EISDIR, "it is a folder", str(target))
     with storage.whole(target) as part:
         write(figure, part, dpi=150)
     return target

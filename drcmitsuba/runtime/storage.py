@@ -25,8 +25,8 @@ ABANDONED = re.compile(r"\..+\.[0-9a-f]{8}")
 
 
 def _replace(temporary: Path, path: Path) -> None:
-    """Put a finished file or folder in its place."""
-    if path.is_dir():
+    """Put a finished file or folder in its place; a file does not replace a folder."""
+    if path.is_dir() and temporary.is_dir():
         shutil.rmtree(path)
     temporary.replace(path)
 

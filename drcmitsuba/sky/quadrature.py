@@ -15,12 +15,13 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import row_and_column
 
 LuminanceAt = Callable[["mi.Float64", "mi.Float64"], "mi.Float64"]
-"""Luminance at (cos ζ, cos γ): ζ from the zenith, γ from the sun [rad]."""
+"""Luminance, in any unit, at (cos ζ, cos γ): ζ from the zenith, γ from the sun [rad]."""
 Luminance = Callable[["mi.UInt32"], LuminanceAt]
 """Luminances of the skies of some times, which are given by their indices."""
 
 PAIRS = 1 << 23
-"""Largest number of pairs of a time and a patch in a launch, unless one patch has more times."""
+"""Largest number of pairs of a time and a patch in a launch for all patches, unless one patch has
+more times."""
 
 
 class SkyLight(NamedTuple):
@@ -72,8 +73,8 @@ class PatchMeans:
             values[:, row] = _at_nodes(luminance, sun, nodes[row], weights[row])
         close = sun @ patches.directions[1:].T > np.cos(1.5 * patches.row_height)
         time, patch = np.nonzero(close)
-        near = _Nodes(*gauss_nodes(patches, *self.near))
-        values[time, patch] = near.sums(luminance, sun, mi.UInt32(time), mi.UInt32(patch))
+        near = gauss_nodes(patches, *self.near)
+        values[time, patch] = _sums(luminance, sun, near, mi.UInt32(time), mi.UInt32(patch))
         return values
 
     def horizontal(self, patches: Patches) -> np.ndarray:
@@ -139,26 +140,19 @@ def scale_to(values: np.ndarray, illuminance: np.ndarray, horizontal: np.ndarray
     return values * (illuminance / total)[:, None]
 
 
-@dataclass(frozen=True, eq=False)
-class _Nodes:
-    """Nodes of patches, and sums over them in a kernel."""
+def _sums(
+    luminance: Luminance, sun: np.ndarray, nodes: tuple[np.ndarray, np.ndarray],
+    time: mi.UInt32, patch: mi.UInt32,
+) -> np.ndarray:  # fmt: skip
+    """Σ weight × luminance over the nodes of pairs of a time and a patch, shape (pair,).
 
-    directions: np.ndarray
-    """Unit vectors, shape (patch, node, 3)."""
-    weights: np.ndarray
-    """Weights, shape (patch, node)."""
-
-    def sums(
-        self, luminance: Luminance, sun: np.ndarray, time: mi.UInt32, patch: mi.UInt32
-    ) -> np.ndarray:
-        """Σ weight × luminance over the nodes of pairs of a time and a patch, shape (pair,)."""
-        if not dr.width(time):
-            return np.zeros(0)
-        count = self.weights.shape[1]
-        nodes = mi.Float64(np.dstack([self.directions, self.weights]).ravel())
-        here = dr.gather(mi.Vector3d, mi.Float64(sun.ravel()), time)
-        first = patch * dr.opaque(mi.UInt32, count)
-        return _sum(luminance(time), here, nodes, first, dr.opaque(mi.UInt32, count)).numpy()
+    `nodes` are directions and weights as from `gauss_nodes`.
+    """
+    if not dr.width(time):
+        return np.zeros(0)
+    table, count = np.dstack(nodes), dr.opaque(mi.UInt32, nodes[1].shape[1])
+    here = dr.gather(mi.Vector3d, mi.Float64(sun.ravel()), time)
+    return _sum(luminance(time), here, mi.Float64(table.ravel()), patch * count, count).numpy()
 
 
 @dr.syntax
@@ -191,6 +185,6 @@ def _at_nodes(
         here = slice(start, min(start + step, patches))
         pairs = dr.arange(mi.UInt32, (here.stop - start) * times)
         patch, time = row_and_column(pairs, times)  # threads side by side share their nodes
-        sums = _Nodes(directions[here], weights[here]).sums(luminance, sun, time, patch)
+        sums = _sums(luminance, sun, (directions[here], weights[here]), time, patch)
         values[:, here] = sums.reshape(here.stop - start, times).T
     return values

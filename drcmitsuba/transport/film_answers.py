@@ -23,6 +23,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
 from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
+from drcmitsuba.transport.products import by_replicate
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 DISK_POINTS = 4096
@@ -34,6 +35,19 @@ SAMPLES = 16
 """Directions on a sun's disk, and in an outgoing cell, that f is averaged over in a replicate."""
 
 
+class DiskParts(NamedTuple):
+    """Parts of the suns' disks that lie in one incident cell each, sorted by sun."""
+
+    first: mi.UInt32
+    """First part of every sun, and last their number."""
+    cell: mi.UInt32
+    """Index of each part's cell among those that any part lies in."""
+    share: mi.Float
+    """Share of the part in the light that the disk sends to the pane."""
+    d: mi.Float
+    """A direction to each of these cells in the pane's frame, three numbers each."""
+
+
 class EvenAnswer(NamedTuple):
     """Answer of a film to suns, by the incident cells that their disks lie in.
 
@@ -42,12 +56,8 @@ class EvenAnswer(NamedTuple):
 
     f: mi.TensorXf
     """f [1/sr], shape (row, incident cell)."""
-    first: mi.UInt32
-    """First part of every sun's disk, and last their number."""
-    cell: mi.UInt32
-    """Incident cell of every part, a column of `f`."""
-    share: mi.Float
-    """Share of the part in the light that the disk sends to the pane."""
+    parts: DiskParts
+    """Parts of the disks, in cells that are columns of `f`."""
 
     @classmethod
     def of(cls, mount: Mount, suns: np.ndarray, diameter: float) -> EvenAnswer:
@@ -61,39 +71,39 @@ class EvenAnswer(NamedTuple):
             Angle across a sun [deg].
         """
         if not len(suns):
-            f = dr.zeros(mi.TensorXf, (mount.rows, 0))
-            return cls(f, dr.zeros(mi.UInt32, 1), mi.UInt32(), mi.Float())
-        first, cell, share, directions = disk_parts(mount, suns, diameter)
-        cells = dr.width(directions) // 3
+            none = DiskParts(dr.zeros(mi.UInt32, 1), mi.UInt32(), mi.Float(), mi.Float())
+            return cls(dr.zeros(mi.TensorXf, (mount.rows, 0)), none)
+        parts = disk_parts(mount, suns, diameter)
+        cells = dr.width(parts.d) // 3
         row, column = row_and_column(dr.arange(mi.UInt32, mount.rows * cells), cells)
         si = mount.interaction(mount.outgoing(row, mi.Point2f(0.5)))
-        d = dr.gather(mi.Vector3f, directions, column)
+        d = dr.gather(mi.Vector3f, parts.d, column)
         f = mount.bsdf.eval(mi.BSDFContext(), si, d)[0] / dr.maximum(dr.abs(d.z), 1e-30)
         dr.eval(f)
-        return cls(mi.TensorXf(f, (mount.rows, cells)), first, cell, share)
+        return cls(mi.TensorXf(f, (mount.rows, cells)), parts)
 
     def to_suns(self, values: mi.TensorXf) -> mi.TensorXf:
         """Values by sun from values by incident cell, shapes (row, cell) and (row, sun)."""
-        rows, suns = values.shape[0], dr.width(self.first) - 1
+        rows, suns = values.shape[0], dr.width(self.parts.first) - 1
         out = dr.zeros(mi.Float, rows * suns)
         for start in range(0, rows * suns, SHADOW_RAYS):
             lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, rows * suns - start))
             pair = lane + dr.opaque(mi.UInt32, start)
             row, sun = row_and_column(pair, suns)
             begin = row * dr.opaque(mi.UInt32, values.shape[1])
-            dr.scatter(out, _of_parts(self, values.array, begin, sun), pair)
+            dr.scatter(out, _of_parts(self.parts, values.array, begin, sun), pair)
             dr.eval(out)
         return mi.TensorXf(out, (rows, suns))
 
 
 @dr.syntax
-def _of_parts(answer: EvenAnswer, values: mi.Float, begin: mi.UInt32, sun: mi.UInt32) -> mi.Float:
+def _of_parts(parts: DiskParts, values: mi.Float, begin: mi.UInt32, sun: mi.UInt32) -> mi.Float:
     """Sum of share · value over the parts of the suns' disks."""
-    at, total = dr.gather(mi.UInt32, answer.first, sun), mi.Float(0)
-    end = dr.gather(mi.UInt32, answer.first, sun + 1)
-    while dr.hint(at < end, exclude=[answer, values, begin, sun, end]):
-        cell = dr.gather(mi.UInt32, answer.cell, at)
-        total += dr.gather(mi.Float, answer.share, at) * dr.gather(mi.Float, values, begin + cell)
+    at, total = dr.gather(mi.UInt32, parts.first, sun), mi.Float(0)
+    end = dr.gather(mi.UInt32, parts.first, sun + 1)
+    while dr.hint(at < end, exclude=[parts, values, begin, sun, end]):
+        cell = dr.gather(mi.UInt32, parts.cell, at)
+        total += dr.gather(mi.Float, parts.share, at) * dr.gather(mi.Float, values, begin + cell)
         at += 1
     return total
 
@@ -111,8 +121,12 @@ class SunCells(NamedTuple):
     shone: mi.Float
     """D [sr] of the film, flat (replicate, lit sun)."""
 
+    def gathered(self, weights: mi.TensorXf) -> mi.TensorXf:
+        """Sums by incident cell from weights by outgoing cell, shapes (row, cell)."""
+        return weights @ self.f
+
     def sent(self, values: mi.TensorXf) -> mi.TensorXf:
-        """Light by sun from sums of f by incident cell.
+        """Light by sun from what is `gathered`.
 
         Shapes (replicate · row, incident cell) and (replicate · row, lit sun).
         """
@@ -124,17 +138,20 @@ class SunCells(NamedTuple):
         return mi.TensorXf(out.array * dr.gather(mi.Float, self.shone, at), out.shape)
 
 
-class DiskParts(NamedTuple):
-    """Parts of the suns' disks that lie in one incident cell each, sorted by sun."""
+class SunRadiance(NamedTuple):
+    """Light of suns on an exposed film whose answer is not even, as `SunCells`."""
 
-    first: mi.UInt32
-    """First part of every sun, and last their number."""
-    cell: mi.UInt32
-    """Index of each part's cell among those that any part lies in."""
-    share: mi.Float
-    """Share of the part in the light that the disk sends to the pane."""
-    d: mi.Float
-    """A direction to each of these cells in the pane's frame, three numbers each."""
+    radiance: mi.TensorXf
+    """Radiance of the film's cells, shape (replicate · outgoing cell, lit sun)."""
+    replicates: int
+
+    def gathered(self, weights: mi.TensorXf) -> mi.TensorXf:
+        """Give the weights themselves."""
+        return weights
+
+    def sent(self, values: mi.TensorXf) -> mi.TensorXf:
+        """Light by sun, shape (replicate · row, lit sun)."""
+        return by_replicate(values, self.radiance, self.replicates)
 
 
 def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:

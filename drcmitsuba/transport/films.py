@@ -32,11 +32,18 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba.runtime.flat_arrays import first_of_rows, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import PanePatches, looks
-from drcmitsuba.transport.film_answers import EvenAnswer, SunCells, sampled_answer, sky_answer
+from drcmitsuba.transport.film_answers import (
+    EvenAnswer,
+    SunCells,
+    SunRadiance,
+    sampled_answer,
+    sky_answer,
+)
 from drcmitsuba.transport.film_looks import Directions, Looked
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.film_sums import summed, widened
+from drcmitsuba.transport.products import rows_of
 
 FEW_ROWS = 48
 """Number of outgoing cells per direction to an exposed film up to which its light is a product."""
@@ -218,20 +225,17 @@ class Films:
         first, bins = self.first_sky_rows()[self._first_patch(even)], lit.to_sky.shape[1]
         return _of_rows(lit.to_sky.array, even.rows, int(first), bins)
 
-    def radiance_of_suns(self, even: EvenRows, lit: Lit) -> mi.TensorXf:
-        """Radiance of the cells of an exposed film by the suns, shape (cell, lit sun)."""
-        before = sum(mount.rows for mount in self.mounts[: even.mount])
-        values = _of_rows(lit.to_suns, even.rows, before, len(self.suns))
-        return values * self._shone_on(even, lit) if len(self.suns) else values
-
-    def sun_cells(self, even: EvenRows, every: Sequence[Lit]) -> SunCells | None:
-        """Light of the suns on an exposed film in some replicates, where its answer is even."""
+    def sunlight(self, even: EvenRows, every: Sequence[Lit]) -> SunCells | SunRadiance:
+        """Light of the suns, of which there are some, on an exposed film in some replicates."""
+        shone = [self._shone_on(even, lit) for lit in every]
         answer = self.even_answers[even.mount]
-        if answer is None:
-            return None
-        f = _of_rows(answer.f.array, even.rows, 0, answer.f.shape[1])
-        shone = [self._shone_on(even, lit).array for lit in every] if len(self.suns) else []
-        return SunCells(f, answer, dr.concat(shone) if shone else mi.Float())
+        if answer is not None:
+            f = _of_rows(answer.f.array, even.rows, 0, answer.f.shape[1])
+            return SunCells(f, answer, dr.concat([D.array for D in shone]))
+        before, some = sum(mount.rows for mount in self.mounts[: even.mount]), len(self.suns)
+        tables = (_of_rows(lit.to_suns, even.rows, before, some) for lit in every)
+        radiance = rows_of([f * D for f, D in zip(tables, shone, strict=True)])
+        return SunRadiance(radiance, len(every))
 
     def _first_patch(self, even: EvenRows) -> int:
         return int(np.argmax(self.patches.owner == even.mount))
@@ -269,13 +273,12 @@ class Films:
         by_sky, by_sun = (dr.zeros(mi.TensorXf, (count, n)) for n in (bins, len(self.suns)))
         even = () if without else self.even_rows(looked)
         for film in even:
-            W, suns = self.weights(looked, film), self.sun_cells(film, [lit])
+            W = self.weights(looked, film)
             if bins:
                 by_sky = by_sky + W @ self.radiance_of_sky(film, lit)
-            if len(self.suns) and suns is not None:
-                by_sun = by_sun + suns.sent(W @ suns.f)
-            elif len(self.suns):
-                by_sun = by_sun + W @ self.radiance_of_suns(film, lit)
+            if len(self.suns):
+                suns = self.sunlight(film, [lit])
+                by_sun = by_sun + suns.sent(suns.gathered(W))
         apart = self.others(even or without)
         if apart.any():
             of_sky, of_sun = self._summed(looked.of(apart), lit)

@@ -10,17 +10,17 @@ import mitsuba as mi
 
 from drcmitsuba.runtime.random_streams import Key
 from drcmitsuba.transport.deposit import Deposit, Irradiance
-from drcmitsuba.transport.film_answers import SunCells
+from drcmitsuba.transport.film_answers import SunCells, SunRadiance
 from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.films import EvenRows, Films
-from drcmitsuba.transport.products import Reached, by_replicate
+from drcmitsuba.transport.products import Reached, by_replicate, rows_of
 
 
 class SunsOnFilm(NamedTuple):
     """Light of the suns on an exposed film."""
 
     films: Films
-    suns: SunCells
+    suns: SunCells | SunRadiance
     bins: tuple[int, int]
     """Number of bins of the sky, and of suns."""
 
@@ -37,8 +37,8 @@ Light = Irradiance | SunsOnFilm
 class FromPanes(NamedTuple):
     """Light that some parts of panes send: per light of a part, and the light of every part.
 
-    A part is a face of an evenly scattering pane, an outgoing cell of an exposed film, or where
-    `light` is `SunsOnFilm` an incident cell of its BSDF.
+    A part is a face of an evenly scattering pane, or what an exposed film is told by: the incident
+    cells of its BSDF, where it is even, or the outgoing ones.
     """
 
     cells: mi.TensorXf
@@ -47,8 +47,7 @@ class FromPanes(NamedTuple):
     """To blocks of cells by light that cells have reflected, shape (replicate · block, part); None
     where `Transfer.onward` takes its place."""
     light: Light
-    """Irradiance on faces [sr] or radiance of films, shape (replicate · part, bin) each; or
-    sunlight by incident cells, `SunsOnFilm`."""
+    """Irradiance on faces [sr], shape (replicate · part, bin) each, or sunlight on a film."""
     reached: Reached | None = None
     """Cells and parts with light of `cells`."""
 
@@ -108,16 +107,11 @@ def _by_film(
     every = [lit.on_films for lit in deposits if lit.on_films is not None]
     W, n_suns, count = films.weights(looked, film), deposits[0].bins[1], len(every)
     to_sky = rows_of([films.radiance_of_sky(film, lit) for lit in every])
-    by_sky = by_replicate(W, to_sky, count)
-    sky = Irradiance(by_sky, dr.zeros(mi.TensorXf, (W.shape[0], n_suns)))
+    sky = Irradiance(by_replicate(W, to_sky, count), dr.zeros(mi.TensorXf, (W.shape[0], n_suns)))
     if not len(films.suns):
         return sky, None
-    suns = films.sun_cells(film, every)
-    if suns is not None:
-        return sky, (W @ suns.f, SunsOnFilm(films, suns, (to_sky.shape[1], n_suns)))
-    to_suns = rows_of([films.radiance_of_suns(film, lit) for lit in every])
-    dark = dr.zeros(mi.TensorXf, (to_suns.shape[0], to_sky.shape[1]))
-    return sky, (W, Irradiance(dark, films.of_all_suns(to_suns, n_suns)))
+    suns = films.sunlight(film, every)
+    return sky, (suns.gathered(W), SunsOnFilm(films, suns, (to_sky.shape[1], n_suns)))
 
 
 def _parts(values: mi.Float, parts: int) -> list[mi.Float]:
@@ -137,11 +131,3 @@ def stacked(parts: Iterable[Irradiance | None]) -> Irradiance | None:
         return None
 
     return Irradiance(*(rows_of(column) for column in zip(*every, strict=True)))
-
-
-def rows_of(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
-    """Rows of several matrices one after another."""
-    rows, columns = sum(one.shape[0] for one in tensors), tensors[0].shape[1]
-    if not rows * columns:
-        return dr.zeros(mi.TensorXf, (rows, columns))
-    return mi.TensorXf(dr.concat([one.array for one in tensors]), (rows, columns))

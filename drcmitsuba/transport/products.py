@@ -6,7 +6,7 @@ of their weights; only the columns of cells that have light are ever made.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -92,6 +92,14 @@ class RayMatrix(NamedTuple):
     def whole(self, cells: int) -> mi.TensorXf:
         """All columns, shape (replicate · row, cell)."""
         return self.columns(Columns(dr.arange(mi.UInt32, cells), 0, cells, 1))
+
+
+def rows_of(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
+    """Rows of several matrices one after another."""
+    rows, columns = sum(one.shape[0] for one in tensors), tensors[0].shape[1]
+    if not rows * columns:
+        return dr.zeros(mi.TensorXf, (rows, columns))
+    return mi.TensorXf(dr.concat([one.array for one in tensors]), (rows, columns))
 
 
 def by_replicate(a: mi.TensorXf, b: mi.TensorXf, replicates: int) -> mi.TensorXf:

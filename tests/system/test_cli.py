@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pvlib
 import pytest
-from matplotlib.figure import Figure
 
 import drcmitsuba
 from drcmitsuba.case.case import Case
@@ -320,12 +319,6 @@ def test_a_full_disk_after_a_stop_is_told(run, case, tmp_path, monkeypatch):
     code, _, err = run("evaluate", case, "-o", tmp_path / "r")
     assert code == 2
     assert "No space left on device" in err
-
-
-def test_a_picture_does_not_replace_a_folder(tmp_path):
-    with pytest.raises(IsADirectoryError):
-        plots.save(Figure(), tmp_path)
-    assert tmp_path.is_dir()
 
 
 SLOW = CASE.replace("3, 3]", "30, 30]").replace("spacing = 0.6", "spacing = 0.1")

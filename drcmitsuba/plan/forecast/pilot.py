@@ -200,11 +200,14 @@ class Pilot:
         if self.films is None:
             return 0
         n, some = len(self.points), np.unique(self.films.patches.owner[self._even_films])
-        receivers, products = n + self.cells, 0.0
+        products = 0.0
         for mount in (self.films.mounts[i] for i in some):
-            incident = self._incident(mount) if mount.bsdf.out_even else self.bins[1]
-            products += mount.rows * receivers * (self.bins[0] + incident)
-            products += n * self.cells * incident
+            products += mount.rows * (n + self.cells) * self.bins[0]
+            if mount.bsdf.out_even:
+                incident = self._incident(mount)
+                products += incident * (mount.rows * (n + self.cells) + n * self.cells)
+            else:
+                products += mount.rows * n * (self.cells + 2 * self.bins[1])
         return products
 
     def rays(self) -> Iterator[Amount]:

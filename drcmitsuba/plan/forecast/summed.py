@@ -130,8 +130,7 @@ class GroupSum:
         yield "interreflection", "deposit", replicates * pilot.cells * self.bins
         yield "rest", "entry", replicates * sensors * self.bins
         yield "rest", "launch", replicates * pilot.blocks
-        values = self.panes_shut.film_values
-        yield "films", "film_sun", values * further / len(self.states)
+        yield "films", "film_sun", self.panes_shut.film_values * further / len(self.states)
         yield "rest", "illuminance", replicates * stamps * sensors * len(self.states)
 
 

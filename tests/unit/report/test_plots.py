@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from drcmitsuba.report import plots
@@ -229,6 +230,12 @@ def test_save_that_fails_keeps_the_older_file(tmp_path, monkeypatch):
         plots.save(figure, path)
     assert path.read_text() == "older"
     assert [p.name for p in tmp_path.iterdir()] == ["year.png"]
+
+
+def test_a_picture_does_not_replace_a_folder(tmp_path):
+    with pytest.raises(IsADirectoryError):
+        plots.save(Figure(), tmp_path)
+    assert tmp_path.is_dir()
 
 
 def test_nothing_global_is_touched():

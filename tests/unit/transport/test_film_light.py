@@ -14,7 +14,7 @@ from drcmitsuba.transport import film_answers, pane_light, replicate
 from drcmitsuba.transport import films as films_module
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.deposit import Deposit
-from drcmitsuba.transport.film_answers import EvenAnswer, SunCells, disk_parts
+from drcmitsuba.transport.film_answers import EvenAnswer, SunCells, SunRadiance, disk_parts
 from drcmitsuba.transport.film_orientation import mounts
 from drcmitsuba.transport.films import Films
 
@@ -127,7 +127,7 @@ def test_light_by_incident_cells_is_told_by_sun_in_every_replicate(world):
     """Independent route: shares as a dense matrix, in NumPy; the last sun lights nothing."""
     [mount] = mounts(world)
     answer = EvenAnswer.of(mount, SUNS, DIAMETER)
-    first, cell, share = (x.numpy() for x in (answer.first, answer.cell, answer.share))
+    first, cell, share = (x.numpy() for x in answer.parts[:3])
     shares = np.zeros((answer.f.shape[1], len(SUNS)))
     np.add.at(shares, (cell, np.repeat(np.arange(len(SUNS)), np.diff(first))), share)
     rng = np.random.default_rng(3)
@@ -151,15 +151,16 @@ def test_exposed_film_whose_answer_is_not_even(world, case, monkeypatch, count):
     both = [dr.concat([x, x]) for x in (p, n)]
     numbers = [dr.arange(mi.UInt32, 3), dr.arange(mi.UInt32, 3) + 3]
 
-    def light():
+    def light(kind):
         rest, parts = pane_light.by_panes(lit, *both, (Stream.SENSORS,), numbers)
         for K, of_parts in parts:
+            assert isinstance(of_parts.suns, kind)
             rest = rest.plus(of_parts.through(K, 2))
         return rest.numpy()
 
-    by_cells = light()
-    monkeypatch.setattr(Films, "sun_cells", lambda *args: None)
-    by_suns = light()
+    by_cells = light(SunCells)
+    monkeypatch.setitem(vars(films), "even_answers", (None,))
+    by_suns = light(SunRadiance)
     assert by_suns[:, -count:].any()
     np.testing.assert_allclose(by_cells, by_suns, rtol=1e-4, atol=1e-9)
 
@@ -209,7 +210,7 @@ def test_replicates_share_answers_to_suns_but_not_the_light(world, case):
     assert (one.to_sky.array.numpy() != two.to_sky.array.numpy()).any()
 
 
-def test_a_direction_close_to_the_plane_of_the_film_tells_all_of_its_cell(world, monkeypatch):
+def test_a_direction_close_to_the_plane_of_the_film_tells_all_of_its_cell(world):
     """One direction stands for all suns in its incident cell, however little light it sends."""
     [mount] = mounts(world)
     x = mount.turn.to_world(mi.Vector3f(1, 0, 0)).numpy().ravel()
