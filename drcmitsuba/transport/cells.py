@@ -186,9 +186,10 @@ class Cells:
         """Add the new cells that vertices lie in, in the order of their keys."""
         if len(vertices) == 0:
             return self
-        met = dr.zeros(mi.UInt32, len(self.grid))
-        dr.scatter(met, mi.UInt32(1), vertices.key, vertices.weight > 0)
-        new = dr.compress((met == 1) & (self.index == _UNKNOWN))
+        is_new = dr.gather(mi.UInt32, self.index, vertices.key, vertices.weight > 0) == _UNKNOWN
+        met = dr.zeros(mi.Bool, len(self.grid))
+        dr.scatter(met, mi.Bool(True), vertices.key, is_new)
+        new = dr.compress(met)
         if dr.width(new) == 0:
             return self
         index = mi.UInt32(self.index)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -12,7 +13,6 @@ import numpy as np
 import xarray as xr
 
 from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
-from drcmitsuba.runtime.threads import in_threads
 from drcmitsuba.schema import describe
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.launch_size import SENSORS
@@ -22,25 +22,23 @@ PARTS = ("straight", "direct", "interreflected")
 
 
 def as_dataset(
-    labels: list[str], points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
+    bins: Bins, points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
 ) -> xr.Dataset:
     """Coefficients [sr] with their dims: parts (sensor, bin) and (replicate, sensor, bin)."""
-    coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
-    coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
+    at = xr.Coordinates({axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")})
+    coords = bins.coords.merge(at).coords
     data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in parts.items()}
     data["replicates"] = (("replicate", "sensor", "bin"), replicates)
     return describe(xr.Dataset(data, coords))
 
 
-def dark(
-    labels: list[str], points: np.ndarray, replicates: int
-) -> Iterator[tuple[slice, xr.Dataset]]:
+def dark(bins: Bins, points: np.ndarray, replicates: int) -> Iterator[tuple[slice, xr.Dataset]]:
     """Coefficients of 0."""
     for start in range(0, len(points), SENSORS):
         here = slice(start, min(start + SENSORS, len(points)))
-        dark = np.zeros((replicates, here.stop - start, len(labels)), np.float32)
+        dark = np.zeros((replicates, here.stop - start, len(bins.labels)), np.float32)
         parts = {name + suffix: dark[0] for name in PARTS for suffix in ("", "_se")}
-        yield here, as_dataset(labels, points[here], parts, dark)
+        yield here, as_dataset(bins, points[here], parts, dark)
 
 
 @dataclass(frozen=True)
@@ -50,6 +48,11 @@ class Bins:
     labels: list[str]
     place: np.ndarray
     """Place of each bin among those that are followed, int, shape (bin,); −1 for others."""
+
+    @cached_property
+    def coords(self) -> xr.Coordinates:
+        """Coordinate `bin` with its index, which takes long to make."""
+        return xr.Coordinates({"bin": np.array(self.labels, dtype=object)})
 
     @classmethod
     def of(cls, labels: list[str], followed: list[str] | None = None) -> Bins:
@@ -73,15 +76,10 @@ class Bins:
         return mi.Float(out)
 
 
-def fill(out: np.ndarray, light: Irradiance, bins: Bins) -> None:
-    """Write light to an array (replicate, sensor, bin)."""
-    values = bins.joined((light.sky.array, light.sun.array), len(out) * out.shape[1])
-    values = values.numpy().reshape(out.shape)
-
-    def copy(r: int) -> None:
-        out[r] = values[r]
-
-    in_threads(copy, range(len(out)))
+def values_of(light: Irradiance, bins: Bins, sensors: int) -> np.ndarray:
+    """Values of light in an array (replicate, sensor, bin)."""
+    values = bins.joined((light.sky.array, light.sun.array), len(light.sky))
+    return np.asarray(values.numpy().reshape(-1, sensors, len(bins.labels)))
 
 
 @dataclass

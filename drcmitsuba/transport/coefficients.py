@@ -34,7 +34,7 @@ from drcmitsuba.transport.coefficient_arrays import (
     Statistics,
     as_dataset,
     dark,
-    fill,
+    values_of,
 )
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
@@ -112,7 +112,7 @@ def compute_blocks(
         subdivision = None
     suns = suns.where(scene.effects.enabled_suns(suns))
     if subdivision is None and not suns.labels:
-        yield from dark(labels, points, accuracy.replicates)
+        yield from dark(Bins.of(labels), points, accuracy.replicates)
         return
     bins = Bins.of(labels, [*(Patches(subdivision).labels if subdivision else ()), *suns.labels])
     done = 0
@@ -208,6 +208,8 @@ def estimate_blocks(
                     kept.folder.mkdir(parents=True, exist_ok=True)
                     file = files.enter_context(tempfile.TemporaryFile(dir=kept.folder))
                     some.light = light.parked(file)
+        if len(gathered.blocks) > 1:
+            dr.flush_malloc_cache()  # once: blocks that fetch their memory anew take longer
         for block, here in enumerate(gathered.blocks):
             if here.start < done or not kept.part.holds(block):
                 continue
@@ -217,8 +219,6 @@ def estimate_blocks(
                 C = _of_block(
                     replicates, gathered, points, normals, here, bins, sun_samples, of_block
                 )
-                if len(gathered.blocks) > 1:  # to fetch memory anew takes time
-                    dr.flush_malloc_cache()
                 C.attrs |= attributes
                 kept.put(here, C)
             yield here, C
@@ -232,7 +232,7 @@ def _of_block(
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
     count, every = here.stop - here.start, replicates[-1].numbers.stop
-    statistics, total = Statistics(), np.empty((every, count, len(bins.labels)), np.float32)
+    statistics, total = Statistics(), np.empty((0,))
     base = replicates[0].deposits[0]
     disks = base.disks(p, n, sensor_numbers(here), within)
     for some in replicates:
@@ -242,9 +242,14 @@ def _of_block(
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(parts, whole)
         statistics.add(parts, len(some))
-        fill(total[some.numbers.start : some.numbers.stop], whole, bins)
+        values = values_of(whole, bins, count)
+        if len(some) == every:
+            total = values
+        else:
+            total = total if total.size else np.empty((every, *values.shape[1:]), np.float32)
+            total[some.numbers.start : some.numbers.stop] = values
         progress(some.numbers.stop / every)
-    return as_dataset(bins.labels, points[here], statistics.arrays(count, bins), total)
+    return as_dataset(bins, points[here], statistics.arrays(count, bins), total)
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ of their weights; only the columns of cells that have light are ever made.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -18,6 +18,10 @@ SUMMED = 1 << 9
 """Number of cells whose light is summed in single precision."""
 TOGETHER = 1 << 24
 """Largest number of values of a matrix, or of its product, that are made at once."""
+NOWHERE = 0xFFFFFFFF
+"""Entry of a cell that is not among some columns."""
+MOST_SINGLE = 1 << 12
+"""Number of paths of a row whose weights are summed in single precision."""
 
 
 class Reached(NamedTuple):
@@ -54,44 +58,113 @@ class Columns(NamedTuple):
     """Number of cells of a piece."""
     pieces: int
 
+    @classmethod
+    def every(cls, count: int) -> Columns:
+        """Columns of all cells."""
+        return cls(dr.arange(mi.UInt32, count), 0, count, 1)
+
+    def of(self, cells: mi.UInt32) -> Columns:
+        """Columns of things, each of which is in one of these cells."""
+        return self._replace(place=dr.gather(mi.UInt32, self.place, cells))
+
+    def entries(self, rows: int) -> mi.UInt32:
+        """Entry of every cell in the first row of (piece · row, cell); `NOWHERE` beyond them."""
+        at = self.place - dr.opaque(mi.UInt32, self.start)  # places before it wrap around
+        piece, column = row_and_column(at, self.size)
+        entry = piece * dr.opaque(mi.UInt32, rows * self.size) + column
+        entry = dr.select(at < dr.opaque(mi.UInt32, self.size * self.pieces), entry, NOWHERE)
+        dr.eval(entry)
+        return entry
+
 
 Further = Callable[[Columns], Any]
 """Function that gives columns of a matrix, mi.TensorXf, which is added to that of the rays."""
 
 
+class Matrix(Protocol):
+    """Matrix (row, cell) of every replicate."""
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of a replicate."""
+
+    @property
+    def replicates(self) -> int:
+        """Number of replicates."""
+
+    def columns(self, some: Columns) -> mi.TensorXf:
+        """Columns of some cells, shape (piece · replicate · row, cell)."""
+
+
 class RayMatrix(NamedTuple):
-    """Matrix (row, cell) of every replicate: the sum of the weights of rays."""
+    """Matrix of the sums of the weights of rays in any order."""
 
     row: mi.UInt32
     """Replicate · rows + row of every ray."""
     cell: mi.UInt32
     weight: mi.Float
     rows: int
-    """Number of rows of a replicate."""
     replicates: int = 1
     there: mi.Bool | None = None
     """Whether a ray counts; by default all do."""
 
     def columns(self, some: Columns) -> mi.TensorXf:
-        """Columns of some cells, shape (piece · replicate · row, cell)."""
-        first, size = dr.opaque(mi.UInt32, some.start), dr.opaque(mi.UInt32, some.size)
-        count = dr.opaque(mi.UInt32, some.size * some.pieces)
-        there = mi.Bool(True) if self.there is None else self.there
-        at = dr.gather(mi.UInt32, some.place, self.cell, there) - first
-        here = there & (at < count)  # places before the first one wrap around
-        piece, column = row_and_column(at, some.size)
-        every = self.replicates * self.rows
-        line = piece * dr.opaque(mi.UInt32, every) + self.row
+        """Columns of some cells, as `Matrix.columns`."""
+        every, there = self.replicates * self.rows, self.there
+        active = mi.Bool(True) if there is None else there
+        entry = dr.gather(mi.UInt32, some.entries(every), self.cell, active)
+        here = active & (entry != NOWHERE)
+        entry += self.row * dr.opaque(mi.UInt32, some.size)
         # Double precision neither drifts nor lets the order of threads show in single precision.
         out = dr.zeros(mi.Float64, some.pieces * every * some.size)
         # The rays of a row stand together: their threads hardly meet.
-        mode = dr.ReduceMode.Local
-        dr.scatter_add(out, mi.Float64(self.weight), line * size + column, here, mode=mode)
+        dr.scatter_add(out, mi.Float64(self.weight), entry, here, mode=dr.ReduceMode.Local)
         return mi.TensorXf(mi.Float(out), (some.pieces * every, some.size))
 
-    def whole(self, cells: int) -> mi.TensorXf:
-        """All columns, shape (replicate · row, cell)."""
-        return self.columns(Columns(dr.arange(mi.UInt32, cells), 0, cells, 1))
+
+class PathMatrix(NamedTuple):
+    """Matrix of the sums of the weights of paths, which stand together by rows.
+
+    One thread sums a row, path after path: sums need not be atomic, and no order of threads shows.
+    """
+
+    cell: mi.UInt32
+    """Cell of every path of all replicates, as many in each row."""
+    weight: mi.Float
+    """Weight of every path; 0 for none."""
+    paths: int
+    """Number of paths of a row."""
+    rows: int
+    replicates: int
+    first: int = 0
+    """Number of replicates before these."""
+    column: mi.UInt32 | None = None
+    """Column of every cell, where a column is of several; by default its own."""
+
+    def columns(self, some: Columns) -> mi.TensorXf:
+        """Columns of some cells, as `Matrix.columns`."""
+        every = self.replicates * self.rows
+        some = some if self.column is None else some.of(self.column)
+        kind = mi.Float if self.paths <= MOST_SINGLE else mi.Float64
+        out = dr.zeros(kind, some.pieces * every * some.size)
+        dr.make_opaque(out)  # a loop that is being recorded adds to it
+        self._add_to(out, some.entries(every), dr.opaque(mi.UInt32, some.size))
+        return mi.TensorXf(mi.Float(out), (some.pieces * every, some.size))
+
+    @dr.syntax
+    def _add_to(self, out: mi.Float, entries: mi.UInt32, size: mi.UInt32) -> None:
+        """Add the weights of all paths to a matrix, by the entries of cells in its first row."""
+        row = dr.arange(mi.UInt32, self.replicates * self.rows)
+        begin, paths = (dr.opaque(mi.UInt32, n) for n in (self.first * self.rows, self.paths))
+        path, start = (row + begin) * paths, row * size
+        end = path + paths
+        while dr.hint(path < end, exclude=[self, out, entries, size, start, end]):
+            weight = dr.gather(mi.Float, self.weight, path)
+            entry = dr.gather(mi.UInt32, entries, dr.gather(mi.UInt32, self.cell, path))
+            here = (weight > 0) & (entry != NOWHERE)
+            mode = dr.ReduceMode.NoConflicts
+            dr.scatter_add(out, type(out)(weight), entry + start, here, mode=mode)
+            path += 1
 
 
 def rows_of(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:
@@ -113,7 +186,7 @@ def by_replicate(a: mi.TensorXf, b: mi.TensorXf, replicates: int) -> mi.TensorXf
 
 
 def product(
-    matrix: RayMatrix, d: mi.TensorXf, reached: Reached | None = None,
+    matrix: Matrix, d: mi.TensorXf, reached: Reached | None = None,
     further: Further | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """G·D, shape (replicate · row, bin), with D of shape (replicate · cell, bin).

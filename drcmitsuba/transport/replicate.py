@@ -17,7 +17,7 @@ from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
-from drcmitsuba.transport.products import Further, RayMatrix, Reached, product
+from drcmitsuba.transport.products import Further, PathMatrix, RayMatrix, Reached, product
 from drcmitsuba.transport.solved_cells import Transfer
 from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 
@@ -205,9 +205,9 @@ class Replicates:
             every = RayMatrix(row, met.cell, met.weight, sensors, count, mine)
             return lambda d, _, at: product(every, d, at)
         paths = self.deposits[0].accuracy.paths
-        row, cell, weight, _ = met.of_replicates(self.numbers, sensors, paths)
-        to_cells = RayMatrix(row, cell, weight, sensors, count, weight > 0)
-        to_blocks = to_cells._replace(cell=dr.gather(mi.UInt32, self.transfer.blocks.of, cell))
+        start, blocks = self.numbers.start, self.transfer.blocks
+        to_cells = PathMatrix(met.cell, met.weight, paths, sensors, count, start)
+        to_blocks = to_cells._replace(column=blocks.of)
         onward: list[Further] = []  # made once, where it is needed
 
         def sent(d: mi.TensorXf, x: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:

@@ -25,11 +25,14 @@ def joined(blocks: Iterable[tuple[slice, xr.Dataset]], sensors: int) -> xr.Datas
 
 
 def _of_sensors(block: xr.Dataset, sensors: int) -> xr.Dataset:
-    """Dataset like a block, its arrays not yet filled, with another number of sensors."""
+    """Dataset like a block with another number of sensors, of which nothing is known yet.
+
+    Memory that is written for the first time in one go is there sooner than block by block.
+    """
 
     def grown(variable: xr.Variable) -> xr.Variable:
         sizes = {**variable.sizes, "sensor": sensors}
-        values = np.empty([sizes[dim] for dim in variable.dims], variable.dtype)
+        values = np.full([sizes[dim] for dim in variable.dims], np.nan, variable.dtype)
         return xr.Variable(variable.dims, values, variable.attrs)
 
     variables = {

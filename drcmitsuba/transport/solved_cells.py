@@ -35,6 +35,7 @@ from drcmitsuba.transport.gather_blocks import Gathered, with_weights
 from drcmitsuba.transport.products import (
     Columns,
     Further,
+    Matrix,
     RayMatrix,
     Reached,
     by_replicate,
@@ -122,13 +123,13 @@ class Transfer:
         once = product(self.sent(replicates), d, reached)
         return by_replicate(self.all_bounces(replicates), once, count)
 
-    def onward(self, replicates: range, to_blocks: RayMatrix) -> Further:
+    def onward(self, replicates: range, to_blocks: Matrix) -> Further:
         """Make the function that gives columns of (G₁·P)·M·(W·T), which gathers X without X.
 
         `to_blocks` is G₁·P.
         """
         count, sent = len(replicates), self.sent(replicates)
-        whole = to_blocks.whole(self.blocks.count)
+        whole = to_blocks.columns(Columns.every(self.blocks.count))
         solved = by_replicate(whole, self.all_bounces(replicates), count)
         dr.eval(solved)
 

@@ -25,8 +25,9 @@ class VertexStore:
         self._columns = {name: dr.zeros(mi.UInt32, capacity) for name in whole}
         if told:
             self._columns["within"] = dr.zeros(mi.Bool, capacity)
-        for name, width in (("weight", 1), ("p", 3), ("n", 3)):
-            self._columns[name] = dr.zeros(mi.Float, width * capacity)
+        self._columns["weight"] = dr.zeros(mi.Float, capacity)
+        # Where a vertex of weight 0 would lie does not matter.
+        self._columns |= {name: dr.empty(mi.Float, 3 * capacity) for name in ("p", "n")}
         dr.make_opaque(self._counter, self._columns)  # a loop that is being recorded adds to them
 
     def add(self, active: mi.Bool, **values: Any) -> None:
