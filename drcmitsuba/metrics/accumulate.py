@@ -18,12 +18,9 @@ from drcmitsuba.metrics.bin_luminances import (
     positions_of,
     sun_luminances,
 )
+from drcmitsuba.metrics.source_sums import source_sums
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.threads import in_threads, one_blas_thread
 from drcmitsuba.schema import describe, mean_and_error
-
-BLOCK = 1 << 16
-"""Number of entries (time, sensor) in a block: they stay in the cache from sum to sum."""
 
 
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
@@ -129,30 +126,8 @@ def by_source(
         return xr.Dataset({"total": _array(sky, mean), "total_se": _array(sky, error)})
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = sun_luminances(coefficients, sky)
-    C = coefficients["replicates"].values
-    by_bin = np.empty((len(C), C.shape[2], C.shape[1]), C.dtype)
-
-    def turn(replicate: int) -> None:
-        by_bin[replicate] = C[replicate].T
-
-    in_threads(turn, range(len(C)))
-    by_patch = [c[patches] for c in by_bin]
     L = sky["sky"].values.astype(np.float32)
-    names = ("sky", "sun", "total")
-    shape = (len(L), C.shape[1])
-    out = {n + s: np.empty(shape, np.float32) for n in names for s in ("", "_se")}
-    step = max(1, BLOCK // shape[1])
-
-    def fill(here: slice) -> None:
-        by_sky = [L[here] @ c for c in by_patch]
-        by_sun = [suns[here] @ c for c in by_bin]
-        total = [a + b for a, b in zip(by_sky, by_sun, strict=True)]
-        for name, values in zip(names, (by_sky, by_sun, total), strict=True):
-            out[name][here], out[f"{name}_se"][here] = mean_and_error(values)
-
-    # The matrices are small: threads of the library would wait for each other most of the time.
-    with one_blas_thread():
-        in_threads(fill, [slice(i, i + step) for i in range(0, len(L), step)])
+    out = source_sums(coefficients["replicates"].values, patches, L, suns)
     _refuse_gaps(out["total"], sky)
     if "sun_straight" in coefficients:
         straight = direct_sun(coefficients, sky) if direct is None else direct

@@ -187,9 +187,9 @@ class Cells:
         if len(vertices) == 0:
             return self
         is_new = dr.gather(mi.UInt32, self.index, vertices.key, vertices.weight > 0) == _UNKNOWN
-        met = dr.zeros(mi.Bool, len(self.grid))
-        dr.scatter(met, mi.Bool(True), vertices.key, is_new)
-        new = dr.compress(met)
+        met = dr.zeros(mi.UInt32, len(self.grid))
+        dr.scatter(met, mi.UInt32(1), vertices.key, is_new)
+        new = dr.compress(met == 1)
         if dr.width(new) == 0:
             return self
         index = mi.UInt32(self.index)

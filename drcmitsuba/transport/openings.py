@@ -7,7 +7,7 @@ it where its panes count as walls. What paths from there meet before they pass a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import drjit as dr
@@ -138,6 +138,13 @@ class Openings:
 
 def _clusters(directions: np.ndarray) -> np.ndarray:
     """Indices of neighbouring directions, shape (cluster, CLUSTER), padded with −1."""
+    return _clustered(np.asarray(directions, float).tobytes())
+
+
+@lru_cache(maxsize=8)  # sensors and cells ask for the same suns
+def _clustered(values: bytes) -> np.ndarray:
+    """Clusters of the directions that these bytes hold in double precision."""
+    directions = np.frombuffer(values).reshape(-1, 3)
 
     def sort(index: np.ndarray) -> list[np.ndarray]:
         if len(index) <= CLUSTER:

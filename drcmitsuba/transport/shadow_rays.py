@@ -7,6 +7,7 @@ their irradiance per unit radiance of a bin.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
 from typing import Any
 from zlib import crc32
 
@@ -37,8 +38,14 @@ RIM = 8
 
 def sun_numbers(suns: np.ndarray) -> np.ndarray:
     """Seeds of the random numbers of suns (sun, 3); they depend on the direction only."""
-    directions = np.ascontiguousarray(suns, np.float32)
-    return np.array([crc32(direction.tobytes()) for direction in directions], np.uint32)
+    return _sun_numbers(suns.astype(np.float32).tobytes())
+
+
+@lru_cache(maxsize=8)  # sensors, cells and films ask for the same suns
+def _sun_numbers(directions: bytes) -> np.ndarray:
+    size = 3 * np.dtype(np.float32).itemsize
+    each = range(0, len(directions), size)
+    return np.array([crc32(directions[start : start + size]) for start in each], np.uint32)
 
 
 def straight(scene: Scene, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> mi.Float:
@@ -131,6 +138,8 @@ def sun_deposit(
     """
     count, n_suns = dr.width(points) // 3, len(suns)
     out = dr.zeros(mi.Float, count * n_suns)
+    if not n_suns:
+        return mi.TensorXf(out, (count, n_suns))
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     openings = Openings.of(scene, points, within)
     of_pairs = _by_pairs(

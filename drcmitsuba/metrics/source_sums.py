@@ -1,0 +1,140 @@
+"""Illuminance by sky and by sun on the device: sums over bins, and statistics over replicates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, repeated, row_and_column
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+TOGETHER = 1 << 24
+"""Largest number of coefficients, or of illuminances, of all replicates in a launch, 64 MiB."""
+SUMMED = 1 << 9
+"""Number of patches whose light is summed in single precision: more of them would drift."""
+SOURCES = ("sky", "sun", "total")
+
+
+def source_sums(
+    C: np.ndarray, patches: np.ndarray, L: np.ndarray, suns: csr_matrix
+) -> dict[str, np.ndarray]:
+    """Mean and standard error of E = C·L by the sky, by the sun, and in total.
+
+    Parameters
+    ----------
+    C : np.ndarray, shape (replicate, sensor, bin)
+        Coefficients [sr].
+    patches : np.ndarray of int, shape (patch,)
+        Bins of the ground and the sky patches.
+    L : np.ndarray, shape (time, patch)
+        Their luminances [cd/m²].
+    suns : csr_matrix, shape (time, bin)
+        Luminances of the bins that stand for the sun of each time stamp [cd/m²].
+
+    Returns
+    -------
+    dict of np.ndarray, shape (time, sensor)
+        `sky`, `sun`, `total` and `…_se` [lx].
+    """
+    backend.select()
+    names, shape = [n + s for n in SOURCES for s in ("", "_se")], (len(L), C.shape[1])
+    used, place = np.unique(suns.indices, return_inverse=True)
+    luminances = suns.data
+    if not suns.nnz:  # no loop takes empty arrays
+        used, place, luminances = patches[:1], np.zeros(1), np.zeros(1)
+    pieces = [patches[some] for some in _blocks(len(patches), SUMMED)]
+    most = TOGETHER // (len(C) * max(1, len(patches) + len(used), len(L)))
+    out = {name: np.empty(shape, np.float32) for name in names}
+    for here in _blocks(shape[1] if len(L) else 0, most):
+        *of_sky, of_sun = _by_bin(C[:, here], [*pieces, used])
+        first, bins = map(flat_indices, (suns.indptr, place))
+        values = _statistics(
+            _by_sky(L, of_sky), first, bins, flat(luminances), of_sun.array, len(L), of_sun.shape
+        )
+        dr.eval(values)
+        for name, part in zip(names, values, strict=True):
+            E = part.numpy().reshape(len(L), -1)
+            if E.shape == shape:
+                out[name] = E  # without a copy
+            else:
+                out[name][:, here] = E
+    return out
+
+
+def _blocks(count: int, most: int) -> Iterator[slice]:
+    """Cut indices below `count` into slices of at most `most`, and of at least one."""
+    step = max(1, most)
+    for start in range(0, count, step):
+        yield slice(start, min(start + step, count))
+
+
+def _by_bin(C: np.ndarray, parts: list[np.ndarray]) -> list[mi.TensorXf]:
+    """Coefficients (replicate, bin, sensor) of some parts of the bins."""
+    (replicates, sensors, every), values = C.shape, flat(C)
+
+    def of(bins: np.ndarray) -> mi.TensorXf:
+        shape = (replicates, len(bins), sensors)
+        if not len(bins):
+            return dr.zeros(mi.TensorXf, shape)
+        row, sensor = row_and_column(dr.arange(mi.UInt32, int(np.prod(shape))), sensors)
+        replicate, number = row_and_column(row, len(bins))
+        at = replicate * dr.opaque(mi.UInt32, sensors) + sensor
+        at = at * dr.opaque(mi.UInt32, every) + dr.gather(mi.UInt32, flat_indices(bins), number)
+        part = dr.gather(mi.Float, values, at)
+        dr.eval(part)
+        return mi.TensorXf(part, shape)
+
+    return [of(bins) for bins in parts]
+
+
+def _by_sky(L: np.ndarray, of_sky: list[mi.TensorXf]) -> mi.Float:
+    """E by the sky, flat (replicate, time, sensor), from C of pieces of the patches."""
+    parts, start = [], 0
+    for C in of_sky:
+        replicates, patches, _ = C.shape
+        piece = flat(L[:, start : start + patches])
+        each = mi.TensorXf(repeated(piece, replicates), (replicates, len(L), patches))
+        parts.append((each @ C).array)
+        start += patches
+    return parts[0] if len(parts) == 1 else mi.Float(sum(map(mi.Float64, parts)))
+
+
+@dr.syntax
+def _statistics(
+    by_sky: mi.Float, first: mi.UInt32, bins: mi.UInt32, luminances: mi.Float, of_sun: mi.Float,
+    times: int, count: tuple[int, int, int],
+) -> list[mi.Float]:  # fmt: skip
+    """Means and standard errors, flat (time, sensor), of `count` replicates, suns and sensors.
+
+    Differences from the first replicate keep the digits, as in `schema.mean_and_error`.
+    """
+    replicates, suns, sensors = (dr.opaque(mi.UInt32, n) for n in count)
+    lane = dr.arange(mi.UInt32, times * count[2])
+    time, sensor = row_and_column(lane, count[2])
+    begin, end = dr.gather(mi.UInt32, first, time), dr.gather(mi.UInt32, first, time + 1)
+    size, r = dr.opaque(mi.UInt32, times * count[2]), mi.UInt32(0)
+    start, total, squares = mi.Vector3f(0), mi.Vector3f(0), mi.Vector3f(0)
+    while r < replicates:
+        sun, entry = mi.Float(0), mi.UInt32(begin)
+        while entry < end:
+            row = r * suns + dr.gather(mi.UInt32, bins, entry)
+            value = dr.gather(mi.Float, of_sun, row * sensors + sensor)
+            sun += dr.gather(mi.Float, luminances, entry) * value
+            entry += 1
+        sky = dr.gather(mi.Float, by_sky, r * size + lane)
+        E = mi.Vector3f(sky, sun, sky + sun)
+        start = dr.select(r == 0, E, start)
+        total += E - start
+        squares += dr.square(E - start)
+        r += 1
+    n = mi.Float(replicates)
+    mean, spread = total / n, dr.maximum(squares - dr.square(total) / n, 0)
+    error = dr.sqrt(spread / (n * (n - 1)))
+    return [part[i] for i in range(3) for part in (start + mean, error)]

@@ -1,0 +1,43 @@
+"""Sums by sky and sun on the device against dense sums in double precision."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from drcmitsuba.metrics import source_sums
+
+REPLICATES, SENSORS, PATCHES, SUNS, TIMES = 3, 7, 20, 9, 11
+
+
+def numbers(suns):
+    rng = np.random.default_rng(3)
+    C = rng.random((REPLICATES, SENSORS, PATCHES + SUNS)).astype(np.float32)
+    L = rng.random((TIMES, PATCHES)).astype(np.float32)
+    patches = rng.permutation(PATCHES + SUNS)[:PATCHES]  # bins of C are in any order
+    others = np.setdiff1d(np.arange(PATCHES + SUNS), patches)
+    dense = np.zeros((TIMES, PATCHES + SUNS), np.float32)
+    for time in range(TIMES - 1):  # none in the last hour
+        dense[time, rng.permutation(others)[:suns]] = rng.random(suns)
+    return C, patches, L, sparse.csr_matrix(dense)
+
+
+@pytest.mark.parametrize("suns", [0, 1, 4])
+@pytest.mark.parametrize(("together", "summed"), [(1 << 24, 512), (3 * 29 * 2, 8), (1, 1)])
+def test_blocks_of_sensors_and_pieces_of_the_sky_add_up(monkeypatch, suns, together, summed):
+    monkeypatch.setattr(source_sums, "TOGETHER", together)
+    monkeypatch.setattr(source_sums, "SUMMED", summed)
+    C, patches, L, light = numbers(suns)
+    sky = np.einsum("tp,rsp->rts", L.astype(float), C[:, :, patches].astype(float))
+    sun = np.einsum("tb,rsb->rts", light.toarray().astype(float), C.astype(float))
+    out = source_sums.source_sums(C, patches, L, light)
+    for name, E in (("sky", sky), ("sun", sun), ("total", sky + sun)):
+        error = E.std(axis=0, ddof=1) / np.sqrt(REPLICATES)
+        np.testing.assert_allclose(out[name], E.mean(axis=0), rtol=2e-6)
+        np.testing.assert_allclose(out[f"{name}_se"], error, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize(("times", "sensors"), [(0, SENSORS), (TIMES, 0)])
+def test_no_time_stamp_and_no_sensor(times, sensors):
+    C, patches, L, light = numbers(1)
+    out = source_sums.source_sums(C[:, :sensors], patches, L[:times], light[:times])
+    assert {E.shape for E in out.values()} == {(times, sensors)}
