@@ -48,7 +48,7 @@ def source_sums(
     used, place = np.unique(suns.indices, return_inverse=True)
     luminances = suns.data
     if not suns.nnz:  # no loop takes empty arrays
-        used, place, luminances = patches[:1], np.zeros(1), np.zeros(1)
+        used, place, luminances = patches[:1], np.zeros(1, int), np.zeros(1)
     pieces = [patches[some] for some in _blocks(len(patches), SUMMED)]
     most = TOGETHER // (len(C) * max(1, len(patches) + len(used), len(L)))
     out = {name: np.empty(shape, np.float32) for name in names}
