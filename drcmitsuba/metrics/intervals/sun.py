@@ -113,27 +113,32 @@ def _hidden(
     mean: np.ndarray, limits: list[float], rays: int, edges: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]] | None:
     """Draw pairs without a hit that hide a part of the sun: any that are dark in a sunny hour."""
-    dark = np.argwhere((mean == 0) & (mean > 0).any(axis=1, keepdims=True))
+    is_dark = (mean == 0) & (mean > 0).any(axis=1, keepdims=True)
+    dark, of_hour = np.flatnonzero(is_dark), np.count_nonzero(is_dark, axis=1)
     expected = edges * hidden_share(rays)
     if len(dark) == 0 or expected == 0:
         return None
     full = mean.max(axis=1)
-    # The part that a pair hides is drawn by its tail: u < p(limit), as for the others.
+    # The part that a pair hides is drawn by its tail: u < p(limit), as for the others. The pairs of
+    # an hour have the same one.
     tails = [special.gammaincc(EDGE, limit * rays / np.maximum(full, 1e-9)) for limit in limits]
-    largest_tail = np.max(tails, axis=0)[dark[:, 0]]
-    total = np.cumsum(largest_tail)
+    largest = np.max(tails, axis=0)
+    total = np.cumsum(of_hour * largest)
     counts = rng.poisson(expected * total[-1] / len(dark), DRAWS)
     if counts.sum() == 0:
         return None
-    picked = np.searchsorted(total, rng.random(counts.sum()) * total[-1])
+    at = rng.random(counts.sum()) * total[-1]
+    hour = np.searchsorted(total, at)
+    left = (total[hour] - at) / largest[hour]  # pairs of the hour that come after the one
+    picked = np.cumsum(of_hour)[hour] - 1 - np.minimum(left.astype(int), of_hour[hour] - 1)
     in_draw = np.repeat(np.arange(DRAWS), counts)
-    u = rng.random(len(picked)) * largest_tail[picked]
+    u = rng.random(len(picked)) * largest[hour]
     entries, row = np.unique(picked, return_inverse=True)
     passed = []
     for tail in tails:
-        out, hides = np.zeros((len(entries), BYTES), np.uint8), u < tail[dark[picked, 0]]
+        out, hides = np.zeros((len(entries), BYTES), np.uint8), u < tail[hour]
         draw = in_draw[hides]
         bits = (128 >> draw % 8).astype(np.uint8)  # as packbits orders them
         np.bitwise_or.at(out, (row[hides], draw // 8), bits)
         passed.append(out)
-    return dark[entries, 0], dark[entries, 1], passed
+    return *np.divmod(dark[entries], mean.shape[1]), passed
