@@ -51,21 +51,13 @@ class Columns(NamedTuple):
     """Pieces of the lit cells, of the same size; the last one is filled up with dark ones."""
 
     place: mi.UInt32
-    """Place of every cell among the lit ones, beyond all pieces for a dark one."""
+    """Place of every cell among the lit ones, beyond all pieces for a dark one; or its block, in
+    columns of blocks."""
     start: int
     """Place of the first cell."""
     size: int
     """Number of cells of a piece."""
     pieces: int
-
-    @classmethod
-    def every(cls, count: int) -> Columns:
-        """Columns of all cells."""
-        return cls(dr.arange(mi.UInt32, count), 0, count, 1)
-
-    def of(self, cells: mi.UInt32) -> Columns:
-        """Columns of things, each of which is in one of these cells."""
-        return self._replace(place=dr.gather(mi.UInt32, self.place, cells))
 
     def entries(self, rows: int) -> mi.UInt32:
         """Entry of every cell in the first row of (piece · row, cell); `NOWHERE` beyond them."""
@@ -138,13 +130,10 @@ class PathMatrix(NamedTuple):
     replicates: int
     first: int = 0
     """Number of replicates before these."""
-    column: mi.UInt32 | None = None
-    """Column of every cell, where a column is of several; by default its own."""
 
     def columns(self, some: Columns) -> mi.TensorXf:
         """Columns of some cells, as `Matrix.columns`."""
         every = self.replicates * self.rows
-        some = some if self.column is None else some.of(self.column)
         kind = mi.Float if self.paths <= MOST_SINGLE else mi.Float64
         out = dr.zeros(kind, some.pieces * every * some.size)
         dr.make_opaque(out)  # a loop that is being recorded adds to it

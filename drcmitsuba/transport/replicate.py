@@ -17,7 +17,15 @@ from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
-from drcmitsuba.transport.products import Further, PathMatrix, RayMatrix, Reached, product
+from drcmitsuba.transport.products import (
+    Columns,
+    Further,
+    PathMatrix,
+    RayMatrix,
+    Reached,
+    by_replicate,
+    product,
+)
 from drcmitsuba.transport.solved_cells import Transfer
 from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 
@@ -205,17 +213,19 @@ class Replicates:
             every = RayMatrix(row, met.cell, met.weight, sensors, count, mine)
             return lambda d, _, at: product(every, d, at)
         paths = self.deposits[0].accuracy.paths
-        start, blocks = self.numbers.start, self.transfer.blocks
-        to_cells = PathMatrix(met.cell, met.weight, paths, sensors, count, start)
-        to_blocks = to_cells._replace(column=blocks.of)
+        transfer, blocks = self.transfer, self.transfer.blocks
+        to_cells = PathMatrix(met.cell, met.weight, paths, sensors, count, self.numbers.start)
+        to_blocks = to_cells.columns(Columns(blocks.of, 0, blocks.count, 1))
+        dr.eval(to_blocks)
         onward: list[Further] = []  # made once, where it is needed
 
         def sent(d: mi.TensorXf, x: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:
+            if at is not None and not dr.width(at.lit):
+                return dr.zeros(mi.TensorXf, (count * sensors, d.shape[1]))
             if x is not None:
-                return product(to_cells, d, at) + product(to_blocks, x)
+                return product(to_cells, d, at) + by_replicate(to_blocks, x, count)
             if not onward:
-                assert self.transfer is not None
-                onward.append(self.transfer.onward(self.numbers, to_blocks))
+                onward.append(transfer.onward(self.numbers, to_blocks))
             return product(to_cells, d, at, onward[0])
 
         return sent

@@ -35,7 +35,6 @@ from drcmitsuba.transport.gather_blocks import Gathered, with_weights
 from drcmitsuba.transport.products import (
     Columns,
     Further,
-    Matrix,
     RayMatrix,
     Reached,
     by_replicate,
@@ -123,14 +122,13 @@ class Transfer:
         once = product(self.sent(replicates), d, reached)
         return by_replicate(self.all_bounces(replicates), once, count)
 
-    def onward(self, replicates: range, to_blocks: Matrix) -> Further:
+    def onward(self, replicates: range, to_blocks: mi.TensorXf) -> Further:
         """Make the function that gives columns of (G₁·P)·M·(W·T), which gathers X without X.
 
-        `to_blocks` is G₁·P.
+        `to_blocks` is G₁·P, shape (replicate · sensor, block).
         """
         count, sent = len(replicates), self.sent(replicates)
-        whole = to_blocks.columns(Columns.every(self.blocks.count))
-        solved = by_replicate(whole, self.all_bounces(replicates), count)
+        solved = by_replicate(to_blocks, self.all_bounces(replicates), count)
         dr.eval(solved)
 
         def columns(some: Columns) -> mi.TensorXf:

@@ -8,7 +8,14 @@ import pytest
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.transport import products
-from drcmitsuba.transport.products import Columns, PathMatrix, RayMatrix, Reached, product
+from drcmitsuba.transport.products import (
+    Columns,
+    PathMatrix,
+    RayMatrix,
+    Reached,
+    by_replicate,
+    product,
+)
 from tests.unit.transport.test_cells_and_transfer import closed_box
 
 ROWS, CELLS, BINS, REPLICATES = 5, 40, 7, 3
@@ -62,7 +69,7 @@ def test_pieces_of_the_lit_cells_add_up(monkeypatch, summed, together, made):
 
 def test_columns_of_several_cells_have_the_paths_of_all():
     (matrix, G), block = paths(70), RNG.integers(0, 4, CELLS)
-    joined = matrix._replace(column=flat_indices(block)).columns(Columns.every(4))
+    joined = matrix.columns(Columns(flat_indices(block), 0, 4, 1))
     expected = np.stack([G[..., block == b].sum(axis=-1) for b in range(4)], axis=-1)
     np.testing.assert_allclose(joined.numpy(), expected.reshape(-1, 4), rtol=1e-6)
 
@@ -72,7 +79,7 @@ def test_many_paths_of_a_row_do_not_drift():
     each = 1 << 19
     weight = dr.full(mi.Float, 0.1, each)
     matrix = PathMatrix(dr.zeros(mi.UInt32, each), weight, each, 1, 1)
-    total = matrix.columns(Columns.every(1)).numpy()[0, 0]
+    total = matrix.columns(Columns(dr.zeros(mi.UInt32, 1), 0, 1, 1)).numpy()[0, 0]
     assert total == pytest.approx(each * float(np.float32(0.1)), rel=1e-6)
 
 
@@ -100,9 +107,10 @@ def test_what_sensors_gather_is_the_same_by_light_on_blocks_and_by_the_matrix_of
     d = mi.TensorXf(D)
     met = seen.met(seen.blocks[0])
     to_cells = PathMatrix(met.cell, met.weight, 256, 1, replicates)
+    blocks = transfer.blocks
+    to_blocks = to_cells.columns(Columns(blocks.of, 0, blocks.count, 1))
     X = transfer.indirect(every, d)
-    to_blocks = to_cells._replace(column=transfer.blocks.of)
-    by_blocks = product(to_cells, d) + product(to_blocks, X)
+    by_blocks = product(to_cells, d) + by_replicate(to_blocks, X, replicates)
     by_matrix = product(to_cells, d, None, transfer.onward(every, to_blocks))
     np.testing.assert_allclose(by_matrix.numpy(), by_blocks.numpy(), rtol=1e-5)
     assert transfer.pays(1, 1000, 100)
