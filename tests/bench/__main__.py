@@ -75,7 +75,7 @@ SUN_SEARCH = {
     "sensor_sun_samples": (1, 4),
 }  # fmt: skip
 SUNS_BY_CELLS = {
-    "solved_cells": (True,), "replicates": (2,), "paths": (64, 128, 192, 256),
+    "solved_cells": (True,), "replicates": (2,), "paths": (64, 128, 256, 320, 384),
     "cell_paths": (8, 16), "cell_size": (0.45, 0.6, 0.75), "cell_sky_rays": (16,),
     "sensor_sky_rays": (64,), "sensor_sun_samples": (1, 4),
 }  # fmt: skip
@@ -86,13 +86,12 @@ FILM = {
 FILM_EXACT = "-dt 0 -dc 1 -aa 0 -as 0 -st 0 -ss 0"
 """Neither interpolation nor jitter by the size of the BSDF's cells; see validation."""
 FILM_SEARCH = {
-    "replicates": (2,), "paths": (16, 32, 64, 128), "cell_size": (0.45, 0.6),
+    "replicates": (2,), "paths": (16, 32, 64, 96), "cell_size": (0.6, 0.9),
     "cell_sky_rays": (16,), "sensor_sky_rays": (64,), "sensor_sun_samples": (1,),
-    "pane_points": (16, 64), "film_sky_samples": (16,),
+    "pane_points": (16, 32, 64), "film_sky_samples": (16,),
 }  # fmt: skip
 FILM_BY_CELLS = {
-    **FILM_SEARCH, "solved_cells": (True,), "paths": (8, 16, 32, 64), "cell_paths": (8, 32),
-    "pane_points": (8, 16, 64),
+    **FILM_SEARCH, "solved_cells": (True,), "paths": (16, 32, 64), "cell_paths": (8,),
 }  # fmt: skip
 QUICK = {"paths": (64, 256, 1024), "cell_size": (0.45,), "sensor_sky_rays": (4096,)}
 
