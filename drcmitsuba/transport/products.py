@@ -181,8 +181,8 @@ def product(
     """G·D, shape (replicate · row, bin), with D of shape (replicate · cell, bin).
 
     Cells without light and bins that reach no cell are left out of the matrices: `reached`, where D
-    is used more than once. G is summed in double precision, and the product `SUMMED` cells at a
-    time: single precision drifts. `further` is added to G.
+    is used more than once. The product is summed `SUMMED` cells at a time: single precision drifts.
+    `further` is added to G.
     """
     count, rows = matrix.replicates, matrix.replicates * matrix.rows
     if 0 in d.shape:

@@ -127,8 +127,8 @@ def _hidden(
     counts = rng.poisson(expected * total[-1] / len(dark), DRAWS)
     if counts.sum() == 0:
         return None
-    at = rng.random(counts.sum()) * total[-1]
-    hour = np.searchsorted(total, at)
+    at = np.maximum(rng.random(counts.sum()), np.finfo(float).tiny) * total[-1]
+    hour = np.searchsorted(total, at)  # never one without dark pairs
     left = (total[hour] - at) / largest[hour]  # pairs of the hour that come after the one
     picked = np.cumsum(of_hour)[hour] - 1 - np.minimum(left.astype(int), of_hour[hour] - 1)
     in_draw = np.repeat(np.arange(DRAWS), counts)
