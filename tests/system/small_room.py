@@ -38,6 +38,10 @@ SITE = "\n[site]\nlatitude = 46.25\nlongitude = 6.13\ntimezone = 1\n"
 STRIPS = 'strips = [{ bottom = 0.9, top = 2.7, material = "glass" }]'
 SHADING = '[shading]\nmaterial = "shade"\n'
 DAYS = "months = [3, 6]"
+RESULTS = {
+    "metrics.json", "plan.json", "illuminance.nc", "coefficients.zarr", "sky.zarr",
+    "illuminance_plan.png", "autonomy_plan.png", "sun_plan.png", "monthly.png",
+}  # fmt: skip
 VARIABLES = {"total", "total_open", "sky_open", "sun_open", "direct_sun"}
 SUN = re.compile(r"sun_2015-\d\d-\d\dT\d\d:\d\d")
 
