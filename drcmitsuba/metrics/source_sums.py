@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import drjit as dr
@@ -49,30 +48,23 @@ def source_sums(
     luminances = suns.data
     if not suns.nnz:  # no loop takes empty arrays
         used, place, luminances = patches[:1], np.zeros(1, int), np.zeros(1)
-    pieces = [patches[some] for some in _blocks(len(patches), SUMMED)]
-    most = TOGETHER // (len(C) * max(1, len(patches) + len(used), len(L)))
+    pieces = np.split(patches, range(SUMMED, len(patches), SUMMED))
+    first, bins, light = flat_indices(suns.indptr), flat_indices(place), flat(luminances)
+    step = max(1, TOGETHER // (len(C) * max(1, len(patches) + len(used), len(L))))
     out = {name: np.empty(shape, np.float32) for name in names}
-    for here in _blocks(shape[1] if len(L) else 0, most):
+    for start in range(0, shape[1] if len(L) else 0, step):
+        here = slice(start, start + step)
         *of_sky, of_sun = _by_bin(C[:, here], [*pieces, used])
-        first, bins = map(flat_indices, (suns.indptr, place))
-        values = _statistics(
-            _by_sky(L, of_sky), first, bins, flat(luminances), of_sun.array, len(L), of_sun.shape
-        )
+        by_sky = _by_sky(L, of_sky)
+        values = _statistics(by_sky, first, bins, light, of_sun.array, len(L), of_sun.shape)
         dr.eval(values)
         for name, part in zip(names, values, strict=True):
             E = part.numpy().reshape(len(L), -1)
             if E.shape == shape:
-                out[name] = E  # without a copy
+                out[name] = E  # a copy would take memory
             else:
                 out[name][:, here] = E
     return out
-
-
-def _blocks(count: int, most: int) -> Iterator[slice]:
-    """Cut indices below `count` into slices of at most `most`, and of at least one."""
-    step = max(1, most)
-    for start in range(0, count, step):
-        yield slice(start, min(start + step, count))
 
 
 def _by_bin(C: np.ndarray, parts: list[np.ndarray]) -> list[mi.TensorXf]:
@@ -81,8 +73,6 @@ def _by_bin(C: np.ndarray, parts: list[np.ndarray]) -> list[mi.TensorXf]:
 
     def of(bins: np.ndarray) -> mi.TensorXf:
         shape = (replicates, len(bins), sensors)
-        if not len(bins):
-            return dr.zeros(mi.TensorXf, shape)
         row, sensor = row_and_column(dr.arange(mi.UInt32, int(np.prod(shape))), sensors)
         replicate, number = row_and_column(row, len(bins))
         at = replicate * dr.opaque(mi.UInt32, sensors) + sensor

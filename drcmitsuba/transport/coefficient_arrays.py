@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -22,23 +21,25 @@ PARTS = ("straight", "direct", "interreflected")
 
 
 def as_dataset(
-    bins: Bins, points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
+    labels: list[str], points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
 ) -> xr.Dataset:
     """Coefficients [sr] with their dims: parts (sensor, bin) and (replicate, sensor, bin)."""
-    at = xr.Coordinates({axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")})
-    coords = bins.coords.merge(at).coords
+    coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
+    coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
     data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in parts.items()}
     data["replicates"] = (("replicate", "sensor", "bin"), replicates)
     return describe(xr.Dataset(data, coords))
 
 
-def dark(bins: Bins, points: np.ndarray, replicates: int) -> Iterator[tuple[slice, xr.Dataset]]:
+def dark(
+    labels: list[str], points: np.ndarray, replicates: int
+) -> Iterator[tuple[slice, xr.Dataset]]:
     """Coefficients of 0."""
     for start in range(0, len(points), SENSORS):
         here = slice(start, min(start + SENSORS, len(points)))
-        dark = np.zeros((replicates, here.stop - start, len(bins.labels)), np.float32)
+        dark = np.zeros((replicates, here.stop - start, len(labels)), np.float32)
         parts = {name + suffix: dark[0] for name in PARTS for suffix in ("", "_se")}
-        yield here, as_dataset(bins, points[here], parts, dark)
+        yield here, as_dataset(labels, points[here], parts, dark)
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,6 @@ class Bins:
     labels: list[str]
     place: np.ndarray
     """Place of each bin among those that are followed, int, shape (bin,); −1 for others."""
-
-    @cached_property
-    def coords(self) -> xr.Coordinates:
-        """Coordinate `bin` with its index, which takes long to make."""
-        return xr.Coordinates({"bin": np.array(self.labels, dtype=object)})
 
     @classmethod
     def of(cls, labels: list[str], followed: list[str] | None = None) -> Bins:

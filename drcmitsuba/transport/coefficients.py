@@ -112,7 +112,7 @@ def compute_blocks(
         subdivision = None
     suns = suns.where(scene.effects.enabled_suns(suns))
     if subdivision is None and not suns.labels:
-        yield from dark(Bins.of(labels), points, accuracy.replicates)
+        yield from dark(labels, points, accuracy.replicates)
         return
     bins = Bins.of(labels, [*(Patches(subdivision).labels if subdivision else ()), *suns.labels])
     done = 0
@@ -232,7 +232,7 @@ def _of_block(
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
     count, every = here.stop - here.start, replicates[-1].numbers.stop
-    statistics, total = Statistics(), np.empty((0,))
+    statistics, total = Statistics(), np.empty((every, count, len(bins.labels)), np.float32)
     base = replicates[0].deposits[0]
     disks = base.disks(p, n, sensor_numbers(here), within)
     for some in replicates:
@@ -242,14 +242,9 @@ def _of_block(
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(parts, whole)
         statistics.add(parts, len(some))
-        values = values_of(whole, bins, count)
-        if len(some) == every:
-            total = values
-        else:
-            total = total if total.size else np.empty((every, *values.shape[1:]), np.float32)
-            total[some.numbers.start : some.numbers.stop] = values
+        total[some.numbers.start : some.numbers.stop] = values_of(whole, bins, count)
         progress(some.numbers.stop / every)
-    return as_dataset(bins, points[here], statistics.arrays(count, bins), total)
+    return as_dataset(bins.labels, points[here], statistics.arrays(count, bins), total)
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:

@@ -136,14 +136,12 @@ class Openings:
         return every
 
 
-def _clusters(directions: np.ndarray) -> np.ndarray:
-    """Indices of neighbouring directions, shape (cluster, CLUSTER), padded with −1."""
-    return _clustered(np.asarray(directions, float).tobytes())
-
-
 @lru_cache(maxsize=8)  # sensors and cells ask for the same suns
-def _clustered(values: bytes) -> np.ndarray:
-    """Clusters of the directions that these bytes hold in double precision."""
+def _clusters(values: bytes) -> np.ndarray:
+    """Indices of neighbouring directions, shape (cluster, CLUSTER), padded with −1.
+
+    `values` are the directions in double precision.
+    """
     directions = np.frombuffer(values).reshape(-1, 3)
 
     def sort(index: np.ndarray) -> list[np.ndarray]:
@@ -171,7 +169,7 @@ class SunClusters(NamedTuple):
     @classmethod
     def of(cls, suns: np.ndarray) -> SunClusters:
         """Clusters of unit vectors (sun, 3)."""
-        clusters = _clusters(suns)
+        clusters = _clusters(suns.astype(float).tobytes())
         members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
         axes = members.mean(axis=1)
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
