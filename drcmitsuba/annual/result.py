@@ -1,7 +1,7 @@
 """One evaluation, from a case to numbers, files and pictures.
 
 case     ─ daylight ──────────► Daylight: L[time, bin], suns
-         ─ plan ──────────────► Plan: enabled effects; forecast: what they will cost
+         ─ plan ──────────────► Plan: enabled effects; forecast: what long work will cost
          ─ simulate(open) ────► C[sensor, bin] of the open state
 C · L    ─ direct_sun ────────► direct sun[time, sensor], once: ASE, and hours that may close
          ─ simulate(others) ──► C of the suns of these hours; all states: Coefficients
@@ -35,7 +35,7 @@ from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, evaluate_metrics
 from drcmitsuba.plan import Plan, notes, plan
-from drcmitsuba.plan.forecast import Forecast, forecast
+from drcmitsuba.plan.forecast import Forecast, forecast, is_short
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
@@ -202,7 +202,8 @@ class _Begun:
     remarks: list[str]
     """Notes on the films and the shade."""
     expected: Forecast | None
-    """Forecast; None where C is known or stored, since it tells of work that is not done."""
+    """Forecast; None where C is known or stored, since it tells of work that is not done, and where
+    the work takes little longer than a forecast of it."""
 
     @classmethod
     def of(
@@ -227,7 +228,7 @@ class _Begun:
             planned = plan(case, light)
             run = replace(run, enabled_effects=planned.scope)
             is_kept = known is not None or simulation.is_kept(planned.simulated, light, run)
-        if is_kept:
+        if is_kept or is_short(planned):
             return cls(planned, run, remarks, None)
         with run.timed("forecast"):
             return cls(planned, run, remarks, forecast(planned))

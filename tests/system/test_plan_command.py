@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from drcmitsuba.plan.forecast import cost
+
 CASE = """
 name = "small room"
 [period]
@@ -56,7 +58,8 @@ def test_a_table_with_reasons_and_a_forecast(run, case, monkeypatch):
     assert not list(case.parent.glob("*.json"))
 
 
-def test_the_plan_is_written_as_evaluate_writes_it(run, case, tmp_path):
+def test_the_plan_is_written_as_evaluate_writes_it(run, case, tmp_path, monkeypatch):
+    monkeypatch.setattr(cost, "SHORT", 0)
     assert run("plan", case, "-o", tmp_path / "p")[0] == 0
     assert run("evaluate", case, "-o", tmp_path / "e")[0] == 0
     before, after = (json.loads((tmp_path / name / "plan.json").read_text()) for name in ("p", "e"))

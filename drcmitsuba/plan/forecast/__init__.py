@@ -5,12 +5,12 @@ pilot
 work
     Amounts of work by effect and unit; `summed` where a year is a sum over groups of panes.
 cost
-    Seconds of a unit of work, and the forecast.
+    Seconds of a unit of work, and the forecast; whether an evaluation is too short for one.
 size
     Bytes on disk and in memory.
 """
 
-from drcmitsuba.plan.forecast.cost import Forecast, forecast
+from drcmitsuba.plan.forecast.cost import Forecast, forecast, is_short
 from drcmitsuba.plan.forecast.work import Work, work
 
-__all__ = ["Forecast", "Work", "forecast", "work"]
+__all__ = ["Forecast", "Work", "forecast", "is_short", "work"]

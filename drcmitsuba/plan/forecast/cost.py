@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from drcmitsuba_plugins.patches import Patches
+
+from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.plan import Plan
 from drcmitsuba.plan.forecast import size
 from drcmitsuba.plan.forecast.summed import states_of_year
@@ -14,7 +17,14 @@ from drcmitsuba.plan.forecast.work import work
 from drcmitsuba.runtime import machine_speed
 from drcmitsuba.runtime.machine_speed import Speed
 from drcmitsuba.runtime.ray_counter import KINDS
+from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
+SHORT = 1 << 26
+"""Largest number of coefficients and of sensors' rays of a short evaluation."""
+BOUNCES = 16
+"""Number of rays of a path that follows all bounces, in a white room."""
 REST = "rest"
 """Share of the work that no effect saves: weather, sky, accumulation, metrics, files."""
 KERNELS: Mapping[str, float] = {
@@ -93,6 +103,26 @@ class Forecast:
 def _figure(value: float) -> str:
     """Write a number with two significant digits, or as a whole number."""
     return f"{value:.0f}" if value >= 100 else f"{value:.2g}"
+
+
+def is_short(plan: Plan) -> bool:
+    """Whether an evaluation takes only a few times as long as the pilot of its forecast.
+
+    It has few coefficients and few rays from sensors, counted in all replicates, channels and
+    states, and no photons, and its samples are drawn once.
+    """
+    case, scope, a = plan.simulated, plan.scope, plan.simulated.accuracy
+    photons = plan.effects["components"].on or plan.effects["pane_to_pane"].on
+    once = a.target is None and not isinstance(case.sun, Adaptive)
+    if photons or not once or len(PaneGroups.of(case).states) > 1:
+        return False
+    channels = len(LUMINANCE_WEIGHTS) if scope.channels else 1
+    suns = int(scope.enabled_suns(plan.facts.light.suns).sum())
+    of_path = 1 if scope.solved_cells else BOUNCES
+    of_sensor = len(Patches(case.sky.subdivision)) + suns
+    of_sensor += of_path * a.paths + a.sensor_sky_rays + a.pane_points
+    sensors = len(sensor_points(case)[0])
+    return channels * (1 + scope.shade) * a.replicates * sensors * of_sensor <= SHORT
 
 
 def forecast(plan: Plan, on: Speed | None = None) -> Forecast:

@@ -16,7 +16,8 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.schedule import HOURS
 from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.plan import plan
-from drcmitsuba.plan.forecast import forecast, work
+from drcmitsuba.plan.forecast import cost as cost_of
+from drcmitsuba.plan.forecast import forecast, is_short, work
 from drcmitsuba.plan.forecast.cost import KERNELS
 from drcmitsuba.plan.forecast.summed import is_summed, states_of_year
 from drcmitsuba.runtime import backend
@@ -222,7 +223,8 @@ def test_the_machine_is_measured_once():
 
 
 @pytest.mark.parametrize("kind", ["clear", "shade", "pipe", "colour", "north, overcast"])
-def test_bytes_on_disk_and_the_actual_cost_are_written(kind, tmp_path):
+def test_bytes_on_disk_and_the_actual_cost_are_written(kind, tmp_path, monkeypatch):
+    monkeypatch.setattr(cost_of, "SHORT", 0)
     case = Case.model_validate({**ROOM, **KINDS_OF_CASES[kind]})
     result = evaluate(case)
     result.save(tmp_path)
@@ -236,6 +238,30 @@ def test_bytes_on_disk_and_the_actual_cost_are_written(kind, tmp_path):
     assert cost["on"] is True
     assert "forecast" in cost["reason"]
     assert "took" in cost["reason"]
+
+
+def test_what_takes_little_longer_than_its_pilot_has_no_forecast():
+    room = planned()
+    assert is_short(room)
+    result = evaluate(room.facts.case)
+    assert "forecast" not in result.metrics["seconds"]
+    assert set(result.plan["cost"]) == {"on", "reason", "actual"}
+    assert result.plan["cost"]["reason"].startswith("took ")
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        KINDS_OF_CASES["pipe"],
+        {"sun": {"model": "adaptive"}},
+        {"accuracy": {**ROOM["accuracy"], "target": "1 point"}},
+        {"accuracy": {**ROOM["accuracy"], "replicates": 4, "sensor_sky_rays": 1 << 20}},
+        {"sensors": {"corner": [0.02, 0.02, 0.8], "count": [260, 260], "spacing": 0.012}},
+    ],
+    ids=["photons", "mesh of suns", "target", "rays", "sensors"],
+)
+def test_long_evaluations_have_a_forecast(tables):
+    assert not is_short(planned(**tables))
 
 
 def kernels(work):
