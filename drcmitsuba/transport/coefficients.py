@@ -240,7 +240,7 @@ def _of_block(
         interreflected = some.interreflected(met, count)
         whole = direct.plus(interreflected)
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
-        dr.eval(parts, whole)
+        dr.eval(*straight, *direct, *interreflected, *whole)
         statistics.add(parts, len(some))
         total[some.numbers.start : some.numbers.stop] = values_of(whole, bins, count)
         progress(some.numbers.stop / every)

@@ -232,7 +232,9 @@ def pane_transfer(
     optics: list[Any] = [pane.material for pane in scene.scattering]
     through = flat([optics[i].transmittance for i in patches.owner])
     back = flat([optics[i].reflectance for i in patches.owner])
-    for look in looks(scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers):
+    every = looks(scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers)
+    dr.eval([(look.row, look.patch, look.front, look.weight) for look in every])
+    for look in every:
         seen = look.weight > 0
         near = 2 * look.patch + dr.select(look.front, mi.UInt32(0), 1)
         # The back reflects nothing, as in `materials.bsdf`.

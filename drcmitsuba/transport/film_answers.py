@@ -157,28 +157,46 @@ class SunRadiance(NamedTuple):
 def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
     """Cut the disks of suns, unit vectors (sun, 3), by the incident cells of a film."""
     points = np.where(_are_cut(mount, suns, diameter), DISK_POINTS, 1)
-    sun = flat_indices(np.repeat(np.arange(len(suns)), points))
-    lane = dr.arange(mi.UInt32, dr.width(sun))
-    uv = (mi.Float((lane * mi.UInt32(step)) >> 8) * TO_UNIT for step in even_steps(2))
-    at = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(*uv))
-    d, number = _on_disks(mount, suns, diameter, sun, at)
-    light = dr.select((d.z < 0) | (not mount.exposed), dr.abs(d.z), 0)
-    key = sun * mi.UInt32(2 * mount.bsdf.out_cells) + number
-    dr.eval(key, light)
-    keys = np.unique(key.numpy())
-    known, (of_sun, numbers) = flat_indices(keys), np.divmod(keys, 2 * mount.bsdf.out_cells)
-    cells, cell = np.unique(numbers, return_inverse=True)
-    part = dr.binary_search(0, len(keys), lambda i: dr.gather(mi.UInt32, known, i) < key)
-    some, shares = dr.full(mi.UInt32, dr.width(lane), len(cells)), dr.zeros(mi.Float64, len(keys))
-    of_part = flat_indices(cell)
-    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, dr.gather(mi.UInt32, of_part, part))
-    add_at(shares, mi.Float64(light), part)
-    dr.eval(some, shares)
-    whole = np.bincount(of_sun, shares.numpy(), len(suns))[of_sun]
-    share = np.divide(shares.numpy(), whole, out=np.zeros(len(keys)), where=whole > 0)
-    first = first_of_rows(flat_indices(of_sun), len(suns))
-    d = dr.gather(mi.Vector3f, dr.ravel(d), some)
-    return DiskParts(first, of_part, mi.Float(share.astype(np.float32)), dr.ravel(d))
+    of_lane = flat_indices(np.repeat(np.arange(len(suns)), points))
+
+    def at(lane: mi.UInt32) -> tuple[mi.UInt32, mi.Vector3f, mi.UInt32]:
+        """Sun, direction and incident cell."""
+        uv = (mi.Float((lane * mi.UInt32(step)) >> 8) * TO_UNIT for step in even_steps(2))
+        on_disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(*uv))
+        sun = dr.gather(mi.UInt32, of_lane, lane)
+        return sun, *_on_disks(mount, suns, diameter, sun, on_disk)
+
+    lane = dr.arange(mi.UInt32, dr.width(of_lane))
+    sun, d, number = at(lane)
+    light = mi.Float64(dr.select((d.z < 0) | (not mount.exposed), dr.abs(d.z), 0))
+    dr.eval(sun, number, light)
+    _, place, cells = _numbered(number, 2 * mount.bsdf.out_cells)
+    cell = dr.gather(mi.UInt32, place, number)
+    key = sun * dr.opaque(mi.UInt32, cells) + cell
+    known, place, parts = _numbered(key, cells * len(suns))
+    shares, some = dr.zeros(mi.Float64, parts), dr.full(mi.UInt32, dr.width(lane), cells)
+    add_at(shares, light, dr.gather(mi.UInt32, place, key))
+    dr.scatter_reduce(dr.ReduceOp.Min, some, lane, cell)
+    dr.eval(shares, some)
+    of_sun, of_part = row_and_column(known, cells)
+    whole = dr.zeros(mi.Float64, len(suns))
+    add_at(whole, shares, of_sun)
+    of_disk = dr.gather(mi.Float64, whole, of_sun)
+    share = mi.Float(dr.select(of_disk > 0, shares / of_disk, 0))
+    _, d, _ = at(some)
+    dr.eval(of_part, share)
+    return DiskParts(first_of_rows(of_sun, len(suns)), of_part, share, dr.ravel(d))
+
+
+def _numbered(key: mi.UInt32, many: int) -> tuple[mi.UInt32, mi.UInt32, int]:
+    """Different keys, of `many`, in rising order; the place of every key in them; their number."""
+    there, place = dr.zeros(mi.Bool, many), dr.zeros(mi.UInt32, many)
+    dr.scatter(there, mi.Bool(True), key)
+    known = dr.compress(there)
+    count = dr.width(known)
+    dr.scatter(place, dr.arange(mi.UInt32, count), known)
+    dr.eval(place)
+    return known, place, count
 
 
 def _on_disks(

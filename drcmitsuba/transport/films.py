@@ -184,15 +184,17 @@ class Films:
         self, p: mi.Float, n: mi.Float, *, rays: int, seed: int, numbers: mi.UInt32 | None = None
     ) -> Looked:
         """Draw directions from receivers to the films; parameters as for `looks`."""
-        kinds = []
+        every = []
         for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers):
             row, known = self.rows(look.patch, look.d, look.front)
-            seen = dr.compress((look.weight > 0) & known)
-            if dr.width(seen) == 0:
-                continue
-            columns = look.row, look.patch, row, dr.pi * look.weight
-            kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in columns)))
-            dr.eval(*kinds[-1])
+            seen = (look.weight > 0) & known
+            every.append((seen, look.row, look.patch, row, dr.pi * look.weight))
+        dr.eval(every)  # in one launch: each column alone would trace the rays anew
+        kinds = []
+        for seen, *columns in every:
+            if dr.width(at := dr.compress(seen)):
+                kinds.append(Directions(*(dr.gather(type(x), x, at) for x in columns)))
+                dr.eval(*kinds[-1])
         return Looked(dr.width(p) // 3, tuple(kinds))
 
     def even_rows(self, looked: Looked) -> tuple[EvenRows, ...]:

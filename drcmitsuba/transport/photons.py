@@ -246,7 +246,7 @@ class PhotonTracer:
             ports.scene.full, traits, self.areas, squares, start, sums,
             dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
         )  # fmt: skip
-        dr.eval(fates, sums)  # together: each sum alone would follow all photons again
+        dr.eval(fates, *sums)  # together: each sum alone would follow all photons again
         *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
         self.ports[0].scene.ray_counter.take("photon", round(segments))
         names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")

@@ -182,7 +182,7 @@ def solved(
             part.append(OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
             if marks is not None:
                 marked[r].append(dr.gather(mi.UInt32, rays.met.mark, at))
-            dr.eval(part[-1], marked[r])
+            dr.eval(*part[-1], marked[r])
     bounces = tuple(OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
     # No rays give the mean of a block from the cells that come last.
     sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, first.sending)
