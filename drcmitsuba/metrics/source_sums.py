@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices, repeated, row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, repeated, row_and_column, shared
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -69,7 +69,7 @@ def source_sums(
 
 def _by_bin(C: np.ndarray, parts: list[np.ndarray]) -> list[mi.TensorXf]:
     """Coefficients (replicate, bin, sensor) of some parts of the bins."""
-    (replicates, sensors, every), values = C.shape, flat(C)
+    (replicates, sensors, every), values = C.shape, shared(C)
 
     def of(bins: np.ndarray) -> mi.TensorXf:
         shape = (replicates, len(bins), sensors)

@@ -23,12 +23,28 @@ def flat_indices(a: ArrayLike) -> mi.UInt32:
     return mi.UInt32(_aligned(a, np.uint32))
 
 
-def _aligned(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
-    """Copy an array to a flat one that begins at a multiple of `ALIGNMENT`."""
-    values = np.asarray(a)
-    memory = np.empty(values.size * np.dtype(dtype).itemsize + ALIGNMENT, np.uint8)
+def shared(a: np.ndarray) -> mi.Float:
+    """Numbers in single precision, without a copy where memory is from `aligned`.
+
+    Such an array must not change while its numbers are in use.
+    """
+    begins = a.ctypes.data % ALIGNMENT == 0 and a.flags.c_contiguous and a.flags.writeable
+    return mi.Float(a.ravel()) if begins and a.dtype == np.float32 else flat(a)
+
+
+def aligned(shape: tuple[int, ...], dtype: type[np.generic] = np.float32) -> np.ndarray:
+    """Array without values that begins at a multiple of `ALIGNMENT`."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    memory = np.empty(size + ALIGNMENT, np.uint8)
     start = -memory.ctypes.data % ALIGNMENT
-    out: np.ndarray = memory[start : start + memory.size - ALIGNMENT].view(dtype)
+    out: np.ndarray = memory[start : start + size].view(dtype).reshape(shape)
+    return out
+
+
+def _aligned(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
+    """Copy an array to a flat one of `aligned` memory."""
+    values = np.asarray(a)
+    out = aligned((values.size,), dtype)
     out[:] = values.ravel()
     return out
 

@@ -23,7 +23,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockSeries
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import flat
+from drcmitsuba.runtime.flat_arrays import aligned, flat
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -232,7 +232,7 @@ def _of_block(
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
     count, every = here.stop - here.start, replicates[-1].numbers.stop
-    statistics, total = Statistics(), np.empty((every, count, len(bins.labels)), np.float32)
+    statistics, total = Statistics(), aligned((every, count, len(bins.labels)))
     base = replicates[0].deposits[0]
     disks = base.disks(p, n, sensor_numbers(here), within)
     for some in replicates:

@@ -85,7 +85,7 @@ class EvenAnswer(NamedTuple):
     def to_suns(self, values: mi.TensorXf) -> mi.TensorXf:
         """Values by sun from values by incident cell, shapes (row, cell) and (row, sun)."""
         rows, suns = values.shape[0], dr.width(self.parts.first) - 1
-        out = dr.zeros(mi.Float, rows * suns)
+        out = dr.empty(mi.Float, rows * suns)
         for start in range(0, rows * suns, SHADOW_RAYS):
             lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, rows * suns - start))
             pair = lane + dr.opaque(mi.UInt32, start)

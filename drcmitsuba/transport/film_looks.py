@@ -8,7 +8,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import add_at
+from drcmitsuba.runtime.flat_arrays import first_of_rows
+from drcmitsuba.transport.products import MOST_SINGLE
 
 
 class Directions(NamedTuple):
@@ -26,6 +27,8 @@ class Looked(NamedTuple):
     """Directions of two kinds from receivers to films, see `diffusing_panes.looks`."""
 
     receivers: int
+    rays: int
+    """Number of directions of each kind from a receiver, seen or not."""
     kinds: tuple[Directions, ...]
 
     def of(self, patches: np.ndarray) -> Looked:
@@ -39,7 +42,7 @@ class Looked(NamedTuple):
             if dr.width(seen):
                 kinds.append(Directions(*(dr.gather(type(x), x, seen) for x in kind)))
                 dr.eval(*kinds[-1])
-        return Looked(self.receivers, tuple(kinds))
+        return self._replace(kinds=tuple(kinds))
 
     def apart(self, parts: int) -> list[Looked]:
         """Directions of as many parts of the receivers, which stand one after another."""
@@ -52,7 +55,7 @@ class Looked(NamedTuple):
                     mine = Directions(*(dr.gather(type(x), x, own) for x in kind))
                     kinds.append(mine._replace(receiver=mine.receiver - first))
                     dr.eval(*kinds[-1])
-            every.append(Looked(size, tuple(kinds)))
+            every.append(Looked(size, self.rays, tuple(kinds)))
         return every
 
     def by_row(self, rows: mi.UInt32, of: int) -> mi.TensorXf:
@@ -62,12 +65,26 @@ class Looked(NamedTuple):
         """
         few, place = dr.width(rows), dr.zeros(mi.UInt32, of)
         dr.scatter(place, dr.arange(mi.UInt32, few), rows)
-        dr.eval(place)
-        out = dr.zeros(mi.Float64, self.receivers * few)
+        kind_of_sums = mi.Float if self.rays <= MOST_SINGLE else mi.Float64
+        out = dr.zeros(kind_of_sums, self.receivers * few)
+        dr.make_opaque(place, out)  # loops that are being recorded read and add to them
         for kind in self.kinds:
-            at = kind.receiver * dr.opaque(mi.UInt32, few) + dr.gather(mi.UInt32, place, kind.row)
-            add_at(out, mi.Float64(kind.weight), at)
+            self._add_to(out, kind, first_of_rows(kind.receiver, self.receivers), place, few)
         return mi.TensorXf(mi.Float(out), (self.receivers, few))
+
+    @dr.syntax
+    def _add_to(
+        self, out: mi.Float, kind: Directions, first: mi.UInt32, place: mi.UInt32, few: int
+    ) -> None:
+        """Add the weights of each receiver to its row: one thread does, so sums are not atomic."""
+        receiver = dr.arange(mi.UInt32, self.receivers)
+        at, end = dr.gather(mi.UInt32, first, receiver), dr.gather(mi.UInt32, first, receiver + 1)
+        start = receiver * dr.opaque(mi.UInt32, few)
+        while dr.hint(at < end, exclude=[self, out, first, place, start, end]):
+            cell = dr.gather(mi.UInt32, place, dr.gather(mi.UInt32, kind.row, at))
+            weight = type(out)(dr.gather(mi.Float, kind.weight, at))
+            dr.scatter_add(out, weight, start + cell, mode=dr.ReduceMode.NoConflicts)
+            at += 1
 
     def rows_met(self, rows: int) -> mi.UInt32:
         """Outgoing cells, of a number of `rows`, in which any direction lies."""

@@ -149,12 +149,14 @@ def peak_deposit(
         before = mi.Ray3f(p, d, hit.t * (1 - 1e-4) - OFFSET, 0, [])
         scene.ray_counter.add("pane", seen, dr.width(lane))
         weight = cosine * whole / (dr.abs(outgoing.z) * n) * visibility(scene, before, seen)
-        at = dr.compress(seen & (weight > 0))
+        seen &= weight > 0
+        columns = (receiver, number, index, cell, weight, *(p + hit.t * d))
+        dr.eval(seen, columns)  # in one launch: each column alone would trace the rays anew
+        at = dr.compress(seen)
         if dr.width(at) == 0:
             continue
-        kept = [dr.gather(type(x), x, at) for x in (receiver, number, index, cell)]
-        w = dr.gather(mi.Float, weight, at)
-        q = mi.Point3f(*(dr.gather(mi.Float, x, at) for x in p + hit.t * d))
+        *kept, w, x, y, z = (dr.gather(type(column), column, at) for column in columns)
+        q = mi.Point3f(x, y, z)
         dr.eval(kept, w, q)
         _add_suns(scene, mount, peaks, centres, diameter, kept, w, q, seed, n_suns, out)
         dr.eval(out)

@@ -195,7 +195,7 @@ class Films:
             if dr.width(at := dr.compress(seen)):
                 kinds.append(Directions(*(dr.gather(type(x), x, at) for x in columns)))
                 dr.eval(*kinds[-1])
-        return Looked(dr.width(p) // 3, tuple(kinds))
+        return Looked(dr.width(p) // 3, rays, tuple(kinds))
 
     def even_rows(self, looked: Looked) -> tuple[EvenRows, ...]:
         """Find the cells that receivers see in films whose light is best told by a product.

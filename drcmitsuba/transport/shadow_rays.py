@@ -211,9 +211,11 @@ def possible_pairs(
         exists &= dr.dot(n, centre) > -dr.sin(radius)
         if openings is not None:
             exists &= openings.passed(row, p, centre, radius)
+        pair = row * stride + sun
+        dr.eval(exists, pair)
         chosen = dr.compress(exists)  # few pairs: lanes of the others would cost as much
         if dr.width(chosen):
-            pair = dr.gather(mi.UInt32, row * stride + sun, chosen)
+            pair = dr.gather(mi.UInt32, pair, chosen)
             dr.eval(pair)
             yield pair
 

@@ -5,7 +5,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from drcmitsuba.runtime.flat_arrays import row_and_column
+from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.flat_arrays import ALIGNMENT, aligned, row_and_column, shared
 
 
 @pytest.mark.parametrize(
@@ -24,3 +25,16 @@ def test_rows_and_columns_are_quotient_and_remainder(columns):
 def test_an_array_without_columns_has_no_entries():
     row, column = row_and_column(mi.UInt32(), 0)
     assert dr.width(row) == dr.width(column) == 0
+
+
+@pytest.mark.parametrize("aligned_memory", [True, False])
+def test_numbers_are_shared_without_a_copy_where_memory_is_aligned(aligned_memory):
+    memory = aligned((3, 5)) if aligned_memory else np.empty(16, np.float32)[1:].reshape(3, 5)
+    memory[:] = np.arange(15).reshape(3, 5)
+    numbers = shared(memory)
+    assert numbers.numpy().tolist() == [*range(15)]
+    if backend.select().startswith("llvm"):
+        assert np.shares_memory(numbers.numpy(), memory) == (memory.ctypes.data % ALIGNMENT == 0)
+    turned = shared(memory.T)
+    assert turned.numpy().tolist() == memory.T.ravel().tolist()
+    assert shared(memory.astype(float)).numpy().tolist() == [*range(15)]
