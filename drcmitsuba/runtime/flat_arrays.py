@@ -24,7 +24,7 @@ def flat_indices(a: ArrayLike) -> mi.UInt32:
 
 
 def shared(a: np.ndarray) -> mi.Float:
-    """Numbers in single precision, without a copy where memory is from `aligned`.
+    """Numbers in single precision, without a copy of an array that came from the device.
 
     Such an array must not change while its numbers are in use.
     """
@@ -32,19 +32,12 @@ def shared(a: np.ndarray) -> mi.Float:
     return mi.Float(a.ravel()) if begins and a.dtype == np.float32 else flat(a)
 
 
-def aligned(shape: tuple[int, ...], dtype: type[np.generic] = np.float32) -> np.ndarray:
-    """Array without values that begins at a multiple of `ALIGNMENT`."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    memory = np.empty(size + ALIGNMENT, np.uint8)
-    start = -memory.ctypes.data % ALIGNMENT
-    out: np.ndarray = memory[start : start + size].view(dtype).reshape(shape)
-    return out
-
-
 def _aligned(a: ArrayLike, dtype: type[np.generic]) -> np.ndarray:
-    """Copy an array to a flat one of `aligned` memory."""
+    """Copy an array to a flat one that begins at a multiple of `ALIGNMENT`."""
     values = np.asarray(a)
-    out = aligned((values.size,), dtype)
+    memory = np.empty(values.size * np.dtype(dtype).itemsize + ALIGNMENT, np.uint8)
+    start = -memory.ctypes.data % ALIGNMENT
+    out: np.ndarray = memory[start : start + memory.size - ALIGNMENT].view(dtype)
     out[:] = values.ravel()
     return out
 

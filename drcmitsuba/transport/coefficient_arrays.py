@@ -71,11 +71,12 @@ class Bins:
                 out += dr.gather(mi.Float, part, row * count + at - begin, own)
         return mi.Float(out)
 
-
-def values_of(light: Irradiance, bins: Bins, sensors: int) -> np.ndarray:
-    """Values of light in an array (replicate, sensor, bin)."""
-    values = bins.joined((light.sky.array, light.sun.array), len(light.sky))
-    return np.asarray(values.numpy().reshape(-1, sensors, len(bins.labels)))
+    def put(self, out: mi.Float, light: Irradiance, row: int) -> None:
+        """Put the values of light into flat (row, bin), from a row on."""
+        values = self.joined((light.sky.array, light.sun.array), len(light.sky))
+        first = dr.opaque(mi.UInt32, row * len(self.labels))
+        dr.scatter(out, values, dr.arange(mi.UInt32, dr.width(values)) + first)
+        dr.eval(out)
 
 
 @dataclass

@@ -8,6 +8,7 @@ on the sensor, cell or sun that they serve, not on the launch.
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -23,7 +24,7 @@ from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockSeries
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import aligned, flat
+from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -34,7 +35,6 @@ from drcmitsuba.transport.coefficient_arrays import (
     Statistics,
     as_dataset,
     dark,
-    values_of,
 )
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
@@ -232,7 +232,8 @@ def _of_block(
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
     within = None if gathered.within is None else mi.Bool(gathered.within[here])
     count, every = here.stop - here.start, replicates[-1].numbers.stop
-    statistics, total = Statistics(), aligned((every, count, len(bins.labels)))
+    shape = every, count, len(bins.labels)
+    statistics, total = Statistics(), dr.empty(mi.Float, math.prod(shape))
     base = replicates[0].deposits[0]
     disks = base.disks(p, n, sensor_numbers(here), within)
     for some in replicates:
@@ -242,9 +243,10 @@ def _of_block(
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(*straight, *direct, *interreflected, *whole)
         statistics.add(parts, len(some))
-        total[some.numbers.start : some.numbers.stop] = values_of(whole, bins, count)
+        bins.put(total, whole, some.numbers.start * count)
         progress(some.numbers.stop / every)
-    return as_dataset(bins.labels, points[here], statistics.arrays(count, bins), total)
+    every_replicate = total.numpy().reshape(shape)
+    return as_dataset(bins.labels, points[here], statistics.arrays(count, bins), every_replicate)
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:
