@@ -73,14 +73,14 @@ class State:
         known: tuple[np.ndarray, np.ndarray], is_known: np.ndarray,
     ) -> State:  # fmt: skip
         """Take mean and error (time, sensor) where they are known, and accumulate the rest."""
-        mean, error = (a.copy() for a in known)
+        mean, error = (a if wanted.all() else a[wanted] for a in known)
+        row = np.where(wanted, np.cumsum(wanted) - 1, -1)
         rest = np.flatnonzero(wanted & ~is_known)
         if len(rest):
-            illuminance = accumulate.by_source(coefficients, sky.isel(time=rest))
-            mean[rest], error[rest] = illuminance["total"].values, illuminance["total_se"].values
-        row = np.where(wanted, np.cumsum(wanted) - 1, -1)
-        part = sky.isel(time=np.flatnonzero(wanted))
-        return cls(coefficients, part, row, mean[wanted], error[wanted])
+            E = accumulate.by_source(coefficients, sky.isel(time=rest))
+            mean, error = mean.copy(), error.copy()
+            mean[row[rest]], error[row[rest]] = E["total"].values, E["total_se"].values
+        return cls(coefficients, sky.isel(time=np.flatnonzero(wanted)), row, mean, error)
 
     def classes(self, threshold: float, beyond: float) -> tuple[np.ndarray, np.ndarray]:
         """Whether entries pass for certain, and whether they may pass, (time, sensor) each."""
@@ -140,7 +140,8 @@ def draw_autonomy(
             block = tally.sensors[start : start + BLOCK]
             E = [state.replicates(block) for state in states]
             for i, sensor in enumerate(block):
-                time = tally.wanted(sensor, np.flatnonzero(doubtful[:, sensor]))
+                time = np.flatnonzero(doubtful[:, sensor])
+                time = time[tally.wants(sensor, time)]
                 varies = hour[time] >= 0
                 passed = np.zeros((len(time), DRAWS), bool)
                 for k, state in enumerate(states):

@@ -66,21 +66,21 @@ class BootstrapCounts:
         """Sensors that do not pass or fail for certain."""
         return np.flatnonzero(self.open_year | self.open_months.any(axis=1))
 
-    def wanted(self, sensor: int, time: np.ndarray) -> np.ndarray:
-        """Doubtful time stamps of a sensor that have to be drawn."""
+    def wants(self, sensor: int, time: np.ndarray) -> np.ndarray:
+        """Whether doubtful time stamps of a sensor have to be drawn."""
         if self.open_year[sensor]:
-            return time
-        return time[self.open_months[sensor, self.needed.month[time]]]
+            return np.ones(len(time), bool)
+        return self.open_months[sensor, self.needed.month[time]]
 
     def add(self, sensor: int, time: np.ndarray, passed: np.ndarray) -> None:
         """Add the draws of a sensor's wanted time stamps, (entry, draw)."""
         counts = np.repeat(self.sure[sensor][:, None], DRAWS, axis=1)
         month = self.needed.month[time]
-        if (np.diff(month) < 0).any():
+        if (month[1:] < month[:-1]).any():
             order = np.argsort(month, kind="stable")
             month, passed, time = month[order], passed[order], time[order]
-        begins = np.flatnonzero(np.diff(month, prepend=-1))
-        for begin, end in pairwise([*begins, len(month)]):
+        changes = np.flatnonzero(month[1:] != month[:-1]) + 1
+        for begin, end in pairwise([0, *changes.tolist(), len(month)]):
             for first in range(begin, end, MOST):
                 piece = passed[first : min(first + MOST, end)].view(np.uint8)
                 counts[month[begin]] += np.add.reduce(piece, axis=0, dtype=np.uint8)

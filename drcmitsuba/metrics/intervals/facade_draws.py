@@ -88,21 +88,20 @@ class SunlitSensors:
     doubtful: np.ndarray
     """Number of entries in doubt, int, shape (time, grid, group)."""
     place: np.ndarray
-    """Places in `count` that have entries in doubt, in rising order, int, shape (place,)."""
+    """Places in `count` whose entries in doubt are drawn, in rising order, int, shape (place,)."""
     closing: np.ndarray
     """Number of their entries that reach the rule's threshold in each draw, (place, draw)."""
 
     @classmethod
     def of(
-        cls,
-        passes: np.ndarray,
-        group: np.ndarray,
-        grid: np.ndarray,
-        groups: int,
-        sun: SunDraws,
-        grids: int = 0,
-    ) -> SunlitSensors:
-        """Count; `passes` and `group` have the shape (time, sensor), `grid` (sensor,)."""
+        cls, passes: np.ndarray, group: np.ndarray, grid: np.ndarray, groups: int, sun: SunDraws,
+        grids: int = 0, least: np.ndarray | None = None,
+    ) -> SunlitSensors:  # fmt: skip
+        """Count; `passes` and `group` have the shape (time, sensor), `grid` (sensor,).
+
+        Where these are all sensors, of which grids ask for `least` (grid,), only hours in doubt are
+        drawn.
+        """
         count = np.stack(
             [count_by_grid(passes & (group == g), grid, grids) for g in range(groups)], axis=-1
         )
@@ -113,8 +112,12 @@ class SunlitSensors:
         time, sensor, at = sun.time[order], sun.sensor[order], at[order]
         by_mean = np.bincount(at, passes[time, sensor], count.size).astype(int)
         doubtful = np.bincount(at, minlength=count.size).reshape(count.shape)
-        sure = count - by_mean.reshape(count.shape)
-        place = np.flatnonzero(doubtful)
+        sure, none = count - by_mean.reshape(count.shape), np.zeros(0, np.int64)
+        every = cls(count, sure, doubtful, none, np.zeros((0, DRAWS), np.uint32))
+        if least is not None:
+            asks = every.in_doubt(least)[time, grid[sensor]]
+            order, at = order[asks], at[asks]
+        place = np.unique(at)
         closing = np.zeros((len(place), DRAWS), np.uint32)
         for start in range(0, len(order), BLOCK):
             here = slice(start, start + BLOCK)
@@ -122,7 +125,7 @@ class SunlitSensors:
             bits = unpacked(sun.closing[order[here]])
             sums = np.add.reduceat(bits, begins, axis=0, dtype=np.uint32)
             closing[np.searchsorted(place, some)] += sums
-        return cls(count, sure, doubtful, place, closing)
+        return replace(every, place=place, closing=closing)
 
     def plus(self, other: SunlitSensors) -> SunlitSensors:
         """Count the sensors of two blocks, the grids of which have the same numbers."""
@@ -173,18 +176,23 @@ def draw_closures(
     a single one, `grid` the number of each sensor's grid (sensor,), `time` the time stamps, `sun`
     the draws of the direct sun.
     """
-    sunlit = sunlit_sensors(mean, group, grid, sun, rule)
-    return closures_from(sunlit, np.bincount(grid), time, rule)
+    sensors = np.bincount(grid)
+    sunlit = sunlit_sensors(mean, group, grid, sun, rule, least=rule.required(sensors))
+    return closures_from(sunlit, sensors, time, rule)
 
 
 def sunlit_sensors(
     mean: np.ndarray, group: np.ndarray | None, grid: np.ndarray, sun: SunDraws, rule: ShadeRule,
-    grids: int = 0,
+    grids: int = 0, least: np.ndarray | None = None,
 ) -> SunlitSensors:  # fmt: skip
-    """Count the sensors in the sun; arguments as for `draw_closures`, of at least `grids` grids."""
+    """Count the sensors in the sun; arguments as for `draw_closures` and `SunlitSensors.of`.
+
+    There are at least `grids` grids.
+    """
     group = np.zeros((1, 1), np.int16) if group is None else group
     group = np.broadcast_to(group, mean.shape)
-    return SunlitSensors.of(mean >= rule.threshold, group, grid, len(rule.groups), sun, grids)
+    passes, groups = mean >= rule.threshold, len(rule.groups)
+    return SunlitSensors.of(passes, group, grid, groups, sun, grids, least)
 
 
 def closures_from(

@@ -117,10 +117,10 @@ def values(
 
     `sDA`, `ASE`, `shade_closed`; `msDA`, `MSE`, `shade_closed_monthly`, NaN without hours.
     """
-    total, direct = (
-        luminance(illuminance[name]) + errors * luminance(illuminance[f"{name}_se"])
-        for name in ("total", "direct_sun")
-    )
+    total, direct = (luminance(illuminance[name]) for name in ("total", "direct_sun"))
+    if errors:
+        total = total + errors * luminance(illuminance["total_se"])
+        direct = direct + errors * luminance(illuminance["direct_sun_se"])
     t = rules.metrics
     autonomy = (t.sda_threshold, t.sda_fraction)
     exposure = (t.ase_threshold, t.ase_hours, rules.step_hours)

@@ -63,10 +63,11 @@ class YearDraws:
         drawn[self.sun.time, self.sun.sensor] = True
         sure = (self.direct >= threshold) & ~drawn
         tally = BootstrapCounts(needed, needed.count(sure), needed.count(drawn))
+        order = np.argsort(self.sun.sensor, kind="stable")
+        first = np.searchsorted(self.sun.sensor[order], np.arange(drawn.shape[1] + 1))
         for sensor in tally.sensors:
-            entries = np.flatnonzero(self.sun.sensor == sensor)
-            time = tally.wanted(sensor, self.sun.time[entries])
-            kept = entries[np.isin(self.sun.time[entries], time)]
+            entries = order[first[sensor] : first[sensor + 1]]
+            kept = entries[tally.wants(sensor, self.sun.time[entries])]
             tally.add(sensor, self.sun.time[kept], unpacked(self.sun.exposed[kept]))
         return tally
 
