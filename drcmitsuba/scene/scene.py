@@ -13,12 +13,14 @@ from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DiffuserMaterial,
+    GlazingMaterial,
     Lambertian,
     PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.runtime.ray_counter import RayCounter
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
+from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.geometry import Port, Surface
 from drcmitsuba.scene.materials import film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
@@ -57,6 +59,8 @@ class Scene:
     """Rectangles at which photons start."""
     effects: EnabledEffects = ALL_EFFECTS
     """Effects that are simulated."""
+    flat_panes: FlatPanes | None = None
+    """The same as `clear`, where all of it are a few flat panes of clear glass."""
     panes: mi.Scene | None = None
     """Clear panes alone, where porous surfaces stand beside them."""
     ray_counter: RayCounter = field(default_factory=RayCounter)
@@ -128,11 +132,14 @@ def build(
         kept = {name: mesh for (name, mesh), k in zip(shapes.items(), keep, strict=True) if k}
         return mi.load_dict({"type": "scene", **kept}, optimize=False)
 
+    let_through = [part for part, clear in zip(parts, is_clear, strict=True) if clear]
+    is_glass = all(isinstance(part.material, GlazingMaterial) for part in let_through)
     full = scene([True] * len(parts))
     return Scene(
         full=full,
         opaque=scene([not clear for clear in is_clear]) if any(is_clear) else full,
         clear=scene(is_clear) if any(is_clear) else None,
+        flat_panes=FlatPanes.of((p.quads, p.bsdf) for p in let_through) if is_glass else None,
         panes=scene(is_pane) if any(is_pane) and is_pane != is_clear else None,
         corners=np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))]),
         enclosure=enclosure,

@@ -59,6 +59,8 @@ def visibility(scene: Scene, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
     lit = active & ~scene.opaque.ray_test(ray, coherent=False, active=active)
     if scene.clear is None:
         return dr.select(lit, mi.Float(1), 0)
+    if scene.flat_panes is not None:
+        return scene.flat_panes.transmittance(ray, lit)
     return transmittance(scene.clear, ray, lit)
 
 

@@ -64,7 +64,7 @@ class YearDraws:
         sure = (self.direct >= threshold) & ~drawn
         tally = BootstrapCounts(needed, needed.count(sure), needed.count(drawn))
         order = np.argsort(self.sun.sensor, kind="stable")
-        first = np.searchsorted(self.sun.sensor[order], np.arange(drawn.shape[1] + 1))
+        first = np.searchsorted(self.sun.sensor[order], np.arange(self.direct.shape[1] + 1))
         for sensor in tally.sensors:
             entries = order[first[sensor] : first[sensor + 1]]
             kept = entries[tally.wants(sensor, self.sun.time[entries])]
