@@ -59,6 +59,9 @@ class Scene:
     """Rectangles at which photons start."""
     effects: EnabledEffects = ALL_EFFECTS
     """Effects that are simulated."""
+    occluders: mi.Scene | None = None
+    """Opaque surfaces that rays meet which leave a box by its openings: all but its walls; None for
+    rooms that are no boxes."""
     flat_panes: FlatPanes | None = None
     """The same as `clear`, where all of it are a few flat panes of clear glass."""
     panes: mi.Scene | None = None
@@ -132,6 +135,14 @@ def build(
         kept = {name: mesh for (name, mesh), k in zip(shapes.items(), keep, strict=True) if k}
         return mi.load_dict({"type": "scene", **kept}, optimize=False)
 
+    def occluders(box: Enclosure) -> mi.Scene:
+        meshes = {}
+        for i, (part, clear) in enumerate(zip(parts, is_clear, strict=True)):
+            quads = part.quads[box.may_hide(part.quads)]
+            if not clear and len(quads):
+                meshes[f"shape{i}"] = quad_mesh(part.name, quads, part.bsdf)
+        return mi.load_dict({"type": "scene", **meshes}, optimize=False)
+
     let_through = [part for part, clear in zip(parts, is_clear, strict=True) if clear]
     is_glass = all(isinstance(part.material, GlazingMaterial) for part in let_through)
     full = scene([True] * len(parts))
@@ -139,6 +150,7 @@ def build(
         full=full,
         opaque=scene([not clear for clear in is_clear]) if any(is_clear) else full,
         clear=scene(is_clear) if any(is_clear) else None,
+        occluders=occluders(enclosure) if enclosure is not None and enclosure.is_box else None,
         flat_panes=FlatPanes.of((p.quads, p.bsdf) for p in let_through) if is_glass else None,
         panes=scene(is_pane) if any(is_pane) and is_pane != is_clear else None,
         corners=np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))]),

@@ -42,6 +42,9 @@ from drcmitsuba.scene.panes_in_state import PanesInState
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import reaches_in
 
+NEAR = 1e-5
+"""Distance within which points lie in a face of the room [m]."""
+
 
 @dataclass(frozen=True)
 class Enclosure:
@@ -64,10 +67,25 @@ class Enclosure:
     """Rectangles that straight light passes on its way out of the rooms of a model, world frame
     [m], shape (exit, 4, 3); None for boxes, and where there are too many of them."""
 
+    def may_hide(self, quads: np.ndarray) -> np.ndarray:
+        """Whether quads (quad, 4, 3) may hide what points of a box see by its openings, (quad,).
+
+        The faces of the box do not, save for what stands within an opening: light that passes an
+        opening meets the box nowhere else.
+        """
+        corners, openings = quads @ self.turn, self.openings @ self.turn
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        on_face = ((high < NEAR) | (low > self.size - NEAR)).any(axis=1)
+        on_face &= ((low > -NEAR) & (high < self.size + NEAR)).all(axis=1)
+        first, last = openings.min(axis=1), openings.max(axis=1)
+        common = np.minimum(high[:, None], last) - np.maximum(low[:, None], first)
+        within = (common > -NEAR).all(axis=2) & ((common > NEAR).sum(axis=2) > 1)
+        return np.asarray(~on_face | within.any(axis=1))
+
     def contains(self, points: mi.Float) -> bool:
         """Whether every point (three numbers each, world frame) lies in the room."""
         p = points.numpy().reshape(-1, 3) @ self.turn
-        return bool(((p > -1e-5) & (p < self.size + 1e-5)).all())
+        return bool(((p > -NEAR) & (p < self.size + NEAR)).all())
 
 
 def surfaces_of(

@@ -26,6 +26,7 @@ from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
+from drcmitsuba.transport.openings import Openings
 from drcmitsuba.transport.shadow_rays import visibility
 
 MOST_PATCHES = 1 << 19
@@ -180,6 +181,7 @@ def looks(
     a, b = (mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed, index))
     p = dr.gather(mi.Point3f, points, row)
     n = dr.gather(mi.Normal3f, normals, row)
+    openings = Openings.of(scene, points)  # rays to its panes stay in a box
 
     def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> Look:
         """Weigh directions drawn in either way."""
@@ -189,7 +191,7 @@ def looks(
         # The ray ends before the pane, which may let straight light through as well.
         before = mi.Ray3f(p, d, distance * (1 - 1e-4) - OFFSET, 0, [])
         scene.ray_counter.add("pane", seen, dr.width(d))
-        tau = visibility(scene, before, seen)
+        tau = visibility(scene, before, seen, openings)
         by_area = dr.square(distance) / (dr.abs(cos_pane) * total_area)
         by_cosine = cosine * dr.inv_pi
         weight = dr.select(tau > 0, by_cosine * tau / (many * (by_area + by_cosine)), 0)

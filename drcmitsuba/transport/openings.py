@@ -22,6 +22,8 @@ from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
 CLUSTER = 32
 """Number of neighbouring suns that are traced or skipped together."""
+SLACK = 1e-3
+"""Width by which openings count as larger on all sides, in doubt [m]."""
 RAYS = 256
 """Number of rays by which a point is found to lie in a room of a model."""
 
@@ -63,6 +65,9 @@ class Openings:
     quads: np.ndarray
     within: mi.Bool | None = None
     """Whether each point lies in the room; None where all do."""
+    occluders: mi.Scene | None = None
+    """All that may hide what is seen by the openings, see `Scene.occluders`; None where walls may,
+    too: openings then count as larger by `SLACK`."""
 
     @classmethod
     def of(cls, scene: Scene, points: mi.Float, within: mi.Bool | None = None) -> Openings | None:
@@ -75,7 +80,7 @@ class Openings:
             return None
         if room.exits is not None:
             return None if within is None else cls(room.exits, within)
-        return cls(room.openings) if room.contains(points) else None
+        return cls(room.openings, occluders=scene.occluders) if room.contains(points) else None
 
     @property
     def are_none(self) -> bool:
@@ -105,7 +110,8 @@ class Openings:
         corner, n, *sides, length = self.axes(opening)
         height, cosine = dr.dot(p - corner, n), -dr.dot(d, n)
         outermost = cosine * c - dr.safe_sqrt(1 - cosine * cosine) * s
-        margin = dr.select(s > 0, height * s / (cosine * outermost), 0) + 1e-3
+        slack = SLACK if self.occluders is None else 0
+        margin = dr.select(s > 0, height * s / (cosine * outermost) + SLACK, slack)
         y = p + height / cosine * d - corner
         inside = (height > -1e-3) & (cosine > 0)
         for side, most in zip(sides, length.xy, strict=True):

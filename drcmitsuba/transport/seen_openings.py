@@ -22,7 +22,7 @@ from drcmitsuba.transport.openings import Openings
 SEGMENTS = 16
 """Number of pieces of an opening's edge between whose ends its image is bounded."""
 WIDER = 2e-3
-"""Width by which an opening counts as larger on all sides [m]; `Openings.passed` takes 1 mm."""
+"""Width by which an opening counts as larger on all sides [m]; `Openings.passed` takes less."""
 NEAR = 5e-3
 """Distance from an opening's plane within which all rays count [m]."""
 BEHIND = -0.7

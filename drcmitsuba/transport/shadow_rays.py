@@ -48,15 +48,28 @@ def _sun_numbers(directions: bytes) -> np.ndarray:
     return np.array([crc32(directions[start : start + size]) for start in each], np.uint32)
 
 
-def straight(scene: Scene, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> mi.Float:
-    """Transmittance from points to the sky: product over clear panes; 0 behind opaque surfaces."""
+def straight(
+    scene: Scene, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool, openings: Openings | None = None
+) -> mi.Float:
+    """Transmittance from points to the sky: product over clear panes; 0 behind opaque surfaces.
+
+    Active rays pass one of the `openings`, where these are given.
+    """
     scene.ray_counter.add("shadow", active, dr.width(d))
-    return visibility(scene, mi.Ray3f(p, d), active)
+    return visibility(scene, mi.Ray3f(p, d), active, openings)
 
 
-def visibility(scene: Scene, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
-    """Transmittance along rays, which are not counted: the call may stand in a symbolic loop."""
-    lit = active & ~scene.opaque.ray_test(ray, coherent=False, active=active)
+def visibility(
+    scene: Scene, ray: mi.Ray3f, active: mi.Bool, openings: Openings | None = None
+) -> mi.Float:
+    """Transmittance along rays, which are not counted: the call may stand in a symbolic loop.
+
+    Active rays stay in the room of the `openings`, or leave it by one of them.
+    """
+    opaque = scene.opaque
+    if openings is not None and openings.occluders is not None:
+        opaque = openings.occluders
+    lit = active & ~opaque.ray_test(ray, coherent=False, active=active)
     if scene.clear is None:
         return dr.select(lit, mi.Float(1), 0)
     if scene.flat_panes is not None:
@@ -101,7 +114,7 @@ def sky_deposit(
         n_points = min(block, count - start)
         every = EvenRays.of(points, normals, numbers, start, n_points, rays, seed)
         for row, p, d, active in every.leaving(scene.effects.shines, openings):
-            tau = straight(scene, p, d, active)
+            tau = straight(scene, p, d, active, openings)
             index = row * bins + patch_index(d, subdivision)
             add_at(out, mi.Float64(tau * share), index, tau > 0)
             dr.eval(out)
@@ -112,7 +125,7 @@ def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int,
     numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
-    through: Through = straight, pairs: Iterable[mi.UInt32] | None = None,
+    through: Through | None = None, pairs: Iterable[mi.UInt32] | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -225,7 +238,7 @@ def possible_pairs(
 def _by_pairs(
     scene: Scene, openings: Openings | None, points: mi.Float, normals: mi.Float,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
-    through: Through = straight,
+    through: Through | None = None,
 ) -> Callable[..., mi.Float]:  # fmt: skip
     """Make the function that gives D [sr] of active pairs of a point and a sun.
 
@@ -246,7 +259,10 @@ def _by_pairs(
             lit = active & (cosine > 0)
             if openings is not None:
                 lit &= openings.passed(row, p, d)
-            tau = through(scene, p, d, lit)
+            if through is None:
+                tau = straight(scene, p, d, lit, openings)
+            else:
+                tau = through(scene, p, d, lit)
             total += dr.select(tau > 0, tau * cosine, 0)
         return total * (disk_solid_angle(diameter) / len(drawn))
 

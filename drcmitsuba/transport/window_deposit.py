@@ -105,7 +105,7 @@ class WindowDeposit:
         for i, window in enumerate(windows.windows):
             shapes[f"window{i}"] = paired_mesh(f"window{i}", window.quads)
             opaque = mi.load_dict({"type": "scene", **shapes}, optimize=False)
-            blocked.append(replace(scene, opaque=opaque))
+            blocked.append(replace(scene, opaque=opaque, occluders=None))
         diffusers, films = deposit.patches, deposit.films
         of_diffuser = None if diffusers is None else _windows_of(diffusers, windows)
         of_film = None if films is None else _windows_of(films.patches, windows)
