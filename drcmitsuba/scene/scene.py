@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from drcmitsuba.model.materials import (
     SurfaceMaterial,
 )
 from drcmitsuba.runtime.ray_counter import RayCounter
+from drcmitsuba.scene.box_faces import BoxFaces
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.geometry import Port, Surface
@@ -62,6 +64,10 @@ class Scene:
     occluders: mi.Scene | None = None
     """Opaque surfaces that rays meet which leave a box by its openings: all but its walls; None for
     rooms that are no boxes."""
+    faces: BoxFaces | None = None
+    """Faces of a box room, where each is of one material but for an aperture."""
+    apart: mi.Scene | None = None
+    """All surfaces but those faces, where there are such."""
     flat_panes: FlatPanes | None = None
     """The same as `clear`, where all of it are a few flat panes of clear glass."""
     panes: mi.Scene | None = None
@@ -135,14 +141,20 @@ def build(
         kept = {name: mesh for (name, mesh), k in zip(shapes.items(), keep, strict=True) if k}
         return mi.load_dict({"type": "scene", **kept}, optimize=False)
 
-    def occluders(box: Enclosure) -> mi.Scene:
-        meshes = {}
-        for i, (part, clear) in enumerate(zip(parts, is_clear, strict=True)):
-            quads = part.quads[box.may_hide(part.quads)]
-            if not clear and len(quads):
-                meshes[f"shape{i}"] = quad_mesh(part.name, quads, part.bsdf)
+    def of_quads(masks: Iterable[np.ndarray]) -> mi.Scene:
+        kept = zip(parts, masks, strict=True)
+        some = [(p, p.quads[mask]) for p, mask in kept if mask.any()]
+        meshes = {f"shape{i}": quad_mesh(p.name, q, p.bsdf) for i, (p, q) in enumerate(some)}
         return mi.load_dict({"type": "scene", **meshes}, optimize=False)
 
+    occluders, faces, apart = None, None, None
+    if enclosure is not None and enclosure.is_box:
+        hide = (enclosure.may_hide(part.quads) for part in parts)
+        occluders = of_quads(m & (not c) for m, c in zip(hide, is_clear, strict=True))
+        faces = BoxFaces.of(enclosure, parts)
+        if faces is not None:
+            rest = replace(enclosure, openings=faces.apertures)
+            apart = of_quads(rest.may_hide(part.quads) for part in parts)
     let_through = [part for part, clear in zip(parts, is_clear, strict=True) if clear]
     is_glass = all(isinstance(part.material, GlazingMaterial) for part in let_through)
     full = scene([True] * len(parts))
@@ -150,7 +162,9 @@ def build(
         full=full,
         opaque=scene([not clear for clear in is_clear]) if any(is_clear) else full,
         clear=scene(is_clear) if any(is_clear) else None,
-        occluders=occluders(enclosure) if enclosure is not None and enclosure.is_box else None,
+        occluders=occluders,
+        faces=faces,
+        apart=apart,
         flat_panes=FlatPanes.of((p.quads, p.bsdf) for p in let_through) if is_glass else None,
         panes=scene(is_pane) if any(is_pane) and is_pane != is_clear else None,
         corners=np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))]),

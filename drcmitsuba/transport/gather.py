@@ -25,6 +25,7 @@ from drcmitsuba.scene.materials import max_reflectance
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.cells import Grid, Vertices
+from drcmitsuba.transport.first_hit import FirstHit
 from drcmitsuba.transport.vertex_store import VertexStore
 
 ROULETTE_DEPTH = 3
@@ -211,16 +212,33 @@ def _trace(
     inside, before = mi.Float(0), mi.Point3f(p)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
+    faces = FirstHit.of(scene) if marks is None else None
     share = dr.opaque(mi.Float, 1 / paths)
     tag = own * dr.opaque(mi.UInt32, paths) + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
     grid.prepare()
     while dr.hint(
         active,
-        exclude=[grid, scene, count, share, store, marks, solids, limit, told, once, crossings],
+        exclude=[
+            grid,
+            scene,
+            count,
+            share,
+            store,
+            marks,
+            solids,
+            limit,
+            told,
+            once,
+            crossings,
+            faces,
+        ],
     ):
         scene.ray_counter.add("path", active)
-        si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
+        if dr.hint(faces is None, mode="scalar"):
+            si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
+        else:
+            si = faces.intersect(ray, flags, active)  # type: ignore[union-attr]
         if dr.hint(crossings is not None, mode="scalar"):
             mark = crossings.mark(ray, si.t, mark, active)  # type: ignore[union-attr]
         active &= si.is_valid()
