@@ -8,7 +8,7 @@ before it, or it passes an aperture of the face. Only then is there anything to 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -20,9 +20,19 @@ from drcmitsuba.scene.surfaces import NEAR
 from drcmitsuba.transport.openings import Openings
 
 
+class Searched(NamedTuple):
+    """Surfaces of any scene."""
+
+    full: mi.Scene
+
+    def intersect(self, ray: mi.Ray3f, flags: Any, active: mi.Bool) -> mi.SurfaceInteraction3f:
+        """Surface that active rays meet first."""
+        return self.full.ray_intersect(ray, flags, coherent=False, active=active)
+
+
 @dataclass(frozen=True)
-class FirstHit:
-    """Faces of a box room, as kernels read them."""
+class InBox:
+    """Surfaces of a box room with plain faces, as kernels read them."""
 
     full: mi.Scene
     """All surfaces."""
@@ -39,11 +49,11 @@ class FirstHit:
     """Index of the shape whose material each face has."""
 
     @classmethod
-    def of(cls, scene: Scene) -> FirstHit | None:
-        """Faces of a scene's room; None where it is no box of plain faces."""
+    def of(cls, scene: Scene) -> InBox | Searched:
+        """Surfaces of a scene, searched where its room is no such box."""
         room, faces, apart = scene.enclosure, scene.faces, scene.apart
         if room is None or faces is None or apart is None:
-            return None
+            return Searched(scene.full)
         apertures = Openings(faces.apertures, occluders=apart)
         numbers, inward = flat([*room.turn.T, room.size]), np.kron(room.turn.T, [[1], [-1]])
         *axes, size = (dr.gather(mi.Vector3f, numbers, mi.UInt32(k)) for k in range(4))
@@ -55,7 +65,7 @@ class FirstHit:
         return cls(scene.full, apart, apertures, tuple(axes), size, normals, shape)
 
     def intersect(self, ray: mi.Ray3f, flags: Any, active: mi.Bool) -> mi.SurfaceInteraction3f:
-        """Surface that active rays meet first, as `mi.Scene.ray_intersect`."""
+        """Surface that active rays meet first."""
         inside, t, face = mi.Bool(True), mi.Float(dr.inf), mi.UInt32(0)
         for k, (axis, size) in enumerate(zip(self.axes, self.size, strict=True)):
             o, d = dr.dot(ray.o, axis), dr.dot(ray.d, axis)

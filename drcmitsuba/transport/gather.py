@@ -25,7 +25,7 @@ from drcmitsuba.scene.materials import max_reflectance
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.cells import Grid, Vertices
-from drcmitsuba.transport.first_hit import FirstHit
+from drcmitsuba.transport.first_hit import InBox, Searched
 from drcmitsuba.transport.vertex_store import VertexStore
 
 ROULETTE_DEPTH = 3
@@ -212,7 +212,7 @@ def _trace(
     inside, before = mi.Float(0), mi.Point3f(p)
     active = mi.Bool(True)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    faces = FirstHit.of(scene) if marks is None else None
+    surfaces = InBox.of(scene) if marks is None else Searched(scene.full)
     share = dr.opaque(mi.Float, 1 / paths)
     tag = own * dr.opaque(mi.UInt32, paths) + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
@@ -231,14 +231,11 @@ def _trace(
             told,
             once,
             crossings,
-            faces,
+            surfaces,
         ],
     ):
         scene.ray_counter.add("path", active)
-        if dr.hint(faces is None, mode="scalar"):
-            si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
-        else:
-            si = faces.intersect(ray, flags, active)  # type: ignore[union-attr]
+        si = surfaces.intersect(ray, flags, active)
         if dr.hint(crossings is not None, mode="scalar"):
             mark = crossings.mark(ray, si.t, mark, active)  # type: ignore[union-attr]
         active &= si.is_valid()

@@ -11,7 +11,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.box_faces import BoxFaces
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.surfaces import Enclosure
-from drcmitsuba.transport.first_hit import FirstHit
+from drcmitsuba.transport.first_hit import InBox
 from tests.unit.transport.test_occluders import BANDS, ROOM, ROOMS
 
 FLAGS = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
@@ -39,7 +39,7 @@ def rays(room, count=1 << 17):
 @pytest.mark.parametrize("name", BOXES)
 def test_closed_form_finds_what_a_search_finds(name):
     world = loaded(**(ROOMS | OTHERS)[name])
-    faces, ray = FirstHit.of(world), rays(world.enclosure)
+    faces, ray = InBox.of(world), rays(world.enclosure)
     by_search = world.full.ray_intersect(ray, FLAGS, coherent=False)
     by_faces = faces.intersect(ray, FLAGS, mi.Bool(True))
     there = by_search.is_valid().numpy()
