@@ -22,7 +22,7 @@ from drcmitsuba.sky.sun_models import Suns
 MakeElsewhere = Callable[[State, Suns, Progress], None]
 """Function that has other processes make the blocks of a state for some suns."""
 
-METHOD = 4
+METHOD = 5
 """Version of the method by which C is computed; blocks of another one are not used."""
 
 

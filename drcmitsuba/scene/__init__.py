@@ -16,6 +16,8 @@ exits
     Rectangles that straight light passes on its way out of the rooms of a model.
 surfaces, sensors
     All surfaces of a case as plain geometry; points at which illuminance is computed.
+flat_panes, box_faces
+    Clear panes and walls that rays meet in closed form.
 scene
     The same surfaces as Mitsuba scenes.
 """

@@ -48,11 +48,7 @@ class Plane(NamedTuple):
         places = (quads - corner) @ axes.T
         low, high = places.min(axis=1), places.max(axis=1)
         corners = np.minimum(abs(places - low[:, None]), abs(places - high[:, None]))
-        areas = np.linalg.norm(
-            np.cross(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0]), axis=1
-        )
-        even = np.allclose(areas, np.prod(high - low, axis=1), rtol=1e-4)
-        if abs(axes[0] @ axes[1]) > 1e-6 or (corners > NEAR).any() or not even:
+        if abs(axes[0] @ axes[1]) > 1e-6 or (corners > NEAR).any():
             return None
         vectors = flat(np.stack([corner, normals(quads)[0], *axes]))
         numbers = flat(np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1))

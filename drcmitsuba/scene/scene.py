@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -141,20 +141,6 @@ def build(
         kept = {name: mesh for (name, mesh), k in zip(shapes.items(), keep, strict=True) if k}
         return mi.load_dict({"type": "scene", **kept}, optimize=False)
 
-    def of_quads(masks: Iterable[np.ndarray]) -> mi.Scene:
-        kept = zip(parts, masks, strict=True)
-        some = [(p, p.quads[mask]) for p, mask in kept if mask.any()]
-        meshes = {f"shape{i}": quad_mesh(p.name, q, p.bsdf) for i, (p, q) in enumerate(some)}
-        return mi.load_dict({"type": "scene", **meshes}, optimize=False)
-
-    occluders, faces, apart = None, None, None
-    if enclosure is not None and enclosure.is_box:
-        hide = (enclosure.may_hide(part.quads) for part in parts)
-        occluders = of_quads(m & (not c) for m, c in zip(hide, is_clear, strict=True))
-        faces = BoxFaces.of(enclosure, parts)
-        if faces is not None:
-            rest = replace(enclosure, openings=faces.apertures)
-            apart = of_quads(rest.may_hide(part.quads) for part in parts)
     let_through = [part for part, clear in zip(parts, is_clear, strict=True) if clear]
     is_glass = all(isinstance(part.material, GlazingMaterial) for part in let_through)
     full = scene([True] * len(parts))
@@ -162,9 +148,7 @@ def build(
         full=full,
         opaque=scene([not clear for clear in is_clear]) if any(is_clear) else full,
         clear=scene(is_clear) if any(is_clear) else None,
-        occluders=occluders,
-        faces=faces,
-        apart=apart,
+        **(_of_box(enclosure, parts) if enclosure is not None and enclosure.is_box else {}),
         flat_panes=FlatPanes.of((p.quads, p.bsdf) for p in let_through) if is_glass else None,
         panes=scene(is_pane) if any(is_pane) and is_pane != is_clear else None,
         corners=np.concatenate([s.quads.reshape(-1, 3) for s in surfaces] or [np.zeros((1, 3))]),
@@ -172,6 +156,25 @@ def build(
         parts=tuple(parts),
         ports=ports,
     )
+
+
+def _of_box(room: Enclosure, parts: Sequence[Part]) -> dict[str, Any]:
+    """What only the scene of a box room has: `occluders`, `faces`, `apart`."""
+    opaque = (room.may_hide(p.quads) & (not lets_through(p.material)) for p in parts)
+    only: dict[str, Any] = {"occluders": _of_quads(parts, opaque)}
+    faces = BoxFaces.of(room, parts)
+    if faces is not None:
+        beside = replace(room, openings=faces.apertures)
+        apart = _of_quads(parts, (beside.may_hide(p.quads) for p in parts))
+        only |= {"faces": faces, "apart": apart}
+    return only
+
+
+def _of_quads(parts: Sequence[Part], masks: Iterable[np.ndarray]) -> mi.Scene:
+    """Scene of some quads of the parts, a mask (quad,) of each."""
+    some = [(p, p.quads[mask]) for p, mask in zip(parts, masks, strict=True) if mask.any()]
+    meshes = {f"shape{i}": quad_mesh(p.name, q, p.bsdf) for i, (p, q) in enumerate(some)}
+    return mi.load_dict({"type": "scene", **meshes}, optimize=False)
 
 
 def load(

@@ -6,6 +6,8 @@ launch_size
     Numbers of sensors, paths, photons and shadow rays in one launch.
 cells, cell_points
     Patches of diffuse surface between gather and deposit; points that stand for them.
+first_hit
+    First surface that a ray meets, in a box room without a search among its walls.
 gather, gather_blocks
     G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory; G·D.
 openings, shadow_rays

@@ -65,8 +65,8 @@ SKY_SEARCH = {
     "sensor_sky_rays": (1024, 2048, 4096, 8192),
 }  # fmt: skip
 SKY_BY_CELLS = {
-    "solved_cells": (True,), "replicates": (2,), "paths": (64, 128, 192, 256, 384),
-    "cell_paths": (4, 8, 16), "cell_size": (0.45, 0.6, 0.75), "cell_sky_rays": (64, 128),
+    "solved_cells": (True,), "replicates": (2,), "paths": (64, 128, 192, 256, 320),
+    "cell_paths": (4, 8, 16), "cell_size": (0.45, 0.6, 0.7, 0.8), "cell_sky_rays": (64, 128, 256),
     "sensor_sky_rays": (1024, 2048, 4096),
 }  # fmt: skip
 SUN_SEARCH = {
@@ -76,7 +76,7 @@ SUN_SEARCH = {
 }  # fmt: skip
 SUNS_BY_CELLS = {
     "solved_cells": (True,), "replicates": (2,), "paths": (64, 128, 256, 320, 384),
-    "cell_paths": (8, 16), "cell_size": (0.45, 0.6, 0.75), "cell_sky_rays": (16,),
+    "cell_paths": (8, 16, 24), "cell_size": (0.45, 0.6, 0.7), "cell_sky_rays": (16,),
     "sensor_sky_rays": (64,), "sensor_sun_samples": (1, 4),
 }  # fmt: skip
 FILM = {
