@@ -203,7 +203,7 @@ class _Begun:
     """Notes on the films and the shade."""
     expected: Forecast | None
     """Forecast; None where C is known or stored, since it tells of work that is not done, and where
-    the work takes little longer than a forecast of it."""
+    the work takes only a few times as long as a forecast of it."""
 
     @classmethod
     def of(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
@@ -68,4 +67,4 @@ def marked(case: Case, state: State, values: Mapping[str, float]) -> tuple[Scene
     shapes = [*scene.build(others).full.shapes(), *(mesh for mesh in meshes if mesh is not None)]
     named = {f"shape{i}": shape for i, shape in enumerate(shapes)}
     full = mi.load_dict({"type": "scene", **named}, optimize=False)
-    return replace(scene.load(case, state), full=full), Kinds(meshes)
+    return scene.load(case, state).searched(full=full), Kinds(meshes)

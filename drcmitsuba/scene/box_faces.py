@@ -53,6 +53,8 @@ class BoxFaces:
     @classmethod
     def of(cls, room: Enclosure, parts: Sequence[Surface]) -> BoxFaces | None:
         """Find the faces among the parts of a scene; None where one has several materials."""
+        if not parts:
+            return None
         corners = [part.quads @ room.turn for part in parts]
         holes, largest_of, apertures = room.openings @ room.turn, [], []
         for axis, side in product(range(3), (0, 1)):
@@ -67,7 +69,7 @@ class BoxFaces:
                 main -= face[largest].common(aperture).area(axis)
                 free -= aperture.area(axis)
                 apertures.append(_facing_inward(aperture, axis, side))
-            if not np.isclose(main, free, rtol=1e-5, atol=1e-6):
+            if not np.isclose(main, free, rtol=1e-9, atol=1e-5):
                 return None
             largest_of.append(largest)
         return cls(tuple(largest_of), np.reshape(apertures, (-1, 4, 3)) @ room.turn.T)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -21,6 +22,8 @@ MOST_PLANES = 4
 """Largest number of planes: each adds to the kernels."""
 MOST_PANES = 16
 """Largest number of panes in a plane, likewise."""
+UPON = 1e-3
+"""Distance between panes up to which a search may take two of them for one [m]."""
 NEAR = 1e-5
 """Distance within which points count as the same [m]."""
 
@@ -37,6 +40,8 @@ class Plane(NamedTuple):
     """Two perpendicular directions in the plane."""
     bounds: tuple[mi.Vector4f, ...]
     """Least and largest place of every pane along the one and the other direction [m]."""
+    quads: np.ndarray
+    """The panes, shape (pane, 4, 3)."""
 
     @classmethod
     def of(cls, quads: np.ndarray, pane: Any) -> Plane | None:
@@ -55,7 +60,18 @@ class Plane(NamedTuple):
         start, normal, along, up = (dr.gather(mi.Vector3f, vectors, mi.UInt32(k)) for k in range(4))
         bounds = tuple(dr.gather(mi.Vector4f, numbers, mi.UInt32(k)) for k in range(len(quads)))
         dr.eval(start, normal, along, up, bounds)
-        return cls(pane, start, normal, along, up, bounds)
+        return cls(pane, start, normal, along, up, bounds, quads)
+
+    def touches(self, other: Plane) -> bool:
+        """Whether a pane lies upon one of another plane: a search finds only one of them."""
+        n, corner = normals(self.quads)[0], self.quads[0, 0]
+        edges = self.quads[0, [1, 3]] - corner
+        axes = np.vstack([edges / np.linalg.norm(edges, axis=1, keepdims=True), n])
+        mine, theirs = ((quads - corner) @ axes.T for quads in (self.quads, other.quads))
+        common = np.minimum(mine.max(axis=1)[:, None], theirs.max(axis=1)) - np.maximum(
+            mine.min(axis=1)[:, None], theirs.min(axis=1)
+        )
+        return bool(((common[..., :2] > NEAR).all(axis=2) & (common[..., 2] > -UPON)).any())
 
     def transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """Transmittance of the pane that a ray passes; 1 for none."""
@@ -84,6 +100,7 @@ class FlatPanes:
         planes: list[Plane] = []
         for quads, pane in kinds:
             n = normals(quads)
+            n *= np.sign(n[np.arange(len(n)), abs(n).argmax(axis=1)])[:, None]  # either side
             height = np.einsum("qi,qi->q", quads[:, 0], n)
             rows = np.round(np.column_stack([n, height]) / NEAR)
             _, plane = np.unique(rows, axis=0, return_inverse=True)
@@ -92,7 +109,9 @@ class FlatPanes:
                 if made is None or len(planes) == MOST_PLANES:
                     return None
                 planes.append(made)
-        return cls(tuple(planes)) if planes else None
+        if not planes or any(a.touches(b) for a, b in combinations(planes, 2)):
+            return None
+        return cls(tuple(planes))
 
     def transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """Product of the transmittances of all panes that active rays pass; else 0."""

@@ -62,12 +62,12 @@ class Scene:
     effects: EnabledEffects = ALL_EFFECTS
     """Effects that are simulated."""
     occluders: mi.Scene | None = None
-    """Opaque surfaces that rays meet which leave a box by its openings: all but its walls; None for
-    rooms that are no boxes."""
+    """Opaque surfaces that rays meet which leave a box by its openings: all but its faces beside
+    the openings; None for rooms that are no boxes."""
     faces: BoxFaces | None = None
     """Faces of a box room, where each is of one material but for an aperture."""
     apart: mi.Scene | None = None
-    """All surfaces but those faces, where there are such."""
+    """All surfaces but those faces beside their apertures, where there are such."""
     flat_panes: FlatPanes | None = None
     """The same as `clear`, where all of it are a few flat panes of clear glass."""
     panes: mi.Scene | None = None
@@ -99,6 +99,11 @@ class Scene:
         parts = [(p.material, p.quads, p.component, p.closed) for p in self.parts]
         effects = self.effects.to_dict()
         return parts, self.channel, self.enclosure, self.near, self.ports, effects
+
+    def searched(self, **changes: Any) -> Scene:
+        """Scene with changes of its surfaces, in which nothing is met in closed form."""
+        changes |= {"occluders": None, "faces": None, "apart": None, "flat_panes": None}
+        return replace(self, **changes)
 
     @property
     def low(self) -> np.ndarray:
@@ -159,7 +164,7 @@ def build(
 
 
 def _of_box(room: Enclosure, parts: Sequence[Part]) -> dict[str, Any]:
-    """What only the scene of a box room has: `occluders`, `faces`, `apart`."""
+    """Fields of a scene that only box rooms have: `occluders`, `faces`, `apart`."""
     opaque = (room.may_hide(p.quads) & (not lets_through(p.material)) for p in parts)
     only: dict[str, Any] = {"occluders": _of_quads(parts, opaque)}
     faces = BoxFaces.of(room, parts)

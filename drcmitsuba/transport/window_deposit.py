@@ -100,12 +100,11 @@ class WindowDeposit:
     @classmethod
     def of(cls, deposit: Deposit, windows: Windows) -> WindowDeposit:
         """Block the windows of a deposit's scene, and assign the patches of its panes to them."""
-        scene, blocked = deposit.scene, []
-        shapes = {f"shape{i}": shape for i, shape in enumerate(scene.opaque.shapes())}
+        scene, shut, blocked = deposit.scene, dict[str, mi.Shape](), []
         for i, window in enumerate(windows.windows):
-            shapes[f"window{i}"] = paired_mesh(f"window{i}", window.quads)
-            opaque = mi.load_dict({"type": "scene", **shapes}, optimize=False)
-            blocked.append(replace(scene, opaque=opaque, occluders=None))
+            shut[f"window{i}"] = paired_mesh(f"window{i}", window.quads)
+            opaque, occluders = (_with(s, shut) for s in (scene.opaque, scene.occluders))
+            blocked.append(replace(scene, opaque=opaque, occluders=occluders))
         diffusers, films = deposit.patches, deposit.films
         of_diffuser = None if diffusers is None else _windows_of(diffusers, windows)
         of_film = None if films is None else _windows_of(films.patches, windows)
@@ -192,6 +191,14 @@ class WindowDeposit:
 def _column(mask: np.ndarray) -> mi.TensorXf:
     """Factor 1 or 0 of rows, shape (row, 1)."""
     return mi.TensorXf(mi.Float(mask.astype(np.float32)), (len(mask), 1))
+
+
+def _with(scene: mi.Scene | None, more: dict[str, mi.Shape]) -> mi.Scene | None:
+    """Scene with further shapes; None without a scene."""
+    if scene is None:
+        return None
+    shapes = {f"shape{i}": shape for i, shape in enumerate(scene.shapes())}
+    return mi.load_dict({"type": "scene", **shapes, **more}, optimize=False)
 
 
 def _windows_of(patches: PanePatches, windows: Windows) -> np.ndarray:

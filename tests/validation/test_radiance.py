@@ -16,8 +16,6 @@ the disk for a square of its area.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -117,8 +115,7 @@ def glazed(case: Case, transmissivity: float) -> scene.Scene:
         bsdf[f"reflectance_{side}"] = mi.TensorXf(rho.astype(np.float32))
     pane = scene.quad_mesh("pane", np.concatenate(quads), mi.load_dict(bsdf))
     walls = {f"wall{i}": shape for i, shape in enumerate(loaded.opaque.shapes())}
-    return replace(
-        loaded,
+    return loaded.searched(
         full=mi.load_dict({"type": "scene", "pane": pane, **walls}, optimize=False),
         clear=mi.load_dict({"type": "scene", "pane": pane}, optimize=False),
     )

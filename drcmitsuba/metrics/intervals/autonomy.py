@@ -78,7 +78,7 @@ class State:
         rest = np.flatnonzero(wanted & ~is_known)
         if len(rest):
             E = accumulate.by_source(coefficients, sky.isel(time=rest))
-            mean, error = mean.copy(), error.copy()
+            mean, error = mean.copy(), error.copy()  # E itself stays as it is
             mean[row[rest]], error[row[rest]] = E["total"].values, E["total_se"].values
         return cls(coefficients, sky.isel(time=np.flatnonzero(wanted)), row, mean, error)
 

@@ -19,10 +19,11 @@ from drcmitsuba.runtime.machine_speed import Speed
 from drcmitsuba.runtime.ray_counter import KINDS
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.scene.surfaces import bounds_of_rooms
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
-SHORT = 1 << 26
-"""Largest number of coefficients and of sensors' rays of a short evaluation."""
+SHORT = 1 << 28
+"""Largest number of coefficients and rays, of sensors and cells, of a short evaluation."""
 BOUNCES = 16
 """Number of rays of a path that follows all bounces, in a white room."""
 REST = "rest"
@@ -108,21 +109,26 @@ def _figure(value: float) -> str:
 def is_short(plan: Plan) -> bool:
     """Whether an evaluation takes only a few times as long as the pilot of its forecast.
 
-    It has few coefficients and few rays from sensors, counted in all replicates, channels and
-    states, and no photons, and its samples are drawn once.
+    It has few coefficients and rays of sensors and cells, counted in all replicates, channels and
+    states, and no photons, and its samples are drawn once. Furniture may double the cells of walls.
     """
     case, scope, a = plan.simulated, plan.scope, plan.simulated.accuracy
     photons = plan.effects["components"].on or plan.effects["pane_to_pane"].on
     once = a.target is None and not isinstance(case.sun, Adaptive)
     if photons or not once or len(PaneGroups.of(case).states) > 1:
         return False
-    channels = len(LUMINANCE_WEIGHTS) if scope.channels else 1
-    suns = int(scope.enabled_suns(plan.facts.light.suns).sum())
+    near = bounds_of_rooms(case)
+    if case.room is None and near is None:
+        return False
+    x, y, z = case.room.size if near is None else near[1] - near[0]  # type: ignore[union-attr]
+    cells = 2 * 2 * (x * y + y * z + z * x) / a.cell_size**2
+    bins = len(Patches(case.sky.subdivision))
+    bins += int(scope.enabled_suns(plan.facts.light.suns).sum())
     of_path = 1 if scope.solved_cells else BOUNCES
-    of_sensor = len(Patches(case.sky.subdivision)) + suns
-    of_sensor += of_path * a.paths + a.sensor_sky_rays + a.pane_points
-    sensors = len(sensor_points(case)[0])
-    return channels * (1 + scope.shade) * a.replicates * sensors * of_sensor <= SHORT
+    of_sensor = bins + of_path * a.paths + a.sensor_sky_rays + a.pane_points
+    of_cell = bins + a.cell_paths + a.cell_sky_rays + a.pane_points
+    sums = a.replicates * (1 + scope.shade) * (len(LUMINANCE_WEIGHTS) if scope.channels else 1)
+    return bool(sums * (len(sensor_points(case)[0]) * of_sensor + cells * of_cell) <= SHORT)
 
 
 def forecast(plan: Plan, on: Speed | None = None) -> Forecast:

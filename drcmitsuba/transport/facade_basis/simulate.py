@@ -198,7 +198,7 @@ def _paths(
 ) -> MarkedPaths:  # fmt: skip
     """Trace the paths of all sensors."""
     meetings = Meetings(room.tiles, room.palette)
-    world = replace(walls, full=room.scene(meetings.mesh))
+    world = walls.searched(full=room.scene(meetings.mesh))
     gathered = Gathered.of(
         world, points, normals, accuracy, block=len(points), lanes=PATHS, marks=meetings
     )

@@ -126,7 +126,7 @@ class GroupTrace:
         shapes = {f"shape{i}": shape for i, shape in enumerate((*hidden.full.shapes(), marks.mesh))}
         corners = np.concatenate([hidden.corners, *(each.quads.reshape(-1, 3) for each in panes)])
         full = mi.load_dict({"type": "scene", **shapes}, optimize=False)
-        world = replace(hidden, full=full, corners=corners)
+        world = hidden.searched(full=full, corners=corners)
         gathered = Gathered.of(
             world, points, normals, accuracy, block=SENSORS, lanes=PATHS, marks=marks
         )

@@ -255,10 +255,14 @@ def test_what_takes_little_longer_than_its_pilot_has_no_forecast():
         KINDS_OF_CASES["pipe"],
         {"sun": {"model": "adaptive"}},
         {"accuracy": {**ROOM["accuracy"], "target": "1 point"}},
-        {"accuracy": {**ROOM["accuracy"], "replicates": 4, "sensor_sky_rays": 1 << 20}},
-        {"sensors": {"corner": [0.02, 0.02, 0.8], "count": [260, 260], "spacing": 0.012}},
+        {"accuracy": {**ROOM["accuracy"], "replicates": 16, "sensor_sky_rays": 1 << 20}},
+        {
+            "sensors": {"corner": [0.02, 0.02, 0.8], "count": [260, 260], "spacing": 0.012},
+            "accuracy": {**ROOM["accuracy"], "replicates": 8},
+        },
+        {"accuracy": {**ROOM["accuracy"], "cell_sky_rays": 1 << 16, "cell_size": 0.2}},
     ],
-    ids=["photons", "mesh of suns", "target", "rays", "sensors"],
+    ids=["photons", "mesh of suns", "target", "rays", "sensors", "cells"],
 )
 def test_long_evaluations_have_a_forecast(tables):
     assert not is_short(planned(**tables))

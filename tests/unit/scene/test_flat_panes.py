@@ -11,7 +11,7 @@ from drcmitsuba.case.shipped import shipped_folder
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import flat_panes, scene
 from drcmitsuba.scene.flat_panes import FlatPanes
-from drcmitsuba.scene.geometry import quad
+from drcmitsuba.scene.geometry import quad, reversed_quads
 
 STRIPS = [
     {"bottom": 0.9, "top": 1.8, "material": "glass"},
@@ -91,6 +91,10 @@ def test_few_parallel_rectangles_are_flat(monkeypatch):
 
     assert planes(first) == planes(first, beside) == 1
     assert planes(first, first + [0, 0.01, 0]) == 2
+    assert planes(first, reversed_quads(first[None])[0]) == 1  # glass of two sides
+    assert planes(first, first + [0.5, 5e-4, 0]) is None  # one upon the other
+    assert FlatPanes.of([(first[None], None), (first[None], None)]) is None
+    assert len(FlatPanes.of([(first[None], None), (beside[None], None)]).planes) == 2
     for unfit in (slanted, turned, triangle, lens):
         assert planes(first, unfit) is None
     monkeypatch.setattr(flat_panes, "MOST_PANES", 1)
