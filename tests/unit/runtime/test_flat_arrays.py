@@ -37,7 +37,10 @@ def test_numbers_of_the_device_are_shared_without_a_copy():
 
 def test_other_numbers_are_copied():
     memory = np.arange(16, dtype=np.float32)[1:].reshape(3, 5)
-    for a in (memory, memory.T, memory.astype(float)):
+    of_device = dr.arange(mi.Float, 64).numpy().reshape(4, 16)
+    locked = dr.arange(mi.Float, 64).numpy()
+    locked.flags.writeable = False
+    for a in (memory, memory.T, memory.astype(float), of_device.T, locked):
         numbers = shared(a).numpy()
         assert numbers.tolist() == a.ravel().tolist()
-        assert not np.shares_memory(numbers, memory)
+        assert not np.shares_memory(numbers, a)

@@ -15,9 +15,9 @@ from drcmitsuba.transport.first_hit import InBox
 from tests.unit.transport.test_occluders import BANDS, ROOM, ROOMS
 
 FLAGS = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-BOXES = [*ROOMS, "films and windows on all sides", "no window"]
+BOXES = [*ROOMS, "opal and windows on all sides", "no window"]
 SIDES = {side: {"strips": BANDS["strips"][1:]} for side in ("south", "east", "north")}
-OTHERS = {"films and windows on all sides": {"facade": SIDES}, "no window": {"facade": {}}}
+OTHERS = {"opal and windows on all sides": {"facade": SIDES}, "no window": {"facade": {}}}
 
 
 def loaded(**tables):

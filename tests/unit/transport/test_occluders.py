@@ -9,6 +9,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import quad
 from drcmitsuba.scene.surfaces import Enclosure
+from drcmitsuba.transport.diffusing_panes import PanePatches, pane_transfer
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 from tests.unit.transport.exact_scenes import flat
 
@@ -34,6 +35,7 @@ PIPE = {
     "type": "lightpipe", "centre": [2.0, 2.5], "width": 0.8, "height": 0.5,
     "mirror": "silver", "top": "glass", "bottom": "glass",
 }  # fmt: skip
+TABLE = {"corner": [1.0, 1.0, 0.75], "size": [1.6, 0.8, 0.0]}
 ROOMS = {
     "walls alone": {},
     "open": {"facade": {"south": {"strips": [{"bottom": 0.9, "top": 2.6, "material": "open"}]}}},
@@ -76,6 +78,21 @@ def test_walls_make_no_difference(name):
         same = np.isclose(without_walls, with_walls, rtol=1e-5, atol=1e-9)
         assert same.mean() > 0.9995  # but for rays at the very edge of an opening
         assert without_walls.sum() == pytest.approx(with_walls.sum(), rel=1e-3)
+
+
+def test_walls_make_no_difference_on_the_way_to_panes():
+    tables = {**ROOM, **ROOMS["bands, frames and opal"]}
+    world = scene.load(Case.model_validate({**tables, "furniture": [TABLE]}))
+    panes = PanePatches.of([part.quads for part in world.scattering], 0.5)
+    rng = np.random.default_rng(6)
+    points = flat(rng.uniform(0.02, 0.98, (200, 3)) * world.enclosure.size)
+    normals = flat(np.tile([0.0, -0.6, 0.8], (200, 1)))
+    K, with_walls = (
+        pane_transfer(one, panes, points, normals, rays=64, seed=2).numpy()
+        for one in (world, replace(world, occluders=None))
+    )
+    assert (K > 0).sum() > 100
+    np.testing.assert_allclose(K, with_walls, rtol=1e-5, atol=1e-7)
 
 
 def test_only_faces_of_the_box_beside_its_openings_hide_nothing():
