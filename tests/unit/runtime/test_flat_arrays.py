@@ -9,6 +9,11 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import row_and_column, shared
 
 
+@pytest.fixture(autouse=True)
+def _variant():
+    backend.select()
+
+
 @pytest.mark.parametrize(
     "columns", [1, 2, 3, 7, 10, 146, 2159, 65_537, 999_983, (1 << 24) + 1, (1 << 32) - 1]
 )
