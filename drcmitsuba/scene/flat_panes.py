@@ -48,26 +48,23 @@ class Plane(NamedTuple):
         """Plane of rectangles (pane, 4, 3) that are parallel to each other; None for others."""
         if len(quads) > MOST_PANES or is_triangle(quads).any():
             return None
-        corner, edges = quads[0, 0], quads[0, [1, 3]] - quads[0, 0]
-        axes = edges / np.linalg.norm(edges, axis=1, keepdims=True)
-        places = (quads - corner) @ axes.T
+        corner, axes = quads[0, 0], _axes(quads)
+        places = (quads - corner) @ axes[:2].T
         low, high = places.min(axis=1), places.max(axis=1)
         corners = np.minimum(abs(places - low[:, None]), abs(places - high[:, None]))
         if abs(axes[0] @ axes[1]) > 1e-6 or (corners > NEAR).any():
             return None
-        vectors = flat(np.stack([corner, normals(quads)[0], *axes]))
+        vectors = flat(np.stack([corner, *axes]))
         numbers = flat(np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1))
-        start, normal, along, up = (dr.gather(mi.Vector3f, vectors, mi.UInt32(k)) for k in range(4))
+        start, along, up, normal = (dr.gather(mi.Vector3f, vectors, mi.UInt32(k)) for k in range(4))
         bounds = tuple(dr.gather(mi.Vector4f, numbers, mi.UInt32(k)) for k in range(len(quads)))
         dr.eval(start, normal, along, up, bounds)
         return cls(pane, start, normal, along, up, bounds, quads)
 
     def touches(self, other: Plane) -> bool:
         """Whether a pane lies upon one of another plane: a search finds only one of them."""
-        n, corner = normals(self.quads)[0], self.quads[0, 0]
-        edges = self.quads[0, [1, 3]] - corner
-        axes = np.vstack([edges / np.linalg.norm(edges, axis=1, keepdims=True), n])
-        mine, theirs = ((quads - corner) @ axes.T for quads in (self.quads, other.quads))
+        axes = _axes(self.quads)
+        mine, theirs = (quads @ axes.T for quads in (self.quads, other.quads))
         common = np.minimum(mine.max(axis=1)[:, None], theirs.max(axis=1)) - np.maximum(
             mine.min(axis=1)[:, None], theirs.min(axis=1)
         )
@@ -86,6 +83,12 @@ class Plane(NamedTuple):
         si = dr.zeros(mi.SurfaceInteraction3f)
         si.wi = mi.Vector3f(dr.safe_sqrt(1 - dr.square(cosine)), 0, -cosine)
         return dr.select(within, self.pane.eval_null_transmission(si, within)[0], 1)
+
+
+def _axes(quads: np.ndarray) -> np.ndarray:
+    """Directions of both edges of the first quad, and its normal, shape (3, 3)."""
+    edges = quads[0, [1, 3]] - quads[0, 0]
+    return np.vstack([edges / np.linalg.norm(edges, axis=1, keepdims=True), normals(quads)[:1]])
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.flat_arrays import first_of_rows
-from drcmitsuba.transport.products import MOST_SINGLE
+from drcmitsuba.transport.products import MOST_SINGLE, add_rows
 
 
 class Directions(NamedTuple):
@@ -68,23 +68,13 @@ class Looked(NamedTuple):
         kind_of_sums = mi.Float if self.rays <= MOST_SINGLE else mi.Float64
         out = dr.zeros(kind_of_sums, self.receivers * few)
         dr.make_opaque(place, out)  # loops that are being recorded read and add to them
-        for kind in self.kinds:
-            self._add_to(out, kind, first_of_rows(kind.receiver, self.receivers), place, few)
-        return mi.TensorXf(mi.Float(out), (self.receivers, few))
-
-    @dr.syntax
-    def _add_to(
-        self, out: mi.Float, kind: Directions, first: mi.UInt32, place: mi.UInt32, few: int
-    ) -> None:
-        """Add the weights of each receiver to its row: one thread does, so sums are not atomic."""
         receiver = dr.arange(mi.UInt32, self.receivers)
-        at, end = dr.gather(mi.UInt32, first, receiver), dr.gather(mi.UInt32, first, receiver + 1)
         start = receiver * dr.opaque(mi.UInt32, few)
-        while dr.hint(at < end, exclude=[self, out, first, place, start, end]):
-            cell = dr.gather(mi.UInt32, place, dr.gather(mi.UInt32, kind.row, at))
-            weight = type(out)(dr.gather(mi.Float, kind.weight, at))
-            dr.scatter_add(out, weight, start + cell, mode=dr.ReduceMode.NoConflicts)
-            at += 1
+        for kind in self.kinds:
+            first = first_of_rows(kind.receiver, self.receivers)
+            at, end = (dr.gather(mi.UInt32, first, receiver + k) for k in (0, 1))
+            add_rows(out, start, at, end, kind.row, kind.weight, place)
+        return mi.TensorXf(mi.Float(out), (self.receivers, few))
 
     def rows_met(self, rows: int) -> mi.UInt32:
         """Outgoing cells, of a number of `rows`, in which any direction lies."""

@@ -219,21 +219,9 @@ def _trace(
     grid.prepare()
     while dr.hint(
         active,
-        exclude=[
-            grid,
-            scene,
-            count,
-            share,
-            store,
-            marks,
-            solids,
-            limit,
-            told,
-            once,
-            crossings,
-            surfaces,
-        ],
-    ):
+        exclude=[grid, scene, surfaces, count, share, store, marks, solids, limit, told, once,
+                 crossings],
+    ):  # fmt: skip
         scene.ray_counter.add("path", active)
         si = surfaces.intersect(ray, flags, active)
         if dr.hint(crossings is not None, mode="scalar"):

@@ -137,23 +137,28 @@ class PathMatrix(NamedTuple):
         kind = mi.Float if self.paths <= MOST_SINGLE else mi.Float64
         out = dr.zeros(kind, some.pieces * every * some.size)
         dr.make_opaque(out)  # a loop that is being recorded adds to it
-        self._add_to(out, some.entries(every), dr.opaque(mi.UInt32, some.size))
+        row = dr.arange(mi.UInt32, every)
+        begin, paths = (dr.opaque(mi.UInt32, n) for n in (self.first * self.rows, self.paths))
+        path, start = (row + begin) * paths, row * dr.opaque(mi.UInt32, some.size)
+        add_rows(out, start, path, path + paths, self.cell, self.weight, some.entries(every))
         return mi.TensorXf(mi.Float(out), (some.pieces * every, some.size))
 
-    @dr.syntax
-    def _add_to(self, out: mi.Float, entries: mi.UInt32, size: mi.UInt32) -> None:
-        """Add the weights of all paths to a matrix, by the entries of cells in its first row."""
-        row = dr.arange(mi.UInt32, self.replicates * self.rows)
-        begin, paths = (dr.opaque(mi.UInt32, n) for n in (self.first * self.rows, self.paths))
-        path, start = (row + begin) * paths, row * size
-        end = path + paths
-        while dr.hint(path < end, exclude=[self, out, entries, size, start, end]):
-            weight = dr.gather(mi.Float, self.weight, path)
-            entry = dr.gather(mi.UInt32, entries, dr.gather(mi.UInt32, self.cell, path))
-            here = (weight > 0) & (entry != NOWHERE)
-            mode = dr.ReduceMode.NoConflicts
-            dr.scatter_add(out, type(out)(weight), entry + start, here, mode=mode)
-            path += 1
+
+@dr.syntax
+def add_rows(
+    out: mi.Float, start: mi.UInt32, at: mi.UInt32, end: mi.UInt32, cell: mi.UInt32,
+    weight: mi.Float, entries: mi.UInt32,
+) -> None:  # fmt: skip
+    """Add the weights from `at` to `end` to each row of a matrix, which begins at `start`.
+
+    `entries` are those of cells in the first row. One thread adds a row: sums are not atomic.
+    """
+    while dr.hint(at < end, exclude=[out, start, end, cell, weight, entries]):
+        value = dr.gather(mi.Float, weight, at)
+        entry = dr.gather(mi.UInt32, entries, dr.gather(mi.UInt32, cell, at))
+        here, mode = (value > 0) & (entry != NOWHERE), dr.ReduceMode.NoConflicts
+        dr.scatter_add(out, type(out)(value), entry + start, here, mode=mode)
+        at += 1
 
 
 def rows_of(tensors: Sequence[mi.TensorXf]) -> mi.TensorXf:

@@ -7,7 +7,7 @@ their irradiance per unit radiance of a bin.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 from zlib import crc32
 
@@ -246,6 +246,7 @@ def _by_pairs(
     one direction to take, of `RIM` around the disk's edge.
     """
     directions, places = flat(suns), mi.UInt32(sun_numbers(suns))
+    reaching = partial(straight, openings=openings) if through is None else through
 
     def of(row: mi.UInt32, sun: mi.UInt32, active: mi.Bool, rim: int | None = None) -> mi.Float:
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
@@ -259,10 +260,7 @@ def _by_pairs(
             lit = active & (cosine > 0)
             if openings is not None:
                 lit &= openings.passed(row, p, d)
-            if through is None:
-                tau = straight(scene, p, d, lit, openings)
-            else:
-                tau = through(scene, p, d, lit)
+            tau = reaching(scene, p, d, lit)
             total += dr.select(tau > 0, tau * cosine, 0)
         return total * (disk_solid_angle(diameter) / len(drawn))
 
