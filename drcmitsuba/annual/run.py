@@ -18,6 +18,7 @@ from drcmitsuba.case.groups import State
 from drcmitsuba.runtime.progress import Progress, Stage, silent, timed
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.sky.sun_models import Suns
+from drcmitsuba.transport.interior import SharedInterior
 
 MakeElsewhere = Callable[[State, Suns, Progress], None]
 """Function that has other processes make the blocks of a state for some suns."""
@@ -46,6 +47,8 @@ class Run:
         Blocks that this run makes.
     elsewhere : callable, optional
         Has other processes make blocks before this one looks for them.
+    interior : SharedInterior
+        Paths that states of the façade share.
     """
 
     seed: int
@@ -56,6 +59,7 @@ class Run:
     blocks: BlockFolder | None = None
     part: Part = EVERY_BLOCK
     elsewhere: MakeElsewhere | None = None
+    interior: SharedInterior = field(default_factory=SharedInterior)
 
     @classmethod
     def of(cls, case: Case, enabled_effects: EnabledEffects = ALL_EFFECTS) -> Run:

@@ -142,7 +142,8 @@ def of_points(
         else:
             C = compute(
                 world, points, normals, suns, accuracy, subdivision=subdivision,
-                kept=run.kept(f"{case.name}, {state}", *content, suns), progress=done,
+                kept=run.kept(f"{case.name}, {state}", *content, suns), interior=run.interior,
+                progress=done,
             )  # fmt: skip
         channels.append(C)
     return joined_channels(channels)

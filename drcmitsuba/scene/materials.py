@@ -93,6 +93,13 @@ def is_diffuse(material: SurfaceMaterial) -> bool:
     return isinstance(material, Lambertian | PorousMaterial)
 
 
+def ends_paths(material: SurfaceMaterial) -> bool:
+    """Whether a pane reflects nothing into the room."""
+    if isinstance(material, GlazingMaterial) and material.ior is not None:
+        return False
+    return isinstance(material, GlazingMaterial | DiffuserMaterial) and material.reflectance == 0
+
+
 def channel_of(reflectance: Reflectance, channel: int) -> float:
     """Reflectance in one colour channel, or of luminance (−1); grey is the same in all."""
     if channel < 0 and isinstance(reflectance, tuple):

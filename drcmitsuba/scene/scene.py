@@ -24,7 +24,7 @@ from drcmitsuba.scene.box_faces import BoxFaces
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.flat_panes import FlatPanes
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.scene.materials import film, lets_through, loaded
+from drcmitsuba.scene.materials import ends_paths, film, lets_through, loaded
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.surfaces import Enclosure, bounds_of_rooms, geometry_of
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
@@ -99,6 +99,19 @@ class Scene:
         parts = [(p.material, p.quads, p.component, p.closed) for p in self.parts]
         effects = self.effects.to_dict()
         return parts, self.channel, self.enclosure, self.near, self.ports, effects
+
+    @property
+    def from_within(self) -> tuple[Any, ...]:
+        """Everything that paths among its surfaces depend on: panes without reflection are alike.
+
+        Light that may come back from beyond the panes depends on all of it.
+        """
+        parts, channel, room, *others = self.content
+        if not self.effects.beyond:
+            parts = [(None if ends_paths(part[0]) else part[0], *part[1:]) for part in parts]
+        if room is not None and room.is_box:
+            room = room.size, room.turn  # its openings matter to light from outside
+        return parts, channel, room, *others
 
     def searched(self, **changes: Any) -> Scene:
         """Scene with changes of its surfaces, in which nothing is met in closed form."""

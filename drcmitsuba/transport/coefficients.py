@@ -40,11 +40,10 @@ from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered
-from drcmitsuba.transport.launch_size import PATHS, SENSORS
+from drcmitsuba.transport.interior import SharedInterior
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
 from drcmitsuba.transport.sensor_blocks import joined
-from drcmitsuba.transport.solved_cells import solved
 from drcmitsuba.transport.straight_suns import sensor_numbers
 
 HELD = 1 << 29
@@ -56,7 +55,7 @@ PHOTONS_SHARE = 0.8
 def compute(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
     subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
-    progress: Progress = lambda share: None,
+    interior: SharedInterior | None = None, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     r"""Coefficients of sensors for the ground, the sky patches and the suns.
 
@@ -75,6 +74,8 @@ def compute(
     kept : BlockSeries
         Stored coefficients of blocks of sensors: those that are there are not computed again, and
         those outside its part are passed over.
+    interior : SharedInterior, optional
+        Paths that further states of a façade share.
     progress : callable
         Takes the share of the work that is done.
 
@@ -93,7 +94,7 @@ def compute(
     """
     blocks = compute_blocks(
         scene, points, normals, suns, accuracy, subdivision=subdivision, kept=kept,
-        progress=progress,
+        interior=interior, progress=progress,
     )  # fmt: skip
     return joined(blocks, len(points))
 
@@ -101,7 +102,7 @@ def compute(
 def compute_blocks(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
     subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
-    progress: Progress = lambda share: None,
+    interior: SharedInterior | None = None, progress: Progress = lambda share: None,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield the coefficients of `compute` for one block of sensors after another.
 
@@ -137,6 +138,7 @@ def compute_blocks(
     yield from estimate_blocks(
         base, bins, points, normals, photons=photons, kept=kept, progress=progress,
         sun_samples=accuracy.sensor_sun_samples if suns.straight else 0, done=done,
+        interior=interior,
     )  # fmt: skip
 
 
@@ -154,7 +156,8 @@ def estimate(
 def estimate_blocks(
     base: Deposit, bins: Bins, points: np.ndarray, normals: np.ndarray, *,
     sun_samples: int, photons: PhotonTracer | None = None, kept: BlockSeries = NOTHING_KEPT,
-    done: int = 0, progress: Progress = lambda share: None,
+    done: int = 0, interior: SharedInterior | None = None,
+    progress: Progress = lambda share: None,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield coefficients for all bins of a deposit, one block of sensors after another.
 
@@ -170,7 +173,7 @@ def estimate_blocks(
         Photons for light that components deviate.
     done : int
         Number of sensors whose blocks are left out.
-    points, normals, kept, progress
+    points, normals, kept, interior, progress
         As for `compute`.
 
     Yields
@@ -187,12 +190,9 @@ def estimate_blocks(
             ended = part(traced, *(np.array([0, 1]) + r) / len(numbers))
             landed.append(photons.traced(launch_seed(accuracy.seed, Stream.PHOTONS, r), ended))
     attributes = _photon_attributes(landed) if landed else {}
-    once = scene.effects.solved_cells
-    gathered = Gathered.of(scene, points, normals, accuracy, block=SENSORS, lanes=PATHS, once=once)
+    interior = SharedInterior() if interior is None else interior
+    gathered, transfer = interior.of(scene, points, normals, accuracy)
     with ExitStack() as files:
-        transfer = None
-        if once and gathered.cells.count:  # light between surfaces is solved on cells
-            gathered, transfer = solved(scene, gathered, accuracy)
         every = Replicates(numbers, deposits, tuple(landed), transfer, len(points))
         most = max(here.stop - here.start for here in gathered.blocks)
         replicates = [*every.batches(max(most, gathered.cells.count))]

@@ -121,6 +121,11 @@ class Gathered:
                 room -= len(vertices)
         return cls(trace, blocks, cells, drawn, kept, within, seen)
 
+    @property
+    def is_stored(self) -> bool:
+        """Whether no path has to be traced again."""
+        return len(self.kept) == len(self.blocks)
+
     def met(self, here: slice) -> Met:
         """Vertices of a block of sensors."""
         if here.start in self.kept:

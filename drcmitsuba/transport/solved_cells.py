@@ -45,6 +45,9 @@ FEW = 8
 """Number of rays from a cell in the first round, in every replicate."""
 MOST_CELLS = 1 << 17
 """Largest number of cells that send rays; light that further ones send on in turn is left out."""
+LAST = 1 / 8
+"""Share of a box's cells below which those that a round has found send no rays in a further one:
+any two cells of a box face each other, so that hardly one is still unknown."""
 
 
 class OneBounce(NamedTuple):
@@ -207,8 +210,9 @@ class _Explored(NamedTuple):
 def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored:
     """Find all cells and their importance by few rays."""
     cells, points, rays, done = gathered.cells, gathered.drawn, list[CellRays](), 0
-    while done < min(cells.count, MOST_CELLS):  # from the cells that the rays before have found
-        here = slice(done, min(cells.count, MOST_CELLS))
+    least = 0 if scene.faces is None else LAST
+    while (found := min(cells.count, MOST_CELLS) - done) > least * done:
+        here = slice(done, done + found)  # the cells that the rays before have found
         for one in trace(scene, cells, points, here, FEW, accuracy, 0):
             cells = cells.extended(one.met)
             cell = cells.of(one.met)
@@ -223,4 +227,4 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
         met = one.weighed(weight, accuracy.replicates)
         cell = cells.of(met)
         points = points.extended(met, cell, cells.count, weighted=True, own=one.replicate)
-    return _Explored(cells, points, of_sensors, weight, done)
+    return _Explored(cells, points, of_sensors, weight, done + found)
