@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 
-import mitsuba as mi
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
@@ -21,7 +20,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.launch_size import SENSORS
-from drcmitsuba.transport.openings import in_rooms
+from drcmitsuba.transport.openings import in_rooms, within_of
 from drcmitsuba.transport.shadow_rays import RIM, sun_deposit
 
 PATCH_WIDTH = 10.0
@@ -113,8 +112,7 @@ class PaneGroupOfSun:
         self, world: scene.Scene, points: np.ndarray, normals: np.ndarray, seed: int
     ) -> np.ndarray:
         """D of the suns in a scene [sr], shape (sensor, sun)."""
-        closed = in_rooms(world, points)
-        within = None if closed is None else mi.Bool(closed)
+        within = within_of(world, points, in_rooms(world, points))
         D = sun_deposit(
             world, flat(points), flat(normals), suns=self.suns.directions,
             diameter=self.suns.diameter, samples=RIM, seed=seed, within=within,

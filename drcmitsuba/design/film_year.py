@@ -44,6 +44,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.diffusing_panes import PanePatches, looks
 from drcmitsuba.transport.film_orientation import Mount
 from drcmitsuba.transport.films import Films
+from drcmitsuba.transport.openings import Within
 
 CELL = "film_{:04d}"
 """Labels of outgoing cells among the bins."""
@@ -68,7 +69,7 @@ class CellDeposit(Deposit):
 
     def by_sky(
         self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,
-        within: mi.Bool | None,
+        within: Within,
     ) -> mi.TensorXf:  # fmt: skip
         """D by straight light of ground and sky; none from the film's cells."""
         sky = super().by_sky(p, n, key, rays, numbers, within)
@@ -76,8 +77,9 @@ class CellDeposit(Deposit):
         return dr.concat((sky, none), axis=1)
 
     def by_films(
-        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
-    ) -> Irradiance:
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None,
+        within: Within = None,
+    ) -> Irradiance:  # fmt: skip
         """Irradiance per radiance of the film's cells into which the receivers look [sr]."""
         count, (first, suns) = dr.width(p) // 3, super().bins
         columns = dr.opaque(mi.UInt32, sum(self.bins) - suns)
@@ -85,7 +87,7 @@ class CellDeposit(Deposit):
         for look in looks(
             self.scene, self.film, p, n,
             rays=self.accuracy.pane_points, seed=self.seed(key, Draw.FILMS),
-            numbers=numbers,
+            numbers=numbers, within=within,
         ):  # fmt: skip
             cell = square_code(self.mount.turn.to_local(-look.d).xy, self.depth)
             at = look.row * columns + first + cell

@@ -18,7 +18,7 @@ from drcmitsuba.metrics.bin_luminances import (
     positions_of,
     sun_luminances,
 )
-from drcmitsuba.metrics.source_sums import source_sums
+from drcmitsuba.metrics.source_sums import source_sums, sums_at
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import describe, mean_and_error
 
@@ -178,6 +178,28 @@ def replicates(coefficients: xr.Dataset, sky: xr.Dataset, sensors: np.ndarray) -
     total = np.stack([L @ c[patches] + suns @ c for c in by_bin])
     if "sun_straight" in coefficients:
         total += direct_sun(coefficients.isel(sensor=sensors), sky)["direct_sun"].values
+    return total
+
+
+def replicates_at(
+    coefficients: xr.Dataset, sky: xr.Dataset, time: np.ndarray, sensor: np.ndarray
+) -> np.ndarray:
+    """Total illuminance E at some pairs of a time stamp and a sensor, by each replicate of C.
+
+    Arguments and errors are those of `by_source`; `time` and `sensor` (pair,) are indices.
+
+    Returns
+    -------
+    np.ndarray, shape (replicate, pair)
+        E [lx].
+    """
+    if "illuminance" in coefficients:
+        return _known(coefficients, sky)[:, time, sensor]
+    patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
+    suns, L = sun_luminances(coefficients, sky), sky["sky"].values.astype(np.float32)
+    total = sums_at(coefficients["replicates"].values, patches, L, suns, time, sensor)
+    if "sun_straight" in coefficients:
+        total += direct_sun(coefficients, sky)["direct_sun"].values[time, sensor]
     return total
 
 

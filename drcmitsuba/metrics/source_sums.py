@@ -45,11 +45,10 @@ def source_sums(
     backend.select()
     names, shape = [n + s for n in SOURCES for s in ("", "_se")], (len(L), C.shape[1])
     used, place = np.unique(suns.indices, return_inverse=True)
-    luminances = suns.data
     if not suns.nnz:  # no loop takes empty arrays
-        used, place, luminances = patches[:1], np.zeros(1, int), np.zeros(1)
+        used = patches[:1]
     pieces = np.split(patches, range(SUMMED, len(patches), SUMMED))
-    first, bins, light = flat_indices(suns.indptr), flat_indices(place), flat(luminances)
+    first, bins, light = _rows(suns, place)
     step = max(1, TOGETHER // (len(C) * max(1, len(patches) + len(used), len(L))))
     out = {name: np.empty(shape, np.float32) for name in names}
     for start in range(0, shape[1] if len(L) else 0, step):
@@ -65,6 +64,55 @@ def source_sums(
             else:
                 out[name][:, here] = E
     return out
+
+
+def sums_at(
+    C: np.ndarray, patches: np.ndarray, L: np.ndarray, suns: csr_matrix, time: np.ndarray,
+    sensor: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """E = C·L of every replicate at some entries, shape (replicate, entry) [lx].
+
+    `time` and `sensor` (entry,) are indices; the rest as for `source_sums`. Entries of the same
+    sensor and of neighbouring times are read the fastest side by side.
+    """
+    backend.select()
+    out = np.empty((len(C), len(time)), np.float32)
+    if not len(time):
+        return out
+    at, by_time = (flat_indices(time), flat_indices(sensor)), flat(L.T)
+    bins, rows = flat_indices(patches), _rows(suns, suns.indices)
+    for E, c in zip(out, C, strict=True):
+        E[:] = _sum_at(shared(c), bins, by_time, rows, at, (c.shape[1], *L.T.shape)).numpy()
+    return out
+
+
+def _rows(suns: csr_matrix, place: np.ndarray) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
+    """First entry of each time stamp, then the place of the sun and the luminance of an entry."""
+    some = suns.nnz > 0  # no loop takes empty arrays
+    entries = (place, suns.data) if some else (np.zeros(1, int), np.zeros(1))
+    return flat_indices(suns.indptr), flat_indices(entries[0]), flat(entries[1])
+
+
+@dr.syntax
+def _sum_at(
+    C: mi.Float, patches: mi.UInt32, L: mi.Float, suns: tuple[mi.UInt32, mi.UInt32, mi.Float],
+    at: tuple[mi.UInt32, mi.UInt32], count: tuple[int, int, int],
+) -> mi.Float:  # fmt: skip
+    """E of one replicate; L is flat (patch, time), `count` are bins, patches and times."""
+    every, number, times = (dr.opaque(mi.UInt32, n) for n in count)
+    (first, bins, luminances), (time, sensor) = suns, at
+    row, total, i, place = sensor * every, mi.Float64(0), mi.UInt32(0), mi.UInt32(time)
+    while i < number:
+        value = dr.gather(mi.Float, C, row + dr.gather(mi.UInt32, patches, i))
+        total += value * dr.gather(mi.Float, L, place)
+        place += times
+        i += 1
+    entry, end = dr.gather(mi.UInt32, first, time), dr.gather(mi.UInt32, first, time + 1)
+    while entry < end:
+        value = dr.gather(mi.Float, C, row + dr.gather(mi.UInt32, bins, entry))
+        total += value * dr.gather(mi.Float, luminances, entry)
+        entry += 1
+    return mi.Float(total)
 
 
 def _by_bin(C: np.ndarray, parts: list[np.ndarray]) -> list[mi.TensorXf]:

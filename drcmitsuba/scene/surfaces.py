@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.case import Case
@@ -82,9 +81,9 @@ class Enclosure:
         within = (common > -NEAR).all(axis=2) & ((common > NEAR).sum(axis=2) > 1)
         return np.asarray(~on_face | within.any(axis=1))
 
-    def contains(self, points: mi.Float) -> bool:
-        """Whether every point (three numbers each, world frame) lies in the room."""
-        p = points.numpy().reshape(-1, 3) @ self.turn
+    def contains(self, points: np.ndarray) -> bool:
+        """Whether every point (point, 3) of the world frame lies in the room."""
+        p = points @ self.turn
         return bool(((p > -NEAR) & (p < self.size + NEAR)).all())
 
 

@@ -162,11 +162,10 @@ def _drawn_means(year: Year, limit: float) -> np.ndarray:
     sure, may = state.classes(limit, t_factor(len(drawn.replicates), 1 - 2 * BEYOND))
     out = np.repeat(np.count_nonzero(sure, axis=0)[:, None], DRAWS, axis=1)
     with one_blas_thread():  # as in `draw_autonomy`
-        replicates = state.replicates(np.arange(len(parts)))
         for i in range(len(parts)):
             time = np.flatnonzero(may[:, i] & ~sure[:, i])
-            passed = state.passes(replicates[:, :, i], i, time, drawn, limit)
-            out[i] += np.count_nonzero(passed, axis=0)
+            doubts = state.doubts(time, np.full(len(time), i), limit, drawn)
+            out[i] += np.count_nonzero(doubts.passes(slice(None)), axis=0)
     return out
 
 

@@ -41,6 +41,7 @@ from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.interior import SharedInterior
+from drcmitsuba.transport.openings import within_of
 from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
 from drcmitsuba.transport.sensor_blocks import joined
@@ -197,9 +198,11 @@ def estimate_blocks(
         most = max(here.stop - here.start for here in gathered.blocks)
         replicates = [*every.batches(max(most, gathered.cells.count))]
         if gathered.cells.count:
-            keys = gathered.cells.keys
+            keys, drawn = gathered.cells.keys, gathered.drawn
+            within = within_of(scene, drawn.p.numpy().reshape(-1, 3))
+            assert within is None or isinstance(within, bool)
             for some in replicates:
-                some.meet(gathered.drawn.of(some.numbers), keys)
+                some.meet(drawn.of(some.numbers), keys, within)
                 some.pack()
                 light = some.light
                 if light is None or kept.folder is None:
@@ -230,7 +233,8 @@ def _of_block(
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of a block of sensors."""
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
-    within = None if gathered.within is None else mi.Bool(gathered.within[here])
+    told = None if gathered.within is None else gathered.within[here]
+    within = within_of(replicates[0].deposits[0].scene, points[here], told)
     count, every = here.stop - here.start, replicates[-1].numbers.stop
     shape = every, count, len(bins.labels)
     statistics, total = Statistics(), dr.empty(mi.Float, math.prod(shape))

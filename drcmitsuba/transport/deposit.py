@@ -31,6 +31,7 @@ from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pa
 from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import EvenRows, Films, Lit
+from drcmitsuba.transport.openings import Within, repeated_within, within_of
 from drcmitsuba.transport.outside_glass import OutsideGlass
 from drcmitsuba.transport.products import by_replicate
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
@@ -101,7 +102,7 @@ class Deposit:
 
     def straight(
         self, p: mi.Float, n: mi.Float, key: Key, sky_rays: int, sun_samples: int = 1,
-        numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+        numbers: mi.UInt32 | None = None, within: Within = None,
     ) -> Irradiance:  # fmt: skip
         """D by straight light, with 0 `sun_samples` without the suns.
 
@@ -116,7 +117,7 @@ class Deposit:
 
     def straight_on_sensors(
         self, p: mi.Float, n: mi.Float, places: mi.UInt32, replicates: range, sun_samples: int,
-        within: mi.Bool | None = None, disks: Disks | None = None,
+        within: Within = None, disks: Disks | None = None,
     ) -> Irradiance:  # fmt: skip
         """D by straight light on sensors in some replicates, shape (replicate · sensor, bin) each.
 
@@ -135,7 +136,7 @@ class Deposit:
         count, key, rays = len(replicates), (Stream.SENSORS,), self.accuracy.sensor_sky_rays
         numbers = dr.concat([number_in_replicate(places, r) for r in replicates])
         every_p, every_n = repeated(p, count), repeated(n, count)
-        every_within = None if within is None else repeated(within, count)
+        every_within = repeated_within(within, count)
         sky = self.by_sky(every_p, every_n, key, rays, numbers, every_within)
         if not sun_samples or not len(self.suns):
             return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(numbers), self.bins[1])))
@@ -146,16 +147,28 @@ class Deposit:
         return Irradiance(sky, sun if mirrored is None else sun + mirrored)
 
     @cached_property
+    def _faces_within(self) -> Within:
+        """Whether the points of both faces of the scattering panes lie in the room."""
+        assert self.patches is not None
+        return within_of(self.scene, self.patches.corners_of_faces)
+
+    @cached_property
+    def _films_within(self) -> Within:
+        """The same of both faces of the films."""
+        assert self.films is not None
+        return within_of(self.scene, self.films.patches.corners_of_faces)
+
+    @cached_property
     def _outside_glass(self) -> OutsideGlass | None:
         return OutsideGlass.of(self.scene)
 
-    def disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: mi.Bool | None) -> Disks:
+    def disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: Within) -> Disks:
         """Disks of the suns as sensors see them, the same in all replicates."""
         return Disks(self.scene, self.suns, self.diameter, self.accuracy.seed, p, n, places, within)
 
     def by_sky(
         self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,
-        within: mi.Bool | None,
+        within: Within,
     ) -> mi.TensorXf:  # fmt: skip
         """D by ground and sky, straight and by the outside of clear panes; as `straight`."""
         if not self.subdivision:
@@ -183,7 +196,7 @@ class Deposit:
 
     def _suns(
         self, p: mi.Float, n: mi.Float, key: Key, samples: int,
-        numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+        numbers: mi.UInt32 | None = None, within: Within = None,
     ) -> mi.TensorXf:  # fmt: skip
         with self.launch(key, Draw.SUN) as seed:
             return sun_deposit(
@@ -192,14 +205,15 @@ class Deposit:
             )  # fmt: skip
 
     def transfer(
-        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
-    ) -> mi.TensorXf:
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None,
+        within: Within = None,
+    ) -> mi.TensorXf:  # fmt: skip
         """K from the faces of the panes to receivers, shape (receiver, face)."""
         assert self.patches is not None
         with self.launch(key, Draw.PANES) as seed:
             return pane_transfer(
                 self.scene, self.patches, p, n,
-                rays=self.accuracy.pane_points, seed=seed, numbers=numbers,
+                rays=self.accuracy.pane_points, seed=seed, numbers=numbers, within=within,
             )  # fmt: skip
 
     def lit(self, replicate: int, material: int | None = None) -> Deposit:
@@ -218,9 +232,12 @@ class Deposit:
         if films.patches is None:
             return films
         p, n = films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))
-        received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays)
-        received = received.plus(films.by_films(p, n, (Stream.FILMS_TO_PANES, replicate)))
-        between = films.transfer(p, n, key)
+        within = self._faces_within
+        received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays, within=within)
+        received = received.plus(
+            films.by_films(p, n, (Stream.FILMS_TO_PANES, replicate), within=within)
+        )
+        between = films.transfer(p, n, key, within=within)
         faces = Irradiance(*(neumann_series(between, part) for part in received))
         return replace(films, faces=faces)
 
@@ -228,7 +245,7 @@ class Deposit:
         if self.films is None:
             return self
         p, n = self.films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))
-        sun = self._suns(p, n, key, 1)
+        sun = self._suns(p, n, key, 1, within=self._films_within)
         seed = self.seed(key, Draw.SUN_ANSWER)
         to_suns = self.films.answer_to_suns(seed)
         samples = self.accuracy.film_sky_samples
@@ -238,21 +255,23 @@ class Deposit:
         return replace(self, on_films=Lit(sun, to_suns, to_sky, peaks))
 
     def by_films(
-        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
-    ) -> Irradiance | None:
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None,
+        within: Within = None,
+    ) -> Irradiance | None:  # fmt: skip
         """D by way of films; None without films, or where they are not lit."""
         if self.on_films is None:
             return None
-        return self.by_looked(self.looked(p, n, key, numbers), p, n, key, numbers)
+        return self.by_looked(self.looked(p, n, key, numbers, within), p, n, key, numbers)
 
     def looked(
-        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None
-    ) -> Looked:
+        self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None,
+        within: Within = None,
+    ) -> Looked:  # fmt: skip
         """Directions from receivers to films."""
         assert self.films is not None
         with self.launch(key, Draw.FILMS) as seed:
             rays = self.accuracy.pane_points
-            return self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers)
+            return self.films.looked(p, n, rays=rays, seed=seed, numbers=numbers, within=within)
 
     def by_looked(
         self, looked: Looked, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None,

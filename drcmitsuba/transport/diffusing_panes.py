@@ -26,7 +26,7 @@ from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
-from drcmitsuba.transport.openings import Openings
+from drcmitsuba.transport.openings import Openings, Within
 from drcmitsuba.transport.shadow_rays import visibility
 
 MOST_PATCHES = 1 << 19
@@ -123,6 +123,12 @@ class PanePatches:
         y = dr.gather(mi.Point3f, corner, patch)
         return y + a * dr.gather(mi.Vector3f, u, patch) + b * dr.gather(mi.Vector3f, v, patch)
 
+    @property
+    def corners_of_faces(self) -> np.ndarray:
+        """Corners of what `face_points` draws from [m], shape (corner, 3)."""
+        ends = [self.corner + a * self.u + b * self.v for a in (0, 1) for b in (0, 1)]
+        return np.concatenate([p + side * OFFSET * self.normal for p in ends for side in (1, -1)])
+
     def face_points(self, rng: np.random.Generator) -> tuple[mi.Float, mi.Float]:
         """One random point and the outward normal of every face, three numbers each."""
         uv = rng.random((2, len(self), 1))
@@ -149,7 +155,7 @@ class Look(NamedTuple):
 
 def looks(
     scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
-    rays: int, seed: int, numbers: mi.UInt32 | None = None,
+    rays: int, seed: int, numbers: mi.UInt32 | None = None, within: Within = None,
 ) -> tuple[Look, Look]:  # fmt: skip
     """Directions from receivers to the patches, drawn in two ways.
 
@@ -162,7 +168,7 @@ def looks(
         Receivers, three numbers each.
     rays : int
         Directions of each of the two kinds per receiver.
-    numbers : mi.UInt32, optional
+    numbers, within : optional
         As for `shadow_rays.sky_deposit`.
 
     Returns
@@ -181,7 +187,7 @@ def looks(
     a, b = (mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed, index))
     p = dr.gather(mi.Point3f, points, row)
     n = dr.gather(mi.Normal3f, normals, row)
-    openings = Openings.of(scene, points)  # rays to its panes stay in a box
+    openings = Openings.of(scene, points, within)  # rays to its panes stay in a box
 
     def look(patch: mi.UInt32, d: mi.Vector3f, distance: mi.Float, seen: mi.Bool) -> Look:
         """Weigh directions drawn in either way."""
@@ -213,7 +219,7 @@ def looks(
 
 def pane_transfer(
     scene: Scene, patches: PanePatches, points: mi.Float, normals: mi.Float, *,
-    rays: int, seed: int, numbers: mi.UInt32 | None = None,
+    rays: int, seed: int, numbers: mi.UInt32 | None = None, within: Within = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance at points per irradiance on the faces of panes that scatter evenly.
 
@@ -221,7 +227,7 @@ def pane_transfer(
     ----------
     patches : PanePatches
         Patches of `scene.scattering`.
-    scene, points, normals, rays, seed, numbers
+    scene, points, normals, rays, seed, numbers, within
         As for `looks`.
 
     Returns
@@ -234,7 +240,9 @@ def pane_transfer(
     optics: list[Any] = [pane.material for pane in scene.scattering]
     through = flat([optics[i].transmittance for i in patches.owner])
     back = flat([optics[i].reflectance for i in patches.owner])
-    every = looks(scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers)
+    every = looks(
+        scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers, within=within
+    )
     dr.eval([(look.row, look.patch, look.front, look.weight) for look in every])
     for look in every:
         seen = look.weight > 0

@@ -43,6 +43,7 @@ from drcmitsuba.transport.film_looks import Directions, Looked
 from drcmitsuba.transport.film_orientation import Mount, mounts
 from drcmitsuba.transport.film_peaks import Peaks, take_out
 from drcmitsuba.transport.film_sums import summed, widened
+from drcmitsuba.transport.openings import Within
 from drcmitsuba.transport.products import rows_of
 
 FEW_ROWS = 48
@@ -181,11 +182,14 @@ class Films:
         return row, known
 
     def looked(
-        self, p: mi.Float, n: mi.Float, *, rays: int, seed: int, numbers: mi.UInt32 | None = None
-    ) -> Looked:
+        self, p: mi.Float, n: mi.Float, *, rays: int, seed: int,
+        numbers: mi.UInt32 | None = None, within: Within = None,
+    ) -> Looked:  # fmt: skip
         """Draw directions from receivers to the films; parameters as for `looks`."""
         every = []
-        for look in looks(self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers):
+        for look in looks(
+            self.scene, self.patches, p, n, rays=rays, seed=seed, numbers=numbers, within=within
+        ):
             row, known = self.rows(look.patch, look.d, look.front)
             seen = (look.weight > 0) & known
             every.append((seen, look.row, look.patch, row, dr.pi * look.weight))

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat, row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
@@ -26,6 +26,11 @@ SLACK = 1e-3
 """Width by which openings count as larger on all sides, in doubt [m]."""
 RAYS = 256
 """Number of rays by which a point is found to lie in a room of a model."""
+
+
+Within: TypeAlias = "mi.Bool | bool | None"
+"""Whether receivers lie in the room: all of them in a box, each one in the rooms of a model;
+None where nobody knows. Looking it up on the device waits for all that is being computed."""
 
 
 def has_shapeless_rooms(scene: Scene) -> bool:
@@ -44,6 +49,24 @@ def in_rooms(scene: Scene, points: np.ndarray) -> np.ndarray | None:
     block = SHADOW_RAYS // RAYS
     closed = [_is_closed_in(scene, points[i : i + block]) for i in range(0, len(points), block)]
     return np.concatenate([np.zeros(0, bool), *closed])
+
+
+def within_of(scene: Scene, points: np.ndarray, in_rooms: np.ndarray | None = None) -> Within:
+    """Whether points (point, 3) lie in the room; `in_rooms` (point,) tells it for a model."""
+    if in_rooms is not None:
+        return mi.Bool(in_rooms)
+    room = scene.enclosure
+    return room.contains(points) if room is not None and room.exits is None else None
+
+
+def repeated_within(within: Within, times: int) -> Within:
+    """The same of receivers that stand several times one after another."""
+    return within if within is None or isinstance(within, bool) else repeated(within, times)
+
+
+def within_at(within: Within, row: mi.UInt32) -> Within:
+    """The same of some of the receivers."""
+    return within if within is None or isinstance(within, bool) else dr.gather(mi.Bool, within, row)
 
 
 def _is_closed_in(scene: Scene, points: np.ndarray) -> np.ndarray:
@@ -70,7 +93,7 @@ class Openings:
     too: openings then count as larger by `SLACK`."""
 
     @classmethod
-    def of(cls, scene: Scene, points: mi.Float, within: mi.Bool | None = None) -> Openings | None:
+    def of(cls, scene: Scene, points: mi.Float, within: Within = None) -> Openings | None:
         """Openings that points look through; None where all of them may lie outside the room.
 
         In the rooms of a model are the points of which `within` says so.
@@ -79,8 +102,10 @@ class Openings:
         if room is None or not room.spares:
             return None
         if room.exits is not None:
-            return None if within is None else cls(room.exits, within)
-        return cls(room.openings, occluders=scene.occluders) if room.contains(points) else None
+            return None if within is None else cls(room.exits, mi.Bool(within))
+        if within is None:
+            within = room.contains(points.numpy().reshape(-1, 3))
+        return cls(room.openings, occluders=scene.occluders) if within else None
 
     @property
     def are_none(self) -> bool:
@@ -203,15 +228,17 @@ class SunClusters(NamedTuple):
         return row, group
 
 
-def hidden_in_disks(scene: Scene, points: mi.Float, suns: np.ndarray, diameter: float) -> mi.Bool:
+def hidden_in_disks(
+    scene: Scene, points: mi.Float, suns: np.ndarray, diameter: float, within: Within = None
+) -> mi.Bool:
     """Whether a slit may show a sun's disk without its edge, flat (point, sun).
 
     There is no such slit where every opening is wider than a disk's image across the room.
-    `points` are positions [m], three numbers each.
+    `points` are positions [m], three numbers each, `within` as for `Openings.of`.
     """
     room, radius = scene.enclosure, np.radians(diameter) / 2
     if room is not None and room.narrowest < 2 * np.tan(radius) * np.linalg.norm(room.size):
-        openings = Openings.of(scene, points) if room.is_box else Openings(room.openings)
+        openings = Openings.of(scene, points, within) if room.is_box else Openings(room.openings)
         if openings is not None:
             entry = dr.arange(mi.UInt32, dr.width(points) // 3 * len(suns))
             row, sun = row_and_column(entry, len(suns))

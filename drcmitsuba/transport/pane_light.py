@@ -13,6 +13,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.film_answers import SunCells, SunRadiance
 from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.films import EvenRows, Films
+from drcmitsuba.transport.openings import Within
 from drcmitsuba.transport.products import Reached, by_replicate, rows_of
 
 
@@ -53,8 +54,9 @@ class FromPanes(NamedTuple):
 
 
 def by_panes(
-    deposits: Sequence[Deposit], p: mi.Float, n: mi.Float, key: Key, numbers: list[mi.UInt32]
-) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Light]]]:
+    deposits: Sequence[Deposit], p: mi.Float, n: mi.Float, key: Key, numbers: list[mi.UInt32],
+    within: Within = None,
+) -> tuple[Irradiance | None, list[tuple[mi.TensorXf, Light]]]:  # fmt: skip
     """Light of scattering panes on receivers, those of one replicate after those of another.
 
     Parameters
@@ -67,6 +69,8 @@ def by_panes(
         Stream of the random numbers, with its indices.
     numbers : list of mi.UInt32
         Numbers of the receivers in each replicate.
+    within : mi.Bool or bool, optional
+        Whether the receivers lie in the room, see `openings.Within`.
 
     Returns
     -------
@@ -79,9 +83,9 @@ def by_panes(
     parts: list[tuple[mi.TensorXf, Light]] = []
     films, count = base.films, len(deposits)
     if films is None or base.on_films is None:
-        rest = base.by_films(p, n, key, every)
+        rest = base.by_films(p, n, key, every, within)
     else:
-        rest, looked = None, base.looked(p, n, key, every)
+        rest, looked = None, base.looked(p, n, key, every, within)
         even = films.even_rows(looked)
         of_films = [_by_film(deposits, films, film, looked) for film in even]
         parts = [part for _, part in of_films if part is not None]
@@ -96,7 +100,7 @@ def by_panes(
         for sky, _ in of_films:
             rest = sky.plus(rest)
     if (E := stacked(one.faces for one in deposits)) is not None:
-        parts.append((base.transfer(p, n, key, every), E))
+        parts.append((base.transfer(p, n, key, every, within), E))
     return rest, parts
 
 

@@ -15,6 +15,7 @@ from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
+from drcmitsuba.transport.openings import Within
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
 from drcmitsuba.transport.products import (
@@ -79,18 +80,19 @@ class Replicates:
         """Count the replicates."""
         return len(self.numbers)
 
-    def meet(self, drawn: Draws, keys: mi.UInt32) -> None:
+    def meet(self, drawn: Draws, keys: mi.UInt32, within: bool | None = None) -> None:
         """Compute D of the cells [sr] at the points that stand for them, and what they reflect.
 
         Where parts of panes are fewer than bins, their light stays apart. `drawn` are the points in
-        each of these replicates.
+        each of these replicates, `within` whether all lie in a box room, where it is known.
         """
         base, rays = self.deposits[0], self.deposits[0].accuracy.cell_sky_rays
         p, n = drawn.p, drawn.n
         each = [number_in_replicate(keys, r) for r in self.numbers]
         key = (Stream.CELLS,)
-        D = base.straight(p, n, key, rays, numbers=dr.concat(each), within=drawn.within)
-        rest, parts = by_panes(self.deposits, p, n, key, each)
+        place = within if drawn.within is None else drawn.within
+        D = base.straight(p, n, key, rays, numbers=dr.concat(each), within=place)
+        rest, parts = by_panes(self.deposits, p, n, key, each, within)
         D = D.plus(stacked(one.on(keys) for one in self.landed)).plus(rest)
         dr.eval(*D)  # a pending sum would keep all of its parts
         self.cells, self.reached = D, None
@@ -157,7 +159,7 @@ class Replicates:
         self.cells, self.indirect = None, (None, None)
 
     def sensors(
-        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: mi.Bool | None,
+        self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: Within,
         disks: Disks | None,
     ) -> tuple[Irradiance, Irradiance]:  # fmt: skip
         """D of sensors (replicate · sensor, bin) [sr]: by straight and mirrored light; by all.
@@ -168,7 +170,10 @@ class Replicates:
         straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, disks)
         numbers = [number_in_replicate(place, r) for r in self.numbers]
         every_p, every_n = (repeated(x, len(self)) for x in (p, n))
-        rest, parts = by_panes(self.deposits, every_p, every_n, (Stream.SENSORS,), numbers)
+        all_within = within if isinstance(within, bool) else None
+        rest, parts = by_panes(
+            self.deposits, every_p, every_n, (Stream.SENSORS,), numbers, all_within
+        )
         direct = straight.plus(rest)
         for K, light in parts:
             direct = direct.plus(light.through(K, len(self)))

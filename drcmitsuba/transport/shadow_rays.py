@@ -28,7 +28,7 @@ from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.even_rays import EvenRays
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.openings import CLUSTER, Openings, SunClusters
+from drcmitsuba.transport.openings import CLUSTER, Openings, SunClusters, Within
 
 Through = Callable[..., Any]
 """Function that gives the share of light that reaches points from directions, as `straight`."""
@@ -80,7 +80,7 @@ def visibility(
 def sky_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     subdivision: int, rays: int, seed: int, numbers: mi.UInt32 | None = None,
-    within: mi.Bool | None = None,
+    within: Within = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of the ground and the sky patches.
 
@@ -94,8 +94,8 @@ def sky_deposit(
         Number of rays from a point, cosine-distributed and stratified.
     numbers : mi.UInt32, optional
         Seeds of the points' random numbers, independent of the launch; by default 0, 1, … .
-    within : mi.Bool, optional
-        Whether each point lies in a room of a model, see `openings.in_rooms`.
+    within : mi.Bool or bool, optional
+        Whether the points lie in the room, see `openings.Within`.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def sky_deposit(
 def sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int,
-    numbers: mi.UInt32 | None = None, within: mi.Bool | None = None,
+    numbers: mi.UInt32 | None = None, within: Within = None,
     through: Through | None = None, pairs: Iterable[mi.UInt32] | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
@@ -172,7 +172,7 @@ def sun_deposit(
 def rim_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     suns: np.ndarray, diameter: float, seed: int, numbers: mi.UInt32,
-    pairs: Iterable[mi.UInt32], within: mi.Bool | None = None,
+    pairs: Iterable[mi.UInt32], within: Within = None,
 ) -> tuple[mi.Float, mi.Float, mi.Float]:  # fmt: skip
     """Irradiance of points per unit radiance of every sun, by `RIM` directions around its edge.
 
@@ -284,7 +284,7 @@ def _drawn(
 def one_sun_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, sun: mi.UInt32, *,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
-    within: mi.Bool | None = None,
+    within: Within = None,
 ) -> mi.Float:  # fmt: skip
     """Irradiance of points per unit radiance of one sun for each of them.
 

@@ -17,7 +17,15 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.schema import mean_and_error
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.launch_size import SENSORS, SHADOW_RAYS
-from drcmitsuba.transport.openings import Openings, hidden_in_disks, in_rooms
+from drcmitsuba.transport.openings import (
+    Openings,
+    Within,
+    hidden_in_disks,
+    in_rooms,
+    repeated_within,
+    within_at,
+    within_of,
+)
 from drcmitsuba.transport.shadow_rays import (
     one_sun_deposit,
     possible_pairs,
@@ -79,8 +87,7 @@ def _straight_suns(
     here: slice,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """`straight_suns` of some sensors."""
-    within = in_rooms(scene, points)
-    within = None if within is None else mi.Bool(within)
+    within = within_of(scene, points, in_rooms(scene, points))
     p, n, places = flat(points), flat(normals), sensor_numbers(here)
     disks = Disks(scene, suns.directions, suns.diameter, accuracy.seed, p, n, places, within)
     rims, edges = disks.rims
@@ -109,8 +116,8 @@ class Disks:
     """Positions [m] and normals of the sensors, three numbers each."""
     places: mi.UInt32
     """Numbers of the sensors."""
-    within: mi.Bool | None
-    """Whether each sensor lies in a room of a model, see `openings.in_rooms`."""
+    within: Within
+    """Whether the sensors lie in the room."""
 
     @cached_property
     def pairs(self) -> tuple[mi.UInt32, ...]:
@@ -143,7 +150,7 @@ class Disks:
             diameter=self.diameter, samples=max(1, samples // FEWER),
             seed=launch_seed(self.seed, Stream.SUN_EDGES),
             numbers=dr.concat([number_in_replicate(self.places, r) for r in replicates]),
-            within=None if self.within is None else repeated(self.within, count),
+            within=repeated_within(self.within, count),
             pairs=self._pairs_of_replicates(count),
         ).array  # fmt: skip
         if dr.width(edges):
@@ -168,7 +175,7 @@ class Disks:
                 seed=launch_seed(self.seed, Stream.SUN_RIMS), numbers=self.places,
                 pairs=self.pairs, within=self.within,
             )  # fmt: skip
-        slits = hidden_in_disks(self.scene, self.p, self.suns, self.diameter)
+        slits = hidden_in_disks(self.scene, self.p, self.suns, self.diameter, self.within)
         edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
         return mean, edges
 
@@ -185,5 +192,5 @@ class Disks:
         return one_sun_deposit(
             self.scene, p, n, sun, suns=self.suns, diameter=self.diameter, samples=samples,
             seed=launch_seed(self.seed, Stream.SUN_EDGES), numbers=number,
-            within=None if self.within is None else dr.gather(mi.Bool, self.within, row),
+            within=within_at(self.within, row),
         )  # fmt: skip

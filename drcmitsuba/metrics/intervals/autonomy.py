@@ -26,8 +26,6 @@ from drcmitsuba.metrics.intervals.facade_draws import Closures
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, t_factor
 from drcmitsuba.runtime.threads import one_blas_thread
 
-BLOCK = 256
-"""Number of sensors whose replicates are in memory at once."""
 GROUPS = 64
 """Number of groups of sensors; errors outside the replicates are independent between groups."""
 ENTRIES = 128
@@ -90,31 +88,45 @@ class State:
         may = np.concatenate([self.mean + reach >= threshold, nothing])
         return sure[self.row], may[self.row]
 
-    def replicates(self, sensors: np.ndarray) -> np.ndarray:
-        """Replicates of the rows at some sensors, (replicate, row, sensor)."""
-        return accumulate.replicates(self.coefficients, self.sky, sensors)
-
-    def passes(
-        self, replicates: np.ndarray, sensor: int, time: np.ndarray, drawn: Multipliers,
-        threshold: float,
-    ) -> np.ndarray:  # fmt: skip
-        """Whether E* ≥ threshold, (entry, draw), from one sensor's replicates (replicate, row).
-
-        No replicate holds the interpolation error of an adaptive sun's mesh, nor the noise of its
-        straight light. This part of the error moves all hours of a sensor together, which
-        overstates its effect.
-        """
-        E = replicates[:, self.row[time]]
-        mean = E.mean(axis=0)
-        off, missing, weights = (E - mean).T, (threshold - mean)[:, None], drawn.replicates
+    def doubts(
+        self, time: np.ndarray, sensor: np.ndarray, threshold: float, drawn: Multipliers
+    ) -> Doubts:
+        """Entries whose draws are asked for, by their time stamps and sensors (entry,)."""
+        row = self.row[time]
+        E = accumulate.replicates_at(self.coefficients, self.sky, row, sensor)
+        mean, own = E.mean(axis=0), None
         if "sun_straight" in self.coefficients:
-            own = self.error[self.row[time], sensor] ** 2 - E.var(axis=0, ddof=1) / len(E)
-            off = np.column_stack([off, np.sqrt(np.maximum(own, 0))])
-            weights = np.vstack([weights, drawn.others[sensor % GROUPS]])
-        passed = np.empty((len(time), DRAWS), bool)
-        for start in range(0, len(time), ENTRIES):
-            here = slice(start, start + ENTRIES)
-            passed[here] = off[here] @ weights >= missing[here]
+            own = self.error[row, sensor] ** 2 - E.var(axis=0, ddof=1) / len(E)
+            own = np.sqrt(np.maximum(own, 0))
+        return Doubts((E - mean).T, threshold - mean, own, sensor % GROUPS, drawn)
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """Entries of illuminance that may lie on both sides of a threshold."""
+
+    off: np.ndarray
+    """Differences of the replicates from their mean [lx], shape (entry, replicate)."""
+    missing: np.ndarray
+    """Threshold less the mean [lx], shape (entry,)."""
+    own: np.ndarray | None
+    """Standard error that no replicate holds [lx]: that of interpolation in an adaptive sun's mesh,
+    and the noise of its straight light. It moves all hours of a sensor together, which overstates
+    its effect."""
+    group: np.ndarray
+    """Group of the entries' sensors."""
+    drawn: Multipliers
+
+    def passes(self, here: slice) -> np.ndarray:
+        """Whether E* ≥ threshold, for some of the entries, (entry, draw)."""
+        off, missing, weights = self.off[here], self.missing[here, None], self.drawn.replicates
+        passed = np.empty((len(off), DRAWS), bool)
+        for start in range(0, len(off), ENTRIES):
+            few = slice(start, start + ENTRIES)
+            E = off[few] @ weights
+            if self.own is not None:
+                E += self.own[here][few, None] * self.drawn.others[self.group[here][few]]
+            np.greater_equal(E, missing[few], out=passed[few])
         return passed
 
 
@@ -132,25 +144,28 @@ def draw_autonomy(
         may |= of_state[1] & here[:, None]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
+    time, sensor = tally.wanted(doubtful)
     hour = np.full(len(sure), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
+    hour = hour[time]
+    in_state = closures.possible[:, time]
+    doubts = [
+        state.doubts(time[here], sensor[here], threshold, drawn)
+        for state, here in zip(states, in_state, strict=True)
+    ]
+    first = np.cumsum(in_state, axis=1) - in_state  # number of a state's entries before each one
     # The matrices are small: threads of the library would wait for each other most of the time.
     with one_blas_thread():
-        for start in range(0, len(tally.sensors), BLOCK):
-            block = tally.sensors[start : start + BLOCK]
-            E = [state.replicates(block) for state in states]
-            for i, sensor in enumerate(block):
-                time = np.flatnonzero(doubtful[:, sensor])
-                time = time[tally.wants(sensor, time)]
-                varies = hour[time] >= 0
-                passed = np.zeros((len(time), DRAWS), bool)
-                for k, state in enumerate(states):
-                    own = E[k][:, :, i]
-                    one = ~varies & (closures.state[time] == k)
-                    passed[one] = state.passes(own, sensor, time[one], drawn, threshold)
-                    some = varies & closures.possible[k, time]
-                    if some.any():
-                        by_state = state.passes(own, sensor, time[some], drawn, threshold)
-                        passed[some] |= by_state & (closures.drawn[hour[time[some]]] == k)
-                tally.add(sensor, time, passed)
+        for block in tally.blocks(sensor):
+            passed = np.zeros((block.stop - block.start, DRAWS), bool)
+            for k, of_state in enumerate(doubts):
+                some = np.flatnonzero(in_state[k, block])
+                if not len(some):
+                    continue
+                begin = first[k, block.start + some[0]]
+                by_state = of_state.passes(slice(begin, begin + len(some)))
+                varies = hour[block][some] >= 0
+                by_state[varies] &= closures.drawn[hour[block][some[varies]]] == k
+                passed[some] |= by_state
+            tally.add(sensor[block], time[block], passed)
     return tally

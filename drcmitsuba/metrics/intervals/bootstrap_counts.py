@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,6 +13,8 @@ from drcmitsuba.metrics.intervals.rules import DRAWS, TAIL
 
 MOST = 255
 """Largest count of a byte: sums of bytes are several times as fast as sums of larger numbers."""
+TOGETHER = 1 << 12
+"""Number of entries that are drawn at once, unless a single sensor has more: 2.5 MB."""
 
 
 @dataclass(frozen=True)
@@ -66,35 +69,60 @@ class BootstrapCounts:
         """Sensors that do not pass or fail for certain."""
         return np.flatnonzero(self.open_year | self.open_months.any(axis=1))
 
-    def wants(self, sensor: int, time: np.ndarray) -> np.ndarray:
-        """Whether doubtful time stamps of a sensor have to be drawn."""
-        if self.open_year[sensor]:
-            return np.ones(len(time), bool)
-        return self.open_months[sensor, self.needed.month[time]]
+    def wanted(self, doubtful: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Entries of doubtful ones (time, sensor) that have to be drawn, by sensor, then by month.
 
-    def add(self, sensor: int, time: np.ndarray, passed: np.ndarray) -> None:
-        """Add the draws of a sensor's wanted time stamps, (entry, draw)."""
-        counts = np.repeat(self.sure[sensor][:, None], DRAWS, axis=1)
-        month = self.needed.month[time]
-        if (month[1:] < month[:-1]).any():
-            order = np.argsort(month, kind="stable")
-            month, passed, time = month[order], passed[order], time[order]
-        changes = np.flatnonzero(month[1:] != month[:-1]) + 1
-        for begin, end in pairwise([0, *changes.tolist(), len(month)]):
+        They are time stamps and sensors, indices of shape (entry,) each.
+        """
+        order = np.argsort(self.needed.month, kind="stable")
+        open_months = self.open_months | self.open_year[:, None]
+        asked = doubtful[order].T & open_months[:, self.needed.month[order]]
+        sensor, place = np.nonzero(asked)
+        return order[place], sensor
+
+    def blocks(self, sensor: np.ndarray) -> Iterator[slice]:
+        """Cut entries that are sorted by their `sensor` into blocks of whole sensors."""
+        start = 0
+        while start < len(sensor):
+            last = sensor[min(start + TOGETHER, len(sensor)) - 1]
+            before, behind = np.searchsorted(sensor, (last, last + 1))
+            whole = behind == min(start + TOGETHER, len(sensor)) or before == start
+            stop = int(behind if whole else before)
+            yield slice(start, stop)
+            start = stop
+
+    def add(self, sensor: np.ndarray, time: np.ndarray, passed: np.ndarray) -> None:
+        """Add the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them."""
+        those, row = np.unique(sensor, return_inverse=True)
+        counts = np.repeat(self.sure[those][..., None], DRAWS, axis=2).astype(np.int32)
+        of_month = 12 * row + self.needed.month[time]
+        changes = np.flatnonzero(of_month[1:] != of_month[:-1]) + 1
+        by_month = counts.reshape(-1, DRAWS)
+        for begin, end in pairwise([0, *changes.tolist(), len(time)]):
             for first in range(begin, end, MOST):
                 piece = passed[first : min(first + MOST, end)].view(np.uint8)
-                counts[month[begin]] += np.add.reduce(piece, axis=0, dtype=np.uint8)
-        # An open month or year began as not passed.
-        of_month = self.open_months[sensor]
-        of_grid = self.counts[self.needed.grid[sensor]]
-        of_grid[:12][of_month] += counts[of_month] >= self.needed.monthly[of_month][:, None]
-        if self.open_year[sensor]:
-            passes = counts.sum(axis=0) >= self.needed.yearly
-            of_grid[12] += passes
-            p = self.passing[sensor] = passes.mean()
-            if TAIL < p < 1 - TAIL:
-                q = passed.mean(axis=1)
-                self.hours[time] += (q > TAIL) & (q < 1 - TAIL)
+                by_month[of_month[begin]] += np.add.reduce(piece, axis=0, dtype=np.uint8)
+        self._count(those, counts)
+        for i in np.flatnonzero(self.open_year[those]):
+            if TAIL < self.passing[those[i]] < 1 - TAIL:
+                mine = slice(*np.searchsorted(row, (i, i + 1)))
+                q = passed[mine].mean(axis=1)
+                self.hours[time[mine]] += (q > TAIL) & (q < 1 - TAIL)
+
+    def _count(self, those: np.ndarray, counts: np.ndarray) -> None:
+        """Count months and the period of some sensors, whose `counts` are (sensor, month, draw).
+
+        An open month or year began as not passed.
+        """
+        grid, month = self.needed.grid[those], self.needed.monthly[:, None]
+        passes = (counts >= month) & self.open_months[those][..., None]
+        of_year = counts.sum(axis=1, dtype=np.int32) >= self.needed.yearly
+        of_year &= self.open_year[those][:, None]
+        for g in np.unique(grid):
+            self.counts[g, :12] += passes[grid == g].sum(axis=0, dtype=np.int32)
+            self.counts[g, 12] += of_year[grid == g].sum(axis=0, dtype=np.int32)
+        is_open = self.open_year[those]
+        self.passing[those[is_open]] = of_year[is_open].mean(axis=1)
 
     def plus(self, other: BootstrapCounts) -> BootstrapCounts:
         """Count the sensors of two blocks, this one's first; grids have the same numbers."""

@@ -63,12 +63,12 @@ class YearDraws:
         drawn[self.sun.time, self.sun.sensor] = True
         sure = (self.direct >= threshold) & ~drawn
         tally = BootstrapCounts(needed, needed.count(sure), needed.count(drawn))
-        order = np.argsort(self.sun.sensor, kind="stable")
-        first = np.searchsorted(self.sun.sensor[order], np.arange(self.direct.shape[1] + 1))
-        for sensor in tally.sensors:
-            entries = order[first[sensor] : first[sensor + 1]]
-            kept = entries[tally.wants(sensor, self.sun.time[entries])]
-            tally.add(sensor, self.sun.time[kept], unpacked(self.sun.exposed[kept]))
+        time, sensor = tally.wanted(drawn)
+        entry = np.zeros(self.direct.shape, np.int64)
+        entry[self.sun.time, self.sun.sensor] = np.arange(len(self.sun.time))
+        for block in tally.blocks(sensor):
+            at = time[block], sensor[block]
+            tally.add(sensor[block], time[block], unpacked(self.sun.exposed[entry[at]]))
         return tally
 
 
