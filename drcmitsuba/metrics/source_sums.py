@@ -18,6 +18,8 @@ TOGETHER = 1 << 24
 """Largest number of coefficients, or of illuminances, of all replicates in a launch, 64 MiB."""
 SUMMED = 1 << 9
 """Number of patches whose light is summed in single precision: more of them would drift."""
+FOUR = 4
+"""Number of replicates whose sums are made together."""
 SOURCES = ("sky", "sun", "total")
 
 
@@ -72,47 +74,55 @@ def sums_at(
 ) -> np.ndarray:  # fmt: skip
     """E = C·L of every replicate at some entries, shape (replicate, entry) [lx].
 
-    `time` and `sensor` (entry,) are indices; the rest as for `source_sums`. Entries of the same
-    sensor and of neighbouring times are read the fastest side by side.
+    `time` and `sensor` (entry,) are indices; the rest as for `source_sums`. Entries of one sensor
+    and of neighbouring times are read the fastest side by side.
     """
     backend.select()
     out = np.empty((len(C), len(time)), np.float32)
-    if not len(time):
+    if out.size == 0:
         return out
     at, by_time = (flat_indices(time), flat_indices(sensor)), flat(L.T)
     bins, rows = flat_indices(patches), _rows(suns, suns.indices)
-    for E, c in zip(out, C, strict=True):
-        E[:] = _sum_at(shared(c), bins, by_time, rows, at, (c.shape[1], *L.T.shape)).numpy()
+    for start in range(0, len(C), FOUR):
+        four = [shared(C[min(r, len(C) - 1)]) for r in range(start, start + FOUR)]
+        E = _sums_at(four, bins, by_time, rows, at, (*C.shape[1:], *L.T.shape))
+        out[start : start + FOUR] = E.numpy()[: len(C) - start]
     return out
 
 
 def _rows(suns: csr_matrix, place: np.ndarray) -> tuple[mi.UInt32, mi.UInt32, mi.Float]:
     """First entry of each time stamp, then the place of the sun and the luminance of an entry."""
-    some = suns.nnz > 0  # no loop takes empty arrays
-    entries = (place, suns.data) if some else (np.zeros(1, int), np.zeros(1))
-    return flat_indices(suns.indptr), flat_indices(entries[0]), flat(entries[1])
+    if not suns.nnz:  # no loop takes empty arrays
+        return flat_indices(suns.indptr), flat_indices([0]), flat([0])
+    return flat_indices(suns.indptr), flat_indices(place), flat(suns.data)
 
 
 @dr.syntax
-def _sum_at(
-    C: mi.Float, patches: mi.UInt32, L: mi.Float, suns: tuple[mi.UInt32, mi.UInt32, mi.Float],
-    at: tuple[mi.UInt32, mi.UInt32], count: tuple[int, int, int],
-) -> mi.Float:  # fmt: skip
-    """E of one replicate; L is flat (patch, time), `count` are bins, patches and times."""
-    every, number, times = (dr.opaque(mi.UInt32, n) for n in count)
+def _sums_at(
+    C: list[mi.Float], patches: mi.UInt32, L: mi.Float, suns: tuple[mi.UInt32, mi.UInt32, mi.Float],
+    at: tuple[mi.UInt32, mi.UInt32], count: tuple[int, int, int, int],
+) -> mi.Vector4f:  # fmt: skip
+    """E by four replicates; L is flat (patch, time), `count` are sensors, bins, patches, times."""
     (first, bins, luminances), (time, sensor) = suns, at
-    row, total, i, place = sensor * every, mi.Float64(0), mi.UInt32(0), mi.UInt32(time)
-    while i < number:
-        value = dr.gather(mi.Float, C, row + dr.gather(mi.UInt32, patches, i))
-        total += value * dr.gather(mi.Float, L, place)
+    lane = dr.arange(mi.UInt32, count[0] * count[2])
+    row, patch = row_and_column(lane, count[2])
+    place = row * dr.opaque(mi.UInt32, count[1]) + dr.gather(mi.UInt32, patches, patch)
+    by_patch = dr.ravel(mi.Vector4f(*(dr.gather(mi.Float, c, place) for c in C)))
+    dr.eval(by_patch)
+    number, times = (dr.opaque(mi.UInt32, n) for n in count[2:])
+    row, place, total, i = sensor * number, mi.UInt32(time), mi.Vector4d(0), mi.UInt32(0)
+    while i < number:  # the four lie side by side: to read them takes little more than one
+        total += dr.gather(mi.Vector4f, by_patch, row + i) * dr.gather(mi.Float, L, place)
         place += times
         i += 1
+    row = sensor * dr.opaque(mi.UInt32, count[1])
     entry, end = dr.gather(mi.UInt32, first, time), dr.gather(mi.UInt32, first, time + 1)
     while entry < end:
-        value = dr.gather(mi.Float, C, row + dr.gather(mi.UInt32, bins, entry))
-        total += value * dr.gather(mi.Float, luminances, entry)
+        bin = row + dr.gather(mi.UInt32, bins, entry)
+        of_sun = mi.Vector4f(*(dr.gather(mi.Float, c, bin) for c in C))
+        total += of_sun * dr.gather(mi.Float, luminances, entry)
         entry += 1
-    return mi.Float(total)
+    return mi.Vector4f(total)
 
 
 def _by_bin(C: np.ndarray, parts: list[np.ndarray]) -> list[mi.TensorXf]:

@@ -165,7 +165,8 @@ def _drawn_means(year: Year, limit: float) -> np.ndarray:
         for i in range(len(parts)):
             time = np.flatnonzero(may[:, i] & ~sure[:, i])
             doubts = state.doubts(time, np.full(len(time), i), limit, drawn)
-            out[i] += np.count_nonzero(doubts.passes(slice(None)), axis=0)
+            for _, passed in doubts.passes(0, len(time)):
+                out[i] += np.count_nonzero(passed, axis=0)
     return out
 
 

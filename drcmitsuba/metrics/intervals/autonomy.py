@@ -13,7 +13,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -117,17 +117,14 @@ class Doubts:
     """Group of the entries' sensors."""
     drawn: Multipliers
 
-    def passes(self, here: slice) -> np.ndarray:
-        """Whether E* ≥ threshold, for some of the entries, (entry, draw)."""
-        off, missing, weights = self.off[here], self.missing[here, None], self.drawn.replicates
-        passed = np.empty((len(off), DRAWS), bool)
-        for start in range(0, len(off), ENTRIES):
-            few = slice(start, start + ENTRIES)
-            E = off[few] @ weights
+    def passes(self, begin: int, end: int) -> Iterator[tuple[slice, np.ndarray]]:
+        """Yield whether E* ≥ threshold (entry, draw) for few entries after another, and which."""
+        for start in range(begin, end, ENTRIES):
+            few = slice(start, min(start + ENTRIES, end))
+            E = self.off[few] @ self.drawn.replicates
             if self.own is not None:
-                E += self.own[here][few, None] * self.drawn.others[self.group[here][few]]
-            np.greater_equal(E, missing[few], out=passed[few])
-        return passed
+                E += self.own[few, None] * self.drawn.others[self.group[few]]
+            yield slice(start - begin, few.stop - begin), self.missing[few, None] <= E
 
 
 def draw_autonomy(
@@ -149,23 +146,21 @@ def draw_autonomy(
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
     in_state = closures.possible[:, time]
-    doubts = [
-        state.doubts(time[here], sensor[here], threshold, drawn)
-        for state, here in zip(states, in_state, strict=True)
+    every = [
+        state.doubts(time[some], sensor[some], threshold, drawn)
+        for state, some in zip(states, in_state, strict=True)
     ]
     first = np.cumsum(in_state, axis=1) - in_state  # number of a state's entries before each one
     # The matrices are small: threads of the library would wait for each other most of the time.
     with one_blas_thread():
         for block in tally.blocks(sensor):
             passed = np.zeros((block.stop - block.start, DRAWS), bool)
-            for k, of_state in enumerate(doubts):
+            for k, doubts in enumerate(every):
                 some = np.flatnonzero(in_state[k, block])
-                if not len(some):
-                    continue
-                begin = first[k, block.start + some[0]]
-                by_state = of_state.passes(slice(begin, begin + len(some)))
-                varies = hour[block][some] >= 0
-                by_state[varies] &= closures.drawn[hour[block][some[varies]]] == k
-                passed[some] |= by_state
+                begin = first[k, block.start]
+                for few, by_state in doubts.passes(begin, begin + len(some)):
+                    at = hour[block][some[few]]
+                    by_state[at >= 0] &= closures.drawn[at[at >= 0]] == k
+                    passed[some[few]] |= by_state
             tally.add(sensor[block], time[block], passed)
     return tally

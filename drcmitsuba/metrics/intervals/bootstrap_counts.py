@@ -76,8 +76,9 @@ class BootstrapCounts:
         """
         order = np.argsort(self.needed.month, kind="stable")
         open_months = self.open_months | self.open_year[:, None]
-        asked = doubtful[order].T & open_months[:, self.needed.month[order]]
-        sensor, place = np.nonzero(asked)
+        asked = np.ascontiguousarray(doubtful[order].T)
+        asked &= open_months[:, self.needed.month[order]]
+        sensor, place = np.divmod(np.flatnonzero(asked), len(order))
         return order[place], sensor
 
     def blocks(self, sensor: np.ndarray) -> Iterator[slice]:
@@ -92,37 +93,41 @@ class BootstrapCounts:
             start = stop
 
     def add(self, sensor: np.ndarray, time: np.ndarray, passed: np.ndarray) -> None:
-        """Add the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them."""
-        those, row = np.unique(sensor, return_inverse=True)
-        counts = np.repeat(self.sure[those][..., None], DRAWS, axis=2).astype(np.int32)
-        of_month = 12 * row + self.needed.month[time]
-        changes = np.flatnonzero(of_month[1:] != of_month[:-1]) + 1
-        by_month = counts.reshape(-1, DRAWS)
-        for begin, end in pairwise([0, *changes.tolist(), len(time)]):
-            for first in range(begin, end, MOST):
-                piece = passed[first : min(first + MOST, end)].view(np.uint8)
-                by_month[of_month[begin]] += np.add.reduce(piece, axis=0, dtype=np.uint8)
-        self._count(those, counts)
-        for i in np.flatnonzero(self.open_year[those]):
-            if TAIL < self.passing[those[i]] < 1 - TAIL:
-                mine = slice(*np.searchsorted(row, (i, i + 1)))
+        """Add the draws (entry, draw) of some sensors' wanted entries, as `wanted` sorts them.
+
+        Open months and years, which began as not passed, have all of their entries there.
+        """
+        month = self.needed.month[time]
+        changes = np.flatnonzero((month[1:] != month[:-1]) | (sensor[1:] != sensor[:-1])) + 1
+        first = np.append(0, changes)
+        counts = _sums(passed, first)
+        self._count_months(sensor[first], month[first], counts)
+        sensor_first = np.flatnonzero(np.diff(sensor[first], prepend=-1))
+        those = sensor[first][sensor_first]
+        of_year = np.add.reduceat(counts, sensor_first, axis=0)
+        of_year += self.sure[those].sum(axis=1, dtype=np.int32)[:, None]
+        chosen = self.open_year[those]
+        self._count_year(those[chosen], of_year[chosen] >= self.needed.yearly)
+        for s in those[chosen]:
+            if TAIL < self.passing[s] < 1 - TAIL:
+                mine = slice(*np.searchsorted(sensor, (s, s + 1)))
                 q = passed[mine].mean(axis=1)
                 self.hours[time[mine]] += (q > TAIL) & (q < 1 - TAIL)
 
-    def _count(self, those: np.ndarray, counts: np.ndarray) -> None:
-        """Count months and the period of some sensors, whose `counts` are (sensor, month, draw).
+    def _count_months(self, sensor: np.ndarray, month: np.ndarray, counts: np.ndarray) -> None:
+        """Count the open ones among months of sensors (row,), from what they pass (row, draw)."""
+        lacking = self.needed.monthly[month] - self.sure[sensor, month]
+        passes = counts >= lacking.astype(np.int32)[:, None]
+        is_open, grid = self.open_months[sensor, month], self.needed.grid[sensor]
+        for row in np.flatnonzero(is_open):
+            self.counts[grid[row], month[row]] += passes[row]
 
-        An open month or year began as not passed.
-        """
-        grid, month = self.needed.grid[those], self.needed.monthly[:, None]
-        passes = (counts >= month) & self.open_months[those][..., None]
-        of_year = counts.sum(axis=1, dtype=np.int32) >= self.needed.yearly
-        of_year &= self.open_year[those][:, None]
+    def _count_year(self, sensor: np.ndarray, passes: np.ndarray) -> None:
+        """Count the period of sensors whose year is open, from whether they pass (sensor, draw)."""
+        grid = self.needed.grid[sensor]
         for g in np.unique(grid):
-            self.counts[g, :12] += passes[grid == g].sum(axis=0, dtype=np.int32)
-            self.counts[g, 12] += of_year[grid == g].sum(axis=0, dtype=np.int32)
-        is_open = self.open_year[those]
-        self.passing[those[is_open]] = of_year[is_open].mean(axis=1)
+            self.counts[g, 12] += passes[grid == g].sum(axis=0, dtype=np.int32)
+        self.passing[sensor] = passes.mean(axis=1)
 
     def plus(self, other: BootstrapCounts) -> BootstrapCounts:
         """Count the sensors of two blocks, this one's first; grids have the same numbers."""
@@ -143,3 +148,13 @@ class BootstrapCounts:
         shares = 100.0 * counts / self.sizes[grid].sum()
         shares[:12][self.needed.empty] = np.nan
         return shares[12], shares[:12]
+
+
+def _sums(passed: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Number of passed entries (entry, draw) in pieces from the `first` of each, (piece, draw)."""
+    counts = np.zeros((len(first), passed.shape[1]), np.int32)
+    for out, (begin, end) in zip(counts, pairwise([*first.tolist(), len(passed)]), strict=True):
+        for start in range(begin, end, MOST):
+            piece = passed[start : min(start + MOST, end)].view(np.uint8)
+            out += np.add.reduce(piece, axis=0, dtype=np.uint8)
+    return counts
