@@ -155,6 +155,11 @@ def luminance(values: xr.DataArray) -> xr.DataArray:
     return (values * weights).sum("channel").astype(values.dtype)
 
 
+def by_luminance(data: xr.Dataset) -> xr.Dataset:
+    """`luminance` of all arrays; grey data pass unchanged."""
+    return data.map(luminance, keep_attrs=True) if "channel" in data.dims else data
+
+
 def mean_and_error(
     replicates: np.ndarray | Sequence[np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -53,7 +53,7 @@ from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.runtime.toml import shortened
 from drcmitsuba.scene import components
 from drcmitsuba.scene.structures.recipe import Lamellae, load_recipe
-from drcmitsuba.schema import luminance
+from drcmitsuba.schema import by_luminance, luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight as daylight_of
 from drcmitsuba.transport.facade_basis.year import Illuminances
@@ -232,7 +232,7 @@ class TiltProblem(RatedProblem):
         hours = partial(self._has_sun, case)
         coefficients, direct, _ = simulation.simulate(case, self.daylight, run, needed=hours)
         judged = evaluate_metrics(case, self.daylight, coefficients, direct)
-        year = judged.illuminance.map(luminance)
+        year = by_luminance(judged.illuminance)
         is_open, direct_sun = year["total_open"].values, year["direct_sun"].values
         shaded = is_open.copy()
         if SHADED in coefficients.others:

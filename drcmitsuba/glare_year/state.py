@@ -21,7 +21,7 @@ from drcmitsuba.metrics import accumulate
 from drcmitsuba.picture.glare import LARGEST_FACTOR
 from drcmitsuba.picture.position_index import position_index
 from drcmitsuba.scene import scene
-from drcmitsuba.schema import luminance
+from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 
 COEFFICIENTS = 1 << 23
@@ -129,7 +129,7 @@ def at_eyes(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) 
             case, state, light.suns, light.sky.attrs["latitude"], looking.points, looking.forward,
             run=run, progress=done,
         )  # fmt: skip
-        return accumulate.replicates(C.map(luminance), light.sky, np.arange(len(looking)))
+        return accumulate.replicates(by_luminance(C), light.sky, np.arange(len(looking)))
 
 
 def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -> Iterator[Place]:

@@ -8,6 +8,7 @@ standard error of E, as the entries of C share samples.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -22,6 +23,9 @@ from drcmitsuba.metrics.source_sums import source_sums, sums_at
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.schema import describe, mean_and_error
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
 
 def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
     """Refuse NaN: the shaded state has coefficients only for the hours in which it closes."""
@@ -34,9 +38,21 @@ def _refuse_gaps(values: np.ndarray, sky: xr.Dataset) -> None:
         )  # fmt: skip
 
 
-def _array(sky: xr.Dataset, values: np.ndarray) -> xr.DataArray:
-    coords = {k: v for k, v in sky.coords.items() if v.dims == ("time",) and k != "sun_bin"}
-    return xr.DataArray(values, coords, dims=("time", "sensor"))
+def _dataset(sky: xr.Dataset, arrays: dict[str, np.ndarray]) -> xr.Dataset:
+    """Arrays (time, sensor) with the time stamps of a sky."""
+    every = sky.coords.items()
+    coords = {k: v.variable for k, v in every if v.dims == ("time",) and k != "sun_bin"}
+    return xr.Dataset({name: (("time", "sensor"), a) for name, a in arrays.items()}, coords)
+
+
+def _by_suns(suns: csr_matrix, C: np.ndarray) -> np.ndarray:
+    """Illuminance (time, sensor) by suns (time, bin), of coefficients (sensor, bin)."""
+    bins = np.diff(suns.indptr)
+    if (bins > 1).any():
+        return np.asarray(suns @ C.T)
+    E = np.zeros((len(bins), len(C)), np.result_type(suns, C))
+    E[bins > 0] = C.T[suns.indices] * suns.data[:, None]  # takes half as long as a product
+    return E
 
 
 def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
@@ -59,10 +75,10 @@ def direct_sun(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.Dataset:
     suns = sun_luminances(coefficients, sky)
     out = {}
     for name in ("straight", "straight_se"):
-        values = suns @ coefficients[name].values.T
+        values = _by_suns(suns, coefficients[name].values)
         _refuse_gaps(values, sky)
-        out[name.replace("straight", "direct_sun")] = _array(sky, values)
-    return describe(xr.Dataset(out))
+        out[name.replace("straight", "direct_sun")] = values
+    return describe(_dataset(sky, out))
 
 
 def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
@@ -93,7 +109,8 @@ def sun_group(coefficients: xr.Dataset, sky: xr.Dataset) -> xr.DataArray:
         of_hour[whole > best] = g
         best = np.maximum(best, whole)
     dark = (nearest < 0) & (suns @ straight.T == 0)
-    return _array(sky, np.where(dark, of_hour[:, None], nearest).astype(np.float32))
+    groups = np.where(dark, of_hour[:, None], nearest).astype(np.float32)
+    return _dataset(sky, {"group": groups})["group"].rename(None)
 
 
 def by_source(
@@ -123,7 +140,7 @@ def by_source(
     """
     if "illuminance" in coefficients:
         mean, error = mean_and_error(list(_known(coefficients, sky)))
-        return xr.Dataset({"total": _array(sky, mean), "total_se": _array(sky, error)})
+        return _dataset(sky, {"total": mean, "total_se": error})
     patches = positions_of(coefficients, sky["bin"].values, SAME_SUBDIVISION)
     suns = sun_luminances(coefficients, sky)
     L = sky["sky"].values.astype(np.float32)
@@ -132,7 +149,7 @@ def by_source(
     if "sun_straight" in coefficients:
         straight = direct_sun(coefficients, sky) if direct is None else direct
         _add_straight(out, coefficients, sky, straight)
-    return xr.Dataset({name: _array(sky, values) for name, values in out.items()})
+    return _dataset(sky, out)
 
 
 def _known(coefficients: xr.Dataset, sky: xr.Dataset) -> np.ndarray:
@@ -232,11 +249,15 @@ def illuminance(
         Coefficients are missing for a bin, or for the state of a time stamp.
     """
     direct = direct_sun(is_open, sky) if direct is None else direct
-    parts, out = by_source(is_open, sky, direct), direct.copy()
-    for name in ("total", "sky", "sun"):
-        for suffix in ("", "_se"):
-            out[f"{name}_open{suffix}"] = parts[name + suffix]
-    out["total"], out["total_se"] = parts["total"].copy(), parts["total_se"].copy()
+    parts = by_source(is_open, sky, direct)
+    out = direct.assign(
+        {
+            f"{name}_open{suffix}": parts[name + suffix].variable
+            for name in ("total", "sky", "sun")
+            for suffix in ("", "_se")
+        }
+        | {name: parts[name].variable.copy() for name in ("total", "total_se")}
+    )
     for i, other in enumerate(others, 1):
         here = np.flatnonzero(state == i)
         if not len(here):

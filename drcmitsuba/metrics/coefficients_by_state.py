@@ -7,7 +7,7 @@ label there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -65,10 +65,10 @@ class Coefficients:
         """Coefficients with further attributes."""
         return Coefficients(self.open.assign_attrs(attributes), self.others)
 
-    def map(self, function: Callable[[xr.DataArray], xr.DataArray]) -> Coefficients:
-        """Apply a function to all variables of all states."""
-        others = {state: data.map(function) for state, data in self.others.items()}
-        return Coefficients(self.open.map(function, keep_attrs=True), others)
+    def by_luminance(self) -> Coefficients:
+        """Coefficients of all states by luminance, without colour channels."""
+        others = {state: schema.by_luminance(data) for state, data in self.others.items()}
+        return Coefficients(schema.by_luminance(self.open), others)
 
     def joined(self) -> xr.Dataset:
         """All states as on disk, dims (state, replicate, sensor, bin)."""

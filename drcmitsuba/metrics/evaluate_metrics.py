@@ -26,7 +26,7 @@ from drcmitsuba.metrics.intervals import Bounds, DrawnShares, Draws, Rules, Shad
 from drcmitsuba.metrics.sensor_counts import undecided
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
-from drcmitsuba.schema import luminance
+from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 
 
@@ -135,7 +135,7 @@ def draw_shade(
     `attributes` are those of C.
     """
     asked = rules(case, step_hours, attributes)
-    return ShadeDraws.of(direct.map(luminance), asked, **drawing(case))
+    return ShadeDraws.of(by_luminance(direct), asked, **drawing(case))
 
 
 def may_close(case: Case, step_hours: float, direct: xr.Dataset) -> np.ndarray:

@@ -91,9 +91,11 @@ class ShadeRule:
 
     def indices(self, closed: np.ndarray, time: xr.DataArray) -> np.ndarray:
         """Index of the state of every group, int, (time, …, group), from `closed` of this shape."""
+        by_rule = closed * np.array(self.groups.last)
+        if not self.schedule.of_group:
+            return by_rule
         scheduled = self.schedule.indices(time)
         middle = (1,) * (closed.ndim - 2)
-        by_rule = closed * np.array(self.groups.last)
         scheduled = scheduled.reshape(len(scheduled), *middle, scheduled.shape[-1])
         return np.where(self.schedule.given, scheduled, by_rule)
 

@@ -153,7 +153,7 @@ def replicates(coefficients: Coefficients, sky: xr.Dataset) -> xr.DataArray:
     InputError
         A state has no coefficients.
     """
-    C = coefficients.map(schema.luminance)
+    C = coefficients.by_luminance()
     taken = FacadeStates.of(C.attrs, direct_sun(C, sky))
     sensors = np.arange(C.open.sizes["sensor"])
     E = accumulate.replicates(C.open, sky, sensors)

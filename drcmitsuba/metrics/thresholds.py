@@ -45,9 +45,10 @@ def months(array: xr.DataArray, name: str = "illuminance") -> np.ndarray:
     key = "clock" if "clock" in array.coords else "time"
     if key not in array.coords or array[key].dims != ("time",) or array[key].dtype.kind != "M":
         raise InputError(name, key, "no dates along time", "give a datetime64 for each time stamp")
-    if array[key].isnull().any():
+    stamps = array[key].values
+    if np.isnat(stamps).any():
         raise InputError(name, key, "NaT", "give a datetime64 for each time stamp")
-    return array[key].dt.month.values
+    return stamps.astype("datetime64[M]").astype(np.int64) % 12 + 1
 
 
 def checked(array: xr.DataArray, name: str) -> np.ndarray:
@@ -101,11 +102,11 @@ def monthly_share(
     It has the dim `month`, 1 to 12; NaN for a month without time stamps.
     """
     E, month = checked(array, name), months(array, name)
-    shares = xr.DataArray(np.full(12, np.nan), {"month": np.arange(1, 13)}, attrs={"units": "%"})
+    shares = np.full(12, np.nan)
     for m in np.unique(month):
         E_m = E[month == m]
-        shares.loc[m] = share(stamps_reached(E_m, threshold) >= required(len(E_m), len(E)))
-    return shares
+        shares[m - 1] = share(stamps_reached(E_m, threshold) >= required(len(E_m), len(E)))
+    return xr.DataArray(shares, {"month": np.arange(1, 13)}, ("month",), attrs={"units": "%"})
 
 
 def exact(value: float) -> Fraction:

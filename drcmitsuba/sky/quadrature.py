@@ -56,7 +56,7 @@ class PatchCentres:
 class PatchMeans:
     """Mean luminance of each patch, ∫ l dΩ / Ω, by Gauss nodes in sin(altitude) and azimuth."""
 
-    far: tuple[int, int] = (4, 5)
+    far: tuple[int, int] = (4, 4)
     """Nodes in altitude and in azimuth of each patch. The row above the horizon takes twice as many
     in altitude, since exp(b / cos ζ) is steep there."""
     near: tuple[int, int] = (10, 10)

@@ -21,7 +21,7 @@ from drcmitsuba.metrics.intervals.year_draws import closures_of
 from drcmitsuba.metrics.stored_arrays import loaded, open_dataset
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked
-from drcmitsuba.schema import luminance
+from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import from_luminances
 
@@ -78,7 +78,7 @@ class Evidence:
     def _direct(self) -> xr.Dataset:
         """Direct sun by luminance [lx]."""
         names = ("direct_sun", "direct_sun_se", "sun_group")
-        return self.illuminance[[n for n in names if n in self.illuminance]].map(luminance)
+        return by_luminance(self.illuminance[[n for n in names if n in self.illuminance]])
 
     @cached_property
     def _sun(self) -> SunDraws:

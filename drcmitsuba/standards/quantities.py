@@ -13,7 +13,7 @@ from drcmitsuba.metrics.intervals import t_factor
 from drcmitsuba.metrics.intervals.autonomy import State, multipliers
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, TAIL
 from drcmitsuba.runtime.threads import one_blas_thread
-from drcmitsuba.schema import luminance
+from drcmitsuba.schema import by_luminance
 from drcmitsuba.standards.standard import Quantity
 from drcmitsuba.standards.year import OF_LIGHT, Year
 
@@ -148,7 +148,7 @@ def _drawn_means(year: Year, limit: float) -> np.ndarray:
     """Time stamps at which the mean of each space reaches a limit, int, (space, draw)."""
     assert year.replicates is not None
     C, sky = year.replicates
-    is_open = C.open[[name for name in OF_MEAN if name in C.open]].map(luminance)
+    is_open = by_luminance(C.open[[name for name in OF_MEAN if name in C.open]])
     spaces = year.spaces.values()
     of_spaces = [is_open] if len(spaces) == 1 else (is_open.isel(sensor=s) for s in spaces)
     parts = [of_space.mean("sensor", skipna=False) for of_space in of_spaces]

@@ -70,8 +70,8 @@ class Transfer:
     """T of every replicate."""
     marks: tuple[mi.UInt32, ...] = ()
     """Mark of every ray of T, of every replicate, where rays have marks."""
-    _all_bounces: dict[range, mi.TensorXf] = field(default_factory=dict, repr=False)
-    """Sums over all bounces that have been computed, by replicates."""
+    _all_bounces: list[mi.TensorXf] = field(default_factory=list, repr=False)
+    """Sums over all bounces of all replicates, once they have been computed."""
     _sent: dict[range, RayMatrix] = field(default_factory=dict, repr=False)
     """Matrices W·T that have been made, likewise."""
 
@@ -95,12 +95,18 @@ class Transfer:
 
     def all_bounces(self, replicates: range) -> mi.TensorXf:
         """M = (1 − W·T·P)⁻¹, shape (replicate · block, block)."""
-        if replicates not in self._all_bounces:
-            every = [self.bounces[r] for r in replicates]
-            source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
-            further = self.blocks.all_bounces(source, cell, weight, len(replicates))
-            self._all_bounces[replicates] = further
-        return self._all_bounces[replicates]
+        if not self._all_bounces:
+            source, cell, weight = (dr.concat(c) for c in zip(*self.bounces, strict=True))
+            every = self.blocks.all_bounces(source, cell, weight, len(self.bounces))
+            self._all_bounces.append(every)
+        if len(replicates) == len(self.bounces):
+            return self._all_bounces[0]
+        rows, first = (n * self.blocks.count for n in (len(replicates), replicates.start))
+        size = rows * self.blocks.count
+        at = dr.arange(mi.UInt32, size) + dr.opaque(mi.UInt32, first * self.blocks.count)
+        here = dr.gather(mi.Float, self._all_bounces[0].array, at)
+        dr.eval(here)
+        return mi.TensorXf(here, (rows, self.blocks.count))
 
     def indirect(
         self, replicates: range, d: mi.TensorXf, reached: Reached | None = None

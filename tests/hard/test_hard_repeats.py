@@ -20,6 +20,7 @@ from drcmitsuba.transport import (
     coefficients,
     film_answers,
     gather_blocks,
+    interior,
     photons,
     products,
     shadow_rays,
@@ -120,7 +121,7 @@ def test_one_chunk_and_ten(kind, usual, holds, monkeypatch):
     Another sensor's chunk finds the cells first, cells are numbered in another order, and a chunk
     begins within the photons of one component: none of it may move a random number.
     """
-    monkeypatch.setattr(coefficients, "SENSORS", 2)
+    monkeypatch.setattr(interior, "SENSORS", 2)
     monkeypatch.setattr(products, "SUMMED", 100)
     monkeypatch.setattr(products, "TOGETHER", 1 << 12)
     monkeypatch.setattr(gather_blocks, "KEPT", 1000)
@@ -135,7 +136,7 @@ def test_chunks_by_paths(kind, usual, holds, monkeypatch):
     """The paths may limit a chunk, too: one sensor at a time."""
     if kind != "open room":
         pytest.skip("the limit is the same one for all rooms")
-    monkeypatch.setattr(coefficients, "PATHS", 1)
+    monkeypatch.setattr(interior, "PATHS", 1)
     holds("C sensor by sensor", max(distances(run(kind), usual[kind])), SAME)
 
 

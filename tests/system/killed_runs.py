@@ -28,9 +28,9 @@ def run(case, folder):
     """The command, in a child; the number of blocks that it stored is written beside."""
     from drcmitsuba.blocks import block_folder
     from drcmitsuba.cli import evaluate
-    from drcmitsuba.transport import coefficients
+    from drcmitsuba.transport import interior
 
-    coefficients.SENSORS = SENSORS
+    interior.SENSORS = SENSORS
     write_block, computed = block_folder.write_block, []
     block_folder.write_block = lambda *args: computed.append(write_block(*args))
     evaluate.evaluate(str(case), folder)

@@ -16,7 +16,7 @@ from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.sensor_stream import aligned
 from drcmitsuba.metrics import facade_states
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.transport import coefficients, group_basis, replicate
+from drcmitsuba.transport import coefficients, group_basis, interior, replicate
 from drcmitsuba.transport.first_bounce import CellLight
 from tests.system.small_room import SHADING, changed, run
 
@@ -141,7 +141,7 @@ def test_an_adaptive_sun_refines_a_mesh_for_each_block(tmp_path, monkeypatch):
 
 def test_many_blocks_differ_by_draws_of_the_sun_alone(tmp_path, monkeypatch):
     case = case_of(tmp_path, ("[accuracy]", ALONE))
-    monkeypatch.setattr(coefficients, "SENSORS", 7)
+    monkeypatch.setattr(interior, "SENSORS", 7)
     whole, large = drcmitsuba.evaluate(case), drcmitsuba.evaluate_within(case)
     for name in ("sDA", "ASE", "shade_closed"):
         assert large.metrics[name]["value"] == whole.metrics[name]["value"]

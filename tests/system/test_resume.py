@@ -14,7 +14,7 @@ import xarray as xr
 from drcmitsuba.annual.saved_result import SavedResult
 from drcmitsuba.blocks import block_folder
 from drcmitsuba.runtime.folder_lock import locked
-from drcmitsuba.transport import coefficients
+from drcmitsuba.transport import interior
 from tests import ROOT
 from tests.system.small_room import changed, run
 
@@ -56,7 +56,7 @@ def assert_identical(one, other):
 def computed(monkeypatch):
     """Blocks of four sensors, and a list of those that are computed and stored."""
     blocks, write_block = [], block_folder.write_block
-    monkeypatch.setattr(coefficients, "SENSORS", 4)
+    monkeypatch.setattr(interior, "SENSORS", 4)
     monkeypatch.setattr(
         block_folder, "write_block", lambda *a: write_block(*a) or blocks.append(a[1])
     )
@@ -84,7 +84,7 @@ def test_kills_at_random_moments_change_no_number(case, tmp_path, kills):
 
 def test_blocks_of_sensors_move_numbers_by_rounding_alone(case, tmp_path, monkeypatch):
     run(monkeypatch, "evaluate", case, "-o", tmp_path / "whole")
-    monkeypatch.setattr(coefficients, "SENSORS", 5)
+    monkeypatch.setattr(interior, "SENSORS", 5)
     run(monkeypatch, "evaluate", case, "-o", tmp_path / "cut")
     _, E, C = numbers(tmp_path / "whole")
     _, F, D = numbers(tmp_path / "cut")

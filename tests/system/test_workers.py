@@ -22,7 +22,7 @@ from drcmitsuba.blocks.part import EVERY_BLOCK, Part
 from drcmitsuba.case.groups import OPEN
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport import coefficients
+from drcmitsuba.transport import interior
 from tests import ROOT
 from tests.system.small_room import changed, run
 from tests.system.test_resume import TINY, assert_identical
@@ -122,7 +122,7 @@ def test_ctrl_c_of_a_terminal_leaves_one_line_whole_blocks_and_no_worker(rough, 
 def computed(monkeypatch):
     """Blocks of four sensors, and a list of those that are computed and stored."""
     blocks, write_block = [], block_folder.write_block
-    monkeypatch.setattr(coefficients, "SENSORS", 4)
+    monkeypatch.setattr(interior, "SENSORS", 4)
     monkeypatch.setattr(
         block_folder, "write_block", lambda *a: write_block(*a) or blocks.append(a[1])
     )

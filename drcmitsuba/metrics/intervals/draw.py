@@ -19,7 +19,7 @@ from drcmitsuba.metrics.intervals.rules import Rules, t_factor
 from drcmitsuba.metrics.intervals.spread import DrawnShares, Draws
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.intervals.year_draws import YearDraws, closures_of
-from drcmitsuba.schema import luminance, mean_and_error
+from drcmitsuba.schema import by_luminance, luminance, mean_and_error
 
 
 class ShadeDraws(NamedTuple):
@@ -52,7 +52,7 @@ def draw(
     """
     if shade is None:
         names = ("direct_sun", "direct_sun_se", "sun_group")
-        direct = illuminance[[name for name in names if name in illuminance]].map(luminance)
+        direct = by_luminance(illuminance[[name for name in names if name in illuminance]])
         shade = ShadeDraws.of(direct.assign_attrs(illuminance.attrs), rules, rays, seed)
     sun, shut = shade
     grid = grid_of_sensors(illuminance)
@@ -113,7 +113,7 @@ def draw_block(
     of_sda = [metrics.autonomy_stamps(t.sda_fraction, n) for n in in_month]
     hours = metrics.autonomy_stamps(t.sda_fraction, stamps)
     autonomy = year.autonomy(t.sda_threshold, Needed(month, np.array(of_sda), hours, grid))
-    return BlockDraws(autonomy, exposure, _means(coefficients.map(luminance), sky, shut))
+    return BlockDraws(autonomy, exposure, _means(coefficients.by_luminance(), sky, shut))
 
 
 def _shares(autonomy: BootstrapCounts, exposure: BootstrapCounts, grid: int) -> DrawnShares:

@@ -22,7 +22,7 @@ from drcmitsuba.metrics.intervals.facade_draws import Closures, draw_closures
 from drcmitsuba.metrics.intervals.rules import Rules
 from drcmitsuba.metrics.intervals.sun import SunDraws, unpacked
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.schema import luminance
+from drcmitsuba.schema import by_luminance
 
 Arrays = Mapping[Hashable, xr.DataArray]
 """E by luminance: `total`, `total_open`, `direct_sun` and their standard errors [lx]."""
@@ -49,7 +49,7 @@ class YearDraws:
         seed: int,
     ) -> YearDraws:  # fmt: skip
         """Draw the illuminance of all states that occur in `shut`, from C, the sky and E of it."""
-        states = _states(coefficients.map(luminance), sky, E, shut)
+        states = _states(coefficients.by_luminance(), sky, E, shut)
         drawn = multipliers(coefficients.open.sizes["replicate"], seed)
         return cls(E["direct_sun"].values, sun, shut, states, drawn)
 
@@ -83,7 +83,7 @@ def open_state(coefficients: Coefficients, sky: xr.Dataset, E: Arrays) -> State:
     """Illuminance of the open state, `total_open` of E, at all time stamps."""
     everywhere = np.ones(sky.sizes["time"], bool)
     known = E["total_open"].values, E["total_open_se"].values
-    return State.of(coefficients.open.map(luminance), sky, everywhere, known, everywhere)
+    return State.of(by_luminance(coefficients.open), sky, everywhere, known, everywhere)
 
 
 def _states(coefficients: Coefficients, sky: xr.Dataset, E: Arrays, shut: Closures) -> list[State]:

@@ -9,7 +9,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import coefficients
+from drcmitsuba.transport import interior
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.gather import gather
@@ -102,7 +102,7 @@ def test_scene_without_any_diffuse_surface(same):
 
 def test_block_of_sensors_that_meets_nothing(same, monkeypatch):
     # The second sensor looks away from the only surface there is.
-    monkeypatch.setattr(coefficients, "SENSORS", 1)
+    monkeypatch.setattr(interior, "SENSORS", 1)
     points, normals = np.zeros((2, 3)), np.vstack([DOWN, UP])
     c = run([plane(-0.5, 0.4)], points, normals, cell_size=20.0, cell_sky_rays=256)
     same(c[:, 0], exact=0.4 * SKY, within=0.01)

@@ -18,7 +18,7 @@ from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
-from drcmitsuba.transport import coefficients
+from drcmitsuba.transport import interior
 from drcmitsuba.transport.coefficients import compute
 from tests.unit.transport.exact_scenes import (
     BENCH,
@@ -152,7 +152,7 @@ def test_blocks_of_sensors_do_not_matter(same, monkeypatch):
     points, normals = sensor_points(case)
     scene = scenes.load(case)
     whole = run(scene, points, normals, SUNS, **ROUGH)
-    monkeypatch.setattr(coefficients, "SENSORS", 4)
+    monkeypatch.setattr(interior, "SENSORS", 4)
     parts = run(scene, points, normals, SUNS, seed=77, **ROUGH)
     same(parts, other=whole, within=0.02)
 
