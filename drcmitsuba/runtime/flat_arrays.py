@@ -53,6 +53,17 @@ def add_at(out: Any, values: Any, entry: mi.UInt32, active: mi.Bool | bool = Tru
     dr.scatter_add(out, values, entry, active)
 
 
+def marked(count: int, entry: mi.UInt32, active: mi.Bool | bool = True) -> mi.UInt32:
+    """Entries of which any thread names one, in rising order.
+
+    A maximum leaves an entry alone that is marked: threads that all write to the same few entries
+    would take their lines of memory from each other.
+    """
+    marks, one, active = dr.zeros(mi.UInt32, count), mi.UInt32(1), mi.Bool(active)
+    dr.scatter_reduce(dr.ReduceOp.Max, marks, one, entry, active, mode=dr.ReduceMode.Direct)
+    return dr.compress(marks == 1)
+
+
 def row_and_column(entry: mi.UInt32, columns: int) -> tuple[mi.UInt32, mi.UInt32]:
     """Row and column of entries of a flat array (row, column).
 

@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat_indices
+from drcmitsuba.runtime.flat_arrays import flat_indices, marked
 from drcmitsuba.scene.scene import Scene
 
 MAX_KEYS = 1 << 26
@@ -187,9 +187,7 @@ class Cells:
         if len(vertices) == 0:
             return self
         is_new = dr.gather(mi.UInt32, self.index, vertices.key, vertices.weight > 0) == _UNKNOWN
-        met = dr.zeros(mi.UInt32, len(self.grid))
-        dr.scatter(met, mi.UInt32(1), vertices.key, is_new)
-        new = dr.compress(met == 1)
+        new = marked(len(self.grid), vertices.key, is_new)
         if dr.width(new) == 0:
             return self
         index = mi.UInt32(self.index)

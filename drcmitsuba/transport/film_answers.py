@@ -17,7 +17,14 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, from_disk, random_bits, sample_disk
 
-from drcmitsuba.runtime.flat_arrays import add_at, first_of_rows, flat, flat_indices, row_and_column
+from drcmitsuba.runtime.flat_arrays import (
+    add_at,
+    first_of_rows,
+    flat,
+    flat_indices,
+    marked,
+    row_and_column,
+)
 from drcmitsuba.runtime.random_streams import even_numbers, even_steps
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET, PanePatches
@@ -190,9 +197,7 @@ def disk_parts(mount: Mount, suns: np.ndarray, diameter: float) -> DiskParts:
 
 def _numbered(key: mi.UInt32, many: int) -> tuple[mi.UInt32, mi.UInt32, int]:
     """Different keys, of `many`, in rising order; the place of every key in them; their number."""
-    there, place = dr.zeros(mi.Bool, many), dr.zeros(mi.UInt32, many)
-    dr.scatter(there, mi.Bool(True), key)
-    known = dr.compress(there)
+    known, place = marked(many, key), dr.zeros(mi.UInt32, many)
     count = dr.width(known)
     dr.scatter(place, dr.arange(mi.UInt32, count), known)
     dr.eval(place)

@@ -38,13 +38,26 @@ class Reached(NamedTuple):
         (rows, bins), values = d.shape, d.array
         if not rows * bins:
             return cls(mi.UInt32(), mi.UInt32())
-        row, bin = row_and_column(dr.arange(mi.UInt32, rows * bins), bins)
-        _, cell = row_and_column(row, rows // replicates)
-        lit, shining = dr.zeros(mi.Bool, rows // replicates), dr.zeros(mi.Bool, bins)
-        dr.scatter(lit, mi.Bool(True), cell, values > 0)
-        dr.scatter(shining, mi.Bool(True), bin, values > 0)
+        cells = rows // replicates
+        reached = _any_of(values, cells * bins, dr.opaque(mi.UInt32, replicates))
+        cell, bin = row_and_column(dr.arange(mi.UInt32, cells * bins), bins)
+        lit, shining = dr.zeros(mi.Bool, cells), dr.zeros(mi.Bool, bins)
+        dr.scatter(lit, mi.Bool(True), cell, reached)
+        dr.scatter(shining, mi.Bool(True), bin, reached)
         dr.eval(lit, shining)
         return cls(dr.compress(lit), dr.compress(shining))
+
+
+@dr.syntax
+def _any_of(values: mi.Float, entries: int, replicates: mi.UInt32) -> mi.Bool:
+    """Whether each entry is above 0 in any replicate, of which one follows another."""
+    at, each, out = dr.arange(mi.UInt32, entries), mi.UInt32(0), dr.full(mi.Bool, False, entries)
+    step = dr.opaque(mi.UInt32, entries)
+    while each < replicates:
+        out |= dr.gather(mi.Float, values, at) > 0
+        at += step
+        each += 1
+    return out
 
 
 class Columns(NamedTuple):
