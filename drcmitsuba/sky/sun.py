@@ -72,13 +72,12 @@ def sun_position(time: np.ndarray, step: float, site: Site, sun_time: str = "mid
     if np.isnat(time).any():
         raise InputError("sun position", "time", "a missing time stamp", "give a date everywhere")
     if sun_time == "instant":
-        instant = time
+        instant, (zenith, azimuth) = time, _spa(time, site)
     elif sun_time == "middle":
-        instant = _sunlit_middle(time, step, site)
+        instant, zenith, azimuth = _sunlit_middle(time, step, site)
     else:
         raise InputError("sun position", "sun_time", repr(sun_time), 'give "middle" or "instant"')
 
-    zenith, azimuth = _spa(instant, site)
     position = xr.Dataset(
         {
             "solar_zenith": ("time", zenith),
@@ -131,22 +130,29 @@ def _spa(instant: np.ndarray, site: Site) -> tuple[np.ndarray, np.ndarray]:
     return zenith, azimuth
 
 
-def _sunlit_middle(time: np.ndarray, step: float, site: Site) -> np.ndarray:
-    """Middle of the longest part of each interval that has the sun above the horizon."""
+def _sunlit_middle(
+    time: np.ndarray, step: float, site: Site
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Middle of the longest part of each interval that has the sun above the horizon.
+
+    The sun's zenith and azimuth [deg] at that time come with it.
+    """
     length = round(step * 3600e9)
     middle = time + np.timedelta64(length // 2, "ns")
-    altitude = 90 - _spa(middle, site)[0]
+    zenith, azimuth = _spa(middle, site)
     # Only an interval whose middle is this close to the horizon can hold a sunrise or a sunset.
-    near = np.flatnonzero(abs(altitude) <= FASTEST_RISE * step / 2)
+    near = np.flatnonzero(abs(90 - zenith) <= FASTEST_RISE * step / 2)
     if len(near) == 0:
-        return middle
+        return middle, zenith, azimuth
     offsets = (length * np.arange(SEARCH_STEPS + 1) // SEARCH_STEPS).astype("timedelta64[ns]")
     altitude = 90 - _spa(time[near, None] + offsets, site)[0]
     begin, end = _sunlit_part(altitude)
     lit = end > begin
     centre = (begin + end)[lit] / 2 / SEARCH_STEPS * length
-    middle[near[lit]] = time[near[lit]] + centre.astype("timedelta64[ns]")
-    return middle
+    moved = near[lit]
+    middle[moved] = time[moved] + centre.astype("timedelta64[ns]")
+    zenith[moved], azimuth[moved] = _spa(middle[moved], site)
+    return middle, zenith, azimuth
 
 
 def _sunlit_part(altitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -64,7 +64,7 @@ class YearDraws:
         sure = (self.direct >= threshold) & ~drawn
         tally = BootstrapCounts(needed, needed.count(sure), needed.count(drawn))
         time, sensor = tally.wanted(drawn)
-        entry = np.zeros(self.direct.shape, np.int64)
+        entry = np.empty(self.direct.shape, np.int32)
         entry[self.sun.time, self.sun.sensor] = np.arange(len(self.sun.time))
         for block in tally.blocks(sensor):
             at = time[block], sensor[block]
