@@ -22,6 +22,8 @@ from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
 CLUSTER = 32
 """Number of neighbouring suns that are traced or skipped together."""
+TILE = 128
+"""Number of neighbouring suns whose light on cells is gathered together."""
 SLACK = 1e-3
 """Width by which openings count as larger on all sides, in doubt [m]."""
 RAYS = 256
@@ -185,6 +187,13 @@ def _clusters(values: bytes) -> np.ndarray:
 
     order = np.concatenate(sort(np.arange(len(directions))))  # all clusters but the last are full
     return np.pad(order, (0, -len(order) % CLUSTER), constant_values=-1).reshape(-1, CLUSTER)
+
+
+def sun_tiles(suns: np.ndarray) -> list[np.ndarray]:
+    """Indices of neighbouring suns (sun, 3), `TILE` together."""
+    clusters = _clusters(suns.astype(float).tobytes())
+    every = (clusters[i : i + TILE // CLUSTER] for i in range(0, len(clusters), TILE // CLUSTER))
+    return [tile[tile >= 0] for tile in every]
 
 
 class SunClusters(NamedTuple):

@@ -13,8 +13,9 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.film_answers import SunCells, SunRadiance
 from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.films import EvenRows, Films
+from drcmitsuba.transport.lit_cells import Reached
 from drcmitsuba.transport.openings import Within
-from drcmitsuba.transport.products import Reached, by_replicate, rows_of
+from drcmitsuba.transport.products import by_replicate, rows_of
 
 
 class SunsOnFilm(NamedTuple):

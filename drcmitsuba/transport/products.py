@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
+from drcmitsuba.transport.lit_cells import Reached, Tile
 
 SUMMED = 1 << 9
 """Number of cells whose light is summed in single precision."""
@@ -22,42 +23,6 @@ NOWHERE = 0xFFFFFFFF
 """Entry of a cell that is not among some columns."""
 MOST_SINGLE = 1 << 12
 """Number of paths of a row whose weights are summed in single precision."""
-
-
-class Reached(NamedTuple):
-    """Where D has light."""
-
-    lit: mi.UInt32
-    """Cells that get light from any bin."""
-    shining: mi.UInt32
-    """Bins that reach any cell."""
-
-    @classmethod
-    def by(cls, d: mi.TensorXf, replicates: int = 1) -> Reached:
-        """Find the lit cells and the shining bins of D (replicate · cell, bin)."""
-        (rows, bins), values = d.shape, d.array
-        if not rows * bins:
-            return cls(mi.UInt32(), mi.UInt32())
-        cells = rows // replicates
-        reached = _any_of(values, cells * bins, dr.opaque(mi.UInt32, replicates))
-        cell, bin = row_and_column(dr.arange(mi.UInt32, cells * bins), bins)
-        lit, shining = dr.zeros(mi.Bool, cells), dr.zeros(mi.Bool, bins)
-        dr.scatter(lit, mi.Bool(True), cell, reached)
-        dr.scatter(shining, mi.Bool(True), bin, reached)
-        dr.eval(lit, shining)
-        return cls(dr.compress(lit), dr.compress(shining))
-
-
-@dr.syntax
-def _any_of(values: mi.Float, entries: int, replicates: mi.UInt32) -> mi.Bool:
-    """Whether each entry is above 0 in any replicate, of which one follows another."""
-    at, each, out = dr.arange(mi.UInt32, entries), mi.UInt32(0), dr.full(mi.Bool, False, entries)
-    step = dr.opaque(mi.UInt32, entries)
-    while each < replicates:
-        out |= dr.gather(mi.Float, values, at) > 0
-        at += step
-        each += 1
-    return out
 
 
 class Columns(NamedTuple):
@@ -200,17 +165,19 @@ def product(
 
     Cells without light and bins that reach no cell are left out of the matrices: `reached`, where D
     is used more than once. The product is summed `SUMMED` cells at a time: single precision drifts.
-    `further` is added to G.
+    `further` is added to G. Tiles of bins have products of their own.
     """
     count, rows = matrix.replicates, matrix.replicates * matrix.rows
     if 0 in d.shape:
         return dr.zeros(mi.TensorXf, (rows, d.shape[1]))
     cells, bins = d.shape[0] // count, d.shape[1]
-    lit, shining = Reached.by(d, count) if reached is None else reached
+    lit, shining, tiles = Reached.by(d, count) if reached is None else reached
     n_lit, n_shining = dr.width(lit), dr.width(shining)
     out = dr.zeros(mi.Float, rows * bins)
     if not n_lit * n_shining:
         return mi.TensorXf(out, (rows, bins))
+    if tiles and rows * n_lit <= TOGETHER and max(dr.width(tile.lit) for tile in tiles) <= SUMMED:
+        return _by_tiles(matrix, d, lit, tiles, further)
     # Literals would have kernels compiled anew.
     every, stride, known = (dr.opaque(mi.UInt32, n) for n in (cells, bins, n_lit))
     place = dr.full(mi.UInt32, 0x7FFFFFFF, cells)
@@ -237,6 +204,35 @@ def product(
             total += mi.Float64(dr.gather(mi.Float, parts, entry + begin))
     row, column = row_and_column(dr.arange(mi.UInt32, rows * n_shining), n_shining)
     dr.scatter(out, mi.Float(total), row * stride + dr.gather(mi.UInt32, shining, column))
+    return mi.TensorXf(out, (rows, bins))
+
+
+def _by_tiles(
+    matrix: Matrix, d: mi.TensorXf, lit: mi.UInt32, tiles: Sequence[Tile], further: Further | None
+) -> mi.TensorXf:
+    """`product` of few lit cells, by tiles of bins."""
+    count, rows, n_lit = matrix.replicates, matrix.replicates * matrix.rows, dr.width(lit)
+    cells, bins = d.shape[0] // count, d.shape[1]
+    place, out = dr.full(mi.UInt32, 0x7FFFFFFF, cells), dr.zeros(mi.Float, rows * bins)
+    dr.scatter(place, dr.arange(mi.UInt32, n_lit), lit)
+    every = Columns(place, 0, n_lit, 1)
+    G = matrix.columns(every) if further is None else matrix.columns(every) + further(every)
+    dr.eval(G)
+    width, stride, height = (dr.opaque(mi.UInt32, n) for n in (n_lit, bins, cells))
+    for tile in tiles:
+        inner, columns = dr.width(tile.lit), dr.width(tile.bins)
+        row, column = row_and_column(dr.arange(mi.UInt32, rows * inner), inner)
+        of_lit = dr.gather(mi.Float, G.array, row * width + dr.gather(mi.UInt32, tile.lit, column))
+        line, column = row_and_column(dr.arange(mi.UInt32, count * inner * columns), columns)
+        replicate, at = row_and_column(line, inner)
+        cell = dr.gather(mi.UInt32, lit, dr.gather(mi.UInt32, tile.lit, at)) + replicate * height
+        D = dr.gather(mi.Float, d.array, cell * stride + dr.gather(mi.UInt32, tile.bins, column))
+        part = by_replicate(
+            mi.TensorXf(of_lit, (rows, inner)), mi.TensorXf(D, (count * inner, columns)), count
+        )
+        row, column = row_and_column(dr.arange(mi.UInt32, rows * columns), columns)
+        dr.scatter(out, part.array, row * stride + dr.gather(mi.UInt32, tile.bins, column))
+        dr.eval(out)
     return mi.TensorXf(out, (rows, bins))
 
 

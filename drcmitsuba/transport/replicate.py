@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -15,7 +15,8 @@ from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
-from drcmitsuba.transport.openings import Within
+from drcmitsuba.transport.lit_cells import Reached
+from drcmitsuba.transport.openings import Within, sun_tiles
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
 from drcmitsuba.transport.products import (
@@ -23,7 +24,6 @@ from drcmitsuba.transport.products import (
     Further,
     PathMatrix,
     RayMatrix,
-    Reached,
     by_replicate,
     product,
 )
@@ -105,16 +105,19 @@ class Replicates:
             X, reached = self._reflected(one.cells)
             panes[i] = one._replace(indirect=X, reached=reached)
         self.panes = tuple(panes)
-        (sky, lit_by_sky), (sun, lit_by_sun) = map(self._reflected, self.cells)
+        sky, lit_by_sky = self._reflected(self.cells.sky)
+        sun, lit_by_sun = self._reflected(self.cells.sun, sun_tiles(base.suns))
         self.indirect, self.reached = (sky, sun), (lit_by_sky, lit_by_sun)
         dr.eval(*self.indirect)
 
-    def _reflected(self, d: mi.TensorXf) -> tuple[mi.TensorXf | None, Reached]:
+    def _reflected(
+        self, d: mi.TensorXf, tiles: Sequence[np.ndarray] = ()
+    ) -> tuple[mi.TensorXf | None, Reached]:
         """X of light on the cells, and what it reaches; None where `Transfer.onward` pays."""
         assert self.transfer is not None
-        reached = Reached.by(d, len(self))
+        reached = Reached.by(d, len(self), tiles)
         if self.gathering is not None and not self._is_packed:
-            lit, shining = (dr.width(each) for each in reached)
+            lit, shining = dr.width(reached.lit), dr.width(reached.shining)
             if not self.transfer.pays(shining, lit, self.gathering):
                 return None, reached
         return self.transfer.indirect(self.numbers, d, reached), reached

@@ -32,11 +32,11 @@ from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
 from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather import Marks
 from drcmitsuba.transport.gather_blocks import Gathered, with_weights
+from drcmitsuba.transport.lit_cells import Reached
 from drcmitsuba.transport.products import (
     Columns,
     Further,
     RayMatrix,
-    Reached,
     by_replicate,
     product,
 )

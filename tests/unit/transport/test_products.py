@@ -8,11 +8,11 @@ import pytest
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.transport import products
+from drcmitsuba.transport.lit_cells import Reached
 from drcmitsuba.transport.products import (
     Columns,
     PathMatrix,
     RayMatrix,
-    Reached,
     by_replicate,
     product,
 )
@@ -67,6 +67,30 @@ def test_pieces_of_the_lit_cells_add_up(monkeypatch, summed, together, made):
         assert not C[..., 2].any()
 
 
+@pytest.mark.parametrize("summed", [512, 3])
+@pytest.mark.parametrize("made", [lambda: rays(1000), lambda: paths(70)], ids=["rays", "paths"])
+def test_tiles_of_bins_have_the_product_of_all(monkeypatch, summed, made):
+    """A dark tile, one of a single bin, and cells that only one tile lights; else as above."""
+    monkeypatch.setattr(products, "SUMMED", summed)
+    (matrix, G), (_, D) = made(), light()
+    tiles = [np.array([4, 0]), np.array([2]), np.array([6, 1, 5]), np.array([3])]
+    D[:, ::3, tiles[0]] = D[:, 1::3, tiles[2]] = 0
+    d = mi.TensorXf(D.reshape(-1, BINS).astype(np.float32))
+    reached = Reached.by(d, REPLICATES, tiles)
+    assert reached.lit.numpy().tolist() == np.flatnonzero(D.any(axis=(0, 2))).tolist()
+    assert reached.shining.numpy().tolist() == [0, 1, 3, 4, 5, 6]
+    assert [tile.bins.numpy().tolist() for tile in reached.tiles] == [[4, 0], [6, 1, 5], [3]]
+    for tile in reached.tiles:
+        own = np.flatnonzero(D[..., tile.bins.numpy()].any(axis=(0, 2)))
+        assert reached.lit.numpy()[tile.lit.numpy()].tolist() == own.tolist()
+    added, A = rays(300)
+    expected = {None: G @ D, added.columns: (G + A) @ D}
+    for further, values in expected.items():
+        C = product(matrix, d, reached, further).numpy().reshape(values.shape)
+        np.testing.assert_allclose(C, values, rtol=1e-5)
+        assert not C[..., 2].any()
+
+
 def test_columns_of_several_cells_have_the_paths_of_all():
     (matrix, G), block = paths(70), RNG.integers(0, 4, CELLS)
     joined = matrix.columns(Columns(flat_indices(block), 0, 4, 1))
@@ -86,7 +110,9 @@ def test_many_paths_of_a_row_do_not_drift():
 def test_dark_light_and_no_rays_give_nothing():
     matrix, _ = rays(10)
     dark = dr.zeros(mi.TensorXf, (REPLICATES * CELLS, BINS))
-    assert [dr.width(x) for x in Reached.by(dark, REPLICATES)] == [0, 0]
+    for tiles in ((), [np.arange(4), np.arange(4, BINS)]):
+        lit, shining, parts = Reached.by(dark, REPLICATES, tiles)
+        assert (dr.width(lit), dr.width(shining), parts) == (0, 0, ())
     assert not product(matrix, dark).numpy().any()
     assert product(matrix, dr.zeros(mi.TensorXf, (REPLICATES * CELLS, 0))).shape == (15, 0)
 
