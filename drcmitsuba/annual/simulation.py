@@ -220,6 +220,7 @@ def simulate(
     coefficients = Coefficients(C.assign_attrs(marked))
     direct = illuminance.direct_sun(coefficients, daylight.sky)
     if not marked["has_shade"]:
+        run.interior.forget()
         return SimulatedYear(coefficients, direct)
     shade = None
     if needed is not None:
@@ -246,6 +247,7 @@ def simulate(
                 share = part(done, i / len(taken), (i + 1) / len(taken))
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
+    run.interior.forget()
     return SimulatedYear(Coefficients(coefficients.open, others), direct, shade)
 
 
