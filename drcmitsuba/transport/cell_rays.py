@@ -33,6 +33,8 @@ MOST_BLOCKS = 1000
 """Number of blocks above which their edges grow."""
 MOST_RETURNED = 1 - 1e-6
 """Largest share of light that a reflection returns: light in a closed white room has a sum."""
+ROUNDS = ("exploring", "transfer")
+"""Names of both rounds, among the purposes of rays."""
 _TAGS = (0x5BD1E995, 0x2545F491)
 """Marks on the numbers of vertices in the two rounds: draws differ from those of other paths."""
 
@@ -41,11 +43,11 @@ class CellRays(NamedTuple):
     """Rays from cells."""
 
     source: mi.UInt32
-    """Cell that each ray starts from."""
+    """Cell that the ray of each vertex starts from."""
     met: Vertices
-    """First diffuse vertex of every ray; of weight 0 where it met none."""
+    """Diffuse vertices. A ray that ends at its first one has one always, maybe of weight 0."""
     replicate: mi.UInt32
-    """Replicate of every ray."""
+    """Replicate of every vertex."""
 
     def weighed(self, importance: mi.Float, replicates: int) -> Vertices:
         """Vertices weighed by the light that all sensors get by way of them."""
@@ -110,7 +112,7 @@ def sum_of_bounces(t: np.ndarray) -> np.ndarray:
 
 def trace(
     scene: Scene, cells: Cells, drawn: Draws, here: slice, rays: int,
-    accuracy: Accuracy, turn: int, marks: Marks | None = None,
+    accuracy: Accuracy, turn: int, marks: Marks | None = None, once: bool = True,
 ) -> Iterator[CellRays]:  # fmt: skip
     """Trace rays from the points that stand for some cells, in every replicate.
 
@@ -124,6 +126,8 @@ def trace(
         Number of the round, 0 or 1: each has its own random numbers.
     marks : Marks, optional
         Rule that marks every vertex with the surfaces of its ray.
+    once : bool
+        Whether rays end at their first diffuse vertex; else paths follow all bounces.
 
     Yields
     ------
@@ -142,45 +146,10 @@ def trace(
         few, first, many = (dr.opaque(mi.UInt32, n) for n in (stop - start, start, replicates))
         row = dr.arange(mi.UInt32, len(p))
         number = dr.gather(mi.UInt32, keys, row % few + first) * many + row // few
-        with scene.ray_counter.purpose(Stream.CELL_RAYS.name):
+        with scene.ray_counter.purpose(Stream.CELL_RAYS.name, ROUNDS[turn]):
             met = gather(
                 scene, p, n, replicates=1, paths=rays, grid=cells.grid, seed=seed, numbers=number,
-                within=within, once=True, marks=marks,
+                within=within, once=once, marks=marks,
             )  # fmt: skip
         met = replace(met, tag=met.tag ^ _TAGS[turn])
         yield CellRays(met.row % few + first, met, met.row // few)
-
-
-def importance(cells: Cells, seen: mi.Float64, rays: list[CellRays], replicates: int) -> mi.Float:
-    """Light that all sensors get by way of each cell, I = G₁ + I·T, per irradiance on it.
-
-    Parameters
-    ----------
-    seen : mi.Float64, shape (cell,)
-        G₁, in sum over the sensors.
-    rays : list of CellRays
-        T.
-
-    Returns
-    -------
-    mi.Float, shape (cell,)
-    """
-    hits = dr.zeros(mi.Float64, cells.count)
-    at = [cells.of(one.met) for one in rays]
-    for one, cell in zip(rays, at, strict=True):
-        add_at(hits, mi.Float64(1), cell, one.met.weight > 0)
-        dr.eval(hits)
-    blocks = Blocks.weighed(cells, mi.Float(hits + 1e-3))
-    source, cell = dr.concat([one.source for one in rays]), dr.concat(at)
-    weight = dr.concat([one.met.weight for one in rays]) / dr.opaque(mi.Float, replicates)
-    direct = dr.zeros(mi.Float64, blocks.count)
-    add_at(direct, seen, blocks.of)
-    row = mi.TensorXf(mi.Float(direct), (1, blocks.count))
-    of_block = (row @ blocks.all_bounces(source, cell, weight)).array
-    before = blocks.share * dr.gather(mi.Float, of_block, blocks.of)
-    out = mi.Float64(seen)
-    for one, cell in zip(rays, at, strict=True):
-        add_at(out, mi.Float64(one.weighed(before, replicates).weight), cell)
-        dr.eval(out)
-    most = float(dr.max(out)[0])
-    return dr.maximum(mi.Float(out), dr.opaque(mi.Float, 1e-9 * most))

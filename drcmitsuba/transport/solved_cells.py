@@ -12,8 +12,9 @@ kept, and solved, as its mean X over blocks of cells:
 .. math:: H = D + P X, \qquad X = W T (D + P X)
 
 where P gives every cell the value of its block, and W is the mean over a block's cells, weighted by
-their importance. A first round of few rays finds all cells and their importance; a second one, from
-points drawn by importance, estimates T and draws the points at which D is computed.
+their importance. A first round of few paths, of all bounces, finds all cells and their importance;
+in a second one, rays from points drawn by importance estimate T and draw the points at which D is
+computed.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import repeated, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
-from drcmitsuba.transport.cell_rays import Blocks, CellRays, importance, trace
+from drcmitsuba.transport.cell_rays import Blocks, trace
 from drcmitsuba.transport.cells import Cells
 from drcmitsuba.transport.gather import Marks
 from drcmitsuba.transport.gather_blocks import Gathered, with_weights
@@ -42,12 +43,9 @@ from drcmitsuba.transport.products import (
 )
 
 FEW = 8
-"""Number of rays from a cell in the first round, in every replicate."""
+"""Number of paths from a cell in the first round, in every replicate."""
 MOST_CELLS = 1 << 17
 """Largest number of cells that send rays; light that further ones send on in turn is left out."""
-LAST = 1 / 8
-"""Share of a box's cells below which those that a round has found send no rays in a further one:
-any two cells of a box face each other, so that hardly one is still unknown."""
 
 
 class OneBounce(NamedTuple):
@@ -214,23 +212,20 @@ class _Explored(NamedTuple):
 
 
 def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored:
-    """Find all cells and their importance by few rays."""
-    cells, points, rays, done = gathered.cells, gathered.drawn, list[CellRays](), 0
-    least = 0 if scene.faces is None else LAST
-    while (found := min(cells.count, MOST_CELLS) - done) > least * done:
-        here = slice(done, done + found)  # the cells that the rays before have found
-        for one in trace(scene, cells, points, here, FEW, accuracy, 0):
-            cells = cells.extended(one.met)
-            cell = cells.of(one.met)
-            points = points.extended(one.met, cell, cells.count, weighted=True, own=one.replicate)
-            rays.append(one)
-        done = here.stop
+    """Find all cells and their importance by few paths from those that the sensors see.
+
+    The importance is the light that all sensors get by way of a cell, I = G₁ + G₁·T + G₁·T² + ….
+    """
     assert gathered.seen is not None
-    of_sensors = with_weights(gathered.seen, cells.count, mi.UInt32(), mi.Float())
-    weight = importance(cells, of_sensors, rays, accuracy.replicates)
-    points = gathered.drawn
-    for one in rays:
-        met = one.weighed(weight, accuracy.replicates)
+    seen, cells, points = mi.Float(gathered.seen), gathered.cells, gathered.drawn
+    total, known = gathered.seen, slice(0, min(cells.count, MOST_CELLS))
+    for paths in trace(scene, cells, points, known, FEW, accuracy, 0, once=False):
+        met = paths.weighed(seen, accuracy.replicates)
+        cells = cells.extended(met)
         cell = cells.of(met)
-        points = points.extended(met, cell, cells.count, weighted=True, own=one.replicate)
-    return _Explored(cells, points, of_sensors, weight, done + found)
+        points = points.extended(met, cell, cells.count, weighted=True, own=paths.replicate)
+        total = with_weights(total, cells.count, cell, met.weight)
+    of_sensors = with_weights(gathered.seen, cells.count, mi.UInt32(), mi.Float())
+    most = float(dr.max(total)[0])
+    importance = dr.maximum(mi.Float(total), dr.opaque(mi.Float, 1e-9 * most))
+    return _Explored(cells, points, of_sensors, importance, min(cells.count, MOST_CELLS))

@@ -27,6 +27,7 @@ from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import launch_size
+from drcmitsuba.transport.cell_rays import ROUNDS
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.film_answers import SAMPLES
@@ -36,7 +37,6 @@ from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
 from drcmitsuba.transport.photons import PATCH
 from drcmitsuba.transport.shadow_rays import sun_deposit
-from drcmitsuba.transport.solved_cells import FEW
 
 INCIDENT = 0.2
 """Share of a film's incident cells that the suns of a year meet, roughly."""
@@ -141,7 +141,7 @@ class Pilot:
         cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
         met = max(1.0, len(paths.times))
         if effects.solved_cells:  # the pilot finds them all
-            cells = _between_cells(rays) / (REPLICATES * (a.cell_paths + FEW))
+            cells = _between_cells(rays, ROUNDS[1:]) / (REPLICATES * a.cell_paths)
             met = max(1.0, cells)
         scale = {
             Stream.SENSORS.name: len(points) / len(some),
@@ -254,9 +254,9 @@ class Pilot:
         return np.asarray(D.numpy() / disk_solid_angle(self.suns.diameter))
 
 
-def _between_cells(traced: dict[Purpose, dict[str, int]]) -> int:
-    """Number of rays from cells to other cells."""
-    return sum(n["path"] for purpose, n in traced.items() if Stream.CELL_RAYS.name in purpose)
+def _between_cells(traced: dict[Purpose, dict[str, int]], rounds: tuple[str, ...] = ROUNDS) -> int:
+    """Number of rays from cells to other cells in some rounds."""
+    return sum(n["path"] for purpose, n in traced.items() if not {*rounds}.isdisjoint(purpose))
 
 
 def spread(count: int, most: int) -> np.ndarray:
