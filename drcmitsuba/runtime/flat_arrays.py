@@ -13,9 +13,9 @@ ALIGNMENT = 64
 """Bytes to a multiple of which arrays begin: kernels are compiled for the alignment of an array."""
 
 
-def flat(a: ArrayLike) -> mi.Float:
-    """Numbers in single precision."""
-    return mi.Float(_aligned(a, np.float32))
+def flat(a: ArrayLike | mi.Float) -> mi.Float:
+    """Numbers in single precision; those on the device stay as they are."""
+    return a if isinstance(a, mi.Float) else mi.Float(_aligned(a, np.float32))
 
 
 def flat_indices(a: ArrayLike) -> mi.UInt32:
@@ -85,6 +85,14 @@ def repeated(values: Any, times: int) -> Any:
     out = dr.gather(type(values), values, at)
     dr.eval(out)
     return out
+
+
+def vectors_of(rows: ArrayLike) -> tuple[mi.Vector3f, ...]:
+    """Vectors (row, 3), one value each, which kernels read: literals would have them compiled."""
+    numbers, count = flat(rows), len(np.asarray(rows))
+    every = tuple(dr.gather(mi.Vector3f, numbers, mi.UInt32(k)) for k in range(count))
+    dr.eval(every)
+    return every
 
 
 def first_of_rows(row: mi.UInt32, count: int) -> mi.UInt32:

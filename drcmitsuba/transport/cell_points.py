@@ -45,6 +45,18 @@ class Draws:
         entry = dr.arange(mi.UInt32, len(replicates) * self.cells) + first
         return self._at(len(replicates), self.cells, entry, mi.Bool(True))
 
+    def of_cells(self, some: slice) -> tuple[Draws, tuple[mi.UInt32, mi.UInt32]]:
+        """Draws of some cells, and the replicate and the cell of each point."""
+        count = some.stop - some.start
+        entry = dr.arange(mi.UInt32, self.replicates * count)
+        replicate, cell = row_and_column(entry, count)
+        cell += dr.opaque(mi.UInt32, some.start)
+        dr.eval(replicate, cell)
+        if count == self.cells:
+            return self, (replicate, cell)
+        entry = replicate * dr.opaque(mi.UInt32, self.cells) + cell
+        return self._at(self.replicates, count, entry, mi.Bool(True)), (replicate, cell)
+
     def apart(self) -> list[Draws]:
         """Draws of every replicate by itself."""
         return [self.of(range(r, r + 1)) for r in range(self.replicates)]
@@ -183,7 +195,7 @@ class _Kernels:
 
 def _largest(out: mi.UInt32, values: mi.UInt32, entry: mi.UInt32, active: mi.Bool) -> None:
     """Keep the largest values, without copies of `out` for threads: no kernel knows its size."""
-    dr.scatter_reduce(dr.ReduceOp.Max, out, values, entry, active, mode=dr.ReduceMode.Local)
+    dr.scatter_reduce(dr.ReduceOp.Max, out, values, entry, active, mode=dr.ReduceMode.Direct)
 
 
 @dr.syntax

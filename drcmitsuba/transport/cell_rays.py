@@ -137,19 +137,15 @@ def trace(
     replicates, keys = drawn.replicates, cells.keys
     seed = launch_seed(accuracy.seed, Stream.CELL_RAYS, turn)
     step = max(1, PATHS // (rays * replicates))
-    points = [values.numpy().reshape(replicates, -1, 3) for values in (drawn.p, drawn.n)]
-    rooms = None if drawn.within is None else drawn.within.numpy().reshape(replicates, -1)
     for start in range(here.start, here.stop, step):
-        stop = min(start + step, here.stop)
-        p, n = (values[:, start:stop].reshape(-1, 3) for values in points)
-        within = None if rooms is None else rooms[:, start:stop].ravel()
-        few, first, many = (dr.opaque(mi.UInt32, n) for n in (stop - start, start, replicates))
-        row = dr.arange(mi.UInt32, len(p))
-        number = dr.gather(mi.UInt32, keys, row % few + first) * many + row // few
+        some = slice(start, min(start + step, here.stop))
+        points, (replicate, cell) = drawn.of_cells(some)
+        number = dr.gather(mi.UInt32, keys, cell) * dr.opaque(mi.UInt32, replicates) + replicate
         with scene.ray_counter.purpose(Stream.CELL_RAYS.name, ROUNDS[turn]):
             met = gather(
-                scene, p, n, replicates=1, paths=rays, grid=cells.grid, seed=seed, numbers=number,
-                within=within, once=once, marks=marks,
+                scene, points.p, points.n, replicates=1, paths=rays, grid=cells.grid, seed=seed,
+                numbers=number, within=points.within, once=once, marks=marks,
             )  # fmt: skip
         met = replace(met, tag=met.tag ^ _TAGS[turn])
-        yield CellRays(met.row % few + first, met, met.row // few)
+        source, own = (dr.gather(mi.UInt32, x, met.row) for x in (cell, replicate))
+        yield CellRays(source, met, own)

@@ -175,10 +175,8 @@ class Cells:
     @property
     def keys(self) -> mi.UInt32:
         """Key of every cell."""
-        keys = dr.zeros(mi.UInt32, self.count)
-        known = dr.compress(self.index != _UNKNOWN)
-        if dr.width(known):
-            dr.scatter(keys, known, dr.gather(mi.UInt32, self.index, known))
+        keys, every = dr.zeros(mi.UInt32, self.count), dr.arange(mi.UInt32, len(self.grid))
+        dr.scatter(keys, every, self.index, self.index != _UNKNOWN)
         dr.eval(keys)
         return keys
 

@@ -20,15 +20,20 @@ PARTS = ("straight", "direct", "interreflected")
 """Parts of C, each with its standard error."""
 
 
-def as_dataset(
-    labels: list[str], points: np.ndarray, parts: dict[str, np.ndarray], replicates: np.ndarray
-) -> xr.Dataset:
-    """Coefficients [sr] with their dims: parts (sensor, bin) and (replicate, sensor, bin)."""
+def without_values(labels: list[str], points: np.ndarray) -> xr.Dataset:
+    """Bins and sensors (sensor, 3) of coefficients, which take time while the device computes."""
     coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
     coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
+    return xr.Dataset(coords=coords)
+
+
+def with_values(
+    empty: xr.Dataset, parts: dict[str, np.ndarray], replicates: np.ndarray
+) -> xr.Dataset:
+    """Coefficients [sr] with their dims: parts (sensor, bin) and (replicate, sensor, bin)."""
     data: dict[str, Any] = {name: (("sensor", "bin"), values) for name, values in parts.items()}
     data["replicates"] = (("replicate", "sensor", "bin"), replicates)
-    return describe(xr.Dataset(data, coords))
+    return describe(empty.assign(data))
 
 
 def dark(
@@ -39,7 +44,7 @@ def dark(
         here = slice(start, min(start + SENSORS, len(points)))
         dark = np.zeros((replicates, here.stop - start, len(labels)), np.float32)
         parts = {name + suffix: dark[0] for name in PARTS for suffix in ("", "_se")}
-        yield here, as_dataset(labels, points[here], parts, dark)
+        yield here, with_values(without_values(labels, points[here]), parts, dark)
 
 
 @dataclass(frozen=True)

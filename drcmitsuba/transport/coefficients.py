@@ -33,8 +33,9 @@ from drcmitsuba.transport.coefficient_arrays import (
     PARTS,
     Bins,
     Statistics,
-    as_dataset,
     dark,
+    with_values,
+    without_values,
 )
 from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
@@ -249,8 +250,9 @@ def _of_block(
         statistics.add(parts, len(some))
         bins.put(total, whole, some.numbers.start * count)
         progress(some.numbers.stop / every)
+    empty = without_values(bins.labels, points[here])
     every_replicate = total.numpy().reshape(shape)
-    return as_dataset(bins.labels, points[here], statistics.arrays(count, bins), every_replicate)
+    return with_values(empty, statistics.arrays(count, bins), every_replicate)
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:

@@ -8,16 +8,31 @@ before it, or it passes an aperture of the face. Only then is there anything to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, vectors_of
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.scene.surfaces import NEAR
 from drcmitsuba.transport.openings import Openings
+
+
+@lru_cache(maxsize=8)  # every round of rays in a room asks for the same ones
+def _numbers(
+    room: bytes, parts: tuple[int, ...], variant: str
+) -> tuple[tuple[mi.Vector3f, ...], mi.Vector3f, mi.Float, mi.UInt32]:
+    """Last fields of `InBox`, from a room's axes and its size, and the parts of its faces."""
+    rows = np.frombuffer(room).reshape(4, 3)
+    *axes, size = vectors_of(rows)
+    inward = np.kron(rows[:3], [[1], [-1]])
+    # Directions about a normal depend on the signs of its zeros: those of meshes have none.
+    normals, shape = flat(np.where(inward == 0, 0, inward)), flat_indices(parts)
+    dr.eval(normals, shape)
+    return tuple(axes), size, normals, shape
 
 
 class Searched(NamedTuple):
@@ -55,14 +70,10 @@ class InBox:
         if room is None or faces is None or apart is None:
             return Searched(scene.full)
         apertures = Openings(faces.apertures, occluders=apart)
-        numbers, inward = flat([*room.turn.T, room.size]), np.kron(room.turn.T, [[1], [-1]])
-        *axes, size = (dr.gather(mi.Vector3f, numbers, mi.UInt32(k)) for k in range(4))
-        # Directions about a normal depend on the signs of its zeros: those of meshes have none.
-        normals, shape = flat(np.where(inward == 0, 0, inward)), flat_indices(faces.parts)
-        dr.eval(axes, size, normals, shape)
         for i in range(len(apertures.quads)):
             apertures.axes(i)  # not within a loop that is being recorded
-        return cls(scene.full, apart, apertures, tuple(axes), size, normals, shape)
+        numbers = np.array([*room.turn.T, room.size], float).tobytes()
+        return cls(scene.full, apart, apertures, *_numbers(numbers, faces.parts, str(mi.variant())))
 
     def intersect(self, ray: mi.Ray3f, flags: Any, active: mi.Bool) -> mi.SurfaceInteraction3f:
         """Surface that active rays meet first."""

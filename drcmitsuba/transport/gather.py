@@ -95,18 +95,18 @@ class Crossings(Protocol):
 
 
 def gather(
-    scene: Scene, points: np.ndarray, normals: np.ndarray, *,
+    scene: Scene, points: np.ndarray | mi.Float, normals: np.ndarray | mi.Float, *,
     replicates: int, paths: int, grid: Grid, seed: int, marks: Marks | None = None,
     bounces: float = USUAL, first: int = 0, among: int | None = None,
-    within: np.ndarray | None = None, once: bool = False, numbers: mi.UInt32 | None = None,
-    crossings: Crossings | None = None,
+    within: np.ndarray | mi.Bool | None = None, once: bool = False,
+    numbers: mi.UInt32 | None = None, crossings: Crossings | None = None,
 ) -> Vertices:  # fmt: skip
     """Trace the paths of all sensors and replicates and keep their diffuse vertices.
 
     Parameters
     ----------
-    points, normals : np.ndarray, shape (sensor, 3)
-        Positions [m] and unit normals of the sensors.
+    points, normals : np.ndarray, shape (sensor, 3), or mi.Float
+        Positions [m] and unit normals of the sensors; on the device, three numbers a sensor.
     replicates : int
         Independent repetitions; row r·sensors + s belongs to replicate r and sensor s.
     paths : int
@@ -120,7 +120,7 @@ def gather(
     first, among : int, optional
         Index of the first of these sensors, and the number of all sensors: paths are the same in
         one launch and in several.
-    within : np.ndarray of bool, shape (sensor,), optional
+    within : bool, shape (sensor,), optional
         Whether each sensor lies in a room of a model; the vertices then say so, too.
     once : bool
         Whether paths end at their first diffuse vertex; every path then has one entry, in order,
@@ -137,12 +137,14 @@ def gather(
     if scene.effects.depth == 0:
         number, value = mi.UInt32(), mi.Float()
         return Vertices(number, value, number, number, value, value, number, mi.Bool())
-    lanes = replicates * len(points) * paths
+    p, n = flat(points), flat(normals)
+    count = dr.width(p) // 3
+    lanes = replicates * count * paths
     capacity = lanes if once else int(bounces * lanes)
     while True:
         vertices, met = _trace(
-            scene, points, normals, lanes, paths, grid, seed, capacity, marks,
-            first, among or len(points), within, once, numbers, crossings,
+            scene, p, n, count, lanes, paths, grid, seed, capacity, marks,
+            first, among or count, within, once, numbers, crossings,
         )  # fmt: skip
         if met <= capacity:
             return vertices
@@ -186,19 +188,19 @@ def deviates(flags: mi.UInt32) -> mi.Bool:
 
 @dr.syntax
 def _trace(
-    scene: Scene, points: np.ndarray, normals: np.ndarray,
+    scene: Scene, points: mi.Float, normals: mi.Float, sensors: int,
     lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,
-    first: int, among: int, within: np.ndarray | None, once: bool, numbers: mi.UInt32 | None,
-    crossings: Crossings | None,
+    first: int, among: int, within: np.ndarray | mi.Bool | None, once: bool,
+    numbers: mi.UInt32 | None, crossings: Crossings | None,
 ) -> tuple[Vertices, int]:  # fmt: skip
     """Trace all lanes in one symbolic loop: the vertices, and the number that were met."""
-    row, own, index = _numbers(len(points), lanes, paths, first, among)
-    count = dr.opaque(mi.UInt32, lanes // len(points) * among & 0xFFFFFFFF)
+    row, own, index = _numbers(sensors, lanes, paths, first, among)
+    count = dr.opaque(mi.UInt32, lanes // sensors * among & 0xFFFFFFFF)
     if numbers is not None:
         own, count = dr.gather(mi.UInt32, numbers, row), dr.opaque(mi.UInt32, _APART)
-    random, sensor = streams(own, seed, index), row % dr.opaque(mi.UInt32, len(points))
-    p = dr.gather(mi.Point3f, flat(points), sensor)
-    n = dr.gather(mi.Normal3f, flat(normals), sensor)
+    random, sensor = streams(own, seed, index), row % dr.opaque(mi.UInt32, sensors)
+    p = dr.gather(mi.Point3f, points, sensor)
+    n = dr.gather(mi.Normal3f, normals, sensor)
     wo = mi.Frame3f(n).to_world(first_directions(index, own, seed))
     told = within is not None
     marked = not (marks is None and crossings is None)

@@ -7,14 +7,14 @@ it where its panes count as walls. What paths from there meet before they pass a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column, vectors_of
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
@@ -148,25 +148,21 @@ class Openings:
 
     def axes(self, opening: int) -> tuple[mi.Vector3f, ...]:
         """Corner, normal, both directions, and their lengths twice, of an opening."""
-        return self._axes[opening]
+        return _axes(self.quads.astype(float).tobytes(), str(mi.variant()))[opening]
 
-    @cached_property
-    def _axes(self) -> list[tuple[mi.Vector3f, ...]]:
-        """Values of `axes`, one of each.
 
-        A kernel reads them: as literals they would have it compiled anew for every room.
-        """
-        u, v = (self.quads[:, k] - self.quads[:, 0] for k in (1, 3))
-        along, up = (np.linalg.norm(edge, axis=1, keepdims=True) for edge in (u, v))
-        lengths = np.concatenate([along, up, up], axis=1)
-        rows = [self.quads[:, 0], normals(self.quads), u / along, v / up, lengths]
-        numbers = flat(np.stack(rows, axis=1))
-        every = [
-            tuple(dr.gather(mi.Vector3f, numbers, mi.UInt32(5 * i + k)) for k in range(5))
-            for i in range(len(self.quads))
-        ]
-        dr.eval(every)
-        return every
+@lru_cache(maxsize=16)  # every launch in a room asks for the same openings
+def _axes(corners: bytes, variant: str) -> list[tuple[mi.Vector3f, ...]]:
+    """Values of `Openings.axes` for openings by their corners in double precision, one of each.
+
+    A kernel reads them: as literals they would have it compiled anew for every room.
+    """
+    quads = np.frombuffer(corners).reshape(-1, 4, 3)
+    u, v = (quads[:, k] - quads[:, 0] for k in (1, 3))
+    along, up = (np.linalg.norm(edge, axis=1, keepdims=True) for edge in (u, v))
+    lengths = np.concatenate([along, up, up], axis=1)
+    numbers = np.stack([quads[:, 0], normals(quads), u / along, v / up, lengths], axis=1)
+    return [vectors_of(rows) for rows in numbers]
 
 
 @lru_cache(maxsize=8)  # sensors and cells ask for the same suns

@@ -45,6 +45,7 @@ import xarray as xr
 from drcmitsuba_plugins.patches import Patches
 
 from drcmitsuba.runtime import backend
+from drcmitsuba.schema import positions
 from drcmitsuba.sky.sun_models import Suns
 from tests import radiance
 from tests.bench import films, photons
@@ -65,9 +66,9 @@ SKY_SEARCH = {
     "sensor_sky_rays": (1024, 2048, 4096, 8192),
 }  # fmt: skip
 SKY_BY_CELLS = {
-    "solved_cells": (True,), "replicates": (2,), "paths": (64, 128, 192, 256, 320),
-    "cell_paths": (4, 8, 16), "cell_size": (0.45, 0.6, 0.7, 0.8), "cell_sky_rays": (64, 128, 256),
-    "sensor_sky_rays": (1024, 2048, 4096),
+    "solved_cells": (True,), "replicates": (2,), "paths": (128, 192, 224, 256, 320),
+    "cell_paths": (4, 8, 16), "cell_size": (0.45, 0.6, 0.7, 0.75, 0.8),
+    "cell_sky_rays": (64, 128, 256), "sensor_sky_rays": (1024, 2048, 4096),
 }  # fmt: skip
 SUN_SEARCH = {
     "replicates": (2,), "paths": (64, 128, 256, 384, 512, 768),
@@ -168,15 +169,16 @@ def compare(
     """Find our fastest settings for each of Radiance's errors, and print all rows."""
 
     def work(accuracy: dict) -> tuple[np.ndarray, np.ndarray]:
-        C = room.ours(suns, **accuracy).sel(bin=bins)
-        direct = C["direct"].values.astype(float)
-        return direct + C["interreflected"].values, direct
+        C = room.ours(suns, **accuracy)
+        at = positions(bins, C["bin"].values)
+        direct, rest = (C[name].values[:, at] for name in ("direct", "interreflected"))
+        return direct + rest.astype(float), direct
 
     wanted = list(itertools.product(theirs, (False, True)))
-    goals = [partial(Errors.within, other=theirs[line][1], dark=dark) for line, dark in wanted]
+    goals = [partial(Errors.within, other=theirs[line][1], every=every) for line, every in wanted]
     choices = fastest(search, work, known, goals)
-    for (line, dark), best in zip(wanted, choices, strict=True):
-        at = "RMS, also without direct light," if dark else "RMS"
+    for (line, every), best in zip(wanted, choices, strict=True):
+        at = "errors" if every else "RMS"
         if best is None:
             rows.append([f"{name}: no setting tried reaches the {at} of `{line}`", *"------"])
             continue

@@ -166,9 +166,10 @@ class Errors:
     dark: float
     mean: float
 
-    def within(self, other: Errors, dark: bool) -> bool:
-        """At most the other's error over all entries, and if asked over those without direct."""
-        return self.total <= other.total and (not dark or self.dark <= other.dark)
+    def within(self, other: Errors, every: bool) -> bool:
+        """At most the other's error over all entries, and if asked in no part of them larger."""
+        parts = self.direct <= other.direct and self.dark <= other.dark
+        return self.total <= other.total and (not every or parts)
 
 
 def reference(room: Classroom, suns: Suns | None, rounds: int, folder: Path | None) -> Reference:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from drcmitsuba.runtime import lazy
 from drcmitsuba.schema import mean_and_error, positions
-from drcmitsuba.transport.coefficient_arrays import as_dataset
+from drcmitsuba.transport.coefficient_arrays import with_values, without_values
 from drcmitsuba.transport.facade_basis.facade import BITS, HITS, MOST_ELEMENTS, Palette, Tiles
 from drcmitsuba.transport.marked_paths import MarkedVertices
 
@@ -128,7 +128,7 @@ class Basis:
         data: dict[str, np.ndarray] = {}
         for name, values in parts.items():
             data[name], data[f"{name}_se"] = map(whole, mean_and_error(values))
-        return as_dataset(labels, self.points, data, whole(total))
+        return with_values(without_values(labels, self.points), data, whole(total))
 
 
 def _mixed(weights: np.ndarray, arrays: np.ndarray) -> np.ndarray:
