@@ -94,12 +94,12 @@ def _with_labels(data: xr.Dataset, dim: str, labels: np.ndarray) -> xr.Dataset:
     if np.array_equal(own, labels):
         return data
     at = schema.positions(own, labels)
-    wider = {}
+    others, wider = np.setdiff1d(np.arange(len(labels)), at), {}
     for name, array in data.data_vars.items():
         if dim in array.dims:
             assert array.dims[-1] == dim
-            values = np.full((*array.shape[:-1], len(labels)), np.nan, array.dtype)
-            values[..., at] = array.values
+            values = np.empty((*array.shape[:-1], len(labels)), array.dtype)
+            values[..., at], values[..., others] = array.values, np.nan
             wider[name] = (array.dims, values, array.attrs)
     return data.drop_dims(dim).assign(wider).assign_coords({dim: labels})[list(data.data_vars)]
 
