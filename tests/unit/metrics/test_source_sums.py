@@ -36,6 +36,25 @@ def test_blocks_of_sensors_and_pieces_of_the_sky_add_up(monkeypatch, suns, toget
         np.testing.assert_allclose(out[f"{name}_se"], error, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.parametrize("suns", [0, 1, 4])
+@pytest.mark.parametrize("replicates", [1, REPLICATES, 6])
+def test_sums_at_some_entries_are_those_of_all(suns, replicates):
+    """Numbers of replicates that four do not divide, and entries in any order, some twice."""
+    C, patches, L, light = numbers(suns)
+    C = (
+        np.tile(C, (2, 1, 1))[:replicates]
+        * np.arange(1, replicates + 1, dtype=np.float32)[:, None, None]
+    )
+    rng = np.random.default_rng(8)
+    time, sensor = rng.integers(0, TIMES, 40), rng.integers(0, SENSORS, 40)
+    sky = np.einsum("tp,rsp->rts", L.astype(float), C[:, :, patches].astype(float))
+    whole = sky + np.einsum("tb,rsb->rts", light.toarray().astype(float), C.astype(float))
+    E = source_sums.sums_at(C, patches, L, light, time, sensor)
+    np.testing.assert_allclose(E, whole[:, time, sensor], rtol=2e-6)
+    none = np.zeros(0, int)
+    assert source_sums.sums_at(C, patches, L, light, none, none).shape == (replicates, 0)
+
+
 @pytest.mark.parametrize(("times", "sensors"), [(0, SENSORS), (TIMES, 0)])
 def test_no_time_stamp_and_no_sensor(times, sensors):
     C, patches, L, light = numbers(1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drcmitsuba.runtime import backend
-from drcmitsuba.runtime.flat_arrays import row_and_column, shared
+from drcmitsuba.runtime.flat_arrays import flat, marked, row_and_column, shared, vectors_of
 
 
 @pytest.fixture(autouse=True)
@@ -25,6 +25,22 @@ def test_rows_and_columns_are_quotient_and_remainder(columns):
     row, column = row_and_column(mi.UInt32(entries.astype(np.uint32)), columns)
     np.testing.assert_array_equal(row.numpy(), entries // columns)
     np.testing.assert_array_equal(column.numpy(), entries % columns)
+
+
+@pytest.mark.parametrize("count", [1, 5, 100_000])
+def test_marked_entries_come_once_and_in_rising_order(count):
+    rng = np.random.default_rng(2)
+    entry, active = rng.integers(0, count, 3000), rng.random(3000) < 0.4
+    found = marked(count, mi.UInt32(entry.astype(np.uint32)), mi.Bool(active)).numpy()
+    np.testing.assert_array_equal(found, np.unique(entry[active]))
+    assert dr.width(marked(count, mi.UInt32(entry.astype(np.uint32)), mi.Bool(False))) == 0
+
+
+def test_vectors_are_read_one_by_one_and_numbers_of_the_device_stay_there():
+    rows = np.arange(6.0).reshape(2, 3)
+    assert [v.numpy().ravel().tolist() for v in vectors_of(rows)] == rows.tolist()
+    values = dr.arange(mi.Float, 4)
+    assert flat(values) is values
 
 
 def test_an_array_without_columns_has_no_entries():
