@@ -10,11 +10,11 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import reduce
-from typing import Any
+from typing import IO, Any
 
 import drjit as dr
 import mitsuba as mi
@@ -196,23 +196,16 @@ def estimate_blocks(
     gathered, transfer = interior.of(scene, points, normals, accuracy)
     with ExitStack() as files:
         every = Replicates(numbers, deposits, tuple(landed), transfer, len(points))
-        most = max(here.stop - here.start for here in gathered.blocks)
-        replicates = [*every.batches(max(most, gathered.cells.count))]
-        if gathered.cells.count:
-            keys, drawn = gathered.cells.keys, gathered.drawn
-            within = within_of(scene, drawn.p.numpy().reshape(-1, 3))
-            assert within is None or isinstance(within, bool)
-            for some in replicates:
-                some.meet(drawn.of(some.numbers), keys, within)
-                some.pack()
-                light = some.light
-                if light is None or kept.folder is None:
-                    continue
-                if light.nbytes * len(numbers) > HELD * len(some):
-                    kept.folder.mkdir(parents=True, exist_ok=True)
-                    file = files.enter_context(tempfile.TemporaryFile(dir=kept.folder))
-                    some.light = light.parked(file)
+
+        def file() -> IO[bytes] | None:
+            if kept.folder is None:
+                return None
+            kept.folder.mkdir(parents=True, exist_ok=True)
+            return files.enter_context(tempfile.TemporaryFile(dir=kept.folder))
+
+        batches: Iterable[Replicates] = _lit(every, gathered, file)
         if len(gathered.blocks) > 1:
+            batches = [*batches]  # every block asks for them
             dr.flush_malloc_cache()  # once: blocks that fetch their memory anew take longer
         for block, here in enumerate(gathered.blocks):
             if here.start < done or not kept.part.holds(block):
@@ -221,38 +214,66 @@ def estimate_blocks(
             if C is None:
                 of_block = part(progress, *(np.array([block, block + 1]) / len(gathered.blocks)))
                 C = _of_block(
-                    replicates, gathered, points, normals, here, bins, sun_samples, of_block
+                    every, batches, gathered, points, normals, here, bins, sun_samples, of_block
                 )
                 C.attrs |= attributes
                 kept.put(here, C)
             yield here, C
 
 
+def _lit(
+    every: Replicates, gathered: Gathered, file: Callable[[], IO[bytes] | None]
+) -> Iterator[Replicates]:
+    """Yield batches of replicates that know the light on cells.
+
+    Large light takes a temporary `file`, where there is one.
+    """
+    most = max(here.stop - here.start for here in gathered.blocks)
+    batches = every.batches(max(most, gathered.cells.count))
+    if not gathered.cells.count:
+        yield from batches
+        return
+    keys, drawn = gathered.cells.keys, gathered.drawn
+    within = within_of(every.deposits[0].scene, drawn.p.numpy().reshape(-1, 3))
+    assert within is None or isinstance(within, bool)
+    for some in batches:
+        some.meet(drawn.of(some.numbers), keys, within)
+        some.pack()
+        if some.light is not None and some.light.nbytes * len(every) > HELD * len(some):
+            parking = file()
+            some.light = some.light if parking is None else some.light.parked(parking)
+        yield some
+        del some  # before the next one is made
+
+
 def _of_block(
-    replicates: list[Replicates], gathered: Gathered, points: np.ndarray, normals: np.ndarray,
-    here: slice, bins: Bins, sun_samples: int, progress: Progress,
+    every: Replicates, batches: Iterable[Replicates], gathered: Gathered, points: np.ndarray,
+    normals: np.ndarray, here: slice, bins: Bins, sun_samples: int, progress: Progress,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients of a block of sensors."""
     p, n, met = flat(points[here]), flat(normals[here]), gathered.met(here)
-    told = None if gathered.within is None else gathered.within[here]
-    within = within_of(replicates[0].deposits[0].scene, points[here], told)
-    count, every = here.stop - here.start, replicates[-1].numbers.stop
-    shape = every, count, len(bins.labels)
+    told, base = None if gathered.within is None else gathered.within[here], every.deposits[0]
+    within = within_of(base.scene, points[here], told)
+    shape = len(every), len(points[here]), len(bins.labels)
     statistics, total = Statistics(), dr.empty(mi.Float, math.prod(shape))
-    base = replicates[0].deposits[0]
     disks = base.disks(p, n, sensor_numbers(here), within)
-    for some in replicates:
+
+    def add(some: Replicates) -> None:
         straight, direct = some.sensors(p, n, here, sun_samples, within, disks)
-        interreflected = some.interreflected(met, count)
+        interreflected = some.interreflected(met, shape[1])
         whole = direct.plus(interreflected)
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(*straight, *direct, *interreflected, *whole)
         statistics.add(parts, len(some))
-        bins.put(total, whole, some.numbers.start * count)
-        progress(some.numbers.stop / every)
+        bins.put(total, whole, some.numbers.start * shape[1])
+        progress(some.numbers.stop / shape[0])
+
+    for some in batches:
+        add(some)
+        del some  # before the next one is made
     empty = without_values(bins.labels, points[here])
     every_replicate = total.numpy().reshape(shape)
-    return with_values(empty, statistics.arrays(count, bins), every_replicate)
+    return with_values(empty, statistics.arrays(shape[1], bins), every_replicate)
 
 
 def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:
