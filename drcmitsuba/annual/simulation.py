@@ -236,6 +236,7 @@ def simulate(
     taken = {state: hours for state, hours in taken.items() if hours.any()}
     mesh, others = mesh_of(C), dict[State, xr.Dataset]()
     if VARYING in taken:
+        run.interior.forget()
         indices = FacadeStates.of(marked, direct).of_group
         others[VARYING] = _varying(simulated, daylight, indices, run)
     elif taken:

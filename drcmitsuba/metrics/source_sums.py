@@ -74,8 +74,8 @@ def sums_at(
 ) -> np.ndarray:  # fmt: skip
     """E = C·L of every replicate at some entries, shape (replicate, entry) [lx].
 
-    `time` and `sensor` (entry,) are indices; the rest as for `source_sums`. Entries of one sensor
-    and of neighbouring times are read the fastest side by side.
+    `time` and `sensor` (entry,) are indices; the rest as for `source_sums`. Entries that are sorted
+    by sensor, then by time, take the least time.
     """
     backend.select()
     out = np.empty((len(C), len(time)), np.float32)

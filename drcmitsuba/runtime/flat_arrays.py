@@ -54,7 +54,7 @@ def add_at(out: Any, values: Any, entry: mi.UInt32, active: mi.Bool | bool = Tru
 
 
 def marked(count: int, entry: mi.UInt32, active: mi.Bool | bool = True) -> mi.UInt32:
-    """Entries of which any thread names one, in rising order.
+    """Indices, of `count`, that any active thread has for its `entry`, in rising order.
 
     A maximum leaves an entry alone that is marked: threads that all write to the same few entries
     would take their lines of memory from each other.

@@ -162,11 +162,9 @@ def _drawn_means(year: Year, limit: float) -> np.ndarray:
     sure, may = state.classes(limit, t_factor(len(drawn.replicates), 1 - 2 * BEYOND))
     out = np.repeat(np.count_nonzero(sure, axis=0)[:, None], DRAWS, axis=1)
     with one_blas_thread():  # as in `draw_autonomy`
-        for i in range(len(parts)):
-            time = np.flatnonzero(may[:, i] & ~sure[:, i])
-            doubts = state.doubts(time, np.full(len(time), i), limit, drawn)
-            for _, passed in doubts.passes(0, len(time)):
-                out[i] += np.count_nonzero(passed, axis=0)
+        space, time = np.nonzero((may & ~sure).T)
+        for few, passed in state.doubts(time, space, limit, drawn).passes(0, len(time)):
+            np.add.at(out, space[few], passed)
     return out
 
 

@@ -33,6 +33,8 @@ MOST_BLOCKS = 1000
 """Number of blocks above which their edges grow."""
 MOST_RETURNED = 1 - 1e-6
 """Largest share of light that a reflection returns: light in a closed white room has a sum."""
+LONG = 16
+"""Number of vertices of a path of all bounces for which memory is kept free, in white rooms."""
 ROUNDS = ("exploring", "transfer")
 """Names of both rounds, among the purposes of rays."""
 _TAGS = (0x5BD1E995, 0x2545F491)
@@ -136,7 +138,8 @@ def trace(
     """
     replicates, keys = drawn.replicates, cells.keys
     seed = launch_seed(accuracy.seed, Stream.CELL_RAYS, turn)
-    step = max(1, PATHS // (rays * replicates))
+    most = PATHS if once else PATHS // LONG
+    step = max(1, most // (rays * replicates))
     for start in range(here.start, here.stop, step):
         some = slice(start, min(start + step, here.stop))
         points, (replicate, cell) = drawn.of_cells(some)
@@ -146,6 +149,8 @@ def trace(
                 scene, points.p, points.n, replicates=1, paths=rays, grid=cells.grid, seed=seed,
                 numbers=number, within=points.within, once=once, marks=marks,
             )  # fmt: skip
+        if not len(met):  # no path met a diffuse surface
+            continue
         met = replace(met, tag=met.tag ^ _TAGS[turn])
         source, own = (dr.gather(mi.UInt32, x, met.row) for x in (cell, replicate))
         yield CellRays(source, met, own)

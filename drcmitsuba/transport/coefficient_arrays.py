@@ -21,7 +21,7 @@ PARTS = ("straight", "direct", "interreflected")
 
 
 def without_values(labels: list[str], points: np.ndarray) -> xr.Dataset:
-    """Bins and sensors (sensor, 3) of coefficients, which take time while the device computes."""
+    """Bins and sensors of coefficients; points (sensor, 3) are the positions [m]."""
     coords: dict[str, Any] = {"bin": np.array(labels, dtype=object)}
     coords |= {axis: ("sensor", points[:, i]) for i, axis in enumerate("xyz")}
     return xr.Dataset(coords=coords)

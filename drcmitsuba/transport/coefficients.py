@@ -234,8 +234,10 @@ def _lit(
         yield from batches
         return
     keys, drawn = gathered.cells.keys, gathered.drawn
-    within = within_of(every.deposits[0].scene, drawn.p.numpy().reshape(-1, 3))
-    assert within is None or isinstance(within, bool)
+    told = None
+    if drawn.within is None:  # no model
+        told = within_of(every.deposits[0].scene, drawn.p.numpy().reshape(-1, 3))
+    within = told if isinstance(told, bool) else None
     for some in batches:
         some.meet(drawn.of(some.numbers), keys, within)
         some.pack()

@@ -154,7 +154,7 @@ class Deposit:
 
     @cached_property
     def _films_within(self) -> Within:
-        """The same of both faces of the films."""
+        """Whether the points of both faces of the films lie in the room."""
         assert self.films is not None
         return within_of(self.scene, self.films.patches.corners_of_faces)
 

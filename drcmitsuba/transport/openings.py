@@ -62,12 +62,12 @@ def within_of(scene: Scene, points: np.ndarray, in_rooms: np.ndarray | None = No
 
 
 def repeated_within(within: Within, times: int) -> Within:
-    """The same of receivers that stand several times one after another."""
+    """Repeat what is known of receivers that stand several times one after another."""
     return within if within is None or isinstance(within, bool) else repeated(within, times)
 
 
 def within_at(within: Within, row: mi.UInt32) -> Within:
-    """The same of some of the receivers."""
+    """Choose what is known of some of the receivers."""
     return within if within is None or isinstance(within, bool) else dr.gather(mi.Bool, within, row)
 
 

@@ -19,14 +19,18 @@ computed.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import repeated, row_and_column
+from drcmitsuba.scene.geometry import is_triangle
+from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cell_rays import Blocks, trace
@@ -43,7 +47,14 @@ from drcmitsuba.transport.products import (
 )
 
 FEW = 8
-"""Number of paths from a cell in the first round, in every replicate."""
+"""Number of paths from a cell in the first round, in every replicate, at least."""
+PER_CELL = 4
+"""Number of paths in the first round for each possible cell, at least: few cells may be all that
+the sensors see."""
+MANY = 1 << 12
+"""Number of possible cells beyond which their number asks for no more paths."""
+LAST = 1 / 32
+"""Share of the cells below which those that the second round finds send no rays in turn."""
 MOST_CELLS = 1 << 17
 """Largest number of cells that send rays; light that further ones send on in turn is left out."""
 
@@ -71,7 +82,7 @@ class Transfer:
     _all_bounces: list[mi.TensorXf] = field(default_factory=list, repr=False)
     """Sums over all bounces of all replicates, once they have been computed."""
     _sent: dict[range, RayMatrix] = field(default_factory=dict, repr=False)
-    """Matrices W·T that have been made, likewise."""
+    """Matrices W·T that have been made, by replicates."""
 
     def sent(self, replicates: range) -> RayMatrix:
         """W·T, shape (replicate · block, cell)."""
@@ -173,26 +184,29 @@ def solved(
     """
     replicates, first = accuracy.replicates, _explored(scene, gathered, accuracy)
     cells, drawn, total = first.cells, gathered.drawn, first.of_sensors
-    sending = slice(0, first.sending)
+    importance, points, sent = first.importance, first.points, 0
     parts: list[list[OneBounce]] = [[] for _ in range(replicates)]
     marked: list[list[mi.UInt32]] = [[] for _ in range(replicates)]
-    for rays in trace(scene, cells, first.points, sending, accuracy.cell_paths, accuracy, 1, marks):
-        cells = cells.extended(rays.met)  # some few more, which send no rays
-        met = rays.weighed(first.importance, replicates)
-        cell = cells.of(met)
-        drawn = drawn.extended(met, cell, cells.count, weighted=True, own=rays.replicate)
-        total = with_weights(total, cells.count, cell, met.weight)
-        each = dr.width(cell) // replicates  # the rays of a replicate stand together
-        for r, part in enumerate(parts):
-            at = dr.arange(mi.UInt32, each) + dr.opaque(mi.UInt32, r * each)
-            columns = (rays.source, cell, rays.met.weight)
-            part.append(OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
-            if marks is not None:
-                marked[r].append(dr.gather(mi.UInt32, rays.met.mark, at))
-            dr.eval(*part[-1], marked[r])
+    while min(cells.count, MOST_CELLS) - sent > LAST * sent:
+        here = slice(sent, min(cells.count, MOST_CELLS))
+        for rays in trace(scene, cells, points, here, accuracy.cell_paths, accuracy, 1, marks):
+            cells = cells.extended(rays.met)
+            met = rays.weighed(importance, replicates)
+            cell = cells.of(met)
+            drawn = drawn.extended(met, cell, cells.count, weighted=True, own=rays.replicate)
+            total = with_weights(total, cells.count, cell, met.weight)
+            each = dr.width(cell) // replicates  # the rays of a replicate stand together
+            for r, part in enumerate(parts):
+                at = dr.arange(mi.UInt32, each) + dr.opaque(mi.UInt32, r * each)
+                columns = (rays.source, cell, rays.met.weight)
+                part.append(OneBounce(*(dr.gather(type(c), c, at) for c in columns)))
+                if marks is not None:
+                    marked[r].append(dr.gather(mi.UInt32, rays.met.mark, at))
+                dr.eval(*part[-1], marked[r])
+        importance, points, sent = mi.Float(total), drawn, here.stop
     bounces = tuple(OneBounce(*(dr.concat(c) for c in zip(*p, strict=True))) for p in parts)
     # No rays give the mean of a block from the cells that come last.
-    sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, first.sending)
+    sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, sent)
     blocks = Blocks.weighed(cells, dr.maximum(dr.select(sends, mi.Float(total), 0), 1e-30))
     marks_of = () if marks is None else tuple(map(dr.concat, marked))
     return replace(gathered, cells=cells, drawn=drawn), Transfer(blocks, bounces, marks_of)
@@ -207,8 +221,6 @@ class _Explored(NamedTuple):
     of_sensors: mi.Float64
     """G₁ of every cell, in sum over the sensors."""
     importance: mi.Float
-    sending: int
-    """Number of cells that send rays."""
 
 
 def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored:
@@ -219,7 +231,9 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
     assert gathered.seen is not None
     seen, cells, points = mi.Float(gathered.seen), gathered.cells, gathered.drawn
     total, known = gathered.seen, slice(0, min(cells.count, MOST_CELLS))
-    for paths in trace(scene, cells, points, known, FEW, accuracy, 0, once=False):
+    possible = min(_possible_cells(scene, accuracy.cell_size), MANY)
+    each = max(FEW, math.ceil(PER_CELL * possible / known.stop))
+    for paths in trace(scene, cells, points, known, each, accuracy, 0, once=False):
         met = paths.weighed(seen, accuracy.replicates)
         cells = cells.extended(met)
         cell = cells.of(met)
@@ -228,4 +242,14 @@ def _explored(scene: Scene, gathered: Gathered, accuracy: Accuracy) -> _Explored
     of_sensors = with_weights(gathered.seen, cells.count, mi.UInt32(), mi.Float())
     most = float(dr.max(total)[0])
     importance = dr.maximum(mi.Float(total), dr.opaque(mi.Float, 1e-9 * most))
-    return _Explored(cells, points, of_sensors, importance, min(cells.count, MOST_CELLS))
+    return _Explored(cells, points, of_sensors, importance)
+
+
+def _possible_cells(scene: Scene, size: float) -> float:
+    """Number of cells on all diffuse surfaces, about."""
+    quads = [part.quads for part in scene.parts if is_diffuse(part.material)]
+    if not quads:
+        return 0.0
+    every = np.concatenate(quads)
+    area = np.linalg.norm(np.cross(every[:, 1] - every[:, 0], every[:, 3] - every[:, 0]), axis=1)
+    return float((area * np.where(is_triangle(every), 0.5, 1.0)).sum() / size**2)

@@ -118,7 +118,7 @@ class Doubts:
     drawn: Multipliers
 
     def passes(self, begin: int, end: int) -> Iterator[tuple[slice, np.ndarray]]:
-        """Yield whether E* ≥ threshold (entry, draw) for few entries after another, and which."""
+        """Yield some entries after others, and whether E* ≥ threshold in every draw of them."""
         for start in range(begin, end, ENTRIES):
             few = slice(start, min(start + ENTRIES, end))
             E = self.off[few] @ self.drawn.replicates
@@ -141,8 +141,19 @@ def draw_autonomy(
         may |= of_state[1] & here[:, None]
     doubtful = may & ~sure
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
-    time, sensor = tally.wanted(doubtful)
-    hour = np.full(len(sure), -1)
+    # The matrices are small: threads of the library would wait for each other most of the time.
+    with one_blas_thread():
+        for time, sensor in tally.wanted(doubtful):
+            _draw(tally, states, closures, threshold, drawn, time, sensor)
+    return tally
+
+
+def _draw(
+    tally: BootstrapCounts, states: Sequence[State], closures: Closures, threshold: float,
+    drawn: Multipliers, time: np.ndarray, sensor: np.ndarray,
+) -> None:  # fmt: skip
+    """Draw some entries, and add them to the counts."""
+    hour = np.full(len(closures.state), -1)
     hour[closures.hours] = np.arange(len(closures.hours))
     hour = hour[time]
     in_state = closures.possible[:, time]
@@ -151,16 +162,13 @@ def draw_autonomy(
         for state, some in zip(states, in_state, strict=True)
     ]
     first = np.cumsum(in_state, axis=1) - in_state  # number of a state's entries before each one
-    # The matrices are small: threads of the library would wait for each other most of the time.
-    with one_blas_thread():
-        for block in tally.blocks(sensor):
-            passed = np.zeros((block.stop - block.start, DRAWS), bool)
-            for k, doubts in enumerate(every):
-                some = np.flatnonzero(in_state[k, block])
-                begin = first[k, block.start]
-                for few, by_state in doubts.passes(begin, begin + len(some)):
-                    at = hour[block][some[few]]
-                    by_state[at >= 0] &= closures.drawn[at[at >= 0]] == k
-                    passed[some[few]] |= by_state
-            tally.add(sensor[block], time[block], passed)
-    return tally
+    for block in tally.blocks(sensor):
+        passed = np.zeros((block.stop - block.start, DRAWS), bool)
+        for k, doubts in enumerate(every):
+            some = np.flatnonzero(in_state[k, block])
+            begin = first[k, block.start]
+            for few, by_state in doubts.passes(begin, begin + len(some)):
+                at = hour[block][some[few]]
+                by_state[at >= 0] &= closures.drawn[at[at >= 0]] == k
+                passed[some[few]] |= by_state
+        tally.add(sensor[block], time[block], passed)

@@ -13,6 +13,8 @@ from drcmitsuba.metrics.intervals.rules import DRAWS, TAIL
 
 MOST = 255
 """Largest count of a byte: sums of bytes are several times as fast as sums of larger numbers."""
+HELD = 1 << 20
+"""Number of entries in doubt that are in memory at once."""
 TOGETHER = 1 << 12
 """Number of entries that are drawn at once, unless a single sensor has more: 2.5 MB."""
 
@@ -64,22 +66,21 @@ class BootstrapCounts:
             of_year + doubtful.sum(axis=1) >= needed.yearly
         )
 
-    @property
-    def sensors(self) -> np.ndarray:
-        """Sensors that do not pass or fail for certain."""
-        return np.flatnonzero(self.open_year | self.open_months.any(axis=1))
+    def wanted(self, doubtful: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield the entries of doubtful ones (time, sensor) that have to be drawn.
 
-    def wanted(self, doubtful: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Entries of doubtful ones (time, sensor) that have to be drawn, by sensor, then by month.
-
-        They are time stamps and sensors, indices of shape (entry,) each.
+        They are time stamps and sensors, indices of shape (entry,) each, by sensor, then by month;
+        at most `HELD` at a time, unless a single sensor has more.
         """
         order = np.argsort(self.needed.month, kind="stable")
         open_months = self.open_months | self.open_year[:, None]
-        asked = np.ascontiguousarray(doubtful[order].T)
-        asked &= open_months[:, self.needed.month[order]]
-        sensor, place = np.divmod(np.flatnonzero(asked), len(order))
-        return order[place], sensor
+        before = np.cumsum(np.count_nonzero(doubtful, axis=0)) // HELD
+        for part in np.unique(before):
+            first, last = np.searchsorted(before, (part, part + 1))
+            asked = np.ascontiguousarray(doubtful[order, first:last].T)
+            asked &= open_months[first:last, self.needed.month[order]]
+            sensor, place = np.divmod(np.flatnonzero(asked), len(order))
+            yield order[place], sensor + first
 
     def blocks(self, sensor: np.ndarray) -> Iterator[slice]:
         """Cut entries that are sorted by their `sensor` into blocks of whole sensors."""

@@ -63,12 +63,12 @@ class YearDraws:
         drawn[self.sun.time, self.sun.sensor] = True
         sure = (self.direct >= threshold) & ~drawn
         tally = BootstrapCounts(needed, needed.count(sure), needed.count(drawn))
-        time, sensor = tally.wanted(drawn)
         entry = np.empty(self.direct.shape, np.int32)
         entry[self.sun.time, self.sun.sensor] = np.arange(len(self.sun.time))
-        for block in tally.blocks(sensor):
-            at = time[block], sensor[block]
-            tally.add(sensor[block], time[block], unpacked(self.sun.exposed[entry[at]]))
+        for time, sensor in tally.wanted(drawn):
+            for block in tally.blocks(sensor):
+                exposed = self.sun.exposed[entry[time[block], sensor[block]]]
+                tally.add(sensor[block], time[block], unpacked(exposed))
         return tally
 
 

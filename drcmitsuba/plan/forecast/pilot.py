@@ -140,7 +140,7 @@ class Pilot:
         rays = scene.ray_counter.by_purpose()
         cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
         met = max(1.0, len(paths.times))
-        if effects.solved_cells:  # the pilot finds them all
+        if effects.solved_cells:
             cells = _between_cells(rays, ROUNDS[1:]) / (REPLICATES * a.cell_paths)
             met = max(1.0, cells)
         scale = {

@@ -32,18 +32,21 @@ MONTHS = {
 }
 
 
-@pytest.mark.parametrize("together", [1, 50, 1 << 12])
+@pytest.mark.parametrize(
+    ("held", "together"), [(1, 1), (900, 50), (1 << 20, 50), (1 << 20, 1 << 12)]
+)
 @pytest.mark.parametrize("name", MONTHS)
-def test_counts_are_those_of_every_draw_by_itself(monkeypatch, name, together):
+def test_counts_are_those_of_every_draw_by_itself(monkeypatch, name, held, together):
+    monkeypatch.setattr(bootstrap_counts, "HELD", held)
     monkeypatch.setattr(bootstrap_counts, "TOGETHER", together)
     month = MONTHS[name]
     sure, doubtful, passed, needed = year(5, month)
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(doubtful))
-    time, sensor = tally.wanted(doubtful)
-    blocks = [*tally.blocks(sensor)]
-    assert [0, *(b.stop for b in blocks)] == [*(b.start for b in blocks), len(sensor)]
-    for here in blocks:
-        tally.add(sensor[here], time[here], passed[time[here], sensor[here]])
+    for time, sensor in tally.wanted(doubtful):
+        blocks = [*tally.blocks(sensor)]
+        assert [0, *(b.stop for b in blocks)] == [*(b.start for b in blocks), len(sensor)]
+        for here in blocks:
+            tally.add(sensor[here], time[here], passed[time[here], sensor[here]])
     every = sure[..., None] | passed
     of_month = np.stack([every[month == m].sum(axis=0) for m in range(12)], axis=1)
     passes = of_month >= needed.monthly[:, None]
@@ -68,8 +71,8 @@ def test_nothing_is_drawn_where_nothing_is_in_doubt():
     sure, _, _, needed = year(6, MONTHS["a year"])
     none = np.zeros_like(sure)
     tally = BootstrapCounts(needed, needed.count(sure), needed.count(none))
-    time, sensor = tally.wanted(none)
-    assert len(time) == 0
-    assert [*tally.blocks(sensor)] == []
+    for time, sensor in tally.wanted(none):
+        assert len(time) == 0
+        assert [*tally.blocks(sensor)] == []
     of_year, _ = tally.shares()
     assert set(of_year) == {100 * (sure.sum(axis=0) >= needed.yearly).mean()}
