@@ -19,9 +19,10 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import streams
 
+from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.scene.materials import max_reflectance
+from drcmitsuba.scene.materials import ends_paths, max_reflectance
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.cells import Grid, Vertices
@@ -186,6 +187,15 @@ def deviates(flags: mi.UInt32) -> mi.Bool:
     return diffuse | glossy | mi.has_flag(flags, mi.BSDFFlags.DeltaTransmission)
 
 
+def ends_at_once(scene: Scene) -> bool:
+    """Whether every path ends at the first surface: a matt one, or a pane that reflects nothing."""
+    return all(
+        isinstance(part.material, Lambertian)
+        or (ends_paths(part.material) and not scene.effects.beyond)
+        for part in scene.parts
+    )
+
+
 @dr.syntax
 def _trace(
     scene: Scene, points: mi.Float, normals: mi.Float, sensors: int,
@@ -219,10 +229,14 @@ def _trace(
     tag = own * dr.opaque(mi.UInt32, paths) + index
     limit = dr.opaque(mi.UInt32, ANY_DEPTH if scene.effects.depth is None else scene.effects.depth)
     grid.prepare()
+    # Where every path ends at the surface that it meets first, there is nothing to repeat: a loop
+    # that is not recorded takes less time.
+    single, turns = once and marks is None and ends_at_once(scene), iter([True])
     while dr.hint(
-        active,
+        next(turns, False) if single else active,
+        mode="scalar" if single else "symbolic",
         exclude=[grid, scene, surfaces, count, share, store, marks, solids, limit, told, once,
-                 crossings],
+                 crossings, single, turns],
     ):  # fmt: skip
         scene.ray_counter.add("path", active)
         si = surfaces.intersect(ray, flags, active)

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
+from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import Lambertian, MirrorMaterial
 from drcmitsuba.scene import scene as scenes
+from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface
+from drcmitsuba.scene.sensors import sensor_points
+from drcmitsuba.transport import gather as gather_module
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.gather import gather
+from drcmitsuba.transport.gather import ends_at_once, gather
 from tests.plain_gather import plain_gather
 
 MATERIALS = {
@@ -53,3 +57,31 @@ def test_fast_and_plain_gather_agree(material, same):
     row, weight = vertices.row.numpy(), vertices.weight.numpy()
     fast = [by_region(p[row == r], n[row == r], weight[row == r]) for r in range(REPLICATES)]
     same(np.array(fast), other=np.array(plain), within=0.01)
+
+
+def test_paths_that_end_at_once_are_those_of_a_loop(monkeypatch):
+    """A matt room with a clear pane from which nothing comes back: the same vertices to a bit."""
+    case = Case.model_validate(
+        {
+            "room": {"size": [3.0, 4.0, 2.8]},
+            "materials": {"glass": {"type": "glazing", "transmittance": 0.7}},
+            "facade": {"south": {"strips": [{"bottom": 0.8, "top": 2.4, "material": "glass"}]}},
+            "furniture": [{"corner": [1, 1.5, 0.7], "size": [1.2, 0.6, 0.03]}],
+            "sensors": {"corner": [0.4, 0.4, 0.8], "count": [4, 5], "spacing": 0.7},
+        }
+    )
+    world = scenes.load(case, effects=EnabledEffects(beyond=False))
+    points, normals = sensor_points(case)
+    assert ends_at_once(world)
+    assert not ends_at_once(scenes.load(case))  # light may come back from outside
+    grid, both = Grid.of(world, 0.5), []
+    for ends in (True, False):
+        monkeypatch.setattr(gather_module, "ends_at_once", lambda world, ends=ends: ends)
+        both.append(
+            gather(world, points, normals, replicates=2, paths=64, grid=grid, seed=3, once=True)
+        )
+    for name in ("row", "weight", "key", "tag", "p", "n"):
+        one, other = (getattr(vertices, name).numpy() for vertices in both)
+        met = np.repeat(both[0].weight.numpy() > 0, len(one) // len(both[0]))
+        np.testing.assert_array_equal(one[met], other[met], err_msg=name)
+    assert 0.8 < (both[0].weight.numpy() > 0).mean() < 1
