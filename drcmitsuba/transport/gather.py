@@ -222,7 +222,7 @@ def _trace(
     depth, mark = mi.UInt32(0), mi.UInt32(0)
     solids = absorption(scene)
     inside, before = mi.Float(0), mi.Point3f(p)
-    active = mi.Bool(True)
+    active = dr.full(mi.Bool, True, lanes)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
     surfaces = InBox.of(scene) if marks is None else Searched(scene.full)
     share = dr.opaque(mi.Float, 1 / paths)
