@@ -234,10 +234,9 @@ def _lit(
         yield from batches
         return
     keys, drawn = gathered.cells.keys, gathered.drawn
-    told = None
-    if drawn.within is None:  # no model
-        told = within_of(every.deposits[0].scene, drawn.p.numpy().reshape(-1, 3))
-    within = told if isinstance(told, bool) else None
+    within = drawn.within
+    if within is None:  # no model
+        within = within_of(every.deposits[0].scene, drawn.p.numpy().reshape(-1, 3))
     for some in batches:
         some.meet(drawn.of(some.numbers), keys, within)
         some.pack()

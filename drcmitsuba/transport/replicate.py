@@ -16,7 +16,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.lit_cells import Reached
-from drcmitsuba.transport.openings import Within, sun_tiles
+from drcmitsuba.transport.openings import Within, repeated_within, sun_tiles
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
 from drcmitsuba.transport.products import (
@@ -80,18 +80,18 @@ class Replicates:
         """Count the replicates."""
         return len(self.numbers)
 
-    def meet(self, drawn: Draws, keys: mi.UInt32, within: bool | None = None) -> None:
+    def meet(self, drawn: Draws, keys: mi.UInt32, within: Within = None) -> None:
         """Compute D of the cells [sr] at the points that stand for them, and what they reflect.
 
         Where parts of panes are fewer than bins, their light stays apart. `drawn` are the points in
-        each of these replicates, `within` whether all lie in a box room, where it is known.
+        each of these replicates, `within` whether they lie in the room, where they do not say it.
         """
         base, rays = self.deposits[0], self.deposits[0].accuracy.cell_sky_rays
         p, n = drawn.p, drawn.n
         each = [number_in_replicate(keys, r) for r in self.numbers]
         key = (Stream.CELLS,)
-        place = within if drawn.within is None else drawn.within
-        D = base.straight(p, n, key, rays, numbers=dr.concat(each), within=place)
+        within = within if drawn.within is None else drawn.within
+        D = base.straight(p, n, key, rays, numbers=dr.concat(each), within=within)
         rest, parts = by_panes(self.deposits, p, n, key, each, within)
         D = D.plus(stacked(one.on(keys) for one in self.landed)).plus(rest)
         dr.eval(*D)  # a pending sum would keep all of its parts
@@ -173,9 +173,9 @@ class Replicates:
         straight = base.straight_on_sensors(p, n, place, self.numbers, sun_samples, within, disks)
         numbers = [number_in_replicate(place, r) for r in self.numbers]
         every_p, every_n = (repeated(x, len(self)) for x in (p, n))
-        all_within = within if isinstance(within, bool) else None
+        every_within = repeated_within(within, len(self))
         rest, parts = by_panes(
-            self.deposits, every_p, every_n, (Stream.SENSORS,), numbers, all_within
+            self.deposits, every_p, every_n, (Stream.SENSORS,), numbers, every_within
         )
         direct = straight.plus(rest)
         for K, light in parts:
