@@ -10,6 +10,7 @@ from drcmitsuba_plugins.checks import checked_whole
 from drcmitsuba_plugins.filter_sampling import FilterSampling
 from drcmitsuba_plugins.pane_points import PanePoints
 from drcmitsuba_plugins.sampling import on_disk, sample_disk, transmittance
+from drcmitsuba_plugins.symbolic import symbolic
 
 _NO_GRADIENTS = (
     "there are no gradients but C itself, the derivative by the radiances; use prb for others"
@@ -289,7 +290,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
         seen &= weight > 0
         self._suns_on_pane(scene, sampler, on_pane, shape.bsdf(), weight, sums, base, seen)
 
-    @dr.syntax
+    @symbolic
     def _suns_on_pane(self, scene, sampler, si, bsdf, beta, sums, base, active):
         """Add the suns' light that a pane scatters at a vertex on it.
 
@@ -319,7 +320,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
             sums.add(base, first + sun, beta * total * tau * share, lit)
 
     @staticmethod
-    @dr.syntax
+    @symbolic
     def _add_suns_seen(suns, first, d, beta, sums, base, active):
         """Add light to every sun whose disk holds direction `d`; the suns of a year overlap."""
         sun = mi.UInt32(0)
@@ -329,7 +330,7 @@ class Coefficient(mi.ad.integrators.common.ADIntegrator):
             sums.add(base, first + sun, beta, searching & hit)
             sun += 1
 
-    @dr.syntax
+    @symbolic
     def _trace(self, scene, panes, sampler, ray, beta, pdf, delta, base, sums):
         """Follow paths and add the light that they collect to `sums`.
 

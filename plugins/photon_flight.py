@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.photon_grid import Store, kernel_density
+from drcmitsuba_plugins.symbolic import symbolic
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Receivers:
         self.radius2 = dr.opaque(mi.Float, radius**2)
         self.out = dr.zeros(mi.Float64, 2 * self.count * bins)
 
-    @dr.syntax
+    @symbolic
     def record(self, ray, t, flux, bin, met, active):
         """Add the flux of a photon to the disks that it crosses within distance `t` [m]."""
         base = bin + dr.select(met, self.count * self.bins, 0)
@@ -99,7 +100,7 @@ class Photons:
             if receivers is not None:
                 receivers.out = dr.zeros_like(receivers.out)
 
-    @dr.syntax
+    @symbolic
     def _trace(self, sampler, photons, store, receivers):
         """Follow photons, keep them in `store`, and return their ledger."""
         ctx = mi.BSDFContext(mi.TransportMode.Importance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 KERNELS = ("epanechnikov", "constant")
 
@@ -134,7 +135,7 @@ class PhotonGrid:
             dr.binary_search(0, last, lambda k: dr.gather(mi.UInt32, self.keys, k) < key)
         )
 
-    @dr.syntax
+    @symbolic
     def sum(self, p, n, active, light):
         """Kernel-weighted sum over the photons near a point, on the same side of its surface.
 

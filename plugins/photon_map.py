@@ -11,6 +11,7 @@ from drcmitsuba_plugins.checks import checked, checked_whole
 from drcmitsuba_plugins.photon_flight import Ledger, Photons, Receivers, facing, is_diffuse
 from drcmitsuba_plugins.photon_grid import KERNELS, PhotonGrid
 from drcmitsuba_plugins.photon_sources import Ports, Sources, Surroundings, UnitSources
+from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba_plugins.tables import table_of
 
 
@@ -233,7 +234,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
         )
         return L, scene.ray_test(mi.Ray3f(ray), active), [], None
 
-    @dr.syntax
+    @symbolic
     def _at_diffuse(self, scene, sampler, grid, si, bsdf, beta, active):
         """Radiance of a diffuse surface times the rays' weight, by all photons or final gather."""
         undiffused = self.kind == "caustic" or self.gather > 0
@@ -254,7 +255,7 @@ class PhotonMap(mi.ad.integrators.common.ADIntegrator):
             k += 1
         return light
 
-    @dr.syntax
+    @symbolic
     def _follow(self, scene, sampler, ray, beta, at_diffuse, sources, active):
         """Radiance along rays from the first diffuse surface that they meet, times their weight.
 

@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import on_disk, radiance_of, sample_disk, transmittance
+from drcmitsuba_plugins.symbolic import symbolic
 
 
 class Sources:
@@ -116,7 +117,7 @@ class Sources:
             light = dr.select(shines, self._sun(sun, shines), light)
         return bin, towards, light / mi.Float(n * dr.gather(mi.Float64, shares, bin))
 
-    @dr.syntax
+    @symbolic
     def seen(self, d, active):
         """Radiance of environment and suns in world directions `d` [W/(m² sr) or cd/m²]."""
         light = mi.Spectrum(0)

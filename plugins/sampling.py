@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked
+from drcmitsuba_plugins.symbolic import symbolic
 
 TO_UNIT = 2.0**-24
 """Turns the upper 24 bits of a random 32-bit number into a number in [0, 1)."""
@@ -214,7 +215,7 @@ def pane_to_local(w, axes):
     return mi.Vector3f(w.x * x.x + w.y * y.x, w.x * x.y + w.y * y.y, w.z)
 
 
-@dr.syntax
+@symbolic
 def transmittance(scene, ray, active):
     """Product of the straight-through transmittances of all panes on a ray.
 

@@ -13,6 +13,7 @@ from drcmitsuba_plugins.sampling import (
     radiances,
     sample_disk,
 )
+from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba_plugins.tables import table_of
 
 
@@ -88,7 +89,7 @@ class SunDisks(mi.Emitter):
         """Unit vector to the centre of sun `index`."""
         return dr.gather(mi.Vector3f, self.directions, index, active)
 
-    @dr.syntax
+    @symbolic
     def bin_of(self, d, active=True):
         """First sun whose disk holds direction `d`; `bin_count` where there is none."""
         index = mi.UInt32(self.bin_count)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.glare_year.components import components
 from drcmitsuba.glare_year.tiles import GROUPS, Links, Tiles
@@ -97,7 +98,7 @@ def _bright(L: mi.Float, tiles: Tiles, threshold: np.ndarray, peak: float) -> li
     return [parts for parts in kinds if parts is not None]
 
 
-@dr.syntax
+@symbolic
 def _tile_sums(
     L: mi.Float, lane: mi.UInt32, hours: mi.UInt32, first: mi.UInt32, pixel: mi.UInt32,
     rays: mi.UInt32, limit: mi.Float, peak: mi.Float,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.progress import Progress
@@ -114,7 +115,7 @@ def prepare(unit: UnitCell) -> TracedPeriod:
     return TracedPeriod(scene, start, length, ends, unit.extruded)
 
 
-@dr.syntax
+@symbolic
 def follow(
     cell: TracedPeriod, sampler: mi.Sampler, p: mi.Point3f, d: mi.Vector3f
 ) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:

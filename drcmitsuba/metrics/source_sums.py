@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices, repeated, row_and_column, shared
@@ -97,7 +98,7 @@ def _rows(suns: csr_matrix, place: np.ndarray) -> tuple[mi.UInt32, mi.UInt32, mi
     return flat_indices(suns.indptr), flat_indices(place), flat(suns.data)
 
 
-@dr.syntax
+@symbolic
 def _sums_at(
     C: list[mi.Float], patches: mi.UInt32, L: mi.Float, suns: tuple[mi.UInt32, mi.UInt32, mi.Float],
     at: tuple[mi.UInt32, mi.UInt32], count: tuple[int, int, int, int],
@@ -154,7 +155,7 @@ def _by_sky(L: np.ndarray, of_sky: list[mi.TensorXf]) -> mi.Float:
     return parts[0] if len(parts) == 1 else mi.Float(sum(map(mi.Float64, parts)))
 
 
-@dr.syntax
+@symbolic
 def _statistics(
     by_sky: mi.Float, first: mi.UInt32, bins: mi.UInt32, luminances: mi.Float, of_sun: mi.Float,
     times: int, count: tuple[int, int, int],

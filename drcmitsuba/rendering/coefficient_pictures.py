@@ -13,6 +13,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches, patch_index
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.rendering.light_paths import Paths, TracedView
 from drcmitsuba.rendering.surface_light import SurfaceLight
@@ -167,7 +168,7 @@ def _add_rays(
         dr.eval(out)
 
 
-@dr.syntax
+@symbolic
 def _sum(
     entry: mi.UInt32, base: mi.UInt32, bin_: mi.UInt32, at: mi.UInt32, weight: mi.Float16,
     table: mi.Float, rays: int, stride: mi.UInt32,

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 from drcmitsuba_plugins.sampling import streams
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
@@ -50,7 +51,7 @@ class EyePaths:
     """Whether the way from the eye to that surface has passed no pane."""
 
 
-@dr.syntax
+@symbolic
 def follow(
     scene: Scene, eye: mi.Point3f, d: mi.Vector3f, exists: mi.Bool, lane: mi.UInt32, samples: int,
     seed: int,

@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.rendering.caustics import Map
 from drcmitsuba.rendering.light_paths import Paths, TracedView
@@ -165,7 +166,7 @@ def _irradiance(traced: TracedView, paths: Paths, tables: _Tables) -> mi.Float:
     return E
 
 
-@dr.syntax
+@symbolic
 def _sum(
     rays: int, base: mi.UInt32, at: mi.UInt32, weight: mi.Float16, table: mi.Float,
     first: mi.UInt32 | int = 0,

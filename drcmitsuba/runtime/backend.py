@@ -13,6 +13,7 @@ from importlib import metadata
 
 import drjit as dr
 import mitsuba as mi
+from drcmitsuba_plugins.symbolic import rewriting_later
 
 from drcmitsuba.runtime.errors import BackendError
 
@@ -78,7 +79,8 @@ def select(variant: str | None = None) -> str:
     elif not cuda_available():
         raise BackendError(f"variant {variant!r} needs a CUDA GPU and none was found")
     if mi.variant() != variant:
-        mi.set_variant(variant)
+        with rewriting_later():
+            mi.set_variant(variant)
     return variant
 
 

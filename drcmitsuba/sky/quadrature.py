@@ -10,6 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.flat_arrays import row_and_column
@@ -155,7 +156,7 @@ def _sums(
     return _sum(luminance(time), here, mi.Float64(table.ravel()), patch * count, count).numpy()
 
 
-@dr.syntax
+@symbolic
 def _sum(
     luminance: LuminanceAt, sun: mi.Vector3d, nodes: mi.Float64, first: mi.UInt32, count: mi.UInt32
 ) -> mi.Float64:

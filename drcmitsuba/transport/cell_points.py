@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.cells import Vertices
@@ -158,7 +159,7 @@ class _Kernels:
         rank = dr.gather(mi.UInt32, self.every.rank, self._entry(draw), self._met)
         return self._met & (rank == self._ranks(draw))
 
-    @dr.syntax
+    @symbolic
     def rank(self) -> None:
         """Find the largest ranks."""
         draw = mi.UInt32(self.begin)
@@ -167,7 +168,7 @@ class _Kernels:
             _largest(self.every.rank, rank, at, self._met)
             draw += 1
 
-    @dr.syntax
+    @symbolic
     def break_ties(self) -> None:
         """Find the largest tag among the vertices of the largest rank."""
         draw = mi.UInt32(self.begin)
@@ -176,7 +177,7 @@ class _Kernels:
             _largest(self.tag, tag, at, best)
             draw += 1
 
-    @dr.syntax
+    @symbolic
     def place(self) -> None:
         """Keep the points of the vertices that have won."""
         each, told = dr.arange(mi.UInt32, len(self.vertices)), self.every.within is not None
@@ -198,7 +199,7 @@ def _largest(out: mi.UInt32, values: mi.UInt32, entry: mi.UInt32, active: mi.Boo
     dr.scatter_reduce(dr.ReduceOp.Max, out, values, entry, active, mode=dr.ReduceMode.Direct)
 
 
-@dr.syntax
+@symbolic
 def _lend(every: Draws, number: mi.UInt32, stride: mi.UInt32) -> None:
     """Take the points of other draws where a draw has none.
 

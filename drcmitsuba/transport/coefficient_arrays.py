@@ -10,6 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import xarray as xr
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
 from drcmitsuba.schema import describe
@@ -156,7 +157,7 @@ class Statistics:
         return {name: values.numpy().reshape(sensors, -1) for name, values in every.items()}
 
 
-@dr.syntax
+@symbolic
 def _added(
     values: mi.Float, first: mi.Float, total: mi.Float, squares: mi.Float, replicates: mi.UInt32
 ) -> tuple[mi.Float, mi.Float]:

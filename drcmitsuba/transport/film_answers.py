@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, from_disk, random_bits, sample_disk
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import (
     add_at,
@@ -103,7 +104,7 @@ class EvenAnswer(NamedTuple):
         return mi.TensorXf(out, (rows, suns))
 
 
-@dr.syntax
+@symbolic
 def _of_parts(parts: DiskParts, values: mi.Float, begin: mi.UInt32, sun: mi.UInt32) -> mi.Float:
     """Sum of share · value over the parts of the suns' disks."""
     at, total = dr.gather(mi.UInt32, parts.first, sun), mi.Float(0)

@@ -23,6 +23,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import add_at, first_of_rows, flat, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
@@ -163,7 +164,7 @@ def peak_deposit(
     return mi.TensorXf(mi.Float(out), (count, n_suns))
 
 
-@dr.syntax
+@symbolic
 def _add_suns(
     scene: Scene, mount: Mount, peaks: Peaks, centres: mi.Float, diameter: float,
     lanes: list[mi.UInt32], weight: mi.Float, q: mi.Point3f, seed: int, n_suns: int,

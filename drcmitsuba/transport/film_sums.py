@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
 
@@ -24,7 +25,7 @@ def widened(table: mi.Float, columns: int) -> mi.Float:
     return out
 
 
-@dr.syntax
+@symbolic
 def summed(
     first: mi.UInt32, weight: mi.Float, row: mi.UInt32, table: mi.Float,
     patch: mi.UInt32 | None, shone: mi.Float | None, bins: int,

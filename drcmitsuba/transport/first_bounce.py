@@ -12,6 +12,7 @@ from typing import IO
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.deposit import Irradiance
@@ -109,7 +110,7 @@ class CellLight:
         return parts
 
 
-@dr.syntax
+@symbolic
 def _summed(
     values: mi.Float, cell: mi.UInt32, weight: mi.Float, sensors: int, paths: int, wide: int
 ) -> mi.Float:

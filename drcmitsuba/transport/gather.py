@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.sampling import streams
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.model.materials import Lambertian
 from drcmitsuba.runtime.flat_arrays import flat, row_and_column
@@ -196,7 +197,7 @@ def ends_at_once(scene: Scene) -> bool:
     )
 
 
-@dr.syntax
+@symbolic
 def _trace(
     scene: Scene, points: mi.Float, normals: mi.Float, sensors: int,
     lanes: int, paths: int, grid: Grid, seed: int, capacity: int, marks: Marks | None,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
 
@@ -76,7 +77,7 @@ class Reached(NamedTuple):
         return cls(flat_indices(lit), flat_indices(shining), every)
 
 
-@dr.syntax
+@symbolic
 def _any_of(values: mi.Float, entries: int, replicates: mi.UInt32) -> mi.Bool:
     """Whether each entry is above 0 in any replicate, of which one follows another."""
     at, each, out = dr.arange(mi.UInt32, entries), mi.UInt32(0), dr.full(mi.Bool, False, entries)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.model.materials import (
     BsdfMaterial,
@@ -154,7 +155,7 @@ def _deviated(chain: mi.UInt32, bits: mi.UInt32) -> mi.UInt32:
     return dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN))
 
 
-@dr.syntax
+@symbolic
 def follow(
     scene: mi.Scene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
     sums: FluxSums, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32,

@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
@@ -225,7 +226,7 @@ class ComponentPorts:
         return np.asarray(dr.block_sum(seen, PILOT).numpy(), float)
 
 
-@dr.syntax
+@symbolic
 def _crossed(
     tables: list[mi.Float], most: mi.Float, count: mi.UInt32, p: mi.Point3f, d: mi.Vector3f
 ) -> mi.Bool:

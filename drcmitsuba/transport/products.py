@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.lit_cells import Reached, Tile
@@ -122,7 +123,7 @@ class PathMatrix(NamedTuple):
         return mi.TensorXf(mi.Float(out), (some.pieces * every, some.size))
 
 
-@dr.syntax
+@symbolic
 def add_rows(
     out: mi.Float, start: mi.UInt32, at: mi.UInt32, end: mi.UInt32, cell: mi.UInt32,
     weight: mi.Float, entries: mi.UInt32,

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.random_streams import even_order
@@ -112,7 +113,7 @@ def _number(x: mi.Float) -> mi.UInt32:
     return mi.UInt32(dr.clip(mi.Float64(x), 0, 1) * (2.0**32 - 1))
 
 
-@dr.syntax
+@symbolic
 def _place(rising: mi.UInt32, number: mi.UInt32, rays: mi.UInt32) -> mi.UInt32:
     """Place of the first of rising numbers that is not below a number; `rays` for none."""
     low, high = dr.zeros(mi.UInt32, dr.width(number)), mi.UInt32(rays)
@@ -123,7 +124,7 @@ def _place(rising: mi.UInt32, number: mi.UInt32, rays: mi.UInt32) -> mi.UInt32:
     return low
 
 
-@dr.syntax
+@symbolic
 def _bounds(
     openings: Openings, opening: int, p: mi.Point3f, n: mi.Normal3f
 ) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float]:

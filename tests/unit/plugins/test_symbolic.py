@@ -1,0 +1,91 @@
+"""Loops that are rewritten at their first call."""
+
+import sys
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from drcmitsuba_plugins.symbolic import rewriting_later, symbolic
+
+from drcmitsuba.runtime import backend
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+
+def halvings(x, least=1.0):
+    """Number of times that each x can be halved until it is below a number."""
+    x, count = mi.Float(x), mi.UInt32(0)
+    while x >= least:
+        x /= 2
+        count += 1
+    return count
+
+
+@symbolic
+def halvings_symbolic(x, least=1.0):
+    """As `halvings`."""
+    x, count = mi.Float(x), mi.UInt32(0)
+    while x >= least:
+        x /= 2
+        count += 1
+    return count
+
+
+class Counter:
+    def __init__(self, least):
+        self.least = least
+
+    @symbolic
+    def count(self, x):
+        x, count = mi.Float(x), mi.UInt32(0)
+        while x >= self.least:
+            x /= 2
+            count += 1
+        return count
+
+
+def test_loops_run_over_arrays_as_one_kernel():
+    x = [0.5, 1.0, 7.0, 1e6]
+    with pytest.raises(RuntimeError, match="implicit conversion"):  # a plain `while`
+        halvings(mi.Float(x))
+    expected = [halvings(mi.Float(v))[0] if v >= 1 else 0 for v in x]
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        counted = halvings_symbolic(mi.Float(x))
+        dr.eval(counted)
+        kernels = [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
+    assert len(kernels) == 1
+    np.testing.assert_array_equal(counted, expected)
+    np.testing.assert_array_equal(halvings_symbolic(mi.Float(x), least=4), [0, 0, 1, 18])
+    np.testing.assert_array_equal(Counter(4).count(mi.Float(x)), [0, 0, 1, 18])
+    assert halvings_symbolic.__doc__ == "As `halvings`."
+
+
+def test_what_cannot_be_rewritten_fails_at_the_call():
+    @symbolic
+    def broken(x):
+        while x > 0:
+            return x
+        return None
+
+    with pytest.raises(SyntaxError, match="return"):
+        broken(mi.Float([1, 2]))
+
+
+def test_mitsubas_integrators_are_rewritten_when_they_are_called():
+    prb = sys.modules["mitsuba.python.ad.integrators.prb"]
+    assert prb.PRBIntegrator.sample.__wrapped__.__name__ == "sample"
+    scene = mi.load_dict(mi.cornell_box())
+    image = mi.render(scene, integrator=mi.load_dict({"type": "prb"}), spp=1)
+    assert np.isfinite(image.numpy()).all()
+    assert image.numpy().max() > 0
+
+
+def test_a_variant_that_cannot_be_set_leaves_drjits_own_decorator():
+    own = dr.syntax
+    with pytest.raises(ValueError, match="no such"), rewriting_later():
+        raise ValueError("no such variant")
+    assert dr.syntax is own
+    assert backend.select() == mi.variant()
+    assert dr.syntax is own
