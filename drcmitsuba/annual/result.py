@@ -239,9 +239,10 @@ def _whole(begun: _Begun, known: xr.Dataset | None) -> Result:
     planned, run = begun.planned, begun.run
     case, light = planned.facts.case, planned.facts.light
     by_state = None if known is None else Coefficients.of(known)
-    simulated = simulation.simulate(case, light, run, by_state)
-    with run.timed("accumulation and metrics"):
-        evaluated = evaluate_metrics(case, light, *simulated)
+    with run.blocks_written_beside():
+        simulated = simulation.simulate(case, light, run, by_state)
+        with run.timed("accumulation and metrics"):
+            evaluated = evaluate_metrics(case, light, *simulated)
     coefficients = simulated.coefficients
     outcome = None
     if case.accuracy.target is not None:

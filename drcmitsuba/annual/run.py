@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -81,6 +81,10 @@ class Run:
             return NOTHING_KEPT
         program = METHOD, mi.__version__, dr.__version__, mi.variant()
         return self.blocks.series(about, program, *content, part=self.part)
+
+    def blocks_written_beside(self) -> AbstractContextManager[None]:
+        """Write a block in a thread while the next one is made."""
+        return nullcontext() if self.blocks is None else self.blocks.writing.opened()
 
     def distribute(self, state: State, suns: Suns, progress: Progress) -> None:
         """Have other processes make the blocks of a state, where there are any."""

@@ -98,9 +98,7 @@ class SavedResult(ABC):
             from drcmitsuba.report import plots
 
             drawn = self._pictures()
-            for i, (name, figure) in enumerate(drawn.items(), start=1):
-                plots.save(figure, folder / name)
-                progress(i / len(drawn))
+            plots.save_all(drawn, folder, progress)
         for old in (path for name in DRAWN for path in folder.glob(name)):
             if old.name not in drawn:
                 old.unlink(missing_ok=True)

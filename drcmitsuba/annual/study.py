@@ -60,8 +60,7 @@ class StudyTable:
         if find_spec("pyarrow") is not None:
             with storage.whole(folder / "table.parquet") as temporary:
                 _of_one_type(self.frame, self.keys).to_parquet(temporary)
-        for name, figure in study_charts.charts(self.frame, self.keys).items():
-            style.save(figure, folder / name)
+        style.save_all(study_charts.charts(self.frame, self.keys), folder)
 
     def _repr_html_(self) -> str:
         return str(self.frame[[*self.keys, *ANNUAL, "error"]].to_html())

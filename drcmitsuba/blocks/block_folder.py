@@ -18,6 +18,7 @@ from drcmitsuba.blocks.block_file import attributes_of, read_block, write_block
 from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.blocks.part import EVERY_BLOCK, Part
 from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.errors import InputError
 
 FORMAT = 1
@@ -45,10 +46,13 @@ class BlockSeries:
     """Notes on damaged blocks, to which this series adds."""
     part: Part = EVERY_BLOCK
     """Blocks that are made; the others are passed over."""
+    writing: Behind = field(default_factory=Behind, compare=False, repr=False)
+    """Thread that writes blocks, where one is open."""
 
     def get(self, here: slice) -> xr.Dataset | None:
         """Dataset of some sensors; None where it is not stored, or damaged."""
         path = self._path(here)
+        self.writing.wait(self.folder)
         if path is None or not path.is_file():
             return None
         try:
@@ -67,10 +71,12 @@ class BlockSeries:
         """Store the dataset of some sensors; OSError where the disk is full."""
         path = self._path(here)
         if path is not None:
-            write_block(data.assign_attrs(about=self.about), path)
+            data = data.assign_attrs(about=self.about)
+            self.writing.do(lambda: write_block(data, path), self.folder)
 
     def cover(self, sensors: int) -> list[slice]:
         """Stored blocks that hold so many sensors together, in order; empty where some lack."""
+        self.writing.wait(self.folder)
         if self.folder is None or not self.folder.is_dir():
             return []
         stored, at = {}, 0
@@ -112,6 +118,8 @@ class BlockFolder:
     """Whether it is a cache, which stays when a run has ended."""
     notes: list[str] = field(default_factory=list)
     """Notes on damaged blocks."""
+    writing: Behind = field(default_factory=Behind, compare=False, repr=False)
+    """Thread that writes blocks, where one is open."""
 
     @classmethod
     def of_results(cls, results: Path) -> BlockFolder:
@@ -154,7 +162,8 @@ class BlockFolder:
 
     def series(self, about: str, *content: Any, part: Part = EVERY_BLOCK) -> BlockSeries:
         """Blocks that depend on some content; `about` are words for lists."""
-        return BlockSeries(self.path / content_key(FORMAT, *content), about, self.notes, part)
+        folder = self.path / content_key(FORMAT, *content)
+        return BlockSeries(folder, about, self.notes, part, self.writing)
 
     @property
     def limit(self) -> int:

@@ -74,8 +74,7 @@ def _show_film(file: Path, output: Path | None, sun: tuple[float, float], as_jso
         show(table)
     if output is not None:
         storage.save_json(report.to_dict(), output / "bsdf.json")
-        for name, figure in pictures.figures(film, report, sun).items():
-            plots.save(figure, output / name)
+        plots.save_all(pictures.figures(film, report, sun), output)
         if not as_json:
             print(f"pictures are in {output}")
 

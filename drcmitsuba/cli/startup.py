@@ -21,7 +21,7 @@ SWITCH = 1e-3
 """Longest time that a thread of Python may hold up another one [s]: kernels wait for the main one
 while further modules are imported and files are written beside it."""
 FOR_METRICS = ("scipy.special", "scipy.sparse")
-FOR_FILES = ("h5netcdf", "numcodecs", "drcmitsuba.report.figures", "scipy.spatial")
+FOR_FILES = ("h5netcdf", "numcodecs", "drcmitsuba.report.figures")
 """Modules that a year's metrics and files need."""
 
 P = ParamSpec("P")

@@ -144,8 +144,7 @@ def plot(
     line = None if ends is None else (ends[:2], ends[2:])
     drawn = figures.pictures(case, E, numbers)
     drawn |= year_figures(case, E, numbers, points=points, line=line)
-    saved = [plots.save(figure, folder / name) for name, figure in drawn.items()]
-    for picture in saved:
+    for picture in plots.save_all(drawn, folder):
         print(picture)
 
 

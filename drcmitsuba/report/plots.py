@@ -9,7 +9,7 @@ sun_path, sky_dome
     Suns of a period with those that close the shade; values of the bins over the sky.
 monthly, season
     Metrics of a period and its months; msDA beside its references.
-save, png, html_image
+save, save_all, png, html_image
     PNG files and images, from `style`, with the colours and lines that pictures share.
 """
 
@@ -18,7 +18,18 @@ from drcmitsuba.report.mountain import mountain
 from drcmitsuba.report.plan_view import plan
 from drcmitsuba.report.section import section
 from drcmitsuba.report.sky_dome import sky_dome
-from drcmitsuba.report.style import BLUE, GREY, INK, LINES, ORANGE, html_image, png, save, tidy
+from drcmitsuba.report.style import (
+    BLUE,
+    GREY,
+    INK,
+    LINES,
+    ORANGE,
+    html_image,
+    png,
+    save,
+    save_all,
+    tidy,
+)
 from drcmitsuba.report.sun_path import sun_path
 from drcmitsuba.report.temporal_map import temporal_map
 
@@ -34,6 +45,7 @@ __all__ = [
     "plan",
     "png",
     "save",
+    "save_all",
     "season",
     "section",
     "sky_dome",

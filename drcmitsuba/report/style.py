@@ -14,6 +14,8 @@ from __future__ import annotations
 import base64
 import textwrap
 import warnings
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
@@ -21,8 +23,10 @@ from typing import IO, Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from PIL import Image
 
 from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.progress import Progress
 
 BLUE, ORANGE, GREY, INK = "#0072B2", "#D55E00", "#5A5A5A", "#222222"
 COLOURS = "viridis"
@@ -45,6 +49,8 @@ LINES: dict[str, dict[str, Any]] = {
     "limit": {"color": ORANGE, "linewidth": 2.0, "path_effects": halo(3.6, "white")},
 }
 """Lines of a plan by their name in the legend."""
+DPI = 150
+"""Resolution of files [1/inch]."""
 NAME = {"parse_math": False}  # dollars in a case's name do not begin a formula
 
 
@@ -66,17 +72,27 @@ def head(ax: Axes, title: str, caption: str = "", above: float = 5.0) -> None:
     )  # fmt: skip
 
 
-def write(figure: Figure, file: Path | IO[bytes], dpi: int) -> None:
-    """Write a figure as PNG; characters of a case's name that the font lacks become boxes."""
+def image_of(figure: Figure, dpi: int) -> Image.Image:
+    """Draw a figure; characters of a case's name that the font lacks become boxes."""
+    buffer = BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph", UserWarning)
-        figure.savefig(file, format="png", dpi=dpi, pil_kwargs={"compress_level": 3})
+        figure.savefig(buffer, format="rgba", dpi=dpi)
+    width, height = (int(length * dpi) for length in figure.get_size_inches())
+    image = Image.frombytes("RGBA", (width, height), buffer.getvalue())
+    image.info["dpi"] = (dpi, dpi)
+    return image
+
+
+def write(image: Image.Image, file: Path | IO[bytes]) -> None:
+    """Write an image as PNG."""
+    image.save(file, format="PNG", compress_level=3, dpi=image.info["dpi"])
 
 
 def png(figure: Figure) -> bytes:
     """Return a figure as PNG, as Jupyter shows it."""
     buffer = BytesIO()
-    write(figure, buffer, dpi=100)
+    write(image_of(figure, dpi=100), buffer)
     return buffer.getvalue()
 
 
@@ -98,7 +114,25 @@ def save(figure: Figure, path: str | Path) -> Path:
 
     An older file is replaced once the new one is complete.
     """
-    target = Path(path)
-    with storage.whole(target) as part:
-        write(figure, part, dpi=150)
-    return target
+    return _save(image_of(figure, DPI), Path(path))
+
+
+def save_all(
+    figures: Mapping[str, Figure], folder: Path, progress: Progress = lambda share: None
+) -> list[Path]:
+    """Write figures by file name as `save` does, and return their paths.
+
+    An image is compressed in a thread while the next one is drawn.
+    """
+    with ThreadPoolExecutor(1) as thread:
+        saved = []
+        for number, (name, figure) in enumerate(figures.items(), start=1):
+            saved.append(thread.submit(_save, image_of(figure, DPI), folder / name))
+            progress(number / len(figures))
+        return [job.result() for job in saved]
+
+
+def _save(image: Image.Image, path: Path) -> Path:
+    with storage.whole(path) as part:
+        write(image, part)
+    return path

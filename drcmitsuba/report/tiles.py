@@ -10,6 +10,9 @@ from drcmitsuba.runtime import lazy
 
 spatial = lazy.module("scipy.spatial")
 
+FEW = 1 << 10
+"""Largest number of points between which all distances take less time than SciPy's import."""
+
 
 def spacing(x: np.ndarray, y: np.ndarray) -> float:
     """Typical distance between neighbours [m], for sensors that form no grid."""
@@ -36,6 +39,11 @@ def neighbour_distance(at: np.ndarray) -> float:
     unique = np.unique(np.round(at, 6), axis=0)
     if len(unique) == 1:
         return 0.1
+    if len(unique) <= FEW:
+        x, y = unique.T
+        distance = np.hypot(x[:, None] - x, y[:, None] - y)
+        np.fill_diagonal(distance, np.inf)
+        return float(np.median(distance.min(axis=1)))
     distance, _ = spatial.cKDTree(unique).query(unique, k=2)
     return float(np.median(distance[:, 1]))
 

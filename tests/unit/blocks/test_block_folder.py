@@ -3,12 +3,14 @@
 import json
 import os
 import sys
+import threading
 import time
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from drcmitsuba.blocks import block_folder
 from drcmitsuba.blocks.block_folder import FORMAT, HEADER, NOTHING_KEPT, BlockFolder
 from drcmitsuba.runtime.errors import InputError
 
@@ -46,6 +48,30 @@ def test_a_damaged_block_is_noted_and_removed(cache):
     assert not file.exists()
     made = series.kept(4, lambda: dataset(4, 3.0))
     xr.testing.assert_identical(made, series.get(slice(0, 4)))
+
+
+def test_blocks_that_a_thread_writes_are_found_as_others(cache, monkeypatch):
+    series, go, write = cache.series("case, open", 1), threading.Event(), block_folder.write_block
+    monkeypatch.setattr(block_folder, "write_block", lambda *args: (go.wait(60), write(*args)))
+    with cache.writing.opened():
+        series.put(slice(0, 4), dataset(4))
+        assert cache.series("case, shaded", 2).cover(4) == []  # does not wait
+        assert not series.folder.exists()
+        go.set()
+        assert series.cover(4) == [slice(0, 4)]
+        series.put(slice(4, 8), dataset(4, 2.0))
+        xr.testing.assert_identical(series.get(slice(4, 8)), dataset(4, 2.0))
+        series.put(slice(8, 9), dataset(1))
+    assert series.cover(9) == [slice(0, 4), slice(4, 8), slice(8, 9)]
+
+
+def test_a_block_that_a_thread_cannot_write_ends_the_run(cache, monkeypatch):
+    def full_disk(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(block_folder, "write_block", full_disk)
+    with pytest.raises(OSError, match="No space"), cache.writing.opened():
+        cache.series("case, open", 1).put(slice(0, 4), dataset(4))
 
 
 def test_a_series_without_a_folder_keeps_nothing():

@@ -12,6 +12,7 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from PIL import Image
 
 from drcmitsuba.report import plots
 from drcmitsuba.runtime.errors import InputError
@@ -219,17 +220,28 @@ def test_save_writes_a_png_and_nothing_else(tmp_path):
 def test_save_that_fails_keeps_the_older_file(tmp_path, monkeypatch):
     path = tmp_path / "year.png"
     path.write_text("older")
-    figure = plots.monthly(year())
 
-    def full_disk(part, **_):
+    def full_disk(image, part, **_):
         part.write_bytes(b"half")
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(figure, "savefig", full_disk)
+    monkeypatch.setattr(Image.Image, "save", full_disk)
     with pytest.raises(OSError, match="no space"):
-        plots.save(figure, path)
+        plots.save(plots.monthly(year()), path)
+    with pytest.raises(OSError, match="no space"):
+        plots.save_all({"year.png": plots.monthly(year())}, tmp_path)
     assert path.read_text() == "older"
     assert [p.name for p in tmp_path.iterdir()] == ["year.png"]
+
+
+def test_figures_that_are_saved_together_are_the_files_of_each(tmp_path):
+    figures = {f"{month}.png": plots.monthly(year(), title=f"month {month}") for month in (1, 2, 3)}
+    shares = []
+    saved = plots.save_all(figures, tmp_path, shares.append)
+    assert saved == [tmp_path / name for name in figures]
+    for name, figure in figures.items():
+        assert (tmp_path / name).read_bytes() == plots.save(figure, tmp_path / "one").read_bytes()
+    np.testing.assert_allclose(shares, [1 / 3, 2 / 3, 1])
 
 
 def test_a_picture_does_not_replace_a_folder(tmp_path):

@@ -9,7 +9,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.quiver import Quiver
 
 from drcmitsuba.model.model import Grid
-from drcmitsuba.report import figures, plots
+from drcmitsuba.report import figures, plots, tiles
 from drcmitsuba.report.sheets import sheets
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
@@ -160,3 +160,13 @@ def test_sensors_without_a_place_are_refused(axis):
     E = at(("a", square(0, 0, 0.8)))
     with pytest.raises(InputError, match=f"plan: {axis}: a sensor without a place"):
         sheets(E.assign_coords({axis: ("sensor", np.full(9, np.nan))}))
+
+
+@pytest.mark.parametrize("size", [(32, 32), (32, 33)])
+def test_neighbours_of_few_and_of_many_sensors_are_as_far(size):
+    """1,024 distances are compared each with each, 1,056 are looked up in a tree."""
+    u, v = np.meshgrid(*(np.arange(n) for n in size))
+    at = np.column_stack([u.ravel() * 0.5, v.ravel() * 0.7]) @ [[0.8, 0.6], [-0.6, 0.8]]
+    assert tiles.neighbour_distance(np.concatenate([at, at[:40]])) == pytest.approx(0.5)
+    at[0] += 1e-3  # the median does not know it
+    assert tiles.neighbour_distance(at) == pytest.approx(0.5)

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from drcmitsuba.runtime.background import beside
+from drcmitsuba.runtime.background import Behind, beside
 
 
 def test_jobs_are_done_in_turn_while_the_block_runs():
@@ -47,4 +47,49 @@ def test_after_a_stop_only_the_job_that_has_begun_ends():
 
     with pytest.raises(KeyboardInterrupt), beside(first, lambda: done.append(2)):
         stop()
+    assert done == [1]
+
+
+def full_disk():
+    raise OSError(28, "No space left on device")
+
+
+def test_jobs_behind_are_done_at_once_unless_a_thread_is_open():
+    behind, threads = Behind(), []
+    behind.do(lambda: threads.append(threading.current_thread()), "a")
+    with behind.opened():
+        behind.do(lambda: threads.append(threading.current_thread()), "a")
+    behind.do(lambda: threads.append(threading.current_thread()), "a")
+    main = threading.current_thread()
+    assert [thread is main for thread in threads] == [True, False, True]
+
+
+def test_a_job_behind_waits_for_the_one_before_and_others_for_what_it_is_about():
+    behind, go, done = Behind(), threading.Event(), []
+    with behind.opened():
+        behind.do(lambda: (go.wait(60), done.append(1)), "a")
+        behind.wait("b")  # the job in hand is about something else
+        assert done == []
+        threading.Timer(0.1, go.set).start()
+        behind.do(lambda: done.append(2), "b")
+        assert done[0] == 1
+        behind.wait("b")
+        assert done == [1, 2]
+
+
+@pytest.mark.parametrize("ask", [lambda b: b.wait("a"), lambda b: b.do(int, "b"), lambda b: None])
+def test_the_error_of_a_job_behind_is_raised_once(ask):
+    behind = Behind()
+    with pytest.raises(OSError, match="No space"), behind.opened():  # noqa: PT012
+        behind.do(full_disk, "a")
+        ask(behind)
+    behind.wait()
+
+
+def test_a_job_behind_is_done_where_the_block_fails():
+    behind, go, done = Behind(), threading.Event(), []
+    with pytest.raises(KeyboardInterrupt), behind.opened():  # noqa: PT012
+        behind.do(lambda: (go.wait(60), done.append(1)), "a")
+        threading.Timer(0.1, go.set).start()
+        raise KeyboardInterrupt
     assert done == [1]
