@@ -72,18 +72,21 @@ class Coefficients:
 
     def joined(self) -> xr.Dataset:
         """All states as on disk, dims (state, replicate, sensor, bin)."""
-        return xr.concat(self.parts(), "state", coords="minimal", compat="override", join="exact")
+        labels = {name: self.open[name].values for name in SAMPLED if name in self.open.coords}
+        parts = []
+        for part in self.parts():
+            for dim, of_all in labels.items():
+                part = _with_labels(part, dim, of_all)
+            parts.append(part)
+        return xr.concat(parts, "state", coords="minimal", compat="override", join="exact")
 
     def parts(self) -> Iterator[xr.Dataset]:
-        """Yield the parts of `joined`, one state each: writing them needs no copy of all."""
-        labels = {name: self.open[name] for name in SAMPLED if name in self.open.coords}
+        """Yield the parts of `joined`, one state each, with the labels that each has of its own."""
         for state, data in self.states.items():
             if state == VARYING:
                 continue
             if "pane_group" in self.open and "pane_group" not in data:
                 data = data.assign(pane_group=xr.full_like(self.open["pane_group"], np.nan))
-            for dim, of_all in labels.items():
-                data = _with_labels(data, dim, of_all.values)
             part = data.expand_dims(state=np.array([state], dtype=object))
             yield schema.describe(part.assign_attrs(self.attrs | NOT_SIMULATED))
 

@@ -58,19 +58,21 @@ class _Array:
     def is_text(self) -> bool:
         return bool(self.variable.dtype.kind in "OUT")
 
-    def append(self, values: np.ndarray) -> None:
-        """Write the chunks of a part."""
+    def append(self, values: np.ndarray, at: np.ndarray | None = None) -> None:
+        """Write the chunks of a part, whose last axis may lack places: it has those of `at`."""
+        shape = [*values.shape]
+        if at is not None:
+            shape[-1] = self.variable.shape[-1]
         first = [0] * values.ndim
         if self.axis is not None:
             first[self.axis] = self.length // self.chunks[self.axis]
             self.length += values.shape[self.axis]
-        steps = [
-            range(math.ceil(n / chunk)) for n, chunk in zip(values.shape, self.chunks, strict=True)
-        ]
+        steps = [range(math.ceil(n / chunk)) for n, chunk in zip(shape, self.chunks, strict=True)]
         for place in itertools.product(*steps):
             here = tuple(slice(i * n, (i + 1) * n) for i, n in zip(place, self.chunks, strict=True))
             name = ".".join(str(i + j) for i, j in zip(place, first, strict=True)) or "0"
-            self.put(f"{self.name}/{name}", self._encoded(values[here]))
+            chunk = values[here] if at is None else _widened(values, at, here, shape)
+            self.put(f"{self.name}/{name}", self._encoded(chunk))
 
     def _encoded(self, chunk: np.ndarray) -> bytes:
         """Compressed content of a chunk, which is filled up to its full shape."""
@@ -124,7 +126,8 @@ def put_all(parts: Iterable[xr.Dataset], put: Put, along: str) -> None:
     ----------
     parts : iterable of xr.Dataset
         Parts of equal length along the dim, the last one may be shorter. Arrays without this dim
-        and attributes are those of the first part.
+        and attributes are those of the first part. Numbers of the others are NaN at labels of their
+        last dim that these lack.
     put : callable
         Function that writes a file.
     along : str
@@ -132,12 +135,16 @@ def put_all(parts: Iterable[xr.Dataset], put: Put, along: str) -> None:
     """
     arrays: dict[str, _Array] = {}
     attributes: dict[str, Any] = {}
+    labels: dict[Any, np.ndarray] = {}
     for number, part in enumerate(parts):
         plain = part.drop_encoding()
         for variable in plain.variables.values():
             if variable.dtype.kind == "M":
                 variable.encoding = DATES
         variables, described = conventions.encode_dataset_coordinates(plain)
+        own = {dim: part[dim].values for dim in part.dims if dim in part.coords and dim != along}
+        labels = labels if number else own
+        places = {dim: _places(own[dim], every) for dim, every in labels.items() if dim in own}
         for name, variable in variables.items():
             if number and along not in variable.dims:
                 continue
@@ -145,7 +152,8 @@ def put_all(parts: Iterable[xr.Dataset], put: Put, along: str) -> None:
             if number == 0:
                 axis = variable.dims.index(along) if along in variable.dims else None
                 arrays[str(name)] = _Array(str(name), put, encoded, axis)
-            arrays[str(name)].append(np.asarray(encoded.values))
+            at = places.get(variable.dims[-1]) if variable.dims else None
+            arrays[str(name)].append(np.asarray(encoded.values), at)
         attributes = attributes or _plain(described)
     files: dict[str, Any] = {".zgroup": {"zarr_format": 2}, ".zattrs": attributes}
     for name, array in arrays.items():
@@ -153,6 +161,26 @@ def put_all(parts: Iterable[xr.Dataset], put: Put, along: str) -> None:
     consolidated = {"zarr_consolidated_format": 1, "metadata": files}
     for name, content in (files | {".zmetadata": consolidated}).items():
         put(name, json.dumps(content).encode())
+
+
+def _places(labels: np.ndarray, every: np.ndarray) -> np.ndarray | None:
+    """Places of labels among all; None where they are all. KeyError for one that is unknown."""
+    if np.array_equal(labels, every):
+        return None
+    place = {label: i for i, label in enumerate(every.tolist())}
+    return np.array([place[label] for label in labels.tolist()], int)
+
+
+def _widened(
+    values: np.ndarray, at: np.ndarray, here: tuple[slice, ...], shape: list[int]
+) -> np.ndarray:
+    """Chunk of values whose last axis has some places of the shape; the others are NaN."""
+    start, stop, _ = here[-1].indices(shape[-1])
+    inside = (at >= start) & (at < stop)
+    known = values[here[:-1]][..., inside]
+    chunk = np.full((*known.shape[:-1], stop - start), np.nan, values.dtype)
+    chunk[..., at[inside] - start] = known
+    return chunk
 
 
 def _plain(attributes: dict[Any, Any]) -> dict[str, Any]:

@@ -56,6 +56,24 @@ def test_parts_come_back_as_a_whole(tmp_path, monkeypatch, chunk, step):
         xr.testing.assert_identical(read(tmp_path / "own", consolidated=consolidated), theirs)
 
 
+@pytest.mark.parametrize("chunk", [1 << 24, 64, 1])
+@pytest.mark.parametrize("known", [[0, 2, 5], [3], [], [6, 1, 0, 2, 3, 4, 5]])
+def test_labels_that_a_part_lacks_are_nan(tmp_path, monkeypatch, chunk, known):
+    monkeypatch.setattr(zarr_folder, "LARGEST_CHUNK", chunk)
+    data = dataset()[["L", "sun"]].drop_vars("wide")
+    first, last = data.isel(time=slice(0, 4)), data.isel(time=slice(4, 5), bin=known)
+    zarr_folder.write([first, last], tmp_path / "own", "time")
+    last = last.reindex(bin=data["bin"])
+    xr.concat([first, last], "time").to_zarr(tmp_path / "zarrs", zarr_format=2, consolidated=True)
+    xr.testing.assert_identical(read(tmp_path / "own"), read(tmp_path / "zarrs"))
+
+
+def test_a_part_has_no_labels_that_the_first_one_lacks(tmp_path):
+    first, last = dataset(4).isel(bin=slice(0, 5)), dataset(4)
+    with pytest.raises(KeyError, match="b5"):
+        zarr_folder.write([first, last], tmp_path / "own", "time")
+
+
 def test_a_large_array_is_cut_into_chunks(tmp_path, monkeypatch):
     monkeypatch.setattr(zarr_folder, "LARGEST_CHUNK", 100)
     zarr_folder.write([dataset()], tmp_path / "z", "time")
