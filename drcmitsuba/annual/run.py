@@ -83,7 +83,7 @@ class Run:
         return self.blocks.series(about, program, *content, part=self.part)
 
     def blocks_written_beside(self) -> AbstractContextManager[None]:
-        """Write a block in a thread while the next one is made."""
+        """Write blocks in a thread while further ones are made, until the context ends."""
         return nullcontext() if self.blocks is None else self.blocks.writing.opened()
 
     def distribute(self, state: State, suns: Suns, progress: Progress) -> None:

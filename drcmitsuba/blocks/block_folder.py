@@ -47,12 +47,12 @@ class BlockSeries:
     part: Part = EVERY_BLOCK
     """Blocks that are made; the others are passed over."""
     writing: Behind = field(default_factory=Behind, compare=False, repr=False)
-    """Thread that writes blocks, where one is open."""
+    """Writes blocks, in a thread where one is open."""
 
     def get(self, here: slice) -> xr.Dataset | None:
         """Dataset of some sensors; None where it is not stored, or damaged."""
         path = self._path(here)
-        self.writing.wait(self.folder)
+        self.writing.wait(path)
         if path is None or not path.is_file():
             return None
         try:
@@ -72,7 +72,7 @@ class BlockSeries:
         path = self._path(here)
         if path is not None:
             data = data.assign_attrs(about=self.about)
-            self.writing.do(lambda: write_block(data, path), self.folder)
+            self.writing.do(lambda: write_block(data, path), (path, self.folder))
 
     def cover(self, sensors: int) -> list[slice]:
         """Stored blocks that hold so many sensors together, in order; empty where some lack."""
@@ -119,7 +119,7 @@ class BlockFolder:
     notes: list[str] = field(default_factory=list)
     """Notes on damaged blocks."""
     writing: Behind = field(default_factory=Behind, compare=False, repr=False)
-    """Thread that writes blocks, where one is open."""
+    """Writes blocks, in a thread where one is open."""
 
     @classmethod
     def of_results(cls, results: Path) -> BlockFolder:

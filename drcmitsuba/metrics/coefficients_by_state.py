@@ -81,7 +81,7 @@ class Coefficients:
         return xr.concat(parts, "state", coords="minimal", compat="override", join="exact")
 
     def parts(self) -> Iterator[xr.Dataset]:
-        """Yield the parts of `joined`, one state each, with the labels that each has of its own."""
+        """Yield the parts of `joined`, one state each; the open one is first and has all labels."""
         for state, data in self.states.items():
             if state == VARYING:
                 continue

@@ -15,17 +15,19 @@ import base64
 import textwrap
 import warnings
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
 
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.progress import Progress
 
 BLUE, ORANGE, GREY, INK = "#0072B2", "#D55E00", "#5A5A5A", "#222222"
@@ -75,7 +77,7 @@ def head(ax: Axes, title: str, caption: str = "", above: float = 5.0) -> None:
 def image_of(figure: Figure, dpi: int) -> Image.Image:
     """Draw a figure; characters of a case's name that the font lacks become boxes."""
     buffer = BytesIO()
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), rc_context({"savefig.bbox": None}):  # as large as it was drawn
         warnings.filterwarnings("ignore", "Glyph", UserWarning)
         figure.savefig(buffer, format="rgba", dpi=dpi)
     width, height = (int(length * dpi) for length in figure.get_size_inches())
@@ -124,12 +126,12 @@ def save_all(
 
     An image is compressed in a thread while the next one is drawn.
     """
-    with ThreadPoolExecutor(1) as thread:
-        saved = []
+    saving = Behind()
+    with saving.opened():
         for number, (name, figure) in enumerate(figures.items(), start=1):
-            saved.append(thread.submit(_save, image_of(figure, DPI), folder / name))
+            saving.do(partial(_save, image_of(figure, DPI), folder / name))
             progress(number / len(figures))
-        return [job.result() for job in saved]
+    return [folder / name for name in figures]
 
 
 def _save(image: Image.Image, path: Path) -> Path:

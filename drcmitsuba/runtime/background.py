@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+
+
+@contextmanager
+def _started() -> Iterator[ThreadPoolExecutor]:
+    """Yield a thread that runs: after Ctrl-C nothing waits for one that is being started."""
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(int).result()
+        yield thread
 
 
 @contextmanager
@@ -23,7 +31,7 @@ def beside(*jobs: Callable[[], object]) -> Iterator[None]:
             if not is_stopped.is_set():
                 job()
 
-    with ThreadPoolExecutor(1) as thread:
+    with _started() as thread:
         try:
             done = thread.submit(work)
             yield
@@ -42,10 +50,10 @@ class Behind:
     def __init__(self) -> None:
         self._thread: ThreadPoolExecutor | None = None
         self._job: Future[object] | None = None
-        self._about: object = None
+        self._about: Collection[object] = ()
 
-    def do(self, job: Callable[[], object], about: object) -> None:
-        """Begin a job about something once the job before it has ended."""
+    def do(self, job: Callable[[], object], about: Collection[object] = ()) -> None:
+        """Begin a job about some things once the job before it has ended."""
         if self._thread is None:
             job()
             return
@@ -53,19 +61,24 @@ class Behind:
         self._job, self._about = self._thread.submit(job), about
 
     def wait(self, about: object = None) -> None:
-        """Wait for the job that is done, where it is about this; by default for any."""
-        if self._job is None or about not in (None, self._about):
+        """Wait for the job in hand, where it is about something; by default for any.
+
+        A job that has failed already raises its error whatever it is about.
+        """
+        if self._job is None:
             return
-        job, self._job = self._job, None
-        job.result()
+        if about is None or about in self._about or self._job.done():
+            job, self._job = self._job, None
+            job.result()
 
     @contextmanager
     def opened(self) -> Iterator[None]:
         """Do jobs in a thread while the block runs, whose end waits for the last one.
 
-        The error of a job is raised by the next call that waits for it, or by the end of the block.
+        The error of a job is raised by the next call that waits for it, or by the end of the block
+        unless the block itself fails.
         """
-        with ThreadPoolExecutor(1) as self._thread:
+        with _started() as self._thread:
             try:
                 yield
                 self.wait()

@@ -63,6 +63,9 @@ class _Array:
         shape = [*values.shape]
         if at is not None:
             shape[-1] = self.variable.shape[-1]
+        for i, (own, known) in enumerate(zip(shape, self.variable.shape, strict=True)):
+            if i != self.axis and own != known:  # would be filled up with zeros
+                raise ValueError(f"{self.name} has {own} values for {known} along axis {i}")
         first = [0] * values.ndim
         if self.axis is not None:
             first[self.axis] = self.length // self.chunks[self.axis]
@@ -126,8 +129,8 @@ def put_all(parts: Iterable[xr.Dataset], put: Put, along: str) -> None:
     ----------
     parts : iterable of xr.Dataset
         Parts of equal length along the dim, the last one may be shorter. Arrays without this dim
-        and attributes are those of the first part. Numbers of the others are NaN at labels of their
-        last dim that these lack.
+        and attributes are those of the first part. A later part may lack labels of the last dim of
+        an array: its numbers are NaN there.
     put : callable
         Function that writes a file.
     along : str
@@ -144,7 +147,8 @@ def put_all(parts: Iterable[xr.Dataset], put: Put, along: str) -> None:
         variables, described = conventions.encode_dataset_coordinates(plain)
         own = {dim: part[dim].values for dim in part.dims if dim in part.coords and dim != along}
         labels = labels if number else own
-        places = {dim: _places(own[dim], every) for dim, every in labels.items() if dim in own}
+        both = labels.keys() & own.keys() if number else ()
+        places = {dim: _places(own[dim], labels[dim]) for dim in both}
         for name, variable in variables.items():
             if number and along not in variable.dims:
                 continue

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -61,6 +62,19 @@ def computed(monkeypatch):
         block_folder, "write_block", lambda *a: write_block(*a) or blocks.append(a[1])
     )
     return blocks
+
+
+def test_blocks_are_written_behind_the_main_thread(case, tmp_path, monkeypatch):
+    write_block, threads = block_folder.write_block, []
+
+    def write(*args):
+        threads.append(threading.current_thread())
+        write_block(*args)
+
+    monkeypatch.setattr(block_folder, "write_block", write)
+    run(monkeypatch, "evaluate", case, "-o", tmp_path / "r")
+    assert threads
+    assert threading.main_thread() not in threads
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills forked processes")

@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import pytest
 
+from drcmitsuba.blocks.block_file import read_block
 from drcmitsuba.metrics import stored_arrays
 from drcmitsuba.runtime import interruption
 from tests.system.small_room import CASE, RESULTS, changed
@@ -89,6 +90,7 @@ main()
     ("module", "name", "delay", "written"),
     [
         ("annual.simulation", "compute", 0.3, set()),
+        ("blocks.block_folder", "write_block", 0.0, set()),
         ("runtime.storage", "save_zarr", 0.0, {"illuminance.nc"}),
     ],
 )
@@ -105,6 +107,9 @@ def test_ctrl_c_leaves_one_line_and_whole_files(tmp_path, case, module, name, de
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (130, "drcmitsuba: stopped\n")
+    blocks = [*folder.glob("unfinished/*/*")]
+    assert len(blocks) >= (name == "write_block")  # the one in hand is written
+    assert all(read_block(block, {}) is not None for block in blocks)
     left = {p.name for p in folder.iterdir()} if folder.exists() else set()
     left -= {"unfinished"}
     assert not any(file.startswith(".") for file in left)

@@ -56,6 +56,7 @@ def test_blocks_that_a_thread_writes_are_found_as_others(cache, monkeypatch):
     with cache.writing.opened():
         series.put(slice(0, 4), dataset(4))
         assert cache.series("case, shaded", 2).cover(4) == []  # does not wait
+        assert series.get(slice(4, 8)) is None
         assert not series.folder.exists()
         go.set()
         assert series.cover(4) == [slice(0, 4)]

@@ -1,5 +1,7 @@
 """Loops that are rewritten at their first call."""
 
+import importlib
+import os
 import sys
 
 import drjit as dr
@@ -71,6 +73,30 @@ def test_what_cannot_be_rewritten_fails_at_the_call():
 
     with pytest.raises(SyntaxError, match="return"):
         broken(mi.Float([1, 2]))
+
+
+def test_a_module_that_has_changed_since_its_import_is_not_rewritten(tmp_path, monkeypatch):
+    file = tmp_path / "older_loops.py"
+    text = "from drcmitsuba_plugins.symbolic import symbolic\n@symbolic\ndef {}(x):\n    return x\n"
+    file.write_text(text.format("same") + text.format("other"))
+    monkeypatch.syspath_prepend(tmp_path)
+    module = importlib.import_module("older_loops")
+    assert module.same(1) == 1
+    os.utime(file, (0, 0))
+    assert module.same(2) == 2
+    with pytest.raises(RuntimeError, match=r"older_loops\.py has changed since it was imported"):
+        module.other(1)
+
+
+def test_decorators_with_options_are_drjits_own():
+    with rewriting_later():
+        late, early = dr.syntax(plain), dr.syntax(recursive=True)(plain)
+    assert late.__wrapped__ is plain
+    assert not hasattr(early, "__wrapped__")
+
+
+def plain(x):
+    return x
 
 
 def test_mitsubas_integrators_are_rewritten_when_they_are_called():

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm, Normalize
@@ -242,6 +243,12 @@ def test_figures_that_are_saved_together_are_the_files_of_each(tmp_path):
     for name, figure in figures.items():
         assert (tmp_path / name).read_bytes() == plots.save(figure, tmp_path / "one").read_bytes()
     np.testing.assert_allclose(shares, [1 / 3, 2 / 3, 1])
+
+
+def test_a_picture_is_as_large_as_its_figure_whatever_the_user_set(tmp_path):
+    with rc_context({"savefig.bbox": "tight"}):
+        path = plots.save(plots.monthly(year()), tmp_path / "year.png")
+    assert imread(path).shape[:2] == (645, 1440)
 
 
 def test_a_picture_does_not_replace_a_folder(tmp_path):

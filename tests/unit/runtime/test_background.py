@@ -56,10 +56,10 @@ def full_disk():
 
 def test_jobs_behind_are_done_at_once_unless_a_thread_is_open():
     behind, threads = Behind(), []
-    behind.do(lambda: threads.append(threading.current_thread()), "a")
+    behind.do(lambda: threads.append(threading.current_thread()))
     with behind.opened():
-        behind.do(lambda: threads.append(threading.current_thread()), "a")
-    behind.do(lambda: threads.append(threading.current_thread()), "a")
+        behind.do(lambda: threads.append(threading.current_thread()))
+    behind.do(lambda: threads.append(threading.current_thread()))
     main = threading.current_thread()
     assert [thread is main for thread in threads] == [True, False, True]
 
@@ -67,7 +67,7 @@ def test_jobs_behind_are_done_at_once_unless_a_thread_is_open():
 def test_a_job_behind_waits_for_the_one_before_and_others_for_what_it_is_about():
     behind, go, done = Behind(), threading.Event(), []
     with behind.opened():
-        behind.do(lambda: (go.wait(60), done.append(1)), "a")
+        behind.do(lambda: (go.wait(60), done.append(1)), ("a", "c"))
         behind.wait("b")  # the job in hand is about something else
         assert done == []
         threading.Timer(0.1, go.set).start()
@@ -77,11 +77,19 @@ def test_a_job_behind_waits_for_the_one_before_and_others_for_what_it_is_about()
         assert done == [1, 2]
 
 
-@pytest.mark.parametrize("ask", [lambda b: b.wait("a"), lambda b: b.do(int, "b"), lambda b: None])
+def wait_for_another(behind):
+    """Wait for something else until the job has failed."""
+    while True:
+        behind.wait("b")
+
+
+@pytest.mark.parametrize(
+    "ask", [lambda b: b.wait("a"), wait_for_another, lambda b: b.do(int), lambda b: None]
+)
 def test_the_error_of_a_job_behind_is_raised_once(ask):
     behind = Behind()
     with pytest.raises(OSError, match="No space"), behind.opened():  # noqa: PT012
-        behind.do(full_disk, "a")
+        behind.do(full_disk, ("a",))
         ask(behind)
     behind.wait()
 
@@ -89,7 +97,7 @@ def test_the_error_of_a_job_behind_is_raised_once(ask):
 def test_a_job_behind_is_done_where_the_block_fails():
     behind, go, done = Behind(), threading.Event(), []
     with pytest.raises(KeyboardInterrupt), behind.opened():  # noqa: PT012
-        behind.do(lambda: (go.wait(60), done.append(1)), "a")
+        behind.do(lambda: (go.wait(60), done.append(1)))
         threading.Timer(0.1, go.set).start()
         raise KeyboardInterrupt
     assert done == [1]

@@ -74,6 +74,13 @@ def test_a_part_has_no_labels_that_the_first_one_lacks(tmp_path):
         zarr_folder.write([first, last], tmp_path / "own", "time")
 
 
+@pytest.mark.parametrize("dim", ["bin", "channel"])
+def test_a_part_that_lacks_places_without_labels_is_refused(tmp_path, dim):
+    first, last = dataset(4).drop_vars(["bin", "wide"]), dataset(4).drop_vars(["bin", "wide"])
+    with pytest.raises(ValueError, match="L has 1 values for"):
+        zarr_folder.write([first, last.isel({dim: [0]})], tmp_path / "own", "time")
+
+
 def test_a_large_array_is_cut_into_chunks(tmp_path, monkeypatch):
     monkeypatch.setattr(zarr_folder, "LARGEST_CHUNK", 100)
     zarr_folder.write([dataset()], tmp_path / "z", "time")
