@@ -13,7 +13,6 @@ import drcmitsuba
 from drcmitsuba.case.case import Case
 from drcmitsuba.cli import main
 from drcmitsuba.metrics import stored_arrays
-from drcmitsuba.report import plots
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.errors import BackendError
 from tests import SHARED
@@ -174,10 +173,11 @@ def test_an_unwritable_folder_is_refused_before_the_work(refused, case, tmp_path
 
 
 def test_a_full_disk_gives_one_line(refused, case, tmp_path, monkeypatch):
-    def full(figure, path):
-        raise OSError(28, "No space left on device", str(path))
+    def full(image, file):
+        file.write_bytes(b"half")
+        raise OSError(28, "No space left on device", str(file))
 
-    monkeypatch.setattr(plots, "save", full)
+    monkeypatch.setattr("drcmitsuba.report.style.write", full)
     folder = tmp_path / "r"
     assert "No space left on device" in refused("evaluate", case, "-o", folder)
     left = {p.name for p in folder.iterdir()}
