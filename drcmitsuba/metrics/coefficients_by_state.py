@@ -17,6 +17,7 @@ import xarray as xr
 from drcmitsuba import schema
 from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.zarr_folder import widened
 
 SAMPLED = {"bin": "replicates", "sun": "sun_straight"}
 """Sampled dimensions, each with a variable that is NaN for a label that was not simulated."""
@@ -96,14 +97,11 @@ def _with_labels(data: xr.Dataset, dim: str, labels: np.ndarray) -> xr.Dataset:
     own = data[dim].values
     if np.array_equal(own, labels):
         return data
-    at = schema.positions(own, labels)
-    others, wider = np.setdiff1d(np.arange(len(labels)), at), {}
+    at, wider = schema.positions(own, labels), {}
     for name, array in data.data_vars.items():
         if dim in array.dims:
             assert array.dims[-1] == dim
-            values = np.empty((*array.shape[:-1], len(labels)), array.dtype)
-            values[..., at], values[..., others] = array.values, np.nan
-            wider[name] = (array.dims, values, array.attrs)
+            wider[name] = (array.dims, widened(array.values, at, len(labels)), array.attrs)
     return data.drop_dims(dim).assign(wider).assign_coords({dim: labels})[list(data.data_vars)]
 
 

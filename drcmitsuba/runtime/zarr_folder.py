@@ -74,7 +74,7 @@ class _Array:
         for place in itertools.product(*steps):
             here = tuple(slice(i * n, (i + 1) * n) for i, n in zip(place, self.chunks, strict=True))
             name = ".".join(str(i + j) for i, j in zip(place, first, strict=True)) or "0"
-            chunk = values[here] if at is None else _widened(values, at, here, shape)
+            chunk = values[here] if at is None else _chunk(values, at, here, shape[-1])
             self.put(f"{self.name}/{name}", self._encoded(chunk))
 
     def _encoded(self, chunk: np.ndarray) -> bytes:
@@ -175,16 +175,18 @@ def _places(labels: np.ndarray, every: np.ndarray) -> np.ndarray | None:
     return np.array([place[label] for label in labels.tolist()], int)
 
 
-def _widened(
-    values: np.ndarray, at: np.ndarray, here: tuple[slice, ...], shape: list[int]
-) -> np.ndarray:
-    """Chunk of values whose last axis has some places of the shape; the others are NaN."""
-    start, stop, _ = here[-1].indices(shape[-1])
+def _chunk(values: np.ndarray, at: np.ndarray, here: tuple[slice, ...], count: int) -> np.ndarray:
+    """Chunk of values whose last axis has the places `at` of some number; the others are NaN."""
+    start, stop, _ = here[-1].indices(count)
     inside = (at >= start) & (at < stop)
-    known = values[here[:-1]][..., inside]
-    chunk = np.full((*known.shape[:-1], stop - start), np.nan, values.dtype)
-    chunk[..., at[inside] - start] = known
-    return chunk
+    return widened(values[here[:-1]][..., inside], at[inside] - start, stop - start)
+
+
+def widened(values: np.ndarray, at: np.ndarray, count: int) -> np.ndarray:
+    """Values whose last axis has some of `count` places, those of `at`; the others are NaN."""
+    out = np.full((*values.shape[:-1], count), np.nan, values.dtype)
+    out[..., at] = values
+    return out
 
 
 def _plain(attributes: dict[Any, Any]) -> dict[str, Any]:
