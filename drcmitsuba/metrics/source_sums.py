@@ -170,8 +170,13 @@ def _statistics(
     begin, end = dr.gather(mi.UInt32, first, time), dr.gather(mi.UInt32, first, time + 1)
     size, r = dr.opaque(mi.UInt32, times * count[2]), mi.UInt32(0)
     start, total, squares = mi.Vector3f(0), mi.Vector3f(0), mi.Vector3f(0)
+    # Most suns are one bin: it is looked up once for all replicates.
+    shines, stride = begin < end, suns * sensors
+    place = dr.gather(mi.UInt32, bins, begin, shines) * sensors + sensor
+    luminance = dr.gather(mi.Float, luminances, begin, shines)
     while r < replicates:
-        sun, entry = mi.Float(0), mi.UInt32(begin)
+        sun = luminance * dr.gather(mi.Float, of_sun, r * stride + place, shines)
+        entry = begin + 1
         while entry < end:
             row = r * suns + dr.gather(mi.UInt32, bins, entry)
             value = dr.gather(mi.Float, of_sun, row * sensors + sensor)

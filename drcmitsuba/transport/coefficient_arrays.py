@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -54,35 +54,35 @@ class Bins:
 
     labels: list[str]
     place: np.ndarray
-    """Place of each bin among those that are followed, int, shape (bin,); −1 for others."""
+    """Place of each followed bin among all of them, int, shape (followed,)."""
 
     @classmethod
     def of(cls, labels: list[str], followed: list[str] | None = None) -> Bins:
         """Bins by their labels; by default all are followed."""
-        if followed is None or len(followed) == len(labels):
+        if followed is None:
             return cls(labels, np.arange(len(labels)))
-        number = {label: i for i, label in enumerate(followed)}
-        return cls(labels, np.array([number.get(label, -1) for label in labels]))
+        number = {label: i for i, label in enumerate(labels)}
+        return cls(labels, np.array([number[label] for label in followed], int))
 
-    def joined(self, light: tuple[mi.Float, mi.Float], rows: int) -> mi.Float:
-        """Values of all bins, flat (row, bin), from those of sky and suns that are followed."""
-        first, number = (dr.width(part) // rows for part in light)
-        known = flat_indices(np.where(self.place < 0, first + number, self.place))
-        row, bin = row_and_column(dr.arange(mi.UInt32, rows * len(known)), len(known))
-        at, out = dr.gather(mi.UInt32, known, bin), mi.Float(0)
-        for start, size, part in zip((0, first), (first, number), light, strict=True):
-            if size:
-                begin, count = dr.opaque(mi.UInt32, start), dr.opaque(mi.UInt32, size)
-                own = (at >= begin) & (at < begin + count)
-                out += dr.gather(mi.Float, part, row * count + at - begin, own)
-        return mi.Float(out)
+    def zeros(self, rows: int) -> mi.Float:
+        """Make an array of all bins, flat (row, bin), in memory."""
+        out = dr.zeros(mi.Float, rows * len(self.labels))
+        dr.make_opaque(out)
+        return out
 
-    def put(self, out: mi.Float, light: Irradiance, row: int) -> None:
-        """Put the values of light into flat (row, bin), from a row on."""
-        values = self.joined((light.sky.array, light.sun.array), len(light.sky))
-        first = dr.opaque(mi.UInt32, row * len(self.labels))
-        dr.scatter(out, values, dr.arange(mi.UInt32, dr.width(values)) + first)
-        dr.eval(out)
+    def put(self, out: mi.Float, light: Iterable[mi.Float], rows: int, first: int = 0) -> None:
+        """Put light of sky and suns, flat (row, followed bin) each, into `out` from a row on."""
+        bins, start = len(self.labels), 0
+        begin, stride = (dr.opaque(mi.UInt32, n) for n in (first * bins, bins))
+        for part in light:
+            count = dr.width(part) // rows
+            if not count:
+                continue
+            place = flat_indices(self.place[start : start + count])
+            row, bin = row_and_column(dr.arange(mi.UInt32, rows * count), count)
+            dr.scatter(out, part, row * stride + begin + dr.gather(mi.UInt32, place, bin))
+            dr.eval(out)
+            start += count
 
 
 @dataclass
@@ -98,7 +98,12 @@ class Spread:
     count: int = 0
 
     def add(self, values: mi.Float, replicates: int) -> None:
-        """Add some replicates, one after another in an array; nothing is evaluated yet."""
+        """Add some replicates, one after another in an array.
+
+        The sums have a launch of their own. Large arrays begin at the same place of a page, and a
+        launch that reads and writes more than eight of them side by side, as many as have room in
+        a set of the cache, takes three times as long.
+        """
         size = dr.width(values) // replicates
         if size == 0:
             self.first = self.total = self.squares = values
@@ -106,14 +111,11 @@ class Spread:
         if self.first is None:
             self.first = dr.gather(mi.Float, values, dr.arange(mi.UInt32, size))
             self.total, self.squares = dr.zeros(mi.Float, size), dr.zeros(mi.Float, size)
+            dr.make_opaque(self.first, self.total, self.squares)
         number = dr.opaque(mi.UInt32, replicates)
         self.total, self.squares = _added(values, self.first, self.total, self.squares, number)
+        dr.eval(self.total, self.squares)
         self.count += replicates
-
-    @property
-    def sums(self) -> tuple[mi.Float | None, ...]:
-        """Arrays to be evaluated after `add`."""
-        return self.first, self.total, self.squares
 
     def mean_and_error(self) -> tuple[mi.Float, mi.Float]:
         """Mean of all replicates, and its standard error, flat."""
@@ -145,16 +147,20 @@ class Statistics:
         for name, light in lights.items():
             for spread, values in zip(self.spreads[name], light, strict=True):
                 spread.add(values.array, replicates)
-        dr.eval([spread.sums for pair in self.spreads.values() for spread in pair])
 
     def arrays(self, sensors: int, bins: Bins) -> dict[str, np.ndarray]:
         """Means and standard errors of all parts, each of shape (sensor, bin)."""
-        every = {}
+        every: dict[str, np.ndarray] = {}
         for name, (sky, sun) in self.spreads.items():
+            if name == "direct" and sky is self.spreads["straight"][0]:
+                every |= {f"direct{end}": every[f"straight{end}"] for end in ("", "_se")}
+                continue
             pairs = zip(sky.mean_and_error(), sun.mean_and_error(), strict=True)
-            every[name], every[f"{name}_se"] = (bins.joined(pair, sensors) for pair in pairs)
-        dr.eval(every)
-        return {name: values.numpy().reshape(sensors, -1) for name, values in every.items()}
+            for key, light in zip((name, f"{name}_se"), pairs, strict=True):
+                out = bins.zeros(sensors)
+                bins.put(out, light, sensors)
+                every[key] = out.numpy().reshape(sensors, -1)
+        return every
 
 
 @symbolic

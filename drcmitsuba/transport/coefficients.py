@@ -8,7 +8,6 @@ on the sensor, cell or sun that they serve, not on the launch.
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
@@ -17,7 +16,6 @@ from functools import reduce
 from typing import IO, Any
 
 import drjit as dr
-import mitsuba as mi
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
@@ -256,7 +254,7 @@ def _of_block(
     told, base = None if gathered.within is None else gathered.within[here], every.deposits[0]
     within = within_of(base.scene, points[here], told)
     shape = len(every), len(points[here]), len(bins.labels)
-    statistics, total = Statistics(), dr.empty(mi.Float, math.prod(shape))
+    statistics, total = Statistics(), bins.zeros(shape[0] * shape[1])
     disks = base.disks(p, n, sensor_numbers(here), within)
 
     def add(some: Replicates) -> None:
@@ -266,7 +264,8 @@ def _of_block(
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(*straight, *direct, *interreflected, *whole)
         statistics.add(parts, len(some))
-        bins.put(total, whole, some.numbers.start * shape[1])
+        light = (whole.sky.array, whole.sun.array)
+        bins.put(total, light, len(some) * shape[1], some.numbers.start * shape[1])
         progress(some.numbers.stop / shape[0])
 
     for some in batches:

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
 
@@ -41,31 +40,31 @@ class Reached(NamedTuple):
 
         `tiles` hold the indices of neighbouring bins; without them, all bins are apart.
         """
-        (rows, bins), values = d.shape, d.array
-        if not rows * bins:
+        rows, bins = d.shape
+        entry = dr.compress(d.array > 0) if rows * bins else mi.UInt32()
+        if not dr.width(entry):
             return cls(mi.UInt32(), mi.UInt32())
         cells = rows // replicates
-        reached = _any_of(values, cells * bins, dr.opaque(mi.UInt32, replicates))
-        cell, bin = row_and_column(dr.arange(mi.UInt32, cells * bins), bins)
+        row, bin = row_and_column(entry, bins)
+        _, cell = row_and_column(row, cells)
         if len(tiles) > 1:
-            return cls._of_tiles(reached, cell, bin, cells, tiles)
+            return cls._of_tiles(cell, bin, cells, tiles)
         lit, shining = dr.zeros(mi.Bool, cells), dr.zeros(mi.Bool, bins)
-        dr.scatter(lit, mi.Bool(True), cell, reached)
-        dr.scatter(shining, mi.Bool(True), bin, reached)
+        dr.scatter(lit, mi.Bool(True), cell)
+        dr.scatter(shining, mi.Bool(True), bin)
         dr.eval(lit, shining)
         return cls(dr.compress(lit), dr.compress(shining))
 
     @classmethod
     def _of_tiles(
-        cls, reached: mi.Bool, cell: mi.UInt32, bin: mi.UInt32, cells: int,
-        tiles: Sequence[np.ndarray],
-    ) -> Reached:  # fmt: skip
+        cls, cell: mi.UInt32, bin: mi.UInt32, cells: int, tiles: Sequence[np.ndarray]
+    ) -> Reached:
         tile_of = np.empty(sum(map(len, tiles)), np.uint32)
         for i, bins in enumerate(tiles):
             tile_of[bins] = i
         tile = dr.gather(mi.UInt32, flat_indices(tile_of), bin)
         of_tile = dr.zeros(mi.Bool, len(tiles) * cells)
-        dr.scatter(of_tile, mi.Bool(True), tile * dr.opaque(mi.UInt32, cells) + cell, reached)
+        dr.scatter(of_tile, mi.Bool(True), tile * dr.opaque(mi.UInt32, cells) + cell)
         is_lit = of_tile.numpy().reshape(-1, cells)
         lit = np.flatnonzero(is_lit.any(axis=0))
         parts = [
@@ -75,15 +74,3 @@ class Reached(NamedTuple):
         shining = np.sort(np.concatenate([np.zeros(0, int), *(bins for bins, _ in some)]))
         every = tuple(Tile(*map(flat_indices, part)) for part in some)
         return cls(flat_indices(lit), flat_indices(shining), every)
-
-
-@symbolic
-def _any_of(values: mi.Float, entries: int, replicates: mi.UInt32) -> mi.Bool:
-    """Whether each entry is above 0 in any replicate, of which one follows another."""
-    at, each, out = dr.arange(mi.UInt32, entries), mi.UInt32(0), dr.full(mi.Bool, False, entries)
-    step = dr.opaque(mi.UInt32, entries)
-    while each < replicates:
-        out |= dr.gather(mi.Float, values, at) > 0
-        at += step
-        each += 1
-    return out

@@ -20,10 +20,6 @@ from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
 
-CLUSTER = 32
-"""Number of neighbouring suns that are traced or skipped together."""
-TILE = 128
-"""Number of neighbouring suns whose light on cells is gathered together."""
 SLACK = 1e-3
 """Width by which openings count as larger on all sides, in doubt [m]."""
 RAYS = 256
@@ -80,6 +76,33 @@ def _is_closed_in(scene: Scene, points: np.ndarray) -> np.ndarray:
     return np.asarray(hit.numpy().reshape(-1, RAYS).all(axis=1))
 
 
+class Cone(NamedTuple):
+    """Cones of directions as an opening sees them, each about an axis."""
+
+    along: mi.Float
+    up: mi.Float
+    """Ways of the axis along both sides of the opening, per distance from its plane."""
+    wider: mi.Float
+    """Way by which a cone's image reaches beyond its axis, per distance from the plane."""
+    faces: mi.Bool
+    """Whether the axis leads out of the room."""
+    grazes: mi.Bool
+    """Whether the cone touches the opening's plane, almost."""
+
+    def packed(self) -> mi.Float:
+        """Four numbers for each cone, one after another."""
+        kind = dr.select(self.grazes, 2, dr.select(self.faces, mi.Float(1), 0))
+        numbers = dr.ravel(mi.Vector4f(self.along, self.up, self.wider, kind))
+        dr.eval(numbers)
+        return numbers
+
+    @classmethod
+    def unpacked(cls, numbers: mi.Float, index: mi.UInt32) -> Cone:
+        """Chosen cones of those that have been packed."""
+        along, up, wider, kind = dr.gather(mi.Vector4f, numbers, index)
+        return cls(along, up, wider, kind > 0.5, kind > 1.5)
+
+
 @dataclass(frozen=True)
 class Openings:
     """Openings of a room: rectangles (opening, 4, 3), fronts inward [m].
@@ -122,29 +145,44 @@ class Openings:
         A ray at angle δ ≤ `spread` [rad] to an axis of incidence θ meets the wall, at distance h,
         within h sin δ / (cos θ cos(θ + δ)) of the point where the axis meets it. In doubt yes.
         """
-        result = mi.Bool(False)
-        if self.within is not None:
-            result = ~dr.gather(mi.Bool, self.within, row)
+        result = self.are_elsewhere(row)
         for i in range(len(self.quads)):
             result |= self.passed_one(i, p, d, spread)
         return result
+
+    def are_elsewhere(self, row: mi.UInt32) -> mi.Bool:
+        """Whether the points `row` lie outside the room, where openings tell nothing."""
+        return mi.Bool(False) if self.within is None else ~dr.gather(mi.Bool, self.within, row)
 
     def passed_one(
         self, opening: int, p: mi.Point3f, d: mi.Vector3f, spread: mi.Float | float = 0.0
     ) -> mi.Bool:
         """Whether cones of directions from p may leave the room by one opening, as `passed`."""
+        return self.passed_by(opening, p, self.cone(opening, d, spread))
+
+    def cone(self, opening: int, d: mi.Vector3f, spread: mi.Float | float = 0.0) -> Cone:
+        """Cones of directions about d as an opening sees them, for `passed_by`."""
         s, c = dr.sincos(mi.Float(spread))
-        corner, n, *sides, length = self.axes(opening)
-        height, cosine = dr.dot(p - corner, n), -dr.dot(d, n)
+        _, n, *sides, _ = self.axes(opening)
+        cosine = -dr.dot(d, n)
         outermost = cosine * c - dr.safe_sqrt(1 - cosine * cosine) * s
+        wider = dr.select(s > 0, s / (cosine * outermost), 0)
+        grazes = (s > 0) & (outermost < 0.01) & (cosine > -s)
+        far = 1 / cosine  # one division for both sides
+        along, up = (far * dr.dot(d, side) for side in sides)
+        return Cone(along, up, wider, cosine > 0, grazes)
+
+    def passed_by(self, opening: int, p: mi.Point3f, cone: Cone) -> mi.Bool:
+        """Whether cones from p, as this opening sees them, may leave the room by it."""
+        corner, n, *sides, length = self.axes(opening)
+        height = dr.dot(p - corner, n)
         slack = SLACK if self.occluders is None else 0
-        margin = dr.select(s > 0, height * s / (cosine * outermost) + SLACK, slack)
-        y = p + height / cosine * d - corner
-        inside = (height > -1e-3) & (cosine > 0)
-        for side, most in zip(sides, length.xy, strict=True):
-            along = dr.dot(y, side)
-            inside &= (along > -margin) & (along < most + margin)
-        return inside | ((s > 0) & (outermost < 0.01) & (cosine > -s))
+        margin = dr.select(cone.wider > 0, height * cone.wider + SLACK, slack)
+        inside = (height > -1e-3) & cone.faces
+        for side, most, slope in zip(sides, length.xy, (cone.along, cone.up), strict=True):
+            place = dr.dot(p - corner, side) + height * slope
+            inside &= (place > -margin) & (place < most + margin)
+        return inside | cone.grazes
 
     def axes(self, opening: int) -> tuple[mi.Vector3f, ...]:
         """Corner, normal, both directions, and their lengths twice, of an opening."""
@@ -163,74 +201,6 @@ def _axes(corners: bytes, variant: str) -> list[tuple[mi.Vector3f, ...]]:
     lengths = np.concatenate([along, up, up], axis=1)
     numbers = np.stack([quads[:, 0], normals(quads), u / along, v / up, lengths], axis=1)
     return [vectors_of(rows) for rows in numbers]
-
-
-@lru_cache(maxsize=8)  # sensors and cells ask for the same suns
-def _clusters(values: bytes) -> np.ndarray:
-    """Indices of neighbouring directions, shape (cluster, CLUSTER), padded with −1.
-
-    `values` are the directions in double precision.
-    """
-    directions = np.frombuffer(values).reshape(-1, 3)
-
-    def sort(index: np.ndarray) -> list[np.ndarray]:
-        if len(index) <= CLUSTER:
-            return [index]
-        axis = int(np.argmax(np.ptp(directions[index], axis=0)))
-        half = -(-len(index) // (2 * CLUSTER)) * CLUSTER
-        order = index[np.argsort(directions[index, axis], kind="stable")]
-        return sort(order[:half]) + sort(order[half:])
-
-    order = np.concatenate(sort(np.arange(len(directions))))  # all clusters but the last are full
-    return np.pad(order, (0, -len(order) % CLUSTER), constant_values=-1).reshape(-1, CLUSTER)
-
-
-def sun_tiles(suns: np.ndarray) -> list[np.ndarray]:
-    """Indices of neighbouring suns (sun, 3), `TILE` together."""
-    clusters = _clusters(suns.astype(float).tobytes())
-    every = (clusters[i : i + TILE // CLUSTER] for i in range(0, len(clusters), TILE // CLUSTER))
-    return [tile[tile >= 0] for tile in every]
-
-
-class SunClusters(NamedTuple):
-    """Neighbouring suns, `CLUSTER` together."""
-
-    members: mi.Int32
-    """Indices of the suns, shape (cluster · CLUSTER,); −1 for none."""
-    axis: mi.Float
-    """Mean directions, three numbers each."""
-    spread: mi.Float
-    """Largest angle from the axis to a sun's centre [rad]."""
-
-    @classmethod
-    def of(cls, suns: np.ndarray) -> SunClusters:
-        """Clusters of unit vectors (sun, 3)."""
-        clusters = _clusters(suns.astype(float).tobytes())
-        members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
-        axes = members.mean(axis=1)
-        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        cosines = np.einsum("gsi,gi->gs", members, axes)
-        spread = np.arccos(np.clip(cosines, -1, 1)).max(axis=1)
-        return cls(mi.Int32(clusters.astype(np.int32).ravel()), flat(axes), flat(spread))
-
-    def candidates(
-        self, openings: Openings | None, points: mi.Float, normals: mi.Float, radius: float
-    ) -> tuple[mi.UInt32, mi.UInt32]:
-        """Receivers and clusters of suns of a `radius` [rad] that may see each other, in pairs."""
-        count = dr.width(self.spread)
-        entry = dr.arange(mi.UInt32, dr.width(points) // 3 * count)
-        row, group = row_and_column(entry, count)
-        p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
-        axis = dr.gather(mi.Vector3f, self.axis, group)
-        # Single precision errs by far less than a thousandth of a degree.
-        spread = dr.gather(mi.Float, self.spread, group) + dr.opaque(mi.Float, radius + 1e-5)
-        possible = dr.dot(n, axis) > -dr.sin(spread)
-        if openings is not None:
-            possible &= openings.passed(row, p, axis, spread)
-        chosen = dr.compress(possible)
-        row, group = (dr.gather(mi.UInt32, x, chosen) for x in (row, group))
-        dr.eval(row, group)
-        return row, group
 
 
 def hidden_in_disks(

@@ -16,7 +16,7 @@ from drcmitsuba.transport.deposit import Deposit, Irradiance
 from drcmitsuba.transport.first_bounce import MANY, CellLight
 from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.lit_cells import Reached
-from drcmitsuba.transport.openings import Within, repeated_within, sun_tiles
+from drcmitsuba.transport.openings import Within, repeated_within
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photons import Landed
 from drcmitsuba.transport.products import (
@@ -29,6 +29,7 @@ from drcmitsuba.transport.products import (
 )
 from drcmitsuba.transport.solved_cells import Transfer
 from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
+from drcmitsuba.transport.sun_clusters import sun_tiles
 
 TOGETHER = 1 << 23
 """Largest number of values of D in one launch, 32 MiB: more take memory and no less time."""

@@ -6,7 +6,7 @@ their irradiance per unit radiance of a bin.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from typing import Any
 from zlib import crc32
@@ -28,7 +28,8 @@ from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.even_rays import EvenRays
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.openings import CLUSTER, Openings, SunClusters, Within
+from drcmitsuba.transport.openings import Openings, Within
+from drcmitsuba.transport.sun_clusters import possible_pairs
 
 Through = Callable[..., Any]
 """Function that gives the share of light that reaches points from directions, as `straight`."""
@@ -201,38 +202,6 @@ def rim_deposit(
             dr.scatter(out, value, pair)
         dr.eval(mean, least, most)
     return mean, least, most
-
-
-def possible_pairs(
-    openings: Openings | None, points: mi.Float, normals: mi.Float, suns: np.ndarray,
-    diameter: float,
-) -> Iterator[mi.UInt32]:  # fmt: skip
-    """Yield pairs point · suns + sun that may see each other."""
-    if not len(suns) or (openings is not None and openings.are_none):
-        return
-    clusters = SunClusters.of(suns)
-    row_of, group_of = clusters.candidates(openings, points, normals, np.radians(diameter) / 2)
-    directions, radius = flat(suns), dr.opaque(mi.Float, np.radians(diameter) / 2)
-    block, stride = max(1, SHADOW_RAYS // CLUSTER), dr.opaque(mi.UInt32, len(suns))
-    for start in range(0, dr.width(row_of), block):
-        lane = dr.arange(mi.UInt32, min(block, dr.width(row_of) - start) * CLUSTER)
-        candidate = lane // CLUSTER + dr.opaque(mi.UInt32, start)
-        row = dr.gather(mi.UInt32, row_of, candidate)
-        group = dr.gather(mi.UInt32, group_of, candidate)
-        member = dr.gather(mi.Int32, clusters.members, group * CLUSTER + lane % CLUSTER)
-        sun, exists = mi.UInt32(member), member >= 0
-        p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
-        centre = dr.gather(mi.Vector3f, directions, sun, exists)
-        exists &= dr.dot(n, centre) > -dr.sin(radius)
-        if openings is not None:
-            exists &= openings.passed(row, p, centre, radius)
-        pair = row * stride + sun
-        dr.eval(exists, pair)
-        chosen = dr.compress(exists)  # few pairs: lanes of the others would cost as much
-        if dr.width(chosen):
-            pair = dr.gather(mi.UInt32, pair, chosen)
-            dr.eval(pair)
-            yield pair
 
 
 def _by_pairs(

@@ -28,10 +28,10 @@ from drcmitsuba.transport.openings import (
 )
 from drcmitsuba.transport.shadow_rays import (
     one_sun_deposit,
-    possible_pairs,
     rim_deposit,
     sun_deposit,
 )
+from drcmitsuba.transport.sun_clusters import possible_pairs
 
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""

@@ -1,0 +1,64 @@
+"""Pairs of points and suns that are looked for by clusters are those found one by one."""
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+
+from drcmitsuba.scene import scene as scenes
+from drcmitsuba.transport import sun_clusters
+from drcmitsuba.transport.openings import Openings
+from drcmitsuba.transport.sun_clusters import CLUSTER, possible_pairs
+from tests.unit.transport.exact_scenes import WINDOW, flat, glazing, room
+
+RNG = np.random.default_rng(11)
+DIAMETER = 0.5
+SUNS = 2 * CLUSTER + 5
+
+
+def directions(count):
+    """Unit vectors of any direction."""
+    d = RNG.normal(size=(count, 3))
+    return d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+def one_by_one(openings, points, normals, suns):
+    """Pairs, each of which is tested by itself."""
+    row, sun = np.indices((len(points), len(suns))).reshape(2, -1)
+    radius = np.radians(DIAMETER) / 2
+    keep = np.einsum("ij,ij->i", normals[row], suns[sun]) > -np.sin(radius)
+    if openings is not None:
+        p, d = (dr.unravel(mi.Vector3f, flat(x)) for x in (points[row], suns[sun]))
+        keep &= openings.passed(mi.UInt32(row), p, d, dr.opaque(mi.Float, radius)).numpy()
+    return set((row * len(suns) + sun)[keep].tolist())
+
+
+@pytest.fixture
+def quads():
+    """A window, and another one in the ceiling."""
+    world = scenes.load(room(WINDOW, {"glass": glazing(0.6)}))
+    ceiling = np.array([[1, 1, 3], [1, 2, 3], [2, 2, 3], [2, 1, 3.0]])
+    return np.concatenate([world.enclosure.openings, [ceiling]])
+
+
+@pytest.mark.parametrize("kind", ["box", "rooms", "open"])
+@pytest.mark.parametrize("block", [1 << 20, 8 * CLUSTER])
+def test_every_possible_pair_comes_once(quads, kind, block, monkeypatch):
+    monkeypatch.setattr(sun_clusters, "SHADOW_RAYS", block)
+    points = RNG.random((60, 3)) * [3, 4, 3]
+    points[:10, 1] = 1e-4  # beside the window
+    normals, suns = directions(len(points)), directions(SUNS)
+    within = mi.Bool(np.arange(len(points)) % 7 > 0) if kind == "rooms" else None
+    openings = None if kind == "open" else Openings(quads, within)
+    found = possible_pairs(openings, flat(points), flat(normals), suns, DIAMETER)
+    pairs = np.concatenate([some.numpy() for some in found])
+    expected = one_by_one(openings, points, normals, suns)
+    assert len(pairs) == len(set(pairs.tolist()))
+    assert set(pairs.tolist()) == expected
+    assert 0 < len(expected) < len(points) * SUNS
+
+
+def test_no_sun_or_no_opening_gives_no_pair(quads):
+    points = flat(np.ones((2, 3)))
+    assert [*possible_pairs(Openings(quads), points, points, np.zeros((0, 3)), DIAMETER)] == []
+    assert [*possible_pairs(Openings(quads[:0]), points, points, directions(3), DIAMETER)] == []
