@@ -227,8 +227,11 @@ class _Begun:
                 light = daylight(case.with_dark_hours() if run.shares_blocks else case)
             planned = plan(case, light)
             run = replace(run, enabled_effects=planned.scope)
-            is_kept = known is not None or simulation.is_kept(planned.simulated, light, run)
-        if is_kept or is_short(planned):
+            is_needless = (
+                known is not None or is_short(planned)
+                or simulation.is_kept(planned.simulated, light, run)  # loads the scene: last
+            )  # fmt: skip
+        if is_needless:
             return cls(planned, run, remarks, None)
         with run.timed("forecast"):
             return cls(planned, run, remarks, forecast(planned))
