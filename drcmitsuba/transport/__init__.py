@@ -10,7 +10,7 @@ first_hit
     First surface that a ray meets, in a box room without a search among its walls.
 gather, gather_blocks
     G: paths from the sensors to the diffuse surfaces, in blocks that fit in memory; G·D.
-openings, shadow_rays
+openings, sun_clusters, shadow_rays
     D: light that comes straight, through openings and clear panes.
 diffusing_panes, film_looks, film_answers, film_sums, films, film_peaks
     D: light that one scattering pane sends on, evenly, by a measured BSDF, by its narrow peaks.
