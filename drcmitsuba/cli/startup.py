@@ -20,6 +20,8 @@ WHILE = "open façade"
 SWITCH = 1e-3
 """Longest time that a thread of Python may hold up another one [s]: kernels wait for the main one
 while further modules are imported and files are written beside it."""
+OBJECTS = 20_000
+"""Number of new objects after which Python looks for cycles among them."""
 FOR_METRICS = ("scipy.special", "scipy.sparse")
 FOR_FILES = ("h5netcdf", "numcodecs", "drcmitsuba.report.figures")
 """Modules that a year's metrics and files need."""
@@ -67,6 +69,7 @@ def with_kernels(command: Callable[P, T]) -> Callable[P, T]:
                 importlib.import_module("drcmitsuba.runtime.backend").llvm_version()
             importlib.import_module("drcmitsuba.annual.result")
             gc.freeze()
+            gc.set_threshold(OBJECTS)
             gc.enable()
         sys.setswitchinterval(SWITCH)
         with interruption.raised():
