@@ -18,6 +18,9 @@ from drcmitsuba.transport.openings import Cone, Openings
 
 CLUSTER = 32
 """Number of neighbouring suns that are traced or skipped together."""
+WIDEST = np.radians(85)
+"""Largest angle from the axis of a cluster that bounds it [rad]; a half-space and a disk of the sun
+would bound nothing. Few suns all over the sky spread wider."""
 TILE = 128
 """Number of neighbouring suns whose light on cells is gathered together."""
 
@@ -57,8 +60,8 @@ class SunClusters(NamedTuple):
     centres: mi.Float
     """Unit vectors to them, four numbers each, of which the last is 0; NaN for none."""
     axis: mi.Float
-    """Mean directions, three numbers each; 0 for a cluster that spreads wider than a half-space,
-    which no test against the axis excludes."""
+    """Mean directions, three numbers each; 0 for a cluster beyond `WIDEST`, which no test against
+    the axis excludes."""
     spread: mi.Float
     """Largest angle from the axis to a sun's centre, at most π / 2 [rad]."""
 
@@ -66,12 +69,12 @@ class SunClusters(NamedTuple):
     def of(cls, suns: np.ndarray) -> SunClusters:
         """Clusters of unit vectors (sun, 3)."""
         clusters = _clusters(suns.astype(float).tobytes())
-        members = suns[clusters]  # -1 repeats the last sun, which does no harm to the bounds
+        members = suns[np.where(clusters < 0, clusters[:, :1], clusters)]  # bounds stay as they are
         axes = members.mean(axis=1)
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         cosines = np.einsum("gsi,gi->gs", members, axes)
         spread = np.arccos(np.clip(cosines, -1, 1)).max(axis=1)
-        wide = ~(spread <= np.pi / 2)  # few suns, all over the sky: bounds by angles hold no more
+        wide = ~(spread <= WIDEST)
         axes[wide], spread[wide] = 0, np.pi / 2
         centres = np.zeros((*clusters.shape, 4))
         centres[..., :3] = np.where(clusters[..., None] < 0, np.nan, members)

@@ -8,7 +8,7 @@ import pytest
 from drcmitsuba.scene import scene as scenes
 from drcmitsuba.transport import sun_clusters
 from drcmitsuba.transport.openings import Openings
-from drcmitsuba.transport.sun_clusters import CLUSTER, possible_pairs
+from drcmitsuba.transport.sun_clusters import CLUSTER, SunClusters, possible_pairs
 from tests.unit.transport.exact_scenes import WINDOW, flat, glazing, room
 
 RNG = np.random.default_rng(11)
@@ -62,3 +62,11 @@ def test_no_sun_or_no_opening_gives_no_pair(quads):
     points = flat(np.ones((2, 3)))
     assert [*possible_pairs(Openings(quads), points, points, np.zeros((0, 3)), DIAMETER)] == []
     assert [*possible_pairs(Openings(quads[:0]), points, points, directions(3), DIAMETER)] == []
+
+
+def test_a_cluster_that_is_not_full_is_bounded_by_its_own_suns():
+    angle = np.radians(np.linspace(0, 100, CLUSTER + 1))  # the first sun is left over
+    suns = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    clusters = SunClusters.of(suns)
+    assert clusters.members.numpy()[CLUSTER] == 0
+    assert np.degrees(clusters.spread.numpy()[1]) < 0.1
