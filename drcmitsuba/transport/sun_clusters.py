@@ -171,7 +171,8 @@ class _Test:
 def _holds(test: _Test, first: mi.UInt32) -> mi.Bool:
     """Whether a test holds for all members of clusters, from the `first` on, flat."""
     count = dr.width(first)
-    lane, i, out = dr.arange(mi.UInt32, count), mi.UInt32(0), dr.zeros(mi.Bool, count * CLUSTER)
+    lane, i = dr.arange(mi.UInt32, count), dr.zeros(mi.UInt32, count)
+    out = dr.zeros(mi.Bool, count * CLUSTER)
     dr.make_opaque(out)
     while dr.hint(i < CLUSTER, exclude=[test, first, count, lane, out]):
         dr.scatter(out, mi.Bool(True), lane * CLUSTER + i, test(first + i))
