@@ -26,7 +26,7 @@ FOR_METRICS = ("scipy.special", "scipy.sparse")
 FOR_FILES = ("h5netcdf", "numcodecs", "drcmitsuba.report.figures")
 """Modules that a year's metrics and files need."""
 COMPILER = "f2py"
-"""Module of NumPy that SciPy imports with all others, half of the time that `FOR_METRICS` take."""
+"""Module of NumPy that SciPy imports and nothing here uses: half of the time of `FOR_METRICS`."""
 
 P = ParamSpec("P")
 T = TypeVar("T")

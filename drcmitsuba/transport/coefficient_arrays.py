@@ -13,7 +13,7 @@ import xarray as xr
 from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
-from drcmitsuba.schema import describe
+from drcmitsuba.schema import describe, positions
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.launch_size import SENSORS
 
@@ -54,15 +54,12 @@ class Bins:
 
     labels: list[str]
     place: np.ndarray
-    """Place of each followed bin among all of them, int, shape (followed,)."""
+    """Place of each followed bin, of the sky first, among all of them, int, shape (followed,)."""
 
     @classmethod
     def of(cls, labels: list[str], followed: list[str] | None = None) -> Bins:
         """Bins by their labels; by default all are followed."""
-        if followed is None:
-            return cls(labels, np.arange(len(labels)))
-        number = {label: i for i, label in enumerate(labels)}
-        return cls(labels, np.array([number[label] for label in followed], int))
+        return cls(labels, positions(labels if followed is None else followed, labels))
 
     def zeros(self, rows: int) -> mi.Float:
         """Make an array of all bins, flat (row, bin), in memory."""
@@ -71,7 +68,10 @@ class Bins:
         return out
 
     def put(self, out: mi.Float, light: Iterable[mi.Float], rows: int, first: int = 0) -> None:
-        """Put light of sky and suns, flat (row, followed bin) each, into `out` from a row on."""
+        """Put `rows` rows of light into `out`, from the row `first` on.
+
+        `light` are the values of sky and suns, flat (row, followed bin) each.
+        """
         bins, start = len(self.labels), 0
         begin, stride = (dr.opaque(mi.UInt32, n) for n in (first * bins, bins))
         for part in light:
@@ -153,7 +153,7 @@ class Statistics:
         every: dict[str, np.ndarray] = {}
         for name, (sky, sun) in self.spreads.items():
             if name == "direct" and sky is self.spreads["straight"][0]:
-                every |= {f"direct{end}": every[f"straight{end}"] for end in ("", "_se")}
+                every |= {f"direct{end}": every[f"straight{end}"].copy() for end in ("", "_se")}
                 continue
             pairs = zip(sky.mean_and_error(), sun.mean_and_error(), strict=True)
             for key, light in zip((name, f"{name}_se"), pairs, strict=True):

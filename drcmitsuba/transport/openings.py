@@ -1,4 +1,4 @@
-"""Openings of a room, and which points may see which suns through them.
+"""Openings of a room, and which directions from which points may leave it by them.
 
 A box tells which points lie in it. Of a room of any shape the sensors are told by rays: none leaves
 it where its panes count as walls. What paths from there meet before they pass a pane is in it, too.
@@ -81,11 +81,12 @@ class Cone(NamedTuple):
 
     along: mi.Float
     up: mi.Float
-    """Ways of the axis along both sides of the opening, per distance from its plane."""
+    """Distances that the axis moves along both sides per distance from the opening's plane [–]."""
     wider: mi.Float
-    """Way by which a cone's image reaches beyond its axis, per distance from the plane."""
+    """Distance by which a cone reaches beyond its axis per distance from the plane [–]; 0 for rays,
+    without meaning where the cone grazes."""
     faces: mi.Bool
-    """Whether the axis leads out of the room."""
+    """Whether the axis leads out of the room; without meaning where the cone grazes."""
     grazes: mi.Bool
     """Whether the cone touches the opening's plane, almost."""
 

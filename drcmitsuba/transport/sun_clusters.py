@@ -19,8 +19,8 @@ from drcmitsuba.transport.openings import Cone, Openings
 CLUSTER = 32
 """Number of neighbouring suns that are traced or skipped together."""
 WIDEST = np.radians(85)
-"""Largest angle from the axis of a cluster that bounds it [rad]; a half-space and a disk of the sun
-would bound nothing. Few suns all over the sky spread wider."""
+"""Largest angle from the axis of a cluster that bounds it [rad]: with the radius of a sun, at most
+5°, it stays below the 90° up to which the tests hold. Few suns all over the sky spread wider."""
 TILE = 128
 """Number of neighbouring suns whose light on cells is gathered together."""
 
@@ -56,12 +56,12 @@ class SunClusters(NamedTuple):
     """Neighbouring suns, `CLUSTER` together."""
 
     members: mi.UInt32
-    """Indices of the suns, shape (cluster · CLUSTER,)."""
+    """Indices of the suns, shape (cluster · CLUSTER,); 0 for none."""
     centres: mi.Float
     """Unit vectors to them, four numbers each, of which the last is 0; NaN for none."""
     axis: mi.Float
-    """Mean directions, three numbers each; 0 for a cluster beyond `WIDEST`, which no test against
-    the axis excludes."""
+    """Mean direction of every cluster, three numbers each; 0 beyond `WIDEST`, where no test against
+    it excludes the cluster."""
     spread: mi.Float
     """Largest angle from the axis to a sun's centre, at most π / 2 [rad]."""
 
@@ -127,15 +127,17 @@ def possible_pairs(
     stride, least = dr.opaque(mi.UInt32, len(suns)), dr.opaque(mi.Float, -np.sin(radius))
     block = max(1, SHADOW_RAYS // CLUSTER)
     for start in range(0, dr.width(rows), block):
-        lane = dr.arange(mi.UInt32, min(block, dr.width(rows) - start)) + dr.opaque(
-            mi.UInt32, start
-        )
+        first = dr.opaque(mi.UInt32, start)
+        lane = dr.arange(mi.UInt32, min(block, dr.width(rows) - start)) + first
         row, group = (dr.gather(mi.UInt32, x, lane) for x in (rows, groups))
         p, n = dr.gather(mi.Point3f, points, row), dr.gather(mi.Normal3f, normals, row)
-        test = _Test(openings, cones, clusters.centres, least, row, p, n)
+        elsewhere = mi.Bool(False) if openings is None else openings.are_elsewhere(row)
+        test = _Test(openings, cones, clusters.centres, least, elsewhere, p, n)
         chosen = dr.compress(_holds(test, group * CLUSTER))
         if dr.width(chosen):  # few pairs: lanes of the others would cost as much
-            row, group = (dr.gather(mi.UInt32, x, chosen // CLUSTER) for x in (row, group))
+            # Gathered from what lies in memory: `row` and `group` would take launches of their own.
+            lane = chosen // CLUSTER + first
+            row, group = (dr.gather(mi.UInt32, x, lane) for x in (rows, groups))
             sun = dr.gather(mi.UInt32, clusters.members, group * CLUSTER + chosen % CLUSTER)
             pair = row * stride + sun
             dr.eval(pair)
@@ -152,7 +154,8 @@ class _Test:
     centres: mi.Float
     least: mi.Float
     """Cosine between a normal and a sun's centre below which the whole disk is behind a point."""
-    row: mi.UInt32
+    elsewhere: mi.Bool
+    """Whether the points lie outside the room."""
     p: mi.Point3f
     n: mi.Normal3f
 
@@ -161,7 +164,7 @@ class _Test:
         above = dr.dot(self.n, dr.gather(mi.Vector4f, self.centres, member).xyz) > self.least
         if self.openings is None:
             return above
-        passed = self.openings.are_elsewhere(self.row)
+        passed = mi.Bool(self.elsewhere)
         for i, numbers in enumerate(self.cones):
             passed |= self.openings.passed_by(i, self.p, Cone.unpacked(numbers, member))
         return above & passed

@@ -30,6 +30,12 @@ def test_the_modules_of_an_evaluation_import_only_what_every_evaluation_uses():
     assert imported("import drcmitsuba.annual.result", UNUSED_BY_AN_EVALUATION) == []
 
 
+def test_a_command_leaves_the_compiler_of_numpy_alone():
+    start = "from drcmitsuba.cli import startup; startup.with_kernels(lambda: None)()"
+    used = "import scipy.sparse, scipy.special"
+    assert imported(f"{start}; {used}", ("numpy.f2py", "scipy.special")) == ["scipy.special"]
+
+
 def test_the_sky_leaves_most_of_pvlib_alone():
     # xarray imports Dask's arrays, and these SciPy, wherever Dask is installed.
     no_dask = "sys.modules['dask.array'] = None"
