@@ -37,6 +37,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.launch_size import PHOTONS
+from drcmitsuba.transport.pane_ports import pane_sides
 from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
 from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
 from drcmitsuba.transport.reached import Reached
@@ -150,7 +151,7 @@ class PhotonTracer:
         if not every_port:
             return None
         # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
-        for ports in every_port if all(ports.name for ports in every_port) else ():
+        for ports in () if pane_sides(scene) else every_port:
             if not ports.sky_share().any():
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"

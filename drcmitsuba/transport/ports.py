@@ -14,11 +14,11 @@ from drcmitsuba_plugins.patches import Patches
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.random_streams import even_numbers, even_order
-from drcmitsuba.scene.geometry import Port, is_triangle, normals, reversed_quads
+from drcmitsuba.scene.geometry import is_triangle
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.pane_ports import pane_ports
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 OFFSET = 1e-4
@@ -102,7 +102,7 @@ class ComponentPorts:
     def of(cls, scene: Scene) -> tuple[ComponentPorts, ...]:
         """Collect the ports of each component of a scene, and of the panes."""
         quads: dict[str, list[np.ndarray]] = {}
-        for port in [*scene.ports, *_pane_ports(scene)] if scene.followed else []:
+        for port in [*scene.ports, *pane_ports(scene)] if scene.followed else []:
             quads.setdefault(port.component, []).append(port.quad)
         return tuple(cls(scene, np.array(quads[name], float), name) for name in sorted(quads))
 
@@ -249,24 +249,3 @@ def _crossed(
 def _offset(points: np.ndarray) -> float:
     """Offset that separates the two sides of a port, for coordinates (…, 3) [m]."""
     return OFFSET * (1 + float(abs(points).max()))
-
-
-def _pane_ports(scene: Scene) -> list[Port]:
-    """Sides of the panes that may send light to a component.
-
-    Inside a room only panes that face an opening get light that no surface has deviated.
-    """
-    ports = []
-    for part in scene.parts:
-        m = part.material
-        mirrors = isinstance(m, GlazingMaterial) and m.reflectance > 0
-        if part.component or not (mirrors or isinstance(m, BsdfMaterial | DiffuserMaterial)):
-            continue
-        for quad, n in zip(part.quads, normals(part.quads), strict=True):
-            # Clear panes without an index mirror to the room only, which is where they face.
-            if not isinstance(m, GlazingMaterial) or m.ior is not None:
-                ports.append(Port("", quad))
-            room = scene.enclosure
-            if room is None or ((room.openings - quad[0]) @ n > 1e-3).any():
-                ports.append(Port("", reversed_quads(quad[None])[0]))
-    return ports

@@ -1,0 +1,105 @@
+"""Sides of panes on which photons start: those that may send light to what deviates it once more.
+
+Light that a pane deviates first counts by photons where a mirror, a solid, a film or a component
+deviates it again: see `transport.photons`. What scatters flies on in the half-space before it, so a
+shade before which stands nothing of the kind needs no photons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from drcmitsuba.model.materials import (
+    BsdfMaterial,
+    DielectricMaterial,
+    DiffuserMaterial,
+    GlazingMaterial,
+    MirrorMaterial,
+)
+from drcmitsuba.scene.geometry import Port, normals, reversed_quads
+from drcmitsuba.scene.scene import Part, Scene
+
+LEVEL = 1e-6
+"""Distance from a plane within which points lie in it, per metre of coordinates."""
+_NO_CORNERS = np.zeros((0, 3))
+
+
+def pane_sides(scene: Scene) -> list[tuple[Part, np.ndarray]]:
+    """List the sides of panes on which light may be deviated: (4, 3) [m], fronts along the light.
+
+    Inside a room only panes that face an opening get light that no surface has deviated.
+    """
+    sides = []
+    for part in scene.parts:
+        m = part.material
+        if part.component or not (_mirrors(part) or isinstance(m, BsdfMaterial | DiffuserMaterial)):
+            continue
+        for quad, n in zip(part.quads, normals(part.quads), strict=True):
+            # Clear panes without an index mirror to the room only, which is where they face.
+            if not isinstance(m, GlazingMaterial) or m.ior is not None:
+                sides.append((part, quad))
+            room = scene.enclosure
+            if room is None or ((room.openings - quad[0]) @ n > 1e-3).any():
+                sides.append((part, reversed_quads(quad[None])[0]))
+    return sides
+
+
+def pane_ports(scene: Scene) -> list[Port]:
+    """Ports on the sides of panes whose light photons count."""
+    sides = pane_sides(scene)
+    if not sides:
+        return []
+    deviating = _corners(part.quads for part in scene.parts if _deviates(part))
+    targets = np.concatenate([deviating, _leading(scene, deviating)])
+    before, behind = _meet(np.array([quad for _, quad in sides]), targets)
+    counts = before | (behind & np.array([_sends_back(part) for part, _ in sides]))
+    counts |= np.array([isinstance(part.material, GlazingMaterial) for part, _ in sides])
+    return [Port("", quad) for (_, quad), some in zip(sides, counts, strict=True) if some]
+
+
+def _mirrors(part: Part) -> bool:
+    return isinstance(part.material, GlazingMaterial) and part.material.reflectance > 0
+
+
+def _deviates(part: Part) -> bool:
+    """Whether a surface deviates light that a pane has scattered, so that photons count it."""
+    diffuses = isinstance(part.material, DiffuserMaterial) and bool(part.component)
+    kinds = MirrorMaterial | DielectricMaterial | BsdfMaterial
+    return diffuses or _mirrors(part) or isinstance(part.material, kinds)
+
+
+def _sends_back(part: Part) -> bool:
+    """Whether a pane reflects some light."""
+    return not isinstance(part.material, DiffuserMaterial) or part.material.reflectance > 0
+
+
+def _leading(scene: Scene, deviating: np.ndarray) -> np.ndarray:
+    """Corners (corner, 3) of diffusing panes that send light on, by others in turn, to these."""
+    left = np.concatenate([np.zeros((0, 4, 3)), *(part.quads for part in scene.scattering)])
+    leading, targets = [_NO_CORNERS], deviating
+    while len(left) and len(targets):
+        lead = np.logical_or(*_meet(left, targets))
+        targets, left = left[lead].reshape(-1, 3), left[~lead]
+        leading.append(targets)
+    return np.concatenate(leading)
+
+
+def _meet(quads: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether any corner lies before, and behind, the plane of each quad: two masks (quad,)."""
+    if not len(corners):
+        return np.zeros(len(quads), bool), np.zeros(len(quads), bool)
+    n = normals(quads)
+    level = LEVEL * (1 + max(abs(corners).max(), abs(quads).max()))
+    planes = np.column_stack([n, np.einsum("qi,qi->q", n, quads[:, 0])])
+    planes, plane_of = np.unique(np.round(planes, 9), axis=0, return_inverse=True)
+    heights = [corners @ plane[:3] - plane[3] for plane in planes]
+    before = np.array([h.max() > level for h in heights])[plane_of.ravel()]
+    behind = np.array([h.min() < -level for h in heights])[plane_of.ravel()]
+    return before, behind
+
+
+def _corners(quads: Iterable[np.ndarray]) -> np.ndarray:
+    """Corners (corner, 3) of several arrays of quads."""
+    return np.concatenate([_NO_CORNERS, *(q.reshape(-1, 3) for q in quads)])
