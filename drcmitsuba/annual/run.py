@@ -18,12 +18,12 @@ from drcmitsuba.case.groups import State
 from drcmitsuba.runtime.progress import Progress, Stage, silent, timed
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport.interior import SharedInterior
+from drcmitsuba.transport.shared_paths import SharedPaths
 
 MakeElsewhere = Callable[[State, Suns, Progress], None]
 """Function that has other processes make the blocks of a state for some suns."""
 
-METHOD = 6
+METHOD = 7
 """Version of the method by which C is computed; blocks of another one are not used."""
 
 
@@ -47,8 +47,8 @@ class Run:
         Blocks that this run makes.
     elsewhere : callable, optional
         Has other processes make blocks before this one looks for them.
-    interior : SharedInterior
-        Paths that states of the façade share.
+    shared : SharedPaths, optional
+        Paths that states of the façade share; None where a case has one state.
     """
 
     seed: int
@@ -59,7 +59,7 @@ class Run:
     blocks: BlockFolder | None = None
     part: Part = EVERY_BLOCK
     elsewhere: MakeElsewhere | None = None
-    interior: SharedInterior = field(default_factory=SharedInterior)
+    shared: SharedPaths | None = field(default_factory=SharedPaths)
 
     @classmethod
     def of(cls, case: Case, enabled_effects: EnabledEffects = ALL_EFFECTS) -> Run:
@@ -69,6 +69,11 @@ class Run:
     def timed(self, name: str) -> AbstractContextManager[Progress]:
         """Show a stage and record its seconds."""
         return timed(self.stage, name, self.seconds)
+
+    def forget_paths(self) -> None:
+        """Give back the memory of paths that states share."""
+        if self.shared is not None:
+            self.shared.forget()
 
     @property
     def shares_blocks(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -142,7 +143,7 @@ def of_points(
         else:
             C = compute(
                 world, points, normals, suns, accuracy, subdivision=subdivision,
-                kept=run.kept(f"{case.name}, {state}", *content, suns), interior=run.interior,
+                kept=run.kept(f"{case.name}, {state}", *content, suns), shared=run.shared,
                 progress=done,
             )  # fmt: skip
         channels.append(C)
@@ -215,12 +216,13 @@ def simulate(
     states = {} if known is None else known.states
     suns, latitude = daylight.suns, daylight.sky.attrs["latitude"]
     marked = attributes(case, daylight, effects)  # reads schedules, which may be unfit
+    if not marked["has_shade"]:
+        run = replace(run, shared=None)
     with run.timed("open façade") as done:
         C = _state(simulated, OPEN, suns, latitude, states.get(OPEN), (), run, done)
     coefficients = Coefficients(C.assign_attrs(marked))
     direct = illuminance.direct_sun(coefficients, daylight.sky)
     if not marked["has_shade"]:
-        run.interior.forget()
         return SimulatedYear(coefficients, direct)
     shade = None
     if needed is not None:
@@ -236,7 +238,7 @@ def simulate(
     taken = {state: hours for state, hours in taken.items() if hours.any()}
     mesh, others = mesh_of(C), dict[State, xr.Dataset]()
     if VARYING in taken:
-        run.interior.forget()
+        run.forget_paths()
         indices = FacadeStates.of(marked, direct).of_group
         others[VARYING] = _varying(simulated, daylight, indices, run)
     elif taken:
@@ -248,7 +250,7 @@ def simulate(
                 share = part(done, i / len(taken), (i + 1) / len(taken))
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
-    run.interior.forget()
+    run.forget_paths()
     return SimulatedYear(Coefficients(coefficients.open, others), direct, shade)
 
 

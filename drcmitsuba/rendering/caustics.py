@@ -17,7 +17,8 @@ from drcmitsuba.rendering.surface_light import Sources
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.photons import Landed, PhotonTracer
+from drcmitsuba.transport.photon_light import Landed
+from drcmitsuba.transport.photons import PhotonTracer
 
 SKY_CELL, SUN_CELL = 0.15, 0.06
 """Edges of the cells for photons of the sky and of a sun [m]."""
@@ -88,7 +89,7 @@ def _map(landed: list[Landed] | tuple[Landed, ...], kind: int, L: np.ndarray) ->
     """Map of the photons of the sky (0) or of suns (1) of luminances L (bin,)."""
     column, parts = mi.TensorXf(flat(L), (len(L), 1)), []
     for one in landed:
-        D = (one.sky, one.sun)[kind]
+        D = one.cells[kind]
         parts.append((D @ column).array if D.shape[1] else dr.zeros(mi.Float, D.shape[0]))
     E = dr.concat(parts)
     dr.eval(E)

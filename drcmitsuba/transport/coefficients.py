@@ -39,11 +39,12 @@ from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered
-from drcmitsuba.transport.interior import SharedInterior
 from drcmitsuba.transport.openings import within_of
-from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
+from drcmitsuba.transport.photon_light import FluxLedger, Landed
+from drcmitsuba.transport.photons import PhotonTracer
 from drcmitsuba.transport.replicate import Replicates
 from drcmitsuba.transport.sensor_blocks import joined
+from drcmitsuba.transport.shared_paths import SharedPaths
 from drcmitsuba.transport.straight_suns import sensor_numbers
 
 HELD = 1 << 29
@@ -55,7 +56,7 @@ PHOTONS_SHARE = 0.8
 def compute(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
     subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
-    interior: SharedInterior | None = None, progress: Progress = lambda share: None,
+    shared: SharedPaths | None = None, progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     r"""Coefficients of sensors for the ground, the sky patches and the suns.
 
@@ -74,8 +75,8 @@ def compute(
     kept : BlockSeries
         Stored coefficients of blocks of sensors: those that are there are not computed again, and
         those outside its part are passed over.
-    interior : SharedInterior, optional
-        Paths that further states of a façade share.
+    shared : SharedPaths, optional
+        Paths and photons that further states of a façade share; without it, none are kept.
     progress : callable
         Takes the share of the work that is done.
 
@@ -94,7 +95,7 @@ def compute(
     """
     blocks = compute_blocks(
         scene, points, normals, suns, accuracy, subdivision=subdivision, kept=kept,
-        interior=interior, progress=progress,
+        shared=shared, progress=progress,
     )  # fmt: skip
     return joined(blocks, len(points))
 
@@ -102,7 +103,7 @@ def compute(
 def compute_blocks(
     scene: Scene, points: np.ndarray, normals: np.ndarray, suns: Suns, accuracy: Accuracy, *,
     subdivision: int | None = 1, kept: BlockSeries = NOTHING_KEPT,
-    interior: SharedInterior | None = None, progress: Progress = lambda share: None,
+    shared: SharedPaths | None = None, progress: Progress = lambda share: None,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield the coefficients of `compute` for one block of sensors after another.
 
@@ -138,7 +139,7 @@ def compute_blocks(
     yield from estimate_blocks(
         base, bins, points, normals, photons=photons, kept=kept, progress=progress,
         sun_samples=accuracy.sensor_sun_samples if suns.straight else 0, done=done,
-        interior=interior,
+        shared=shared,
     )  # fmt: skip
 
 
@@ -156,7 +157,7 @@ def estimate(
 def estimate_blocks(
     base: Deposit, bins: Bins, points: np.ndarray, normals: np.ndarray, *,
     sun_samples: int, photons: PhotonTracer | None = None, kept: BlockSeries = NOTHING_KEPT,
-    done: int = 0, interior: SharedInterior | None = None,
+    done: int = 0, shared: SharedPaths | None = None,
     progress: Progress = lambda share: None,
 ) -> Iterator[tuple[slice, xr.Dataset]]:  # fmt: skip
     """Yield coefficients for all bins of a deposit, one block of sensors after another.
@@ -173,7 +174,7 @@ def estimate_blocks(
         Photons for light that components deviate.
     done : int
         Number of sensors whose blocks are left out.
-    points, normals, kept, interior, progress
+    points, normals, kept, shared, progress
         As for `compute`.
 
     Yields
@@ -186,11 +187,17 @@ def estimate_blocks(
     deposits, landed = tuple(base.lit(r) for r in numbers), list[Landed]()
     if photons is not None:
         progress, traced = part(progress, PHOTONS_SHARE, 1), part(progress, 0, PHOTONS_SHARE)
-        for r in numbers:
-            ended = part(traced, *(np.array([0, 1]) + r) / len(numbers))
-            landed.append(photons.traced(launch_seed(accuracy.seed, Stream.PHOTONS, r), ended))
+        dr.flush_malloc_cache()  # photons need memory of other sizes than what is before and after
+        seeds = [launch_seed(accuracy.seed, Stream.PHOTONS, r) for r in numbers]
+        if shared is not None:
+            landed = shared.photons.traced(photons, seeds, traced)
+        else:
+            for r, seed in enumerate(seeds):
+                ended = part(traced, r / len(seeds), (r + 1) / len(seeds))
+                landed.append(photons.traced(seed, ended))
+        dr.flush_malloc_cache()
     attributes = _photon_attributes(landed) if landed else {}
-    interior = SharedInterior() if interior is None else interior
+    interior = SharedPaths().interior if shared is None else shared.interior
     gathered, transfer = interior.of(scene, points, normals, accuracy)
     with ExitStack() as files:
         every = Replicates(numbers, deposits, tuple(landed), transfer, len(points))
@@ -285,7 +292,6 @@ def _photon_attributes(landed: list[Landed]) -> dict[str, Any]:
     smear = np.stack([one.smear for one in landed])
     # The scatter of the replicates adds its variance to the square.
     square = (smear.mean(axis=0) ** 2 - smear.var(axis=0, ddof=1) / len(smear)).mean()
-    suns = landed[0].sun.shape[1]
-    whole = np.mean([one.sensors[:, -suns:].sum(axis=1) for one in landed]) if suns else 0.0
+    whole = np.mean([one.sensors().sun.numpy().sum(axis=1) for one in landed])
     smeared = float(np.sqrt(max(square, 0)) / whole) if whole else 0.0
     return {"photons": json.dumps(ledgers), "photons_smear": smeared}

@@ -35,7 +35,8 @@ from drcmitsuba.transport.diffusing_panes import PanePatches
 from drcmitsuba.transport.films import Films
 from drcmitsuba.transport.gather_blocks import Gathered, Met
 from drcmitsuba.transport.launch_size import PATHS, SENSORS
-from drcmitsuba.transport.photons import Landed, PhotonTracer
+from drcmitsuba.transport.photon_light import Landed
+from drcmitsuba.transport.photons import PhotonTracer
 from drcmitsuba.transport.products import RayMatrix, product
 from drcmitsuba.transport.window_deposit import Window, WindowDeposit, Windows
 
@@ -109,7 +110,7 @@ def by_window_and_bounce(
         ]
         lit = by_window.on_diffusers(deposit, r)
         parts = _on_sensors(by_window, deposit, lit, gathered, points, normals, suns.straight, r)
-        for k, D in enumerate((*parts, *(one.sensors for one in landed))):
+        for k, D in enumerate((*parts, *(one.sensors().numpy() for one in landed))):
             C[r, k, 0] = D
         if gathered.cells.count:
             of_cells = _on_cells(by_window, deposit, lit, gathered, landed, r)

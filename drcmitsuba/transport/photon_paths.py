@@ -29,6 +29,7 @@ from drcmitsuba.transport.bsdf_lookup import (
     share_left,
     table,
 )
+from drcmitsuba.transport.changing_panes import ChangingPanes
 from drcmitsuba.transport.ports import ComponentPorts, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
@@ -43,15 +44,31 @@ width: photons meet the next wall too early, and 2 % of the light were lost afte
 Points are exact to some 4 · 2⁻²⁴.
 """
 
-OWN, FILM, DIFFUSER, RECEIVES = 1, 2, 4, 8
+OWN, FILM, DIFFUSER, RECEIVES, CHANGES = 1, 2, 4, 8, 16
 """Traits of a surface, as bits: it belongs to the photon's component; it is a film of the room; it
-is a diffusing pane of the room; light is deposited on it."""
+is a diffusing pane of the room; light is deposited on it; it is one of `ChangingPanes`."""
+FATES = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
+"""Flux of photons by fate, see `FluxLedger`."""
+COUNTS = ("photons", "segments")
+"""Numbers of photons and of their flights."""
 _STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
 """Chain of a photon so far: undeviated, by panes only, deviated by its own component."""
 
 
+class Half(NamedTuple):
+    """Numbers of entries of sums, after which come those of photons that have met a pane."""
+
+    cells: mi.UInt32
+    squares: mi.UInt32
+    fates: mi.UInt32
+
+
 class FluxSums(NamedTuple):
-    """Flux per unit radiance [m² sr] of one kind of bins, in double precision against drift."""
+    """Flux per unit radiance [m² sr] of one kind of bins, in double precision against drift.
+
+    Where panes may change, sums of photons that have met none of them come first, and after them as
+    many of the others.
+    """
 
     cells: mi.Float64
     """Flux onto the rows of `CellAreas`, shape (row · bin,)."""
@@ -60,7 +77,28 @@ class FluxSums(NamedTuple):
     mirrored: mi.Float64
     """Part of `sensors` that only smooth surfaces have deviated, shape (sensor · bin,)."""
     inner: mi.Float64
-    """Flux of all bins through the middle quarter of the squares, shape (sensor,)."""
+    """Flux through the middle quarter of the squares, shape (sensor · bin,)."""
+    fates: mi.Float64
+    """Sums of `FATES` and `COUNTS`, shape (fate · bin,)."""
+    half: Half
+
+    @classmethod
+    def of(cls, cells: int, sensors: int, bins: int, panes_change: bool) -> FluxSums:
+        """Make sums of zero for some cells and sensors."""
+        rows = (cells, sensors, sensors, sensors, len(FATES) + len(COUNTS))
+        # At least one entry: a kernel takes no empty array.
+        sizes = (max(1, (1 + panes_change) * bins * each) for each in rows)
+        half = Half(*(dr.opaque(mi.UInt32, rows[i] * bins) for i in (0, 1, 4)))
+        return cls._make((*(dr.zeros(mi.Float64, size) for size in sizes), half))
+
+    def by_fate(self, halves: int, bins: int) -> np.ndarray:
+        """Fates, shape (half, fate, bin)."""
+        fates = len(FATES) + len(COUNTS)
+        return self.fates.numpy()[: halves * fates * bins].reshape(halves, fates, bins)
+
+    def without_fates(self) -> FluxSums:
+        """The same sums of receivers, with sums of zero for the fates."""
+        return self._replace(fates=dr.zeros(mi.Float64, dr.width(self.fates)))
 
 
 @dataclass(frozen=True)
@@ -68,17 +106,20 @@ class Traits:
     """Properties of surfaces that a photon needs, by the number of their BSDF."""
 
     bits: mi.UInt32
-    """Sums of `OWN`, `FILM`, `DIFFUSER` and `RECEIVES`."""
+    """Sums of `OWN`, `FILM`, `DIFFUSER`, `RECEIVES` and `CHANGES`."""
     absorption: mi.Float | None
     """Absorption of solids [1/m]; None where nothing absorbs."""
     smooth: bool
     """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
 
     @classmethod
-    def of(cls, ports: ComponentPorts) -> Traits:
+    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None) -> Traits:
         """Collect the traits of a scene's surfaces for photons from the given ports."""
         scene, parts = ports.scene, ports.scene.parts
         bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
+        if panes is not None:
+            changes = map(panes.have, parts)
+            bits = [bit | CHANGES * change for bit, change in zip(bits, changes, strict=True)]
         smooth = all(_is_smooth(part.material) for part in parts)
         return cls(mi.UInt32(table(scene, bits, np.uint32)), absorption(scene), smooth)
 
@@ -139,7 +180,7 @@ class Recorder:
                 light, at = mi.Float64(flux), row * bins + column
                 dr.scatter_add(sums.sensors, light, at, meets)
                 dr.scatter_add(sums.mirrored, light, at, meets & mirrored)
-                dr.scatter_add(sums.inner, light, row, meets & (2 * off < half))
+                dr.scatter_add(sums.inner, light, at, meets & (2 * off < half))
 
 
 def _onward(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:
@@ -158,14 +199,17 @@ def _deviated(chain: mi.UInt32, bits: mi.UInt32) -> mi.UInt32:
 @symbolic
 def follow(
     scene: mi.Scene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
-    sums: FluxSums, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32,
-) -> tuple[mi.Float, ...]:  # fmt: skip
+    sums: FluxSums, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32, scatter: mi.PCG32,
+) -> mi.Bool:  # fmt: skip
     """Follow photons to their end and add their flux to `sums`.
+
+    Surfaces that scatter draw from a generator of their own: a photon that meets none of them must
+    not depend on whether the scene has one.
 
     Returns
     -------
-    tuple of mi.Float
-        Flux of every lane by fate [m² sr], as `FluxLedger` from `landed` on; number of segments.
+    mi.Bool
+        Whether each photon met a pane that may change.
     """
     ctx = mi.BSDFContext(mi.TransportMode.Importance)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
@@ -175,13 +219,15 @@ def follow(
     inside = mi.Float(0)  # absorption of the solid that the photon is in
     chain, step = mi.UInt32(_STRAIGHT), mi.UInt32(0)
     mirrored, active = mi.Bool(True), mi.Bool(True)
+    by_pane = mi.Bool(start.by_pane)
     while dr.hint(
         active, exclude=[scene, traits, areas, squares, start, sums, bins, limit, ctx, weak]
     ):
         si = scene.ray_intersect(ray, flags, coherent=False, active=active)
         met = active & si.is_valid()
         counts = chain == _OWN
-        squares.record(ray.o, ray.d, si.t, start.bin, bins, flux, mirrored, sums, active & counts)
+        column = start.bin + dr.select(by_pane, sums.half.squares, 0)
+        squares.record(ray.o, ray.d, si.t, column, bins, flux, mirrored, sums, active & counts)
         escaped += dr.select(active & ~met, flux, 0)
         if dr.hint(traits.absorption is not None, mode="scalar"):
             # The path runs from surface to surface: the ray began a little off the last one.
@@ -191,11 +237,13 @@ def follow(
         si.wi = si.to_local(-ray.d)
         bsdf, uv = si.bsdf(), mi.Point2f(0.5)  # random numbers take a seventh of the time
         if dr.hint(not traits.smooth, mode="scalar"):
-            uv = mi.Point2f(random.next_float32(), random.next_float32())
+            uv = mi.Point2f(scatter.next_float32(), scatter.next_float32())
         bs, weight = bsdf.sample(ctx, si, random.next_float32(), uv, met)
         bits = dr.gather(mi.UInt32, traits.bits, number(bsdf), met)
         receives = (bits & RECEIVES) != 0
-        areas.record(si, ray.d, flux, start.bin, bins, sums.cells, receives & counts)
+        by_pane |= (bits & CHANGES) != 0
+        column = start.bin + dr.select(by_pane, sums.half.cells, 0)
+        areas.record(si, ray.d, flux, column, bins, sums.cells, receives & counts)
         # A surface may take a part and mirror the rest.
         diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection)
         onward = met & ~(receives & diffuse)
@@ -225,4 +273,10 @@ def follow(
         flux = dr.select(faint, kept, flux)
         active &= flux > 0
         ray = _onward(si, si.to_world(bs.wo))
-    return landed, absorbed, escaped, others, lost, roulette, mi.Float(step)
+    column = start.bin + dr.select(by_pane, sums.half.fates, 0)
+    one = mi.Float(1)
+    values = (start.flux, landed, absorbed, escaped, others, lost, roulette, one, mi.Float(step))
+    for fate, value in enumerate(values):
+        at = fate * bins + column
+        dr.scatter_add(sums.fates, mi.Float64(value), at, mode=dr.ReduceMode.Local)
+    return by_pane

@@ -20,8 +20,10 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import ClassVar
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -31,87 +33,25 @@ from drcmitsuba_plugins.sampling import streams
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cells import Grid
-from drcmitsuba.transport.deposit import Irradiance
+from drcmitsuba.transport.changing_panes import ChangingPanes
 from drcmitsuba.transport.launch_size import PHOTONS
 from drcmitsuba.transport.pane_ports import pane_sides
+from drcmitsuba.transport.photon_light import CommonLight, FluxLedger, Landed, Light
 from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
 from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
 from drcmitsuba.transport.reached import Reached
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
+SCATTER = 0x51CA77E5
+"""Distance between the seeds of photons and of the surfaces that scatter them."""
+_NO_PHOTONS = np.zeros(0, np.uint32)
 PATCH = 4
 """Number of photons of a sky patch per photon of a sun: a patch counts in every hour."""
-
-
-@dataclass(frozen=True)
-class FluxLedger:
-    """Flux of photons by fate, per unit radiance of all bins [m² sr].
-
-    emitted + roulette = landed + absorbed + escaped + others + lost, to rounding; `roulette` is 0
-    in the mean.
-    """
-
-    emitted: float = 0.0
-    """Flux through the ports."""
-    landed: float = 0.0
-    """Flux onto diffuse surfaces."""
-    absorbed: float = 0.0
-    """Flux into mirrors, panes and solids."""
-    escaped: float = 0.0
-    """Flux to the outside."""
-    others: float = 0.0
-    """Flux on chains that other estimators, or other ports, count."""
-    lost: float = 0.0
-    """Flux still on its way after the largest number of surfaces."""
-    roulette: float = 0.0
-    """Flux added to survivors of the roulette, less the flux of the photons that it ended."""
-    photons: int = 0
-    segments: int = 0
-    """Number of photons, and of their flights from surface to surface."""
-
-    def plus(self, other: FluxLedger) -> FluxLedger:
-        """Sum of two ledgers."""
-        names = (f.name for f in fields(self))
-        return replace(self, **{n: getattr(self, n) + getattr(other, n) for n in names})
-
-
-@dataclass(frozen=True)
-class Landed:
-    """D of photons [sr]."""
-
-    areas: CellAreas
-    sky: mi.TensorXf
-    sun: mi.TensorXf
-    """D of the cells, by ground and sky patches and by suns, shape (row, bin) each."""
-    sensors: np.ndarray
-    mirrored: np.ndarray
-    """D of the sensors by all bins, and the purely mirrored (or refracted) part of it, shape
-    (sensor, bin) each."""
-    smear: np.ndarray
-    """Error of D of the sensors by the size of the squares, summed over all suns, shape (sensor,).
-    Where D is smooth the error of a square of edge h is c·h²: D of the whole square exceeds D of
-    its inner quarter by ¾ c·h²."""
-    ledgers: dict[str, FluxLedger]
-    """Flux by "NAME sky" and "NAME sun" for each component; the panes have an empty name."""
-
-    def on(self, key: mi.UInt32) -> Irradiance:
-        """D of the cells with the given keys; 0 where no photon can land."""
-        row, known = self.areas.at(key)
-
-        def of(d: mi.TensorXf) -> mi.TensorXf:
-            cells, bins = dr.width(key), d.shape[1]
-            if not cells or not bins:
-                return dr.zeros(mi.TensorXf, (cells, bins))
-            entry, stride = dr.arange(mi.UInt32, cells * bins), dr.opaque(mi.UInt32, bins)
-            at, there = (dr.gather(type(x), x, entry // stride) for x in (row, known))
-            values = dr.gather(mi.Float, d.array, at * stride + entry % stride, there)
-            return mi.TensorXf(values, (cells, bins))
-
-        return Irradiance(of(self.sky), of(self.sun))
 
 
 @dataclass(frozen=True)
@@ -132,6 +72,8 @@ class PhotonTracer:
     """Photons of a sun to each component in one replicate; a patch has `PATCH` times as many."""
     surfaces: int
     """Largest number of surfaces on a path."""
+    panes: ChangingPanes | None = None
+    """Panes that other states change: light until they are met is kept for these states."""
     APART: ClassVar[int] = 0x10001
     """Distance between the seeds of the components."""
 
@@ -167,89 +109,174 @@ class PhotonTracer:
             subdivision, accuracy.photons, accuracy.photon_surfaces,
         )  # fmt: skip
 
-    def traced(self, seed: int, progress: Progress = lambda share: None) -> Landed:
-        """Trace all photons of a replicate: D of cells and sensors [sr]."""
-        patches = len(Patches(self.subdivision)) if self.subdivision else 0
-        effects = self.ports[0].scene.effects
-        wanted = np.array([effects.ground, *[effects.sky] * (patches - 1)][:patches])
-        by_sky, through_sky, _, a = self._landed(
-            of_sky(self.subdivision or 1), Draw.SKY, wanted, PATCH * self.count, seed,
-            part(progress, 0, 0.3),
-        )  # fmt: skip
-        by_sun, through_sun, inner, b = self._landed(
-            of_suns(self.suns, self.diameter), Draw.SUN, np.ones(len(self.suns), bool), self.count,
-            seed + 1, part(progress, 0.3, 1),
-        )  # fmt: skip
-        sensors, mirrored = np.concatenate([through_sky, through_sun], axis=2)
-        smear = 4 / 3 * (through_sun[0].sum(axis=1) - inner)
-        names = (ports.name for ports in self.ports)
-        ledgers = {
-            f"{name} {kind}": ledger
-            for name, *both in zip(names, a, b, strict=True)
-            for kind, ledger in zip(("sky", "sun"), both, strict=True)
-        }
-        return Landed(self.areas, by_sky, by_sun, sensors, mirrored, smear, ledgers)
+    @property
+    def patches(self) -> int:
+        """Number of bins of ground and sky."""
+        return len(Patches(self.subdivision)) if self.subdivision else 0
 
-    def _landed(
-        self, sources: PhotonSources, draw: Draw, wanted: np.ndarray, photons: int, seed: int,
-        progress: Progress,
-    ) -> tuple[mi.TensorXf, np.ndarray, np.ndarray, list[FluxLedger]]:  # fmt: skip
-        """D of the cells (row, bin), of the sensors (2: all and mirrored, sensor, bin) and of all
-        bins in the inner squares (sensor,), by the `wanted` bins, a mask (bin,); and the ledgers.
+    @property
+    def nbytes(self) -> int:
+        """Size of the sums of one kind of bins, where panes may change [bytes]."""
+        rows = len(self.areas) + 3 * len(self.squares.edge)
+        return 16 * rows * max(self.patches, len(self.suns))
+
+    def traced(
+        self, seed: int, progress: Progress = lambda share: None,
+        known: tuple[CommonLight, CommonLight] | None = None,
+    ) -> Landed:  # fmt: skip
+        """Trace all photons of a replicate: D of cells and sensors [sr].
+
+        Where light until they meet a pane is `known`, by the sky and by suns, from another state
+        and the same seed, only photons are followed that met one.
         """
-        bins = len(wanted)
-        rows, n, ledgers = len(self.areas), len(self.squares.edge), []
-        # At least one entry: a kernel takes no empty array.
-        sizes = (max(1, size) for size in (rows * bins, n * bins, n * bins, n))
-        sums = FluxSums(*(dr.zeros(mi.Float64, size) for size in sizes))
+        effects, every_sun = self.ports[0].scene.effects, np.ones(len(self.suns), bool)
+        ground_and_sky = [effects.ground, *[effects.sky] * (self.patches - 1)]
+        wanted = np.array(ground_and_sky[: self.patches], bool)
+        sky, suns = of_sky(self.subdivision or 1), of_suns(self.suns, self.diameter)
+        by_sky = self._landed(
+            _Kind(sky, Draw.SKY, wanted, PATCH * self.count, seed), part(progress, 0, 0.3),
+            None if known is None else known[0],
+        )  # fmt: skip
+        by_sun = self._landed(
+            _Kind(suns, Draw.SUN, every_sun, self.count, seed + 1), part(progress, 0.3, 1),
+            None if known is None else known[1],
+        )  # fmt: skip
+        ledgers = {
+            f"{ports.name} {name}": FluxLedger.of(by.fates[ports.name])
+            for ports in self.ports
+            for name, by in (("sky", by_sky), ("sun", by_sun))
+        }
+        common = None
+        if by_sky.common is not None and by_sun.common is not None:
+            common = by_sky.common, by_sun.common
+        return Landed(self.areas, (by_sky.light, by_sun.light), ledgers, common)
+
+    def _landed(self, kind: _Kind, progress: Progress, known: CommonLight | None) -> _OfKind:
+        """Trace the photons of one kind of bins from all ports."""
+        bins, panes_change = len(kind.wanted), self.panes is not None
+        sums = FluxSums.of(len(self.areas), len(self.squares.edge), bins, panes_change)
+        fates, met = dict[str, np.ndarray](), dict[str, np.ndarray]()
         squares = Recorder(self.squares)
         for i, ports in enumerate(self.ports):
-            could, traits = ports.could(sources)[:bins], Traits.of(ports)
-            could = could * wanted[:, None]
-            seen = np.flatnonzero(could.any(axis=1))
-            block, ledger = max(1, PHOTONS // photons), FluxLedger()
+            ended = part(progress, i / len(self.ports), (i + 1) / len(self.ports))
+            some = None if known is None else known.met.get(ports.name)
+            source = _Source(self, kind, ports, kind.seed + self.APART * i)
+            mine = sums.without_fates()
+            by_pane = source.followed(some, squares, mine, ended)
+            fates[ports.name] = mine.by_fate(1 + panes_change, bins)
+            if ports.name:
+                met[ports.name] = by_pane
+        light = partial(Light.of, sums, self.areas.area, flat(self.squares.edge), bins)
+        if known is not None:
+            every = {name: each[1] + known.fates.get(name, 0) for name, each in fates.items()}
+            return _OfKind(known.light.plus(light(1)), every)
+        every = {name: each.sum(axis=0) for name, each in fates.items()}
+        before = light(0)
+        if not panes_change:
+            return _OfKind(before, every)
+        early = {name: fates[name][0] for name in met}
+        common = CommonLight(before, met, early, kind.photons)
+        return _OfKind(before.plus(light(1)), every, common)
+
+
+class _OfKind(NamedTuple):
+    """What the photons of one kind of bins brought."""
+
+    light: Light
+    fates: dict[str, np.ndarray]
+    """`FATES` and `COUNTS` by the name of the ports, shape (fate, bin)."""
+    common: CommonLight | None = None
+    """Light that other states share, where panes may change."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Sky and ground, or suns."""
+
+    sources: PhotonSources
+    draw: Draw
+    wanted: np.ndarray
+    """Whether each bin sends photons, shape (bin,)."""
+    photons: int
+    """Number of photons of a bin from the ports of a component."""
+    seed: int
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Photons of one kind of bins from the ports of one component."""
+
+    tracer: PhotonTracer
+    kind: _Kind
+    ports: ComponentPorts
+    seed: int
+
+    def followed(
+        self, some: np.ndarray | None, squares: Recorder, sums: FluxSums, progress: Progress
+    ) -> np.ndarray:
+        """Follow all photons, or `some` of them, and add their flux to `sums`.
+
+        Returns
+        -------
+        np.ndarray of uint32, shape (photon,)
+            Photons that met a pane that may change, as in `CommonLight.met`.
+        """
+        kind, ports, panes = self.kind, self.ports, self.tracer.panes
+        could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
+        traits, met, counter = Traits.of(ports, panes), [_NO_PHOTONS], ports.scene.ray_counter
+        with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
+            for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):
+                start = ports.start(
+                    kind.sources, seen, could[seen], kind.photons, self.seed, lane, panes
+                )
+                met += self._follow(start, lane, traits, squares, sums)
+                progress(share)
+            fates = sums.by_fate(1 if panes is None else 2, len(kind.wanted))
+            counter.take("photon", round(fates[:, -1].sum()))
+        return np.concatenate(met)
+
+    def _launches(
+        self, seen: np.ndarray, some: np.ndarray | None
+    ) -> Iterator[tuple[float, np.ndarray, mi.UInt32]]:
+        """Yield the share that is done after each launch, its bins of those `seen`, its lanes."""
+        count = self.kind.photons
+        if some is None:
+            block = max(1, PHOTONS // count)
             for first in range(0, len(seen), block):
-                some, key = seen[first : first + block], seed + self.APART * i
-                with ports.scene.ray_counter.purpose(Stream.PHOTONS.name, draw.name, ports.name):
-                    start = ports.start(sources, some, could[some], photons, key)
-                    fate = self._follow(
-                        ports, traits, squares, sources, start, sums, bins, photons, key
-                    )
-                ledger = ledger.plus(fate)
-                progress((i + (first + len(some)) / len(seen)) / len(self.ports))
-            ledgers.append(ledger)
-        flux = np.stack([sums.sensors.numpy(), sums.mirrored.numpy()])
-        flux = flux[:, : n * bins].reshape(2, n, bins)
-        area = self.squares.edge.astype(np.float32) ** 2
-        through, inner = (flux / area[:, None]).astype(np.float32), sums.inner.numpy() / (area / 4)
-        if not bins or not rows:
-            return dr.zeros(mi.TensorXf, (rows, bins)), through, inner, ledgers
-        row = dr.arange(mi.UInt32, rows * bins) // dr.opaque(mi.UInt32, bins)
-        D = mi.Float(sums.cells) / dr.gather(mi.Float, self.areas.area, row)
-        dr.eval(D)
-        return mi.TensorXf(D, (rows, bins)), through, inner, ledgers
+                here = seen[first : first + block]
+                yield (first + len(here)) / len(seen), here, dr.arange(mi.UInt32, len(here) * count)
+            return
+        place = np.zeros(len(self.kind.wanted), np.uint32)
+        place[seen] = np.arange(len(seen))
+        lanes = place[some // count] * count + some % count
+        for first in range(0, len(lanes), PHOTONS):
+            here = lanes[first : first + PHOTONS]
+            yield (first + len(here)) / len(lanes), seen, flat_indices(here)
 
     def _follow(
-        self, ports: ComponentPorts, traits: Traits, squares: Recorder, sources: PhotonSources,
-        start: Start, sums: FluxSums, bins: int, photons: int, seed: int,
-    ) -> FluxLedger:  # fmt: skip
-        """Follow `photons` photons of each source and add their flux to `sums`."""
+        self, start: Start, lane: mi.UInt32, traits: Traits, squares: Recorder, sums: FluxSums
+    ) -> Iterator[np.ndarray]:
+        """Follow photons and add their flux; yield those that met a pane."""
+        tracer, kind = self.tracer, self.kind
         dr.eval(*start)
-        lanes = dr.compress(start.flux > 0)
-        if dr.width(lanes) == 0:
-            return FluxLedger()
-        start = Start(*(dr.gather(type(x), x, lanes) for x in start))
-        # Mitsuba's sampler is three times slower in a loop than the generator behind it.
-        number = dr.gather(mi.UInt32, mi.UInt32(sources.numbers), start.bin)
-        random = streams(number, seed, ports.index(lanes, photons))
-        self.areas.grid.prepare()
-        fates = follow(
-            ports.scene.full, traits, self.areas, squares, start, sums,
-            dr.opaque(mi.UInt32, bins), dr.opaque(mi.UInt32, self.surfaces), random,
-        )  # fmt: skip
-        dr.eval(fates, *sums)  # together: each sum alone would follow all photons again
-        *fluxes, segments = (float(dr.sum(mi.Float64(x))[0]) for x in (start.flux, *fates))
-        self.ports[0].scene.ray_counter.take("photon", round(segments))
-        names = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
-        by_fate = dict(zip(names, fluxes, strict=True))
-        return FluxLedger(photons=dr.width(lanes), segments=round(segments), **by_fate)
+        dark = start.by_pane & (start.flux <= 0)  # it may be bright in another state
+        lanes, met = dr.compress(start.flux > 0), [dr.compress(dark)]
+        if dr.width(lanes):
+            some = Start(*(dr.gather(type(x), x, lanes) for x in start))
+            # Mitsuba's sampler is three times slower in a loop than the generator behind it.
+            number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.bin)
+            index = self.ports.index(dr.gather(mi.UInt32, lane, lanes), kind.photons)
+            random = (streams(number, self.seed + apart, index) for apart in (0, SCATTER))
+            tracer.areas.grid.prepare()
+            sizes = len(kind.wanted), tracer.surfaces
+            by_pane = follow(
+                self.ports.scene.full, traits, tracer.areas, squares, some, sums,
+                *(dr.opaque(mi.UInt32, size) for size in sizes), *random,
+            )  # fmt: skip
+            dr.eval(by_pane, *sums)  # together: each alone would follow all photons again
+            met.append(dr.gather(mi.UInt32, lanes, dr.compress(by_pane)))
+        count = dr.opaque(mi.UInt32, kind.photons)
+        for at in met:
+            if dr.width(at):
+                bins, index = (dr.gather(mi.UInt32, x, at) for x in (start.bin, lane))
+                yield (bins * count + index % count).numpy()

@@ -18,6 +18,7 @@ from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.runtime.random_streams import even_numbers, even_order
 from drcmitsuba.scene.geometry import is_triangle
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.changing_panes import ChangingPanes
 from drcmitsuba.transport.pane_ports import pane_ports
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
@@ -85,6 +86,8 @@ class Start(NamedTuple):
     """Flux per unit radiance of the source [m² sr]."""
     bin: mi.UInt32
     """Index of the source."""
+    by_pane: mi.Bool
+    """Whether the way from the source passes one of `ChangingPanes`."""
 
 
 @dataclass(frozen=True)
@@ -100,11 +103,14 @@ class ComponentPorts:
 
     @classmethod
     def of(cls, scene: Scene) -> tuple[ComponentPorts, ...]:
-        """Collect the ports of each component of a scene, and of the panes."""
+        """Collect the ports of each component of a scene, and at last those of the panes."""
         quads: dict[str, list[np.ndarray]] = {}
         for port in [*scene.ports, *pane_ports(scene)] if scene.followed else []:
             quads.setdefault(port.component, []).append(port.quad)
-        return tuple(cls(scene, np.array(quads[name], float), name) for name in sorted(quads))
+        return tuple(
+            cls(scene, np.array(quads[name], float), name)
+            for name in sorted(quads, key=lambda name: (not name, name))
+        )
 
     def __len__(self) -> int:
         """Count the ports."""
@@ -175,14 +181,15 @@ class ComponentPorts:
         return self.area * np.clip(np.cos(away), 0, None)
 
     def start(
-        self, sources: PhotonSources, seen: np.ndarray, could: np.ndarray, photons: int, seed: int
-    ) -> Start:
-        """Start `photons` photons from each of the sources `seen`.
+        self, sources: PhotonSources, seen: np.ndarray, could: np.ndarray, photons: int, seed: int,
+        lane: mi.UInt32, panes: ChangingPanes | None = None,
+    ) -> Start:  # fmt: skip
+        """Start some of `photons` photons from each of the sources `seen`, numbered by `lane`.
 
         A port is chosen with a probability proportional to `could`, shape (seen, port). The points
-        of one source are spread evenly over the ports and the source.
+        of one source are spread evenly over the ports and the source. Ports of panes, which may
+        change, are passed by all light.
         """
-        lane = dr.arange(mi.UInt32, len(seen) * photons)
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
         place, index = lane // each, self.index(lane, photons)
         source = dr.gather(mi.UInt32, flat_indices(seen), place)
@@ -203,7 +210,11 @@ class ComponentPorts:
         flux = dr.gather(mi.Float, flat(sources.solid_angle), source)
         flux *= dr.gather(mi.Float, flat(self.area), port)
         flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
-        return Start(p, -d, self._visible(p, d, dr.select(chance > 0, flux, 0)), source)
+        by_pane = dr.full(mi.Bool, panes is not None and not self.name, dr.width(lane))
+        if panes is not None and self.name and panes.stand_before(self.quads, self.normal):
+            self.scene.ray_counter.add("shadow", mi.Bool(True), dr.width(lane))
+            by_pane = panes.passed(p, d)
+        return Start(p, -d, self._visible(p, d, dr.select(chance > 0, flux, 0)), source, by_pane)
 
     def index(self, lane: mi.UInt32, photons: int) -> mi.UInt32:
         """Index of the photon of a lane among the `photons` of its source.

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
+from drcmitsuba.runtime.flat_arrays import repeated, row_and_column
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
@@ -18,7 +18,7 @@ from drcmitsuba.transport.gather_blocks import Met
 from drcmitsuba.transport.lit_cells import Reached
 from drcmitsuba.transport.openings import Within, repeated_within
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
-from drcmitsuba.transport.photons import Landed
+from drcmitsuba.transport.photon_light import Landed
 from drcmitsuba.transport.products import (
     Columns,
     Further,
@@ -182,16 +182,9 @@ class Replicates:
         for K, light in parts:
             direct = direct.plus(light.through(K, len(self)))
         if self.landed:
-            straight = straight.plus(self._columns(one.mirrored[here] for one in self.landed))
-            direct = direct.plus(self._columns(one.sensors[here] for one in self.landed))
+            straight = straight.plus(stacked(one.mirrored(here) for one in self.landed))
+            direct = direct.plus(stacked(one.sensors(here) for one in self.landed))
         return straight, direct
-
-    def _columns(self, every: Iterable[np.ndarray]) -> Irradiance:
-        """Sky and suns of arrays (sensor, bin), one for each replicate."""
-        values, sky = np.concatenate([*every]), self.deposits[0].bins[0]
-        return Irradiance(
-            *(mi.TensorXf(flat(part), part.shape) for part in np.split(values, [sky], axis=1))
-        )
 
     def interreflected(self, met: Met, sensors: int) -> Irradiance:
         """G·D, shape (replicate · sensor, bin) [sr], with the paths of each replicate."""

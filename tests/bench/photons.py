@@ -115,7 +115,8 @@ def ray_rate(traced: PhotonTracer, run: int) -> float:
     (ports,) = traced.ports
     scene, sources = ports.scene.full, of_suns(traced.suns, traced.diameter)
     could = ports.could(sources)
-    start = ports.start(sources, np.arange(len(could)), could, traced.count, run)
+    lane = dr.arange(mi.UInt32, len(could) * traced.count)
+    start = ports.start(sources, np.arange(len(could)), could, traced.count, run, lane)
     p, d, active = start.p, start.d, start.flux > 0
     hits, seconds = 0, 0.0
     while True:

@@ -134,7 +134,7 @@ def pairs(folder):
         ),
         "films": (with_film, changed(with_film, materials__film=film(dark(folder)))),
         "pane_to_pane": (
-            changed(with_film, facade__north__strips=north),
+            changed(with_film, facade__north__strips=north, accuracy__replicates=16),
             with_film,
         ),
         "components": (

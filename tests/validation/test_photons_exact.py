@@ -23,7 +23,8 @@ from drcmitsuba.model.materials import DielectricMaterial, Lambertian, MirrorMat
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.geometry import Port, Surface
-from drcmitsuba.transport.photons import FluxLedger, Landed, PhotonTracer
+from drcmitsuba.transport.photon_light import FluxLedger, Landed
+from drcmitsuba.transport.photons import PhotonTracer
 from tests.validation import exact_optics as optics
 from tests.validation import lamella_room as room
 from tests.validation import unfolded_duct as duct
@@ -192,7 +193,11 @@ def test_where_light_leaves_the_duct():
     for part in ("sensors", "mirrored"):
         shift = 2.5e-4 / (WIDTH / n)  # the edges of the parts of the beam, against a field
         brightest = entering * exact.max()
-        agree([getattr(f, part)[:, 0] / brightest for f in replicates], exact / exact.max(), shift)
+        agree(
+            [getattr(f, part)().sun.numpy()[:, 0] / brightest for f in replicates],
+            exact / exact.max(),
+            shift,
+        )
 
 
 @pytest.mark.parametrize("turn", [40.0, 70.0])
@@ -231,7 +236,7 @@ def test_mirror_images_the_sun(turn):
     normals = np.tile(normal, (len(points), 1))
     replicates = landed(surfaces, ports, -sun, 0.5, sensors=(points, normals), sensor_square=size)
     agree([whole(f).landed / mirror.flux(sun, 0.5) for f in replicates], 1.0)
-    lit = np.array([f.mirrored[:, 0] for f in replicates])
+    lit = np.array([f.mirrored().sun.numpy()[:, 0] for f in replicates])
     agree(lit[:, core].mean(axis=1) / mirror.irradiance(sun, normal, 0.5), 1.0)
     # A field counts as dark where none of its corners sees the sun and it is not around the image.
     far = abs(grid).max(axis=1) > 5 * size

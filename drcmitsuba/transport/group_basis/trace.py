@@ -171,7 +171,7 @@ class GroupTrace:
             straight = lit.straight(p, n, key, rays, samples, numbers, within)
             sensors[here] = straight.plus(lit.scattered(p, n, key, numbers)).numpy()
             if landed is not None:
-                sensors[here] += landed.sensors[here]
+                sensors[here] += landed.sensors(here).numpy()
         return ElementDeposit(element.number, element.bins, sensors, cells)
 
 

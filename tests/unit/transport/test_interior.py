@@ -12,6 +12,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import gather_blocks
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.interior import Interior, SharedInterior
+from drcmitsuba.transport.shared_paths import SharedPaths
 
 EFFECTS = EnabledEffects(beyond=False, solved_cells=True)
 ACCURACY = Accuracy(replicates=2, paths=32, cell_sky_rays=16, sensor_sky_rays=64, pane_points=16)
@@ -52,15 +53,15 @@ def traced(monkeypatch):
 
 
 def test_states_share_their_paths_and_no_number_changes(traced):
-    shared = SharedInterior()
+    shared = SharedPaths()
     for world in (worlds := states()):
-        once = compute(world, POINTS, UP, SUNS, ACCURACY, interior=shared)
+        once = compute(world, POINTS, UP, SUNS, ACCURACY, shared=shared)
         anew = compute(world, POINTS, UP, SUNS, ACCURACY)
         for name, values in once.data_vars.items():
             np.testing.assert_array_equal(values, anew[name], err_msg=name)
     assert traced == [worlds[0], *worlds]  # once for both, and for each by itself
     shared.forget()
-    shared.of(worlds[1], POINTS, UP, ACCURACY)
+    shared.interior.of(worlds[1], POINTS, UP, ACCURACY)
     assert len(traced) == 4
 
 

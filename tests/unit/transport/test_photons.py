@@ -172,7 +172,7 @@ def traced(surfaces, ports, suns=STEEP, *, count=1 << 16, surfaces_followed=256,
     )
     landed = photons.traced(1)
     area = landed.areas.area.numpy()[:, None]
-    return landed, landed.sun.numpy() * area, landed.sky.numpy() * area
+    return landed, landed.cells.sun.numpy() * area, landed.cells.sky.numpy() * area
 
 
 FLOOR = Surface("floor", Lambertian(0.5), quad([-20, -20, -1], 40 * X, 40 * Y)[None])
@@ -270,7 +270,7 @@ def test_a_sun_in_a_mirror_counts_as_straight_and_sunlight_by_a_rough_one_is_not
             [Surface("m", material, component[None], "m"), FLOOR],
             box_ports("m", low - 0.01, high + 0.01), sun, sensors=sensors, count=1 << 18,
         )  # fmt: skip
-        deposits.append((landed.sensors[0, 0], landed.mirrored[0, 0]))
+        deposits.append([one.sun.numpy()[0, 0] for one in (landed.sensors(), landed.mirrored())])
     omega = disk_solid_angle(0.5)
     assert deposits[0][1] == deposits[0][0]
     assert deposits[0][0] == pytest.approx(0.9 * omega * -towards[2], rel=0.02)
