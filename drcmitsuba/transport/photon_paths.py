@@ -30,6 +30,7 @@ from drcmitsuba.transport.bsdf_lookup import (
     table,
 )
 from drcmitsuba.transport.changing_panes import ChangingPanes
+from drcmitsuba.transport.photon_scene import PhotonScene
 from drcmitsuba.transport.ports import ComponentPorts, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
@@ -155,8 +156,9 @@ class Recorder:
             self.planes.append((origin, x, y, n, edge, count, layers))
 
     def record(
-        self, p: mi.Point3f, d: mi.Vector3f, length: mi.Float, column: mi.UInt32,
-        bins: mi.UInt32, flux: mi.Float, mirrored: mi.Bool, sums: FluxSums, active: mi.Bool,
+        self, scene: PhotonScene, p: mi.Point3f, d: mi.Vector3f, length: mi.Float,
+        column: mi.UInt32, bins: mi.UInt32, flux: mi.Float, mirrored: mi.Bool, sums: FluxSums,
+        active: mi.Bool,
     ) -> None:  # fmt: skip
         """Add the flux of photons that fly from `p` over `length` to the squares they cross."""
         for origin, x, y, n, edge, count, layers in self.planes:
@@ -169,6 +171,7 @@ class Recorder:
             crosses = active & (down < 0) & (t > 0) & (t <= length) & (i >= 0) & (j >= 0)
             crosses &= (i < mi.Float(count[0])) & (j < mi.Float(count[1]))
             index = mi.UInt32(j) * count[0] + mi.UInt32(i)
+            light = mi.Float64(flux * scene.passed(p, d, t, crosses))
             for layer in layers:
                 sensor = dr.gather(mi.Int32, layer, index, crosses)
                 meets = crosses & (sensor >= 0)
@@ -177,7 +180,7 @@ class Recorder:
                 centre = dr.gather(mi.Point2f, self.centre, row, meets)
                 off = dr.maximum(dr.abs(u - centre.x), dr.abs(v - centre.y))
                 meets &= off < half
-                light, at = mi.Float64(flux), row * bins + column
+                at = row * bins + column
                 dr.scatter_add(sums.sensors, light, at, meets)
                 dr.scatter_add(sums.mirrored, light, at, meets & mirrored)
                 dr.scatter_add(sums.inner, light, at, meets & (2 * off < half))
@@ -198,7 +201,7 @@ def _deviated(chain: mi.UInt32, bits: mi.UInt32) -> mi.UInt32:
 
 @symbolic
 def follow(
-    scene: mi.Scene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
+    scene: PhotonScene, traits: Traits, areas: CellAreas, squares: Recorder, start: Start,
     sums: FluxSums, bins: mi.UInt32, limit: mi.UInt32, random: mi.PCG32, scatter: mi.PCG32,
 ) -> mi.Bool:  # fmt: skip
     """Follow photons to their end and add their flux to `sums`.
@@ -223,11 +226,17 @@ def follow(
     while dr.hint(
         active, exclude=[scene, traits, areas, squares, start, sums, bins, limit, ctx, weak]
     ):
-        si = scene.ray_intersect(ray, flags, coherent=False, active=active)
+        si = scene.surfaces.ray_intersect(ray, flags, coherent=False, active=active)
         met = active & si.is_valid()
         counts = chain == _OWN
         column = start.bin + dr.select(by_pane, sums.half.squares, 0)
-        squares.record(ray.o, ray.d, si.t, column, bins, flux, mirrored, sums, active & counts)
+        squares.record(
+            scene, ray.o, ray.d, si.t, column, bins, flux, mirrored, sums, active & counts
+        )
+        if dr.hint(scene.panes is not None, mode="scalar"):
+            through = flux * scene.passed(ray.o, ray.d, si.t, active)
+            absorbed += flux - through
+            flux = through
         escaped += dr.select(active & ~met, flux, 0)
         if dr.hint(traits.absorption is not None, mode="scalar"):
             # The path runs from surface to surface: the ray began a little off the last one.

@@ -43,6 +43,7 @@ from drcmitsuba.transport.launch_size import PHOTONS
 from drcmitsuba.transport.pane_ports import pane_sides
 from drcmitsuba.transport.photon_light import CommonLight, FluxLedger, Landed, Light
 from drcmitsuba.transport.photon_paths import FluxSums, Recorder, Traits, follow
+from drcmitsuba.transport.photon_scene import PhotonScene
 from drcmitsuba.transport.ports import ComponentPorts, PhotonSources, Start, of_sky, of_suns
 from drcmitsuba.transport.reached import Reached
 from drcmitsuba.transport.receivers import CellAreas, Squares
@@ -72,6 +73,7 @@ class PhotonTracer:
     """Photons of a sun to each component in one replicate; a patch has `PATCH` times as many."""
     surfaces: int
     """Largest number of surfaces on a path."""
+    world: PhotonScene
     panes: ChangingPanes | None = None
     """Panes that other states change: light until they are met is kept for these states."""
     APART: ClassVar[int] = 0x10001
@@ -106,7 +108,7 @@ class PhotonTracer:
         return cls(
             every_port, CellAreas.of(scene, grid, seed, reached),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
-            subdivision, accuracy.photons, accuracy.photon_surfaces,
+            subdivision, accuracy.photons, accuracy.photon_surfaces, PhotonScene.of(scene),
         )  # fmt: skip
 
     @property
@@ -270,7 +272,7 @@ class _Source:
             tracer.areas.grid.prepare()
             sizes = len(kind.wanted), tracer.surfaces
             by_pane = follow(
-                self.ports.scene.full, traits, tracer.areas, squares, some, sums,
+                tracer.world, traits, tracer.areas, squares, some, sums,
                 *(dr.opaque(mi.UInt32, size) for size in sizes), *random,
             )  # fmt: skip
             dr.eval(by_pane, *sums)  # together: each alone would follow all photons again

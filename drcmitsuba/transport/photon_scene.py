@@ -1,0 +1,56 @@
+"""Surfaces as photons meet them: clear panes of components are passed without a search.
+
+A pane that reflects nothing leaves a photon its way and takes some of its flux. The panes of a
+double glazing with lamellae between them would be every second surface that a photon meets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from drcmitsuba.model.materials import GlazingMaterial
+from drcmitsuba.scene.flat_panes import FlatPanes
+from drcmitsuba.scene.materials import ends_paths
+from drcmitsuba.scene.scene import Part, Scene
+
+
+@dataclass(frozen=True)
+class PhotonScene:
+    """Surfaces of a scene for photons."""
+
+    surfaces: mi.Scene
+    """Surfaces that are searched."""
+    panes: FlatPanes | None
+    """Panes that are not, where they are a few rectangles."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> PhotonScene:
+        """Take the clear panes of components out of a scene."""
+        clear = [part for part in scene.parts if _only_takes(part)]
+        panes = FlatPanes.of((part.quads, part.bsdf) for part in clear)
+        if panes is None:
+            return cls(scene.full, None)
+        left = [shape for shape in scene.full.shapes() if not any(_is_of(shape, p) for p in clear)]
+        shapes = {f"shape{i}": shape for i, shape in enumerate(left)}
+        return cls(mi.load_dict({"type": "scene", **shapes}, optimize=False), panes)
+
+    def passed(self, p: mi.Point3f, d: mi.Vector3f, length: mi.Float, active: mi.Bool) -> mi.Float:
+        """Share of flux that panes leave on flights from points over a length [m]."""
+        if self.panes is None:
+            return mi.Float(1)
+        ray = mi.Ray3f(p, d)
+        ray.maxt = length
+        return dr.select(active, self.panes.transmittance(ray, active), 1)
+
+
+def _only_takes(part: Part) -> bool:
+    """Whether a part is panes of a component that let light straight through."""
+    m = part.material
+    return bool(part.component) and isinstance(m, GlazingMaterial) and ends_paths(m)
+
+
+def _is_of(shape: mi.Shape, part: Part) -> bool:
+    return bool(shape.bsdf() == part.bsdf)
