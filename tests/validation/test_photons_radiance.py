@@ -128,7 +128,7 @@ def test_lamellae(tmp_path):
     built = radiance.with_glass(scene.build(surfaces, ports=(room.port(),)), room.TRANSMISSIVITY)
     directions = room.suns(8, lowest=35.0)
     accuracy = Accuracy(
-        replicates=8, photons=1 << 14, paths=4096, cell_size=0.15, cell_sky_rays=1,
+        replicates=16, photons=1 << 14, paths=4096, cell_size=0.15, cell_sky_rays=1,
         sensor_sky_rays=1, sensor_square=room.SIZE[0] / SIDE,
     )  # fmt: skip
     suns = Suns(tuple(f"sun_{i}" for i in range(8)), directions, DIAMETER)

@@ -37,6 +37,7 @@ from drcmitsuba.transport.gather import USUAL, expected_bounces, gather
 from drcmitsuba.transport.gather_blocks import KEPT
 from drcmitsuba.transport.photons import PATCH
 from drcmitsuba.transport.shadow_rays import sun_deposit
+from drcmitsuba.transport.shared_paths import SharedPaths
 
 INCIDENT = 0.2
 """Share of a film's incident cells that the suns of a year meet, roughly."""
@@ -118,29 +119,48 @@ class Pilot:
     """Number of rays of the pilot by purpose and kind."""
     scale: dict[str, float]
     """Factors from the rays of the pilot to those of the evaluation, by names of the purpose."""
+    few: Suns
+    """Suns of the pilot."""
+    photons: int
+    """Number of photons of a sun of the pilot."""
+    shared: SharedPaths
+    """Paths that a pilot of a further state shares, as its evaluation does."""
+    gathers: bool
+    """Whether the paths of the sensors are traced for this state."""
 
     @classmethod
-    def of(cls, plan: Plan, state: State, suns: Suns) -> Pilot:
-        """Trace the pilot of a state; green stands for all colours."""
+    def of(cls, plan: Plan, state: State, suns: Suns, first: Pilot | None = None) -> Pilot:
+        """Trace the pilot of a state, which may share paths with the `first` one.
+
+        Green stands for all colours.
+        """
         case, effects, a = plan.simulated, plan.scope, plan.simulated.accuracy
         scene = load(case, state, 1 if effects.channels else -1, effects)
         points, normals = sensor_points(case)
         patches = len(Patches(case.sky.subdivision)) if effects.sky or effects.ground else 0
         bins = patches, len(suns.labels)
         few = suns.where(np.isin(np.arange(bins[1]), spread(bins[1], SUNS)))
+        if first is not None:
+            few = _among(first.few, suns)
         paths = Paths.of(scene, points, normals, a) if any(bins) else Paths()
         some = _sensors(len(points), a, paths.bounces)
         photons = min(a.photons, max(1, PHOTONS // (PATCH * patches + len(few.labels) + 1)))
+        photons = photons if first is None else first.photons
         film_samples = min(a.film_sky_samples, FILM_SAMPLES)
         less = {"photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES}
+        shared = SharedPaths() if first is None else first.shared
+        before = scene.ray_counter.counted()["path"]
         C = compute(
             scene, points[some], normals[some], few, a.model_copy(update=less),
-            subdivision=case.sky.subdivision,
+            subdivision=case.sky.subdivision, shared=shared,
         )  # fmt: skip
+        gathers = scene.ray_counter.counted()["path"] > before
         rays = scene.ray_counter.by_purpose()
         cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
         met = max(1.0, len(paths.times))
-        if effects.solved_cells:
+        if first is not None and not gathers:
+            cells = met = first.cells
+        elif effects.solved_cells:
             cells = _between_cells(rays, ROUNDS[1:]) / (REPLICATES * a.cell_paths)
             met = max(1.0, cells)
         scale = {
@@ -151,7 +171,10 @@ class Pilot:
             Draw.SUN.name: bins[1] / max(1, len(few.labels)),
             Draw.PEAKS.name: bins[1] / max(1, len(few.labels)),
         }
-        return cls(scene, points, normals, suns, a, bins, paths, cells, C, rays, scale)
+        return cls(
+            scene, points, normals, suns, a, bins, paths, cells, C, rays, scale, few, photons,
+            shared, gathers,
+        )  # fmt: skip
 
     @property
     def count(self) -> int:
@@ -162,6 +185,11 @@ class Pilot:
     def vertices(self) -> float:
         """Number of vertices of all replicates for which memory is reserved."""
         return self.count * self.paths.bounces
+
+    @property
+    def keeps_paths(self) -> bool:
+        """Whether the paths of all sensors fit in memory, so that states share them."""
+        return self.count * self.paths.vertices <= KEPT
 
     @property
     def blocks(self) -> int:
@@ -214,7 +242,9 @@ class Pilot:
         """Rays of the evaluation by effect and kind, and the sums of the answers of films."""
         vertices = self.count * self.paths.vertices
         again = 2 - KEPT / max(KEPT, vertices)  # paths beyond the memory are traced twice
-        yield "interreflection", "path", again * self.count * self.paths.rays + self.paths.before
+        if self.gathers:
+            of_sensors = again * self.count * self.paths.rays + self.paths.before
+            yield "interreflection", "path", of_sensors
         replicates = self.accuracy.replicates / REPLICATES
         yield "solved_cells", "path", replicates * _between_cells(self.traced)
         for purpose, rays in self.traced.items():
@@ -252,6 +282,14 @@ class Pilot:
             seed=launch_seed(self.accuracy.seed, Stream.SUN_RIMS),
         )  # fmt: skip
         return np.asarray(D.numpy() / disk_solid_angle(self.suns.diameter))
+
+
+def _among(few: Suns, suns: Suns) -> Suns:
+    """Those of a few suns that are among others; where there is none, some of the others."""
+    known = set(suns.labels)
+    mine = few.where(np.array([label in known for label in few.labels], bool))
+    count = len(suns.labels)
+    return mine if mine.labels else suns.where(np.isin(np.arange(count), spread(count, SUNS)))
 
 
 def _between_cells(traced: dict[Purpose, dict[str, int]], rounds: tuple[str, ...] = ROUNDS) -> int:

@@ -84,7 +84,8 @@ def work(plan: Plan) -> Work:
             suns = _suns_behind_shade(plan, counted.pilots[OPEN])
         if suns is None:
             continue
-        pilot = counted.pilots[state] = Pilot.of(plan, state, _followed(plan, suns))
+        first = counted.pilots.get(OPEN) if _shares_paths(counted) else None
+        pilot = counted.pilots[state] = Pilot.of(plan, state, _followed(plan, suns), first)
         amounts = [*_transport(pilot)]
         if isinstance(plan.facts.case.sun, Adaptive):
             amounts += _adaptive(plan, pilot, state, suns.where(plan.scope.enabled_suns(suns)))
@@ -100,6 +101,13 @@ def work(plan: Plan) -> Work:
     counted.add([("rest", "evaluation", 1), ("rest", "illuminance", entries)])
     counted.add([("pictures", "picture", plan.scope.pictures)])
     return counted
+
+
+def _shares_paths(counted: Work) -> bool:
+    """Whether states share the paths of the first one; colours follow one another in each."""
+    plan, first = counted.plan, counted.pilots.get(OPEN)
+    alone = counted.channels == 1 and not isinstance(plan.facts.case.sun, Adaptive)
+    return first is not None and first.keeps_paths and alone and not is_summed(plan)
 
 
 def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
