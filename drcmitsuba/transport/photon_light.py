@@ -15,6 +15,8 @@ from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.photon_paths import FATES, FluxSums
 from drcmitsuba.transport.receivers import CellAreas
 
+ALONE = dr.ReduceMode.NoConflicts
+"""No two entries of a matrix are added at the same place."""
 _NONE = 0xFFFFFFFF
 
 
@@ -57,7 +59,7 @@ class FluxLedger:
 
 
 class Lit(NamedTuple):
-    """Entries of a matrix (row, bin) that are above 0: few, since photons of a bin are."""
+    """Entries of a matrix (row, bin) that are above 0: few, where bins have few photons."""
 
     at: mi.UInt32
     """Indices of entries, row · bins + bin, each once."""
@@ -109,7 +111,8 @@ def dense(parts: Sequence[Lit], here: slice | None = None) -> mi.TensorXf:
     first, last = (dr.opaque(mi.UInt32, row * bins) for row in (here.start, here.stop))
     for at, value, _ in parts:
         if size and dr.width(at):
-            dr.scatter_add(out, value, at - first, (at >= first) & (at < last))
+            inside = (at >= first) & (at < last)
+            dr.scatter_add(out, value, at - first, inside, mode=ALONE)
     return mi.TensorXf(out, (here.stop - here.start, bins))
 
 
@@ -150,6 +153,7 @@ class CommonLight:
     """
 
     light: Light
+    """D of these photons [sr]."""
     met: Mapping[str, np.ndarray]
     """Photons that met a pane, by the name of their ports: bin · count + index, uint32, shape
     (photon,)."""
@@ -227,7 +231,8 @@ class Landed:
                 if count and dr.width(at):
                     row, bin = row_and_column(at, bins)
                     to = dr.gather(mi.UInt32, place, row)
-                    dr.scatter_add(out, value, to * dr.opaque(mi.UInt32, bins) + bin, to != _NONE)
+                    entry = to * dr.opaque(mi.UInt32, bins) + bin
+                    dr.scatter_add(out, value, entry, to != _NONE, mode=ALONE)
             return mi.TensorXf(out, (count, bins))
 
         return Irradiance(*(of(light.cells) for light in self.lights))
