@@ -176,11 +176,12 @@ def _of_surfaces(
     noise = []
     bins = len(light.suns.labels) + sky.sizes["bin"]
     step = max(64, COEFFICIENTS // bins)
+    alone = replace(run, shared=None)  # every chunk has points of its own
     for start in range(0, len(surfaces.points), step):
         here = slice(start, start + step)
         some = surfaces.take(here)
         C = of_points(
-            case, state, light.suns, sky.attrs["latitude"], some.points, some.normals, run=run
+            case, state, light.suns, sky.attrs["latitude"], some.points, some.normals, run=alone
         )
         average = C["replicates"].mean("replicate").expand_dims("replicate")
         mean = C.drop_vars("replicates").assign(replicates=average)

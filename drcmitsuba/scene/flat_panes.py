@@ -70,8 +70,8 @@ class Plane(NamedTuple):
         )
         return bool(((common[..., :2] > NEAR).all(axis=2) & (common[..., 2] > -UPON)).any())
 
-    def transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
-        """Transmittance of the pane that a ray passes; 1 for none."""
+    def crossing(self, ray: mi.Ray3f, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
+        """Distance to the plane [m], and transmittance of the pane that a ray passes, or 1."""
         cosine = dr.dot(self.normal, ray.d)
         t = dr.dot(self.corner - ray.o, self.normal) / cosine
         y = ray.o + t * ray.d - self.corner
@@ -82,7 +82,7 @@ class Plane(NamedTuple):
         within &= active & (t > 0) & (t < ray.maxt)
         si = dr.zeros(mi.SurfaceInteraction3f)
         si.wi = mi.Vector3f(dr.safe_sqrt(1 - dr.square(cosine)), 0, -cosine)
-        return dr.select(within, self.pane.eval_null_transmission(si, within)[0], 1)
+        return t, dr.select(within, self.pane.eval_null_transmission(si, within)[0], 1)
 
 
 def _axes(quads: np.ndarray) -> np.ndarray:
@@ -120,5 +120,5 @@ class FlatPanes:
         """Product of the transmittances of all panes that active rays pass; else 0."""
         result = dr.select(active, mi.Float(1), 0)
         for plane in self.planes:
-            result *= plane.transmittance(ray, active)
+            result *= plane.crossing(ray, active)[1]
         return result

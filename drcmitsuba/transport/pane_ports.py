@@ -94,9 +94,9 @@ def _meet(quads: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarra
     level = LEVEL * (1 + max(abs(corners).max(), abs(quads).max()))
     planes = np.column_stack([n, np.einsum("qi,qi->q", n, quads[:, 0])])
     planes, plane_of = np.unique(np.round(planes, 9), axis=0, return_inverse=True)
-    heights = [corners @ plane[:3] - plane[3] for plane in planes]
-    before = np.array([h.max() > level for h in heights])[plane_of.ravel()]
-    behind = np.array([h.min() < -level for h in heights])[plane_of.ravel()]
+    heights = (corners @ plane[:3] - plane[3] for plane in planes)
+    sides = np.array([(h.max() > level, h.min() < -level) for h in heights])
+    before, behind = sides[plane_of.ravel()].T
     return before, behind
 
 

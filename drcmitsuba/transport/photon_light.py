@@ -10,13 +10,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, row_and_column
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.photon_paths import FATES, FluxSums
 from drcmitsuba.transport.receivers import CellAreas
 
-ALONE = dr.ReduceMode.NoConflicts
-"""No two entries of a matrix are added at the same place."""
 _NONE = 0xFFFFFFFF
 
 
@@ -64,6 +62,7 @@ class Lit(NamedTuple):
     at: mi.UInt32
     """Indices of entries, row · bins + bin, each once."""
     value: mi.Float
+    """Their values, in the order of `at`."""
     shape: tuple[int, int]
 
     @classmethod
@@ -112,7 +111,7 @@ def dense(parts: Sequence[Lit], here: slice | None = None) -> mi.TensorXf:
     for at, value, _ in parts:
         if size and dr.width(at):
             inside = (at >= first) & (at < last)
-            dr.scatter_add(out, value, at - first, inside, mode=ALONE)
+            dr.scatter_add(out, value, at - first, inside, mode=dr.ReduceMode.Direct)
     return mi.TensorXf(out, (here.stop - here.start, bins))
 
 
@@ -128,10 +127,10 @@ class Light(NamedTuple):
     """D of the middle quarter of the sensors' squares."""
 
     @classmethod
-    def of(cls, sums: FluxSums, areas: mi.Float, edges: mi.Float, bins: int, half: int) -> Light:
+    def of(cls, sums: FluxSums, areas: mi.Float, edges: np.ndarray, bins: int, half: int) -> Light:
         """Divide the flux in a half of sums by areas [m²], and by those of squares."""
-        square = edges * edges
-        sizes = (areas, square, square, square / 4)
+        square, middle = flat(edges**2), flat(edges**2 / 4)
+        sizes = (areas, square, square, middle)
         return cls(*((Lit.of(s, a, bins, half),) for s, a in zip(sums[:4], sizes, strict=True)))
 
     def plus(self, other: Light) -> Light:
@@ -191,7 +190,8 @@ class Landed:
     ledgers: dict[str, FluxLedger]
     """Flux by "NAME sky" and "NAME sun" for each component; the panes have an empty name."""
     common: tuple[CommonLight, CommonLight] | None = None
-    """Light that other states of the façade share, by the same; None where nobody asked for it."""
+    """Light that other states of the façade share, by ground and sky and by suns; None where no
+    panes are told apart."""
 
     @property
     def cells(self) -> Irradiance:
@@ -232,7 +232,7 @@ class Landed:
                     row, bin = row_and_column(at, bins)
                     to = dr.gather(mi.UInt32, place, row)
                     entry = to * dr.opaque(mi.UInt32, bins) + bin
-                    dr.scatter_add(out, value, entry, to != _NONE, mode=ALONE)
+                    dr.scatter_add(out, value, entry, to != _NONE, mode=dr.ReduceMode.Direct)
             return mi.TensorXf(out, (count, bins))
 
         return Irradiance(*(of(light.cells) for light in self.lights))

@@ -30,7 +30,7 @@ from drcmitsuba.transport.bsdf_lookup import (
     table,
 )
 from drcmitsuba.transport.changing_panes import ChangingPanes
-from drcmitsuba.transport.photon_scene import PhotonScene
+from drcmitsuba.transport.photon_scene import Passed, PhotonScene
 from drcmitsuba.transport.ports import ComponentPorts, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
@@ -156,7 +156,7 @@ class Recorder:
             self.planes.append((origin, x, y, n, edge, count, layers))
 
     def record(
-        self, scene: PhotonScene, p: mi.Point3f, d: mi.Vector3f, length: mi.Float,
+        self, passed: Passed, p: mi.Point3f, d: mi.Vector3f, length: mi.Float,
         column: mi.UInt32, bins: mi.UInt32, flux: mi.Float, mirrored: mi.Bool, sums: FluxSums,
         active: mi.Bool,
     ) -> None:  # fmt: skip
@@ -171,7 +171,7 @@ class Recorder:
             crosses = active & (down < 0) & (t > 0) & (t <= length) & (i >= 0) & (j >= 0)
             crosses &= (i < mi.Float(count[0])) & (j < mi.Float(count[1]))
             index = mi.UInt32(j) * count[0] + mi.UInt32(i)
-            light = mi.Float64(flux * scene.passed(p, d, t, crosses))
+            light = mi.Float64(flux * passed.within(t))
             for layer in layers:
                 sensor = dr.gather(mi.Int32, layer, index, crosses)
                 meets = crosses & (sensor >= 0)
@@ -230,11 +230,12 @@ def follow(
         met = active & si.is_valid()
         counts = chain == _OWN
         column = start.bin + dr.select(by_pane, sums.half.squares, 0)
+        passed = scene.passed(ray.o, ray.d, active)
         squares.record(
-            scene, ray.o, ray.d, si.t, column, bins, flux, mirrored, sums, active & counts
+            passed, ray.o, ray.d, si.t, column, bins, flux, mirrored, sums, active & counts
         )
         if dr.hint(scene.panes is not None, mode="scalar"):
-            through = flux * scene.passed(ray.o, ray.d, si.t, active)
+            through = flux * passed.within(si.t)
             absorbed += flux - through
             flux = through
         escaped += dr.select(active & ~met, flux, 0)

@@ -7,6 +7,7 @@ double glazing with lamellae between them would be every second surface that a p
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -37,13 +38,24 @@ class PhotonScene:
         shapes = {f"shape{i}": shape for i, shape in enumerate(left)}
         return cls(mi.load_dict({"type": "scene", **shapes}, optimize=False), panes)
 
-    def passed(self, p: mi.Point3f, d: mi.Vector3f, length: mi.Float, active: mi.Bool) -> mi.Float:
-        """Share of flux that panes leave on flights from points over a length [m]."""
-        if self.panes is None:
-            return mi.Float(1)
-        ray = mi.Ray3f(p, d)
-        ray.maxt = length
-        return dr.select(active, self.panes.transmittance(ray, active), 1)
+    def passed(self, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> Passed:
+        """Panes that flights from points pass."""
+        planes = () if self.panes is None else self.panes.planes
+        return Passed(tuple(plane.crossing(mi.Ray3f(p, d), active) for plane in planes))
+
+
+class Passed(NamedTuple):
+    """Panes that flights pass."""
+
+    planes: tuple[tuple[mi.Float, mi.Float], ...]
+    """Distance to each plane [m], and transmittance there; 1 for none."""
+
+    def within(self, length: mi.Float) -> mi.Float:
+        """Share of flux that panes leave over a length [m]."""
+        share = mi.Float(1)
+        for distance, transmittance in self.planes:
+            share *= dr.select(distance < length, transmittance, 1)
+        return share
 
 
 def _only_takes(part: Part) -> bool:

@@ -33,7 +33,7 @@ from drcmitsuba_plugins.sampling import streams
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat, flat_indices
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.scene.scene import Scene
@@ -168,7 +168,7 @@ class PhotonTracer:
             fates[ports.name] = mine.by_fate(1 + panes_change, bins)
             if ports.name:
                 met[ports.name] = by_pane
-        light = partial(Light.of, sums, self.areas.area, flat(self.squares.edge), bins)
+        light = partial(Light.of, sums, self.areas.area, self.squares.edge, bins)
         if known is not None:
             every = {name: each[1] + known.fates.get(name, 0) for name, each in fates.items()}
             return _OfKind(known.light.plus(light(1)), every)
@@ -224,6 +224,7 @@ class _Source:
             Photons that met a pane that may change, as in `CommonLight.met`.
         """
         kind, ports, panes = self.kind, self.ports, self.tracer.panes
+        listed = panes is not None and bool(ports.name) and some is None
         could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
         traits, met, counter = Traits.of(ports, panes), [_NO_PHOTONS], ports.scene.ray_counter
         with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
@@ -231,7 +232,8 @@ class _Source:
                 start = ports.start(
                     kind.sources, seen, could[seen], kind.photons, self.seed, lane, panes
                 )
-                met += self._follow(start, lane, traits, squares, sums)
+                followed = self._follow(start, lane, traits, squares, sums)
+                met += self._numbers(start, lane, *followed) if listed else []
                 progress(share)
             fates = sums.by_fate(1 if panes is None else 2, len(kind.wanted))
             counter.take("photon", round(fates[:, -1].sum()))
@@ -240,7 +242,7 @@ class _Source:
     def _launches(
         self, seen: np.ndarray, some: np.ndarray | None
     ) -> Iterator[tuple[float, np.ndarray, mi.UInt32]]:
-        """Yield the share that is done after each launch, its bins of those `seen`, its lanes."""
+        """Yield, for each launch, the share that is done after it, its bins, and its lanes."""
         count = self.kind.photons
         if some is None:
             block = max(1, PHOTONS // count)
@@ -257,27 +259,36 @@ class _Source:
 
     def _follow(
         self, start: Start, lane: mi.UInt32, traits: Traits, squares: Recorder, sums: FluxSums
-    ) -> Iterator[np.ndarray]:
-        """Follow photons and add their flux; yield those that met a pane."""
+    ) -> tuple[mi.UInt32, mi.Bool]:
+        """Follow photons and add their flux; those with any, and whether each met a pane."""
         tracer, kind = self.tracer, self.kind
         dr.eval(*start)
-        dark = start.by_pane & (start.flux <= 0)  # it may be bright in another state
-        lanes, met = dr.compress(start.flux > 0), [dr.compress(dark)]
-        if dr.width(lanes):
-            some = Start(*(dr.gather(type(x), x, lanes) for x in start))
-            # Mitsuba's sampler is three times slower in a loop than the generator behind it.
-            number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.bin)
-            index = self.ports.index(dr.gather(mi.UInt32, lane, lanes), kind.photons)
-            random = (streams(number, self.seed + apart, index) for apart in (0, SCATTER))
-            tracer.areas.grid.prepare()
-            sizes = len(kind.wanted), tracer.surfaces
-            by_pane = follow(
-                tracer.world, traits, tracer.areas, squares, some, sums,
-                *(dr.opaque(mi.UInt32, size) for size in sizes), *random,
-            )  # fmt: skip
-            dr.eval(by_pane, *sums)  # together: each alone would follow all photons again
-            met.append(dr.gather(mi.UInt32, lanes, dr.compress(by_pane)))
-        count = dr.opaque(mi.UInt32, kind.photons)
+        lanes = dr.compress(start.flux > 0)
+        if not dr.width(lanes):
+            return lanes, mi.Bool()
+        some = Start(*(dr.gather(type(x), x, lanes) for x in start))
+        # Mitsuba's sampler is three times slower in a loop than the generator behind it.
+        number = dr.gather(mi.UInt32, mi.UInt32(kind.sources.numbers), some.bin)
+        index = self.ports.index(dr.gather(mi.UInt32, lane, lanes), kind.photons)
+        random = (streams(number, self.seed + apart, index) for apart in (0, SCATTER))
+        tracer.areas.grid.prepare()
+        sizes = len(kind.wanted), tracer.surfaces
+        by_pane = follow(
+            tracer.world, traits, tracer.areas, squares, some, sums,
+            *(dr.opaque(mi.UInt32, size) for size in sizes), *random,
+        )  # fmt: skip
+        dr.eval(by_pane, *sums)  # together: each alone would follow all photons again
+        return lanes, by_pane
+
+    def _numbers(
+        self, start: Start, lane: mi.UInt32, followed: mi.UInt32, by_pane: mi.Bool
+    ) -> Iterator[np.ndarray]:
+        """Yield the numbers of photons that met a pane, and of those to which panes stop light."""
+        count = dr.opaque(mi.UInt32, self.kind.photons)
+        dark = start.by_pane & (start.flux <= 0)  # they may be bright in another state
+        met = [dr.compress(dark)]
+        if dr.width(followed):
+            met.append(dr.gather(mi.UInt32, followed, dr.compress(by_pane)))
         for at in met:
             if dr.width(at):
                 bins, index = (dr.gather(mi.UInt32, x, at) for x in (start.bin, lane))

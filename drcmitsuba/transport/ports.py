@@ -187,8 +187,9 @@ class ComponentPorts:
         """Start some of `photons` photons from each of the sources `seen`, numbered by `lane`.
 
         A port is chosen with a probability proportional to `could`, shape (seen, port). The points
-        of one source are spread evenly over the ports and the source. Ports of panes, which may
-        change, are passed by all light.
+        of one source are spread evenly over the ports and the source. A lane is the place of the
+        source in `seen` · photons + the photon's number. Where panes may change, light from the
+        ports of panes counts as light that has passed one.
         """
         each, count = dr.opaque(mi.UInt32, photons), dr.opaque(mi.UInt32, len(self))
         place, index = lane // each, self.index(lane, photons)
@@ -210,7 +211,8 @@ class ComponentPorts:
         flux = dr.gather(mi.Float, flat(sources.solid_angle), source)
         flux *= dr.gather(mi.Float, flat(self.area), port)
         flux *= dr.maximum(-dr.dot(d, n), 0) / (chance * mi.Float(each))
-        by_pane = dr.full(mi.Bool, panes is not None and not self.name, dr.width(lane))
+        of_panes = panes is not None and not self.name
+        by_pane = dr.opaque(mi.Bool, of_panes, dr.width(lane))  # a literal: compiled anew
         if panes is not None and self.name and panes.stand_before(self.quads, self.normal):
             self.scene.ray_counter.add("shadow", mi.Bool(True), dr.width(lane))
             by_pane = panes.passed(p, d)

@@ -10,7 +10,7 @@ from drcmitsuba.transport.shared_photons import SharedPhotons
 
 @dataclass(frozen=True)
 class SharedPaths:
-    """Paths among the surfaces of a room, and photons; those of the latest state are kept."""
+    """Paths among the surfaces of a room, and photons: the latest that were all traced."""
 
     interior: SharedInterior = field(default_factory=SharedInterior)
     photons: SharedPhotons = field(default_factory=SharedPhotons)

@@ -30,7 +30,7 @@ class _First(NamedTuple):
     tracer: PhotonTracer
     seeds: tuple[int, ...]
     common: tuple[tuple[CommonLight, CommonLight], ...]
-    """Light of each replicate until photons meet a pane, by the sky and by suns."""
+    """Light of each replicate until photons met a pane, by the sky and by suns."""
 
 
 @dataclass
@@ -51,9 +51,8 @@ class SharedPhotons:
             self.forget()
             return self._all(tracer, seeds, ends)
         few = replace(tracer, panes=first.tracer.panes)
-        patches = np.arange(tracer.patches)
         return [
-            few.traced(seed, end, (sky.of_bins(patches), sun.of_bins(suns)))
+            few.traced(seed, end, (sky, sun.of_bins(suns)))
             for seed, end, (sky, sun) in zip(seeds, ends, first.common, strict=True)
         ]
 
@@ -61,13 +60,21 @@ class SharedPhotons:
         self, tracer: PhotonTracer, seeds: Sequence[int], ends: Sequence[Progress]
     ) -> list[Landed]:
         """Follow all photons, and keep what other states share."""
-        most = tracer.count * max(PATCH * tracer.patches, len(tracer.suns))
-        if tracer.nbytes <= KEPT and most < 1 << 32:  # photons have numbers of 32 bits
-            tracer = replace(tracer, panes=ChangingPanes.of(tracer.ports[0].scene))
-        landed = [tracer.traced(seed, end) for seed, end in zip(seeds, ends, strict=True)]
-        common = tuple(one.common for one in landed if one.common is not None)
-        if common and sum(kind.nbytes for both in common for kind in both) <= KEPT:
-            self._first = _First(tracer, tuple(seeds), common)
+        world, most = tracer.ports[0].scene, max(PATCH * tracer.patches, len(tracer.suns))
+        numbered = tracer.count * most < 1 << 32  # in 32 bits
+        # Colours follow one another in each state: none would find its own photons.
+        if tracer.nbytes <= KEPT and numbered and world.channel < 0:
+            tracer = replace(tracer, panes=ChangingPanes.of(world))
+        landed, common = list[Landed](), list[tuple[CommonLight, CommonLight]]()
+        for seed, end in zip(seeds, ends, strict=True):
+            one = tracer.traced(seed, end)
+            landed.append(replace(one, common=None))
+            if one.common is not None:
+                common.append(one.common)
+            if sum(kind.nbytes for both in common for kind in both) > KEPT:
+                tracer, common = replace(tracer, panes=None), []
+        if len(common) == len(landed):
+            self._first = _First(tracer, tuple(seeds), tuple(common))
         return landed
 
     def forget(self) -> None:
@@ -76,14 +83,17 @@ class SharedPhotons:
 
 
 def _suns_among(tracer: PhotonTracer, first: PhotonTracer) -> np.ndarray | None:
-    """Indices of the suns of a tracer among those of the first; None where it lacks one."""
+    """Indices of the suns of a tracer among those of the first; None where it lacks one.
+
+    Equal suns have a bin each, which would all be one.
+    """
     place = {sun.tobytes(): i for i, sun in enumerate(first.suns)}
     at = [place.get(sun.tobytes()) for sun in tracer.suns]
-    return None if None in at else np.array(at, int)
+    return None if None in at or len(set(at)) < len(at) else np.array(at, int)
 
 
 def _differ_by_panes(one: PhotonTracer, other: PhotonTracer) -> bool:
-    """Whether nothing that photons depend on differs but the materials of panes."""
+    """Whether two tracers differ by the materials of panes at most, and by their suns."""
     panes, worlds = other.panes, [tracer.ports[0].scene for tracer in (one, other)]
     if panes is None or _samples(one) != _samples(other):
         return False
@@ -98,6 +108,7 @@ def _samples(tracer: PhotonTracer) -> list[object]:
     """Ports, squares and settings of a tracer."""
     world, squares = tracer.ports[0].scene, tracer.squares
     arrays = [squares.centre, squares.edge, *(ports.quads for ports in tracer.ports if ports.name)]
+    arrays += [a for plane in squares.planes for a in (plane.origin, plane.axes, plane.sensors)]
     numbers = tracer.diameter, tracer.subdivision, tracer.count, tracer.surfaces, world.channel
     names = [ports.name for ports in tracer.ports if ports.name]
     return [numbers, names, world.effects.to_dict(), *(array.tobytes() for array in arrays)]

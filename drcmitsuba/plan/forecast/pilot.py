@@ -23,6 +23,7 @@ from drcmitsuba.plan.planning import Plan
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import Draw, Stream, launch_seed
 from drcmitsuba.runtime.ray_counter import Purpose
+from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import Scene, load
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
@@ -123,8 +124,8 @@ class Pilot:
     """Suns of the pilot."""
     photons: int
     """Number of photons of a sun of the pilot."""
-    shared: SharedPaths
-    """Paths that a pilot of a further state shares, as its evaluation does."""
+    shared: SharedPaths | None
+    """Paths that a pilot of a further state shares, as its evaluation does; None without one."""
     gathers: bool
     """Whether the paths of the sensors are traced for this state."""
 
@@ -148,7 +149,9 @@ class Pilot:
         photons = photons if first is None else first.photons
         film_samples = min(a.film_sky_samples, FILM_SAMPLES)
         less = {"photons": photons, "film_sky_samples": film_samples, "replicates": REPLICATES}
-        shared = SharedPaths() if first is None else first.shared
+        shared = None if first is None else first.shared
+        if first is None and effects.shade and len(PaneGroups.of(case)):
+            shared = SharedPaths()
         before = scene.ray_counter.counted()["path"]
         C = compute(
             scene, points[some], normals[some], few, a.model_copy(update=less),
@@ -159,7 +162,8 @@ class Pilot:
         cells = paths.cells(a.replicates * a.paths * len(points) * paths.vertices)
         met = max(1.0, len(paths.times))
         if first is not None and not gathers:
-            cells = met = first.cells
+            cells = first.cells
+            met = max(1.0, cells) if effects.solved_cells else met
         elif effects.solved_cells:
             cells = _between_cells(rays, ROUNDS[1:]) / (REPLICATES * a.cell_paths)
             met = max(1.0, cells)

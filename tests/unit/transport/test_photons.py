@@ -421,6 +421,15 @@ def test_a_component_that_no_light_gets_to_is_refused():
         traced([boxed, part], ports)
 
 
+def test_photons_without_sensors_light_cells():
+    part = Surface("part", mirror(0.9), tilted(1, 60)[None], "part")
+    ports = box_ports("part", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])
+    landed, by_sun, _ = traced([part, FLOOR], ports, sensors=np.zeros((0, 3)), count=1 << 10)
+    assert by_sun.sum() > 0
+    assert landed.sensors().sun.shape == (0, 1)
+    assert landed.smear.shape == (0,)
+
+
 def test_a_mirror_alone_lets_everything_escape():
     part = Surface("part", mirror(1.0), tilted(1, 30)[None], "part")
     ports = box_ports("part", [-0.5, -0.5, 0.7], [0.5, 0.5, 1.3])

@@ -2,6 +2,8 @@
 
 import json
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport import shared_photons
 from drcmitsuba.transport.changing_panes import ChangingPanes
 from drcmitsuba.transport.coefficients import compute
+from drcmitsuba.transport.photon_light import Lit, dense
 from drcmitsuba.transport.photons import PhotonTracer
 from drcmitsuba.transport.shared_paths import SharedPaths
 from drcmitsuba.transport.shared_photons import SharedPhotons
@@ -36,7 +39,7 @@ def states(tmp_path):
         "v 0 0 0\nv 1 0 0\nv 1 0.5 0.5\nv 0 0.5 0.5\nf 1 2 3\nf 1 3 4\n"
     )
 
-    def made(position, glass="glass", shade=None, **more):
+    def made(position, glass="glass", channel=-1, **more):
         shelf = {"type": "mesh", "file": str(tmp_path / "mirror.obj"), "material": "silver"}
         case = Case.model_validate(
             {
@@ -47,7 +50,7 @@ def states(tmp_path):
                     "silver": {"type": "mirror", "reflectance": 0.9},
                     "glass": {"type": "glazing", "transmittance": 0.65, "reflectance": 0.2},
                     "film": {"type": "bsdf", "file": str(ROOT / "scenes" / "films" / "prism.xml")},
-                    "shade": {"type": "diffuser", "transmittance": 0.1, **(shade or {})},
+                    "shade": {"type": "diffuser", "transmittance": 0.1},
                 },
                 "sensors": {"corner": [0.5, 0.5, 0.8], "count": [3, 4], "spacing": 1.0},
                 "shading": {"material": "shade"},
@@ -55,7 +58,7 @@ def states(tmp_path):
             | more
         )
         points = sensor_points(case)
-        return [scene.load(case, state, effects=EFFECTS) for state in (OPEN, SHADED)], points
+        return [scene.load(case, state, channel, EFFECTS) for state in (OPEN, SHADED)], points
 
     return made
 
@@ -143,27 +146,62 @@ def test_scenes_that_differ_by_more_share_nothing(states, other):
     assert of_shaded == pytest.approx(2 * (followed(shaded) - of_shaded), rel=0.2)
 
 
-def test_other_seeds_suns_and_samples_share_nothing(states):
-    (open_, shaded), points = states(BEFORE)
-    for seeds, changes in [
-        ((11, 13), {}),
-        (SEEDS, {"suns": np.array([[0.6, -0.64, 0.48]])}),
-        (SEEDS, {"photons": 128}),
-        (SEEDS, {"sensor_square": 0.1}),
-    ]:
-        shared = SharedPhotons()
-        first = tracer(open_, points)
-        shared.traced(first, SEEDS)
-        again = shared.traced(tracer(shaded, points, **changes), seeds)
-        assert all(one.common is not None for one in again)  # all of them were followed
+def follows_all(second, seeds, first, shared=None):
+    """Whether a state follows all of its photons after another one."""
+    shared = SharedPhotons() if shared is None else shared
+    shared.traced(first, SEEDS)
+    world = second.ports[0].scene
+    before = followed(world)
+    shared.traced(second, seeds)
+    together = followed(world) - before
+    for seed in seeds:
+        second.traced(seed)
+    return together == followed(world) - before - together
 
 
-def test_photons_that_take_too_much_memory_are_followed_by_each_state(states, monkeypatch):
+def test_other_seeds_suns_samples_and_heights_share_nothing(states):
     (open_, shaded), points = states(BEFORE)
-    monkeypatch.setattr(shared_photons, "KEPT", 1000)
-    shared = SharedPhotons()
-    for world in (open_, shaded):
-        assert all(one.common is None for one in shared.traced(tracer(world, points), SEEDS))
+    higher = points[0] + [0, 0, 0.2], points[1]
+    twice = np.tile(DIRECTIONS[:1], (2, 1))
+    first = tracer(open_, points)
+    assert not follows_all(tracer(shaded, points), SEEDS, first)
+    assert follows_all(tracer(shaded, points), (11, 13), first)
+    assert follows_all(tracer(shaded, points, np.array([[0.6, -0.64, 0.48]])), SEEDS, first)
+    assert follows_all(tracer(shaded, points, twice), SEEDS, first)
+    assert follows_all(tracer(shaded, points, photons=128), SEEDS, first)
+    assert follows_all(tracer(shaded, points, sensor_square=0.1), SEEDS, first)
+    assert follows_all(tracer(shaded, higher), SEEDS, first)
+
+
+def test_states_of_colours_share_nothing(states):
+    """They follow one another in each state, and only one is kept."""
+    (open_, shaded), points = states(BEFORE, channel=1)
+    assert follows_all(tracer(shaded, points), SEEDS, tracer(open_, points))
+
+
+@pytest.mark.parametrize("most", [1000, 1 << 20], ids=["sums", "light"])
+def test_photons_that_take_too_much_memory_are_followed_by_each_state(states, monkeypatch, most):
+    (open_, shaded), points = states(BEHIND)
+    first = tracer(open_, points)
+    if most > 1000:
+        most = first.nbytes
+        lit = first.traced(SEEDS[0])
+        assert sum(one.nbytes for light in lit.lights for part in light for one in part) < most
+        monkeypatch.setattr(shared_photons.CommonLight, "nbytes", most + 1)
+    monkeypatch.setattr(shared_photons, "KEPT", most)
+    assert follows_all(tracer(shaded, points), SEEDS, first)
+
+
+def test_equal_entries_of_two_matrices_are_added():
+    """Light before and after panes: the sums may run side by side."""
+    count, bins = 1 << 18, 64
+    at = dr.arange(mi.UInt32, count)
+    shape = count // bins, bins
+    parts = [Lit(at, dr.full(mi.Float, value, count), shape) for value in (1.0, 2.0)]
+    for _ in range(20):
+        assert (dense(parts).numpy() == 3).all()
+    rows = dense(parts, slice(3, 5))
+    assert rows.shape == (2, bins)
 
 
 def test_a_mesh_of_the_mirror_is_no_pane(states):
