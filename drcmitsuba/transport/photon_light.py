@@ -137,11 +137,9 @@ class Light(NamedTuple):
         """Sum of two lights."""
         return Light(*(a + b for a, b in zip(self, other, strict=True)))
 
-    def of_bins(self, bins: np.ndarray) -> Light:
-        """Light of some bins."""
-        place = np.full(self.cells[0].shape[1], -1)
-        place[bins] = np.arange(len(bins))
-        return Light(*(tuple(one.of_bins(place, len(bins)) for one in part) for part in self))
+    def of_bins(self, place: np.ndarray, count: int) -> Light:
+        """Light of `count` bins, with the new place of each bin, −1 for none."""
+        return Light(*(tuple(one.of_bins(place, count) for one in part) for part in self))
 
 
 @dataclass(frozen=True)
@@ -177,7 +175,7 @@ class CommonLight:
             number = at * self.count + photons % self.count
             met[name] = number[at >= 0].astype(np.uint32)
         fates = {name: of_port[:, bins] for name, of_port in self.fates.items()}
-        return CommonLight(self.light.of_bins(bins), met, fates, self.count)
+        return CommonLight(self.light.of_bins(place, len(bins)), met, fates, self.count)
 
 
 @dataclass(frozen=True)

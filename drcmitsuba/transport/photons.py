@@ -74,6 +74,7 @@ class PhotonTracer:
     surfaces: int
     """Largest number of surfaces on a path."""
     world: PhotonScene
+    """Surfaces that photons meet."""
     panes: ChangingPanes | None = None
     """Panes that other states change: light until they are met is kept for these states."""
     APART: ClassVar[int] = 0x10001
@@ -182,7 +183,7 @@ class PhotonTracer:
 
 
 class _OfKind(NamedTuple):
-    """What the photons of one kind of bins brought."""
+    """Light of the photons of one kind of bins, and their fates."""
 
     light: Light
     fates: dict[str, np.ndarray]
