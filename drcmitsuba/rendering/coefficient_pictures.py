@@ -62,14 +62,8 @@ def _of_cells(light: SurfaceLight) -> mi.Float:
     lit = light.sky
     if lit is None or lit.cells is None:
         return mi.Float(0)
-    H = lit.cells.sky.array
-    X = lit.indirect[0]
-    if X is None:
-        return H
-    bins = dr.opaque(mi.UInt32, lit.cells.sky.shape[1])
-    entry = dr.arange(mi.UInt32, dr.width(H))
-    block = lit.block_of(entry // bins)
-    return H + dr.gather(mi.Float, X.array, block * bins + entry % bins)
+    D = lit.cells.sky.array
+    return D if lit.indirect is None else D + lit.indirect.sky.array
 
 
 def _slots(

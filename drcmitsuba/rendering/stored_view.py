@@ -63,11 +63,12 @@ def save_cells(light: SurfaceLight, folder: Path, stated: dict[str, Any]) -> Non
     arrays: dict[str, Any] = {"keys": light.keys}
     points = {f"drawn_{name}": getattr(light.drawn, name) for name in DRAWN}
     arrays |= {name: values for name, values in points.items() if values is not None}
-    attributes = {}
+    attributes: dict[str, int] = {}
     if light.transfer is not None:
         blocks = light.transfer.blocks
         arrays |= {"blocks_of": blocks.of, "blocks_share": blocks.share}
-        attributes["blocks"] = blocks.count
+        attributes |= {"blocks": blocks.count, "steps": light.transfer.steps}
+        attributes["sending"] = light.transfer.sending or dr.width(blocks.of)
         for r, bounce in enumerate(light.transfer.bounces):
             arrays |= {f"bounce_{r}_{k}": v for k, v in bounce._asdict().items()}
     zarr_folder.write([_dataset(arrays, **attributes)], folder / CELLS, along="")
@@ -152,5 +153,6 @@ def load_cells(light: SurfaceLight, folder: Path) -> SurfaceLight:
                 OneBounce(*(array(f"bounce_{r}_{name}") for name in OneBounce._fields))
                 for r in replicates
             )
-            transfer = Transfer(blocks, tuple(bounces))
+            steps, sending = (int(data.attrs[name]) for name in ("steps", "sending"))
+            transfer = Transfer(blocks, tuple(bounces), steps, sending)
     return SurfaceLight.of(light.base, keys, drawn, transfer)

@@ -163,8 +163,4 @@ def _irradiance(light: Replicates, kind: int, L: np.ndarray) -> mi.Float:
     if D.shape[1] == 0:
         return dr.zeros(mi.Float, D.shape[0])
     E = (D @ column).array
-    X = light.indirect[kind]
-    if X is not None:
-        block = light.block_of(dr.arange(mi.UInt32, D.shape[0]))
-        E += dr.gather(mi.Float, (X @ column).array, block)
-    return E
+    return E if light.indirect is None else E + (light.indirect[kind] @ column).array

@@ -43,6 +43,8 @@ from drcmitsuba.scene.sun_visibility import reaches_in
 
 NEAR = 1e-5
 """Distance within which points lie in a face of the room [m]."""
+ALONG = 1e-6
+"""Difference of a cosine from 1 within which a direction is that of an axis."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,11 @@ class Enclosure:
     exits: np.ndarray | None = None
     """Rectangles that straight light passes on its way out of the rooms of a model, world frame
     [m], shape (exit, 4, 3); None for boxes, and where there are too many of them."""
+
+    @property
+    def is_along_axes(self) -> bool:
+        """Whether the room's axes are axes of the world."""
+        return bool((np.abs(self.turn).max(axis=0) > 1 - ALONG).all())
 
     def may_hide(self, quads: np.ndarray) -> np.ndarray:
         """Whether quads (quad, 4, 3) may hide what points of a box see by its openings, (quad,).

@@ -29,8 +29,10 @@ from drcmitsuba.transport.launch_size import PATHS
 
 EDGE = 3
 """Cells along an edge of the blocks on which light between cells is solved, at least."""
-MOST_BLOCKS = 1000
+MOST_BLOCKS = 400
 """Number of blocks above which their edges grow."""
+MOST_IN_MODELS = 1000
+"""The same in a model, in whose larger blocks rooms might be joined."""
 MOST_RETURNED = 1 - 1e-6
 """Largest share of light that a reflection returns: light in a closed white room has a sum."""
 LONG = 16
@@ -69,13 +71,13 @@ class Blocks:
 
     @classmethod
     def weighed(cls, cells: Cells, weight: mi.Float) -> Blocks:
-        """Join cells to blocks, each with its weight, at most `MOST_BLOCKS`.
+        """Join cells to blocks, each with its weight.
 
         In a model cells are not joined as long as they are few: a block might lie in two rooms.
         """
-        edge = 1 if cells.grid.near is not None else EDGE
+        edge, most = (EDGE, MOST_BLOCKS) if cells.grid.near is None else (1, MOST_IN_MODELS)
         block, count = cells.flat_blocks(edge)
-        while count > MOST_BLOCKS:
+        while count > most:
             edge += 1
             block, count = cells.flat_blocks(edge)
         whole = dr.zeros(mi.Float64, count)

@@ -1,8 +1,9 @@
 """Cells: the small patches of diffuse surface between gather and deposit.
 
-A cell is all diffuse surface within one cube of a regular grid that faces the same of six axis
-directions. Only cells that paths met exist; points drawn from the vertices of these paths
-(`cell_points`) represent them, so that the deposit is estimated where the sensors look.
+A cell is all diffuse surface within one cube of a grid that faces the same of six axis directions.
+The grid is regular but where furniture or partitions stand, at which cells end (`cell_lines`). Only
+cells that paths met exist; points drawn from the vertices of these paths (`cell_points`) represent
+them, so that the deposit is estimated where the sensors look.
 """
 
 from __future__ import annotations
@@ -15,14 +16,30 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import flat_indices, marked
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, marked
+from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.cell_lines import ASIDE, STEPS, Cuts, cuts, planes, standing
 
 MAX_KEYS = 1 << 26
 """Largest number of possible cells, which take 0.6 GiB."""
 GROWTH = 8.0
 """Distance beyond the near bounds, in cubes, at which cubes are twice as large."""
 _UNKNOWN = 0xFFFFFFFF
+
+
+def furniture(scene: Scene) -> np.ndarray:
+    """Diffuse quads (quad, 4, 3) that stand in the rooms, apart from their bounds [m].
+
+    There are none where no box and no model bounds the rooms, nor in a box that no axis faces.
+    """
+    room, bounds = scene.enclosure, scene.near
+    if bounds is None and room is not None and room.is_box and room.is_along_axes:
+        bounds = np.sort(np.stack([np.zeros(3), room.size]) @ room.turn.T, axis=0)
+    quads = [part.quads for part in scene.parts if is_diffuse(part.material)]
+    if bounds is None or not quads:
+        return np.zeros((0, 4, 3))
+    return standing(np.concatenate(quads), *bounds)
 
 
 @dataclass(frozen=True)
@@ -37,6 +54,8 @@ class Grid:
     """Edge of a cube [m]."""
     near: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
     """Bounds beyond which cubes grow with the distance [m]; None where none do."""
+    cuts: tuple[Cuts | None, Cuts | None, Cuts | None] = (None, None, None)
+    """Cubes along the axes that furniture cuts; None where they are regular."""
 
     @classmethod
     def of(cls, scene: Scene, size: float) -> Grid:
@@ -55,7 +74,7 @@ class Grid:
             low = size * np.floor(low / size + 1e-6)
         # Surfaces must not lie on borders of cubes, where rounding decides.
         low = low - 0.37 * size
-        return cls._checked(scene, low, scene.high - low, size)
+        return cls._checked(scene, low, scene.high - low, size)._cut(scene)
 
     @classmethod
     def _around(cls, scene: Scene, size: float) -> Grid:
@@ -72,7 +91,25 @@ class Grid:
         start = np.floor(low)
         count = cls._checked(scene, start * size, (high - start) * size, size).count
         x, y, z = (float(v) for v in start)
-        return replace(grid, low=(x, y, z), count=count)
+        return replace(grid, low=(x, y, z), count=count)._cut(scene)
+
+    def _cut(self, scene: Scene) -> Grid:
+        """Grid whose cubes end where surfaces stand in the rooms."""
+        quads = furniture(scene)
+        if not len(quads):
+            return self
+        low = np.array(self.low)
+        if self.near is not None:
+            low = np.array(self.near[0]) + self.size * low
+        x, y, z = (
+            cuts(plane, float(start), count, self.size)
+            for plane, start, count in zip(planes(quads), low, self.count, strict=True)
+        )
+        finer = replace(self, cuts=(x, y, z))
+        nx, ny, nz = (
+            n if cut is None else cut.cells for n, cut in zip(self.count, finer.cuts, strict=True)
+        )
+        return self if 6 * nx * ny * nz > MAX_KEYS else replace(finer, count=(nx, ny, nz))
 
     @classmethod
     def _checked(cls, scene: Scene, low: np.ndarray, extent: np.ndarray, size: float) -> Grid:
@@ -100,18 +137,28 @@ class Grid:
         scale = dr.opaque(mi.Float, 1 / self.size)
         nx, ny = (dr.opaque(mi.UInt32, n) for n in self.count[:2])
         low = mi.Point3f(*(dr.opaque(mi.Float, v) for v in self.low))
-        last = mi.Point3f(*(dr.opaque(mi.Float, n - 1) for n in self.count))
+        of_cuts = zip(self.count, self.cuts, strict=True)
+        counts = (n if cut is None else len(cut.of_step) / STEPS for n, cut in of_cuts)
+        last = mi.Point3f(*(dr.opaque(mi.Float, n - 0.5 / STEPS) for n in counts))
         return low, scale, nx, ny, last
+
+    @cached_property
+    def _tables(self) -> list[tuple[mi.UInt32, mi.Float] | None]:
+        """Cube in which every step begins, and the ends of cubes, where these are not regular."""
+        return [cut and (flat_indices(cut.of_step), flat(cut.ends)) for cut in self.cuts]
 
     def prepare(self) -> None:
         """Make the numbers of `key` outside of a loop that is being recorded."""
-        _ = self._numbers
+        _ = self._numbers, self._tables
 
     def key(self, p: mi.Point3f, n: mi.Normal3f) -> mi.UInt32:
         """Key of the cell at points `p` with facing normals `n`."""
         low, scale, nx, ny, last = self._numbers
-        q = dr.floor((p - low) * scale if self.near is None else self.steps(p) - low)
-        i, j, k = (mi.UInt32(v) for v in dr.clip(q, 0, last))
+        if any(self._tables):
+            p = p + ASIDE * n
+        q = (p - low) * scale if self.near is None else self.steps(p) - low
+        q = dr.select(q > 0, dr.minimum(q, last), 0)  # points of missed rays may be no numbers
+        i, j, k = (_cube(*axis) for axis in zip(q, self._tables, strict=True))
         a = dr.abs(n)
         axis = dr.select((a.x >= a.y) & (a.x >= a.z), 0, dr.select(a.y >= a.z, 1, mi.UInt32(2)))
         along = dr.select(axis == 0, n.x, dr.select(axis == 1, n.y, n.z))
@@ -126,6 +173,15 @@ class Grid:
         within = dr.clip(p, low, high)
         beyond = GROWTH * dr.log(1 + dr.abs(p - within) * scale)
         return (within - low) * (1 / self.size) + dr.copysign(beyond, p - within)
+
+
+def _cube(q: mi.Float, tables: tuple[mi.UInt32, mi.Float] | None) -> mi.UInt32:
+    """Cube at a place, in regular cubes from the grid's low end; steps are shorter than cubes."""
+    if tables is None:
+        return mi.UInt32(q)
+    of_step, ends = tables
+    cube = dr.gather(mi.UInt32, of_step, mi.UInt32(q * STEPS))
+    return cube + dr.select(q >= dr.gather(mi.Float, ends, cube), mi.UInt32(1), 0)
 
 
 @dataclass(frozen=True)

@@ -266,7 +266,7 @@ def _of_block(
 
     def add(some: Replicates) -> None:
         straight, direct = some.sensors(p, n, here, sun_samples, within, disks)
-        interreflected = some.interreflected(met, shape[1])
+        interreflected = some.interreflected(met, here)
         whole = direct.plus(interreflected)
         parts = dict(zip(PARTS, (straight, direct, interreflected), strict=True))
         dr.eval(*straight, *direct, *interreflected, *whole)

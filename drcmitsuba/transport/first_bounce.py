@@ -17,13 +17,12 @@ from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.gather_blocks import Met
+from drcmitsuba.transport.ray_rows import WIDE
 
 Bins = tuple[int, int]
 
 MANY = 40
 """Number of cells per path of a sensor from which on the paths are summed."""
-WIDE = 4
-"""Number of bins that are read at once."""
 
 
 @dataclass(frozen=True)
@@ -36,29 +35,19 @@ class CellLight:
     """Number of bins of sky and suns together."""
 
     @classmethod
-    def of(
-        cls, D: Irradiance, X: tuple[mi.TensorXf | None, ...], block: mi.UInt32, blocks: int
-    ) -> CellLight:
-        """Add the light X (replicate · block, bin) of `blocks` to D (replicate · cell, bin) [sr].
-
-        `block` is the block of every cell.
-        """
-        rows, sky = D.sky.shape
-        bins = sky + D.sun.shape[1]
+    def of(cls, light: Irradiance) -> CellLight:
+        """Put the light of sky and suns (replicate · cell, bin) [sr] side by side."""
+        rows, sky = light.sky.shape
+        bins = sky + light.sun.shape[1]
         wide = -(-bins // WIDE) * WIDE
         cell, bin = row_and_column(dr.arange(mi.UInt32, rows * wide), wide)
-        replicate, own_cell = row_and_column(cell, dr.width(block))
-        of_block = dr.gather(mi.UInt32, block, own_cell)
-        of_block += replicate * dr.opaque(mi.UInt32, blocks)
         values = mi.Float(0)
-        for d, x, first in ((D.sky, X[0], 0), (D.sun, X[1], sky)):
-            if d.shape[1] == 0:
+        for part, first in ((light.sky, 0), (light.sun, sky)):
+            if part.shape[1] == 0:
                 continue
-            assert x is not None
-            count, start = (dr.opaque(mi.UInt32, n) for n in (d.shape[1], first))
+            count, start = (dr.opaque(mi.UInt32, n) for n in (part.shape[1], first))
             own = (bin >= start) & (bin < start + count)
-            values += dr.gather(mi.Float, d.array, cell * count + bin - start, own)
-            values += dr.gather(mi.Float, x.array, of_block * count + bin - start, own)
+            values += dr.gather(mi.Float, part.array, cell * count + bin - start, own)
         dr.eval(values)
         return cls(values, bins)
 

@@ -46,8 +46,8 @@ class FromPanes(NamedTuple):
     cells: mi.TensorXf
     """To cells, before any diffuse reflection, shape (replicate · cell, part)."""
     indirect: mi.TensorXf | None
-    """To blocks of cells by light that cells have reflected, shape (replicate · block, part); None
-    where `Transfer.onward` takes its place."""
+    """To cells by light that cells have reflected, shape (replicate · cell, part); None where
+    `Transfer.followed` takes its place."""
     light: Light
     """Irradiance on faces [sr], shape (replicate · part, bin) each, or sunlight on a film."""
     reached: Reached | None = None

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
-from drcmitsuba.runtime.flat_arrays import repeated, row_and_column
+from drcmitsuba.runtime.flat_arrays import repeated
 from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.deposit import Deposit, Irradiance
@@ -19,14 +18,7 @@ from drcmitsuba.transport.lit_cells import Reached
 from drcmitsuba.transport.openings import Within, repeated_within
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photon_light import Landed
-from drcmitsuba.transport.products import (
-    Columns,
-    Further,
-    PathMatrix,
-    RayMatrix,
-    by_replicate,
-    product,
-)
+from drcmitsuba.transport.products import PathMatrix, RayMatrix, product
 from drcmitsuba.transport.solved_cells import Transfer
 from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 from drcmitsuba.transport.sun_clusters import sun_tiles
@@ -53,9 +45,9 @@ class Replicates:
     """D of the cells, shape (replicate · cell, bin) each."""
     reached: tuple[Reached, Reached] | None = None
     """Cells and bins with light of `cells`."""
-    indirect: tuple[mi.TensorXf | None, mi.TensorXf | None] = (None, None)
-    """Light X that cells have reflected, of sky and suns, shape (replicate · block, bin) each; None
-    where nothing is solved on cells or `Transfer.onward` takes its place."""
+    indirect: Irradiance | None = None
+    """Light Y that cells have reflected, shape (replicate · cell, bin) each; None where nothing is
+    solved on cells or `Transfer.followed` takes its place."""
     panes: tuple[FromPanes, ...] = ()
     """Light that is not part of `cells` and `indirect`, see `join`."""
     light: CellLight | None = None
@@ -102,26 +94,36 @@ class Replicates:
             self.join()
         if self.transfer is None:
             return
-        for i, one in enumerate(panes := [*self.panes]):
-            X, reached = self._reflected(one.cells)
-            panes[i] = one._replace(indirect=X, reached=reached)
-        self.panes = tuple(panes)
-        sky, lit_by_sky = self._reflected(self.cells.sky)
-        sun, lit_by_sun = self._reflected(self.cells.sun, sun_tiles(base.suns))
-        self.indirect, self.reached = (sky, sun), (lit_by_sky, lit_by_sun)
-        dr.eval(*self.indirect)
+        of_panes = [Reached.by(one.cells, len(self)) for one in self.panes]
+        sky = Reached.by(self.cells.sky, len(self))
+        sun = Reached.by(self.cells.sun, len(self), sun_tiles(base.suns))
+        self.panes = tuple(
+            one._replace(reached=at) for one, at in zip(self.panes, of_panes, strict=True)
+        )
+        self.reached = sky, sun
+        if not self._follows([*of_panes, sky, sun]):
+            self._reflect()
 
-    def _reflected(
-        self, d: mi.TensorXf, tiles: Sequence[np.ndarray] = ()
-    ) -> tuple[mi.TensorXf | None, Reached]:
-        """X of light on the cells, and what it reaches; None where `Transfer.onward` pays."""
+    def _follows(self, every: list[Reached]) -> bool:
+        """Whether sensors gather light of cells by way of cells, instead of cells getting it."""
+        if self.transfer is None or self.gathering is None or self._is_packed:
+            return False
+        shining, lit = sum(dr.width(at.shining) for at in every), [dr.width(at.lit) for at in every]
+        return not self.transfer.pays(shining, max(lit), self.gathering)
+
+    def _reflect(self) -> None:
+        """Compute the light that cells get from cells."""
         assert self.transfer is not None
-        reached = Reached.by(d, len(self), tiles)
-        if self.gathering is not None and not self._is_packed:
-            lit, shining = dr.width(reached.lit), dr.width(reached.shining)
-            if not self.transfer.pays(shining, lit, self.gathering):
-                return None, reached
-        return self.transfer.indirect(self.numbers, d, reached), reached
+        assert self.cells is not None
+        of, numbers = self.transfer.indirect, self.numbers
+        self.panes = tuple(
+            one._replace(indirect=of(numbers, one.cells, one.reached)) for one in self.panes
+        )
+        sky, sun = self.reached or (None, None)
+        self.indirect = Irradiance(
+            of(numbers, self.cells.sky, sky), of(numbers, self.cells.sun, sun)
+        )
+        dr.eval(*self.indirect)
 
     @property
     def _is_packed(self) -> bool:
@@ -132,35 +134,22 @@ class Replicates:
 
     def join(self) -> None:
         """Add light by way of panes to that of cells, and what cells reflect of it."""
-        for K, X, light, _ in self.panes:
+        for K, Y, light, _ in self.panes:
             assert self.cells is not None
             self.cells, self.reached = self.cells.plus(light.through(K, len(self))), None
-            sky, sun = self.indirect
-            if X is None or sky is None or sun is None:
-                self.indirect = (None, None)  # `Transfer.onward` takes all light of cells
-            else:
-                further = light.through(X, len(self))
-                self.indirect = sky + further.sky, sun + further.sun
+            if Y is not None and self.indirect is not None:
+                self.indirect = self.indirect.plus(light.through(Y, len(self)))
             dr.eval(self.cells, self.indirect)
         self.panes = ()
-
-    def block_of(self, row: mi.UInt32) -> mi.UInt32:
-        """Row of `indirect` for rows of `cells`."""
-        assert self.transfer is not None
-        blocks = self.transfer.blocks
-        replicate, cell = row_and_column(row, dr.width(blocks.of))
-        count = dr.opaque(mi.UInt32, blocks.count)
-        return dr.gather(mi.UInt32, blocks.of, cell) + replicate * count
 
     def pack(self) -> None:
         """Join the light of cells where they are so many that sums over paths gather it."""
         if not self._is_packed:
             return
         assert self.cells is not None
-        assert self.transfer is not None
-        blocks = self.transfer.blocks
-        self.light = CellLight.of(self.cells, self.indirect, blocks.of, blocks.count)
-        self.cells, self.indirect = None, (None, None)
+        assert self.indirect is not None
+        self.light = CellLight.of(self.cells.plus(self.indirect))
+        self.cells, self.indirect = None, None
 
     def sensors(
         self, p: mi.Float, n: mi.Float, here: slice, sun_samples: int, within: Within,
@@ -186,48 +175,44 @@ class Replicates:
             direct = direct.plus(stacked(one.sensors(here) for one in self.landed))
         return straight, direct
 
-    def interreflected(self, met: Met, sensors: int) -> Irradiance:
+    def interreflected(self, met: Met, here: slice) -> Irradiance:
         """G·D, shape (replicate · sensor, bin) [sr], with the paths of each replicate."""
+        sensors = here.stop - here.start
         deposit, rows = self.deposits[0], len(self) * sensors
         if (self.cells is None and self.light is None) or len(met) == 0:
             return Irradiance(*(dr.zeros(mi.TensorXf, (rows, n)) for n in deposit.bins))
         if self.light is not None:
             paths = deposit.accuracy.paths
-            here = met.of_replicates(self.numbers, sensors, paths)
-            return Irradiance(*self.light.gathered(here, len(self), paths, deposit.bins))
+            mine = met.of_replicates(self.numbers, sensors, paths)
+            return Irradiance(*self.light.gathered(mine, len(self), paths, deposit.bins))
         assert self.cells is not None
-        sent = self._sent(met, sensors)
-        where = (None, None) if self.reached is None else self.reached
-        C = Irradiance(*map(sent, self.cells, self.indirect, where))
-        for K, X, light, reached in self.panes:
-            C = C.plus(light.through(sent(K, X, reached), len(self)))
+        sent = self._sent(met, here)
+        where, indirect = self.reached or (None, None), self.indirect or (None, None)
+        C = Irradiance(*map(sent, self.cells, indirect, where))
+        for K, Y, light, reached in self.panes:
+            C = C.plus(light.through(sent(K, Y, reached), len(self)))
         return C
 
     def _sent(
-        self, met: Met, sensors: int
+        self, met: Met, here: slice
     ) -> Callable[[mi.TensorXf, mi.TensorXf | None, Reached | None], mi.TensorXf]:
         """Make the function that gathers light of cells and, where it is solved, of blocks."""
-        count = len(self)
+        count, sensors = len(self), here.stop - here.start
         if self.transfer is None:
             first = dr.opaque(mi.UInt32, self.numbers.start * sensors)  # a literal: compiled anew
             row = met.row - first
             mine = (met.row >= first) & (row < dr.opaque(mi.UInt32, count * sensors))
             every = RayMatrix(row, met.cell, met.weight, sensors, count, mine)
             return lambda d, _, at: product(every, d, at)
-        paths = self.deposits[0].accuracy.paths
-        transfer, blocks = self.transfer, self.transfer.blocks
+        paths, transfer = self.deposits[0].accuracy.paths, self.transfer
         to_cells = PathMatrix(met.cell, met.weight, paths, sensors, count, self.numbers.start)
-        to_blocks = to_cells.columns(Columns(blocks.of, 0, blocks.count, 1))
-        dr.eval(to_blocks)
-        onward: list[Further] = []  # made once, where it is needed
 
-        def sent(d: mi.TensorXf, x: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:
+        def sent(d: mi.TensorXf, y: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:
             if at is not None and not dr.width(at.lit):
                 return dr.zeros(mi.TensorXf, (count * sensors, d.shape[1]))
-            if x is not None:
-                return product(to_cells, d, at) + by_replicate(to_blocks, x, count)
-            if not onward:
-                onward.append(transfer.onward(self.numbers, to_blocks))
-            return product(to_cells, d, at, onward[0])
+            if y is not None:
+                return product(to_cells, d + y)
+            whole, onward = transfer.followed(self.numbers, to_cells, here)
+            return product(whole, d, at, onward)
 
         return sent

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -34,17 +34,20 @@ from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cell_rays import Blocks, trace
-from drcmitsuba.transport.cells import Cells
+from drcmitsuba.transport.cells import Cells, furniture
 from drcmitsuba.transport.gather import Marks
 from drcmitsuba.transport.gather_blocks import Gathered, with_weights
 from drcmitsuba.transport.lit_cells import Reached
 from drcmitsuba.transport.products import (
     Columns,
+    DenseMatrix,
     Further,
+    Matrix,
     RayMatrix,
     by_replicate,
     product,
 )
+from drcmitsuba.transport.ray_rows import RayRows, narrowed, widened
 
 FEW = 8
 """Number of paths from a cell in the first round, in every replicate, at least."""
@@ -55,6 +58,14 @@ MANY = 1 << 12
 """Number of possible cells beyond which their number asks for no more paths."""
 LAST = 1 / 32
 """Share of the cells below which those that the second round finds send no rays in turn."""
+STEPS = 1
+"""Number of last bounces before the sensor that are followed cell by cell."""
+AMONG_FURNITURE = 3
+"""Number of them where light varies within a block, since something stands in the room."""
+SPARSE = 4
+"""Multiplications of a product of matrices that take as long as one along a ray."""
+KEPT = 1 << 24
+"""Largest number of values of what sensors have gathered that are kept for further states."""
 MOST_CELLS = 1 << 17
 """Largest number of cells that send rays; light that further ones send on in turn is left out."""
 
@@ -70,6 +81,15 @@ class OneBounce(NamedTuple):
     """Contribution to the irradiance of the first cell per irradiance on the second."""
 
 
+class Followed(NamedTuple):
+    """What sensors get of the light D on cells, by way of any number of bounces."""
+
+    to_cells: Matrix
+    """Bounces that are followed cell by cell, G₁ + G₁·T + …."""
+    onward: Further
+    """Columns of the rest, by way of blocks."""
+
+
 @dataclass(frozen=True)
 class Transfer:
     """Light that cells send to blocks of cells."""
@@ -77,12 +97,25 @@ class Transfer:
     blocks: Blocks
     bounces: tuple[OneBounce, ...]
     """T of every replicate."""
+    steps: int = 0
+    """Number of last bounces before the sensor that no block smears."""
+    sending: int | None = None
+    """Number of cells that rays start from, the first ones; None for all."""
     marks: tuple[mi.UInt32, ...] = ()
     """Mark of every ray of T, of every replicate, where rays have marks."""
-    _all_bounces: list[mi.TensorXf] = field(default_factory=list, repr=False)
+    _all_bounces: list[mi.TensorXf] = field(default_factory=list, init=False, repr=False)
     """Sums over all bounces of all replicates, once they have been computed."""
-    _sent: dict[range, RayMatrix] = field(default_factory=dict, repr=False)
+    _sent: dict[range, RayMatrix] = field(default_factory=dict, init=False, repr=False)
     """Matrices W·T that have been made, by replicates."""
+    _rows: dict[tuple[range, bool], RayRows] = field(default_factory=dict, init=False, repr=False)
+    """T and its transpose as rows of rays, by replicates."""
+    _followed: dict[Any, Followed] = field(default_factory=dict, init=False, repr=False)
+    """What sensors have gathered, by the sensors and the replicates."""
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return dr.width(self.blocks.of)
 
     def sent(self, replicates: range) -> RayMatrix:
         """W·T, shape (replicate · block, cell)."""
@@ -117,10 +150,26 @@ class Transfer:
         dr.eval(here)
         return mi.TensorXf(here, (rows, self.blocks.count))
 
+    def rows(self, replicates: range, *, transposed: bool) -> RayRows:
+        """T, or its transpose, of some replicates: rows (replicate · cell)."""
+        if (replicates, transposed) not in self._rows:
+            every = [self.bounces[r] for r in replicates]
+            source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
+            ray = dr.arange(mi.UInt32, dr.width(source))
+            number, _ = row_and_column(ray, dr.width(source) // len(replicates))
+            first = number * dr.opaque(mi.UInt32, self.cells)
+            ends = (source + first, cell + first)
+            row, inner = reversed(ends) if transposed else ends
+            count = len(replicates) * self.cells
+            self._rows[replicates, transposed] = RayRows.sorted_by(row, inner, weight, count)
+        return self._rows[replicates, transposed]
+
     def indirect(
         self, replicates: range, d: mi.TensorXf, reached: Reached | None = None
     ) -> mi.TensorXf:
-        """Compute X = M·(W·T·D) by the T of some replicates.
+        """Compute Y, the light that cells get from cells, by the T of some replicates.
+
+        X = M·(W·T·D) is known by block; the last bounces, Y = T·(D + Y) from Y = P·X, by cell.
 
         Parameters
         ----------
@@ -131,19 +180,77 @@ class Transfer:
 
         Returns
         -------
-        mi.TensorXf, shape (replicate · block, bin)
-            Mean irradiance by light that cells have reflected [sr].
+        mi.TensorXf, shape (replicate · cell, bin)
+            Irradiance by light that cells have reflected [sr].
         """
-        count = len(replicates)
+        count, (rows, bins) = len(replicates), d.shape
         if reached is not None and not dr.width(reached.lit):
-            return dr.zeros(mi.TensorXf, (count * self.blocks.count, d.shape[1]))
+            return dr.zeros(mi.TensorXf, (rows, bins))
         once = product(self.sent(replicates), d, reached)
-        return by_replicate(self.all_bounces(replicates), once, count)
+        X = by_replicate(self.all_bounces(replicates), once, count)
+        direct, width = widened(d.array, rows, bins)
+        of_block, _ = widened(X.array, X.shape[0], bins)
+        row, column = row_and_column(dr.arange(mi.UInt32, rows * width), width)
+        Y = dr.gather(mi.Float, of_block, self._block(row) * dr.opaque(mi.UInt32, width) + column)
+        sends, of_blocks = self._sends(row), Y
+        for _ in range(self.steps):
+            lit = direct + Y
+            dr.eval(lit)
+            once = self.rows(replicates, transposed=False).times(lit, width)
+            Y = dr.select(sends, once, of_blocks)
+        return mi.TensorXf(narrowed(Y, rows, bins), (rows, bins))
 
-    def onward(self, replicates: range, to_blocks: mi.TensorXf) -> Further:
-        """Make the function that gives columns of (G₁·P)·M·(W·T), which gathers X without X.
+    def _block(self, row: mi.UInt32) -> mi.UInt32:
+        """Row (replicate · block) for rows (replicate · cell)."""
+        replicate, cell = row_and_column(row, self.cells)
+        count = dr.opaque(mi.UInt32, self.blocks.count)
+        return dr.gather(mi.UInt32, self.blocks.of, cell) + replicate * count
 
-        `to_blocks` is G₁·P, shape (replicate · sensor, block).
+    def _sends(self, row: mi.UInt32) -> mi.Bool:
+        """Whether rays start from the cells of rows (replicate · cell)."""
+        if self.sending is None:
+            return mi.Bool(True)
+        _, cell = row_and_column(row, self.cells)
+        return cell < dr.opaque(mi.UInt32, self.sending)
+
+    def _of_blocks(self, replicates: int) -> RayRows:
+        """Sums over the cells of every block, rows (replicate · block)."""
+        row = dr.arange(mi.UInt32, replicates * self.cells)
+        one, rows = dr.full(mi.Float, 1, dr.width(row)), replicates * self.blocks.count
+        return RayRows.sorted_by(self._block(row), row, one, rows)
+
+    def followed(self, replicates: range, to_cells: Matrix, sensors: slice) -> Followed:
+        """Follow what sensors gather, G₁, through the last bounces and then from blocks."""
+        key = (sensors.start, sensors.stop, replicates)
+        if key in self._followed:
+            return self._followed[key]
+        blocks, count = self.blocks, len(replicates)
+        if not self.steps:
+            onto_blocks = to_cells.columns(Columns(blocks.of, 0, blocks.count, 1))
+            return Followed(to_cells, self._onward(replicates, onto_blocks))
+        every = Columns(dr.arange(mi.UInt32, self.cells), 0, self.cells, 1)
+        at_cells = DenseMatrix.of(to_cells.columns(every), count)
+        total, transposed = at_cells.values, self.rows(replicates, transposed=True)
+        line, _ = row_and_column(dr.arange(mi.UInt32, dr.width(total)), at_cells.width)
+        ends, idle = ~self._sends(line), mi.Float(0)
+        for _ in range(self.steps):
+            idle += dr.select(ends, at_cells.values, 0)
+            at_cells = at_cells.times(transposed, self.cells)
+            total = total + at_cells.values
+            dr.eval(total, idle)
+        at_cells = at_cells._replace(values=at_cells.values + idle)
+        onto_blocks = at_cells.times(self._of_blocks(count), blocks.count).whole()
+        whole = at_cells._replace(values=total)
+        out = Followed(whole, self._onward(replicates, onto_blocks))
+        if to_cells.rows * count * self.cells <= KEPT:
+            self._followed[key] = out
+        return out
+
+    def _onward(self, replicates: range, to_blocks: mi.TensorXf) -> Further:
+        """Make the function that gives columns of (A·P)·M·(W·T).
+
+        `to_blocks` is A·P, shape (replicate · sensor, block), A what sensors get of cells by way of
+        the last bounces.
         """
         count, sent = len(replicates), self.sent(replicates)
         solved = by_replicate(to_blocks, self.all_bounces(replicates), count)
@@ -156,10 +263,12 @@ class Transfer:
 
         return columns
 
-    def pays(self, bins: int, cells: int, sensors: int) -> bool:
-        """Whether X of so many bins takes fewer multiplications than `onward` from lit cells."""
-        blocks = self.blocks.count
-        return bins * (cells + blocks + sensors) <= cells * (blocks + sensors)
+    def pays(self, bins: int, lit: int, sensors: int) -> bool:
+        """Whether Y of so many bins takes fewer multiplications than `followed` from lit cells."""
+        blocks, rays = self.blocks.count, self.steps * SPARSE * dr.width(self.bounces[0].cell)
+        of_light = bins * (blocks * (lit + blocks) + rays + sensors * self.cells)
+        of_sensors = lit * blocks * (blocks + sensors) + sensors * (rays + lit * bins)
+        return of_light <= of_sensors
 
 
 def solved(
@@ -209,7 +318,11 @@ def solved(
     sends = dr.arange(mi.UInt32, cells.count) < dr.opaque(mi.UInt32, sent)
     blocks = Blocks.weighed(cells, dr.maximum(dr.select(sends, mi.Float(total), 0), 1e-30))
     marks_of = () if marks is None else tuple(map(dr.concat, marked))
-    return replace(gathered, cells=cells, drawn=drawn), Transfer(blocks, bounces, marks_of)
+    steps = AMONG_FURNITURE if len(furniture(scene)) else STEPS
+    steps = 0 if blocks.count == cells.count else steps
+    sending = None if sent == cells.count else sent
+    transfer = Transfer(blocks, bounces, steps, sending, marks_of)
+    return replace(gathered, cells=cells, drawn=drawn), transfer
 
 
 class _Explored(NamedTuple):

@@ -152,11 +152,8 @@ def _transport(pilot: Pilot) -> Iterator[Amount]:
     a, n, cells, bins = pilot.accuracy, len(pilot.points), pilot.cells, sum(pilot.bins)
     yield "interreflection", "product", a.replicates * n * cells * bins
     if pilot.scene.effects.solved_cells:
-        yield (
-            "solved_cells",
-            "product",
-            a.replicates * cells * min(cells / EDGE**2, MOST_BLOCKS) * bins,
-        )
+        blocks = min(cells / EDGE**2, MOST_BLOCKS)
+        yield "solved_cells", "product", a.replicates * cells * blocks * bins
     yield "interreflection", "deposit", a.replicates * cells * bins
     yield "rest", "entry", a.replicates * n * bins
     yield "rest", "launch", a.replicates * pilot.blocks

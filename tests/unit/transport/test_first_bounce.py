@@ -17,25 +17,17 @@ def test_paths_gather_what_a_matrix_gathers(sky, suns, replicates):
     from drcmitsuba.transport.gather_blocks import Met
 
     rng = np.random.default_rng(sky)
-    cells, blocks, sensors, paths = 50, 7, 11, 6
+    cells, sensors, paths = 50, 11, 6
     size = replicates, sensors * paths
-
-    def random(*shape):
-        return rng.random((replicates, *shape), np.float32)
-
-    D, X = ((random(n, sky), random(n, suns)) for n in (cells, blocks))
-    block, cell = rng.integers(0, blocks, cells), rng.integers(0, cells, size)
-    weight = random(size[1]) * (rng.random(size) < 0.7)
-    H = np.concatenate(D, axis=-1) + np.concatenate(X, axis=-1)[:, block]
+    H = rng.random((replicates, cells, sky + suns), np.float32)
+    cell = rng.integers(0, cells, size)
+    weight = rng.random(size, np.float32) * (rng.random(size) < 0.7)
     sent = weight[..., None] * np.take_along_axis(H, cell[..., None], axis=1)
     expected = sent.reshape(replicates * sensors, paths, -1).sum(axis=1)
-    tensors = [
-        Irradiance(
-            *(mi.TensorXf(part.reshape(replicates * part.shape[1], part.shape[2])) for part in both)
-        )
-        for both in (D, X)
-    ]
-    light = CellLight.of(*tensors, mi.UInt32(block.astype(np.uint32)), blocks)
+    parts = (H[..., :sky], H[..., sky:])
+    light = CellLight.of(
+        Irradiance(*(mi.TensorXf(part.reshape(replicates * cells, -1).copy()) for part in parts))
+    )
     met = Met(mi.UInt32(), mi.UInt32(cell.ravel().astype(np.uint32)), mi.Float(weight.ravel()))
     ours = light.gathered(met, replicates, paths, (sky, suns))
     assert dr.width(light.values) % 4 == 0

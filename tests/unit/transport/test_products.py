@@ -1,5 +1,7 @@
 """Products of rays and light: pieces, replicates, bins without light, and the same every time."""
 
+from dataclasses import replace
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -13,7 +15,6 @@ from drcmitsuba.transport.products import (
     Columns,
     PathMatrix,
     RayMatrix,
-    by_replicate,
     product,
 )
 from tests.unit.transport.test_cells_and_transfer import closed_box
@@ -125,19 +126,44 @@ def test_sums_do_not_depend_on_the_order_of_threads():
         np.testing.assert_array_equal(product(matrix, d).numpy(), first)
 
 
-def test_what_sensors_gather_is_the_same_by_light_on_blocks_and_by_the_matrix_of_all_bounces():
+@pytest.mark.parametrize("steps", [0, 1, 3])
+@pytest.mark.parametrize("idle", [0, 20])
+def test_what_sensors_gather_is_the_same_by_light_on_cells_and_by_the_matrix_of_all_bounces(
+    steps, idle
+):
     replicates, bins = 2, 3
     seen, transfer = closed_box(0.7, Accuracy(paths=256, replicates=replicates))
     cells, every = seen.cells.count, range(replicates)
+    bounces = tuple(
+        b._replace(weight=dr.select(b.source < cells - idle, b.weight, 0)) for b in transfer.bounces
+    )
+    transfer = replace(transfer, bounces=bounces, steps=steps, sending=cells - idle)
     D = RNG.random((replicates * cells, bins)).astype(np.float32)
     d = mi.TensorXf(D)
     met = seen.met(seen.blocks[0])
     to_cells = PathMatrix(met.cell, met.weight, 256, 1, replicates)
-    blocks = transfer.blocks
-    to_blocks = to_cells.columns(Columns(blocks.of, 0, blocks.count, 1))
-    X = transfer.indirect(every, d)
-    by_blocks = product(to_cells, d) + by_replicate(to_blocks, X, replicates)
-    by_matrix = product(to_cells, d, None, transfer.onward(every, to_blocks))
-    np.testing.assert_allclose(by_matrix.numpy(), by_blocks.numpy(), rtol=1e-5)
+    by_light = product(to_cells, d + transfer.indirect(every, d))
+    whole, onward = transfer.followed(every, to_cells, slice(0, 1))
+    by_matrix = product(whole, d, None, onward)
+    np.testing.assert_allclose(by_matrix.numpy(), by_light.numpy(), rtol=1e-5)
     assert transfer.pays(1, 1000, 100)
     assert not transfer.pays(10_000, 100, 100)
+
+
+def test_the_last_bounces_are_followed_cell_by_cell():
+    """Y = T·(D + Y) from the light of blocks, by NumPy."""
+    seen, transfer = closed_box(0.7, Accuracy(paths=256, replicates=2))
+    cells, blocks = seen.cells.count, transfer.blocks
+    T, (source, cell, weight) = np.zeros((cells, cells)), transfer.bounces[0]
+    np.add.at(T, (source.numpy(), cell.numpy()), weight.numpy())
+    D = RNG.random((cells, 2)).astype(np.float32)
+    P = np.zeros((cells, blocks.count))
+    P[np.arange(cells), blocks.of.numpy()] = 1
+    W = P.T * blocks.share.numpy()
+    X = np.linalg.solve(np.eye(blocks.count) - W @ T @ P, W @ T @ D)
+    Y = P @ X
+    sends = T.any(axis=1, keepdims=True)
+    for steps in range(3):
+        ours = replace(transfer, steps=steps).indirect(range(1), mi.TensorXf(D))
+        np.testing.assert_allclose(ours.numpy(), Y, rtol=2e-5)
+        Y = np.where(sends, T @ (D + Y), P @ X)

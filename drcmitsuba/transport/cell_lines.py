@@ -1,0 +1,116 @@
+"""Where cells end: at the faces of furniture and partitions, between them at most a cell apart.
+
+Light on a floor changes where a screen or a shelf stands on it. A cell that lies on both sides of
+one would lend the bright side's light to the dark one, however thin the screen is. So the cuts of a
+grid along each axis follow the planes of the flat surfaces within a room that face this axis, the
+largest ones first; no two cuts are nearer to each other than a quarter of a cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+THIN = 0.1
+"""Distance up to which parallel planes share a cut [m]: both faces of a plate."""
+ASIDE = 1e-3
+"""Distance along the facing normal at which a surface looks up its cell [m]: a sheet may lie in a
+cut."""
+NEAREST = 0.25
+"""Least distance of two cuts, in cells."""
+WIDER = 0.05
+"""Part of a cell by which all cells between two cuts may be larger together."""
+STEPS = 64
+"""Number of steps of a table in a cell."""
+MOST_STEPS = 1 << 17
+"""Largest number of steps of a table; longer scenes have no cuts of their own."""
+FLAT = 1e-3
+"""Largest slope of a plane that counts as facing an axis."""
+AT_BOUNDS = 0.05
+"""Distance from the bounds of a room within which a plane is one of its walls [m]."""
+
+
+class Cuts(NamedTuple):
+    """Cells along one axis."""
+
+    of_step: np.ndarray
+    """Cell in which each step from the grid's low end begins."""
+    ends: np.ndarray
+    """Upper end of every cell, in regular cells from the grid's low end."""
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return len(self.ends)
+
+
+def standing(quads: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Quads (quad, 4, 3) that stand within bounds (3,) [m], not on them."""
+    first, last = quads.min(axis=1), quads.max(axis=1)
+    inside = ((first > low - AT_BOUNDS) & (last < high + AT_BOUNDS)).all(axis=1)
+    on_bounds = (last < low + AT_BOUNDS) | (first > high - AT_BOUNDS)
+    return np.asarray(quads[inside & ~on_bounds.any(axis=1)])
+
+
+def planes(quads: np.ndarray) -> list[np.ndarray]:
+    """Planes of quads (quad, 4, 3) that face an axis, by axis.
+
+    Returns
+    -------
+    list of np.ndarray, shape (plane, 2)
+        Coordinate [m] and area [m²] of every quad that faces the axis.
+    """
+    normal = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
+    normal += np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 0])
+    length, centre = np.linalg.norm(normal, axis=1), quads.mean(axis=1)
+    out = []
+    for axis in range(3):
+        others = np.delete(np.abs(normal), axis, axis=1).max(axis=1)
+        here = (others <= FLAT * length) & (length > 0)
+        out.append(np.stack([centre[here, axis], length[here] / 2], axis=1))
+    return out
+
+
+def cuts(plane: np.ndarray, start: float, count: int, size: float) -> Cuts | None:
+    """Cut an axis at planes (plane, 2) of a coordinate [m] and an area, else cell by cell.
+
+    `count` cells of `size` [m] begin at `start`; None where no plane asks for a cut.
+    """
+    if not len(plane) or count * STEPS > MOST_STEPS:
+        return None
+    at = _chosen(plane, size) - start
+    at = at[(at > NEAREST * size) & (at < (count - NEAREST) * size)]
+    if not len(at):
+        return None
+    ends = np.concatenate([[0.0], at, [count * size]])
+    parts = np.maximum(1, np.ceil(np.diff(ends) / size - WIDER)).astype(int)
+    inner = [a + (b - a) * np.arange(n) / n for a, b, n in zip(ends, ends[1:], parts, strict=False)]
+    every = np.append(np.concatenate(inner)[1:], count * size) / size
+    of_step = np.searchsorted(every, np.arange(count * STEPS) / STEPS, side="right")
+    return Cuts(of_step.astype(np.uint32), every.astype(np.float32))
+
+
+def _chosen(plane: np.ndarray, size: float) -> np.ndarray:
+    """Coordinates of cuts, sorted [m]."""
+    together: list[tuple[float, float]] = []
+    for low, high, area in _plates(plane):
+        together.append((-area, (low + high) / 2))
+    kept: list[float] = []
+    for _, at in sorted(together):
+        if all(abs(at - other) >= NEAREST * size for other in kept):
+            kept.append(at)
+    return np.sort(np.array(kept))
+
+
+def _plates(plane: np.ndarray) -> Sequence[tuple[float, float, float]]:
+    """Join planes that are at most `THIN` apart: the bounds and the area of each plate."""
+    out: list[tuple[float, float, float]] = []
+    for at, area in plane[np.argsort(plane[:, 0], kind="stable")]:
+        if out and at - out[-1][0] <= THIN:
+            low, _, before = out[-1]
+            out[-1] = (low, at, before + area)
+        else:
+            out.append((at, at, area))
+    return out
