@@ -223,7 +223,7 @@ def _accuracy(case: Case, run: Run) -> Accuracy:
     if case.accuracy.target is not None:
         got = "a target, where groups of panes are simulated one by one"
         raise InputError(case.source, "accuracy.target", got, "leave it out")
-    return case.accuracy.model_copy(update={"seed": run.seed})
+    return run.accuracy(case, len(sensor_points(case)[0]))
 
 
 def _luminances(daylight: Daylight, labels: Sequence[str]) -> csr_matrix:

@@ -176,7 +176,7 @@ def _coefficients(
 ) -> xr.Dataset:
     """C by window and bounces in a state of the façade, by luminance [sr]."""
     points, normals = (a[sensors] for a in sensor_points(case))
-    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    accuracy = run.accuracy(case, len(points))
     effects, windows = run.enabled_effects, _windows(case)
     channels = scene.channels_of(case, effects)
     weights = LUMINANCE_WEIGHTS.values() if len(channels) > 1 else (1.0,)

@@ -13,6 +13,7 @@ import mitsuba as mi
 
 from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockFolder, BlockSeries
 from drcmitsuba.blocks.part import EVERY_BLOCK, Part
+from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.runtime.progress import Progress, Stage, silent, timed
@@ -69,6 +70,10 @@ class Run:
     def timed(self, name: str) -> AbstractContextManager[Progress]:
         """Show a stage and record its seconds."""
         return timed(self.stage, name, self.seconds)
+
+    def accuracy(self, case: Case, points: int) -> Accuracy:
+        """Accuracy of a simulation of so many points, with the seed of the run."""
+        return case.accuracy.of_points(points).model_copy(update={"seed": self.seed})
 
     def forget_paths(self) -> None:
         """Give back the memory of paths that states share."""

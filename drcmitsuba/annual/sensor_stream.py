@@ -72,9 +72,14 @@ def _meshed(
         here = slice(start, min(start + MESHED, len(points)))
         its, mesh = (latitude, points[here], normals[here]), tuple[str, ...]()
         if state != OPEN:
-            mesh = mesh_of(of_points(case, OPEN, suns.only(()), *its, run=run))
+            mesh = mesh_of(of_points(case, OPEN, suns.only(()), *its, run=run, among=len(points)))
         done = part(progress, here.start / len(points), here.stop / len(points))
-        yield here, of_points(case, state, suns, *its, run=run, mesh=mesh, progress=done)
+        yield (
+            here,
+            of_points(
+                case, state, suns, *its, run=run, mesh=mesh, among=len(points), progress=done
+            ),
+        )
 
 
 def channel_stream(
@@ -83,7 +88,7 @@ def channel_stream(
     """Yield C of one colour channel for the blocks of the run's part; its rays are added to it."""
     world = scene.load(case, state, channel, run.enabled_effects)
     points, normals = sensor_points(case)
-    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    accuracy = run.accuracy(case, len(points))
     subdivision = case.sky.subdivision
     content = block_content(world, points, normals, accuracy, subdivision)
     followed = suns.where(world.effects.enabled_suns(suns))

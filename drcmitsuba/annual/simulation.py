@@ -91,12 +91,22 @@ def transport(
     """
     run = Run.of(case) if run is None else run
     (points, normals), at = sensor_points(case), sensor_coordinates(case)
+    among = len(points)
     if sensors is None:
         run.distribute(state, suns, progress)
     else:
         points, normals, at = points[sensors], normals[sensors], at.isel(sensor=sensors)
     C = of_points(
-        case, state, suns, latitude, points, normals, run=run, mesh=mesh, progress=progress
+        case,
+        state,
+        suns,
+        latitude,
+        points,
+        normals,
+        run=run,
+        mesh=mesh,
+        among=among,
+        progress=progress,
     ).assign_coords(at.coords)
     groups = PaneGroupOfSun.of(case, state, suns, run) if sensors is None else None
     return C if groups is None else groups.added(C, points, normals)
@@ -104,7 +114,7 @@ def transport(
 
 def of_points(
     case: Case, state: State, suns: Suns, latitude: float, points: np.ndarray,
-    normals: np.ndarray, *, run: Run, mesh: tuple[str, ...] = (),
+    normals: np.ndarray, *, run: Run, mesh: tuple[str, ...] = (), among: int | None = None,
     progress: Progress = lambda share: None,
 ) -> xr.Dataset:  # fmt: skip
     """Coefficients C of any points in a case, in one state of its façade.
@@ -113,6 +123,8 @@ def of_points(
     ----------
     points, normals : np.ndarray, shape (point, 3)
         Positions [m] and unit normals in the traced frame, as from `sensor_points`.
+    among : int, optional
+        Number of all points, where these are some of them: few points take more samples.
     case, state, suns, latitude, run, mesh, progress
         As for `transport`.
 
@@ -121,7 +133,7 @@ def of_points(
     xr.Dataset
         C of `transport.coefficients.compute` [sr], with a dim `channel` where the case is coloured.
     """
-    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    accuracy = run.accuracy(case, len(points) if among is None else among)
     subdivision = case.sky.subdivision
     count = len(scene.channels_of(case, run.enabled_effects))
     channels: list[xr.Dataset] = []
@@ -166,7 +178,7 @@ def is_kept(case: Case, daylight: Daylight, run: Run) -> bool:
     if run.blocks is None or isinstance(case.sun, Adaptive):
         return False
     (points, normals), effects = sensor_points(case), run.enabled_effects
-    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    accuracy = run.accuracy(case, len(points))
     world = scene.load(case, OPEN, scene.channels_of(case, effects)[0], effects)
     content = block_content(world, points, normals, accuracy, case.sky.subdivision)
     return bool(run.kept(case.name, *content, daylight.suns).cover(len(points)))
@@ -296,7 +308,7 @@ def _state(
             accumulator.extend(more)
         return accumulator.coefficients
     points, normals = sensor_points(case)
-    accuracy = case.accuracy.model_copy(update={"seed": run.seed})
+    accuracy = run.accuracy(case, len(points))
     channels = [known.isel(channel=i, drop=True) for i in range(known.sizes.get("channel", 0))]
     C = joined_channels(
         [

@@ -17,6 +17,9 @@ FINEST_TARGET = 0.5
 """Half width of the interval of the mean illuminance below which cells are not enough [%]."""
 CELLS_OF_SENSOR = 50
 """Number of cells for each sensor above which paths from the sensors cost less."""
+FEW_CELLS = 6000
+"""Number of cells below which they take seconds, however few the sensors are: paths to suns that
+light few cells scatter several times as much."""
 CELLS_OF_MODEL = 700
 """Number of cells of a model, on the faces of its bounds, above which blocks might join rooms."""
 RAY_BYTES = 48
@@ -49,7 +52,9 @@ def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) ->
 
     `depth` is that of `interreflection`; `sensors` is their number, by default that of the case.
     """
-    case, a = facts.case, facts.case.accuracy
+    case = facts.case
+    sensors = len(sensor_points(case)[0]) if sensors is None else sensors
+    a = case.accuracy.of_points(sensors)
     if depth == 0:
         return Effect(False, "every surface is black")
     goal = a.goal
@@ -61,9 +66,8 @@ def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) ->
         return Effect(False, "no room encloses the sensors: on paths")
     x, y, z = extent
     cells = 2 * (x * y + y * z + z * x) / a.cell_size**2
-    sensors = len(sensor_points(case)[0]) if sensors is None else sensors
     quantities = {"cells": round(cells), "sensors": sensors}
-    if sensors < cells / CELLS_OF_SENSOR:
+    if cells > max(FEW_CELLS, CELLS_OF_SENSOR * sensors):
         return Effect(False, f"{sensors} sensors and some {cells:.0f} cells: on paths", quantities)
     if case.room is None and cells > CELLS_OF_MODEL:
         got = f"some {cells:.0f} cells of a model would be joined, perhaps those of two rooms"

@@ -112,7 +112,9 @@ def is_short(plan: Plan) -> bool:
     It has few coefficients and rays of sensors and cells, counted in all replicates, channels and
     states, and no photons, and its samples are drawn once. Furniture may double the cells of walls.
     """
-    case, scope, a = plan.simulated, plan.scope, plan.simulated.accuracy
+    case, scope = plan.simulated, plan.scope
+    sensors = len(sensor_points(case)[0])
+    a = case.accuracy.of_points(sensors)
     photons = plan.effects["components"].on or plan.effects["pane_to_pane"].on
     once = a.target is None and not isinstance(case.sun, Adaptive)
     if photons or not once or len(PaneGroups.of(case).states) > 1:
@@ -128,7 +130,7 @@ def is_short(plan: Plan) -> bool:
     of_sensor = bins + of_path * a.paths + a.sensor_sky_rays + a.pane_points
     of_cell = bins + a.cell_paths + a.cell_sky_rays + a.pane_points
     sums = a.replicates * (1 + scope.shade) * (len(LUMINANCE_WEIGHTS) if scope.channels else 1)
-    return bool(sums * (len(sensor_points(case)[0]) * of_sensor + cells * of_cell) <= SHORT)
+    return bool(sums * (sensors * of_sensor + cells * of_cell) <= SHORT)
 
 
 def forecast(plan: Plan, on: Speed | None = None) -> Forecast:

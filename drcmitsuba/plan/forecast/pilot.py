@@ -135,9 +135,10 @@ class Pilot:
 
         Green stands for all colours.
         """
-        case, effects, a = plan.simulated, plan.scope, plan.simulated.accuracy
+        case, effects = plan.simulated, plan.scope
         scene = load(case, state, 1 if effects.channels else -1, effects)
         points, normals = sensor_points(case)
+        a = case.accuracy.of_points(len(points))
         patches = len(Patches(case.sky.subdivision)) if effects.sky or effects.ground else 0
         bins = patches, len(suns.labels)
         few = suns.where(np.isin(np.arange(bins[1]), spread(bins[1], SUNS)))

@@ -39,7 +39,7 @@ def test_every_effect_says_why():
     }  # fmt: skip
     assert all(isinstance(effect["on"], bool) and effect["reason"] for effect in effects.values())
     assert {name for name, effect in effects.items() if effect["on"]} == {
-        "sky", "ground", "suns", "clear_panes", "interreflection", "pictures"
+        "sky", "ground", "suns", "clear_panes", "interreflection", "solved_cells", "pictures"
     }  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def test_an_overcast_sky_has_no_sun():
 def test_a_room_without_openings_asks_for_nothing():
     decided = planned(facade={})
     on = {name for name, effect in decided.effects.items() if effect.on}
-    assert on == {"interreflection", "pictures"}
+    assert on == {"interreflection", "solved_cells", "pictures"}
 
 
 def test_the_ground_is_seen_by_sensors_only_where_something_stands():

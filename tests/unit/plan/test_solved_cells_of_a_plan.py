@@ -31,10 +31,17 @@ def test_many_sensors_share_the_light_between_cells():
     assert "42 sensors share the light between some 464 cells" in effect.reason
 
 
+def test_few_sensors_of_a_usual_room_do_so_too_but_those_of_a_hall_do_not():
+    two = {"sensors": {"corner": [2, 2, 0.8], "count": [1, 2]}}
+    assert decided(**two).on
+    hall = decided(**two, room={"size": [40.0, 50.0, 12.0]})
+    assert not hall.on
+    assert "2 sensors and some" in hall.reason
+
+
 @pytest.mark.parametrize(
     ("tables", "reason"),
     [
-        ({"sensors": {"corner": [2, 2, 0.8], "count": [1, 2]}}, "2 sensors and some 464 cells"),
         ({"accuracy": {"target": "0.2 %"}}, "0.2 % of the mean"),
         ({"accuracy": {"cell_size": 0.02, "cell_paths": 256}}, "GiB"),
         ({"effects": {"solved_cells": "off"}}, "overruled"),
