@@ -55,9 +55,9 @@ class Accuracy(Table):
     """Deposit D: number of rays from a cell to the sky."""
     sensor_sky_rays: Annotated[int, Field(ge=1, le=1 << 20)] = 2048
     """Deposit D: number of rays from a sensor to the sky."""
-    sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 4
+    sensor_sun_samples: Annotated[int, Field(ge=1, le=1 << 10)] = 8
     """Deposit D: number of directions from a sensor to a sun that a shadow's edge crosses; other
-    suns take a quarter of it, cells one."""
+    suns take an eighth of it, cells one."""
     pane_points: Annotated[int, Field(ge=1, le=1 << 16)] = 64
     """Deposit D: number of points on the scattering panes for each sensor or cell."""
     film_sky_samples: Annotated[int, Field(ge=1, le=1 << 16)] = 256

@@ -164,7 +164,7 @@ class Deposit:
 
     def disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: Within) -> Disks:
         """Disks of the suns as sensors see them, the same in all replicates."""
-        return Disks(self.scene, self.suns, self.diameter, self.accuracy.seed, p, n, places, within)
+        return Disks(self.scene, self.suns, self.diameter, self.accuracy, p, n, places, within)
 
     def by_sky(
         self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,

@@ -25,6 +25,7 @@ from drcmitsuba_plugins.sampling import (
 )
 
 from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
+from drcmitsuba.runtime.random_streams import shifted_point
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.even_rays import EvenRays
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
@@ -245,8 +246,8 @@ def _drawn(
         turn = mi.Float(random_bits(number, seed, place)[0] >> 8) * TO_UNIT
         s, c = dr.sincos(2 * dr.pi / RIM * (turn + dr.opaque(mi.Float, rim)))
         return [from_disk(centre, diameter, 0.99 * mi.Point2f(c, s))]
-    bits = (random_bits(number, seed + i, place) for i in range(samples))
-    uv = (mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in each)) for each in bits)
+    shifts = random_bits(number, seed, place)
+    uv = (shifted_point(mi.UInt32(i), shifts) for i in range(samples))
     return [sample_disk(centre, diameter, each) for each in uv]
 
 

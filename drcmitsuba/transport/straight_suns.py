@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -27,6 +28,7 @@ from drcmitsuba.transport.openings import (
     within_of,
 )
 from drcmitsuba.transport.shadow_rays import (
+    RIM,
     one_sun_deposit,
     rim_deposit,
     sun_deposit,
@@ -35,7 +37,7 @@ from drcmitsuba.transport.sun_clusters import possible_pairs
 
 EDGE_SAMPLES = 8
 """Directions on a sun's disk in each replicate, where the edge of a shadow crosses the disk."""
-FEWER = 4
+FEWER = 8
 """Factor by which fewer directions are drawn on a disk whose rim is alike."""
 ALIKE = 0.1
 """Relative difference of D around a sun's disk below which no shadow edge is assumed."""
@@ -66,8 +68,10 @@ def straight_suns(
     Most sensors see all of a sun or nothing. Where `RIM` directions around the disk's edge agree,
     their mean is the result. Where they differ, a shadow's edge crosses the disk, which is then
     estimated with `EDGE_SAMPLES` directions in each replicate; so is a disk that may be seen
-    through a slit. A straight edge that takes or leaves less than 1.5 % of the disk, or a bar
-    across it of less than a tenth of its width, may go unnoticed.
+    through a slit. Where all of these are lit, or none is, the rim tells of a sliver that they
+    miss; its expected share is both counted and stated as an error. A straight edge that takes or
+    leaves less than 1.5 % of the disk, or a bar across it of less than a tenth of its width, may go
+    unnoticed.
     """
     shape = (len(points), len(suns.labels))
     mean, error = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
@@ -89,15 +93,40 @@ def _straight_suns(
     """`straight_suns` of some sensors."""
     within = within_of(scene, points, in_rooms(scene, points))
     p, n, places = flat(points), flat(normals), sensor_numbers(here)
-    disks = Disks(scene, suns.directions, suns.diameter, accuracy.seed, p, n, places, within)
-    rims, edges = disks.rims
+    disks = Disks(scene, suns.directions, suns.diameter, accuracy, p, n, places, within)
+    rims, edges = disks.rims.mean, disks.rims.edges
     mean, error = rims.numpy(), np.zeros(dr.width(rims), np.float32)
     if dr.width(edges):
-        every = range(accuracy.replicates)
-        again = disks.drawn(edges, every, EDGE_SAMPLES).numpy().reshape(len(every), -1)
+        again = disks.edges(EDGE_SAMPLES).numpy().reshape(accuracy.replicates, -1)
         mean[edges.numpy()], error[edges.numpy()] = mean_and_error(again)
     shape = (len(points), len(suns.labels))
     return mean.reshape(shape), error.reshape(shape)
+
+
+@lru_cache(maxsize=8)
+def sliver(samples: int) -> float:
+    """Share of a disk that a shadow's edge is expected to leave, of which no direction was drawn.
+
+    A straight edge lies anywhere across the disk, so that the light part of height h, in radii, is
+    f = (θ − sin θ) / 2π with cos (θ/2) = 1 − h. The rim tells of it with probability
+    p = min(1, RIM · θ / 2π), and no direction does with probability (1 − f)ⁿ:
+
+        f̄ = ∫ f p (1 − f)ⁿ dh / ∫ p (1 − f)ⁿ dh.
+    """
+    angle = 2 * np.arccos(1 - 2 * (np.arange(10_000) + 0.5) / 10_000)
+    f = (angle - np.sin(angle)) / (2 * np.pi)
+    told = np.minimum(1, RIM * angle / (2 * np.pi)) * (1 - f) ** samples
+    return float((f * told).sum() / told.sum())
+
+
+class Rims(NamedTuple):
+    """D [sr] of `RIM` directions around each disk, flat (sensor, sun)."""
+
+    mean: mi.Float
+    most: mi.Float
+    """Largest D of any direction."""
+    edges: mi.UInt32
+    """Entries where a shadow's edge crosses the disk."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +138,8 @@ class Disks:
     """Unit vectors, shape (sun, 3)."""
     diameter: float
     """Angle across a sun [deg]."""
-    seed: int
-    """Seed of the case."""
+    accuracy: Accuracy
+    """Seed and number of replicates."""
     p: mi.Float
     n: mi.Float
     """Positions [m] and normals of the sensors, three numbers each."""
@@ -118,6 +147,8 @@ class Disks:
     """Numbers of the sensors."""
     within: Within
     """Whether the sensors lie in the room."""
+    _drawn: dict[int, mi.Float] = field(default_factory=dict, init=False, repr=False)
+    """D of `edges`, by the number of directions."""
 
     @cached_property
     def pairs(self) -> tuple[mi.UInt32, ...]:
@@ -144,11 +175,11 @@ class Disks:
         Replicates draw `samples` directions where a shadow's edge crosses a disk. On other disks,
         whose rim is alike, they draw `FEWER`: a hole or a bar counts as often as it is hit.
         """
-        count, sensors, (_, edges) = len(replicates), dr.width(self.places), self.rims
+        count, sensors, edges = len(replicates), dr.width(self.places), self.rims.edges
         out = sun_deposit(
             self.scene, repeated(self.p, count), repeated(self.n, count), suns=self.suns,
             diameter=self.diameter, samples=max(1, samples // FEWER),
-            seed=launch_seed(self.seed, Stream.SUN_EDGES),
+            seed=launch_seed(self.accuracy.seed, Stream.SUN_EDGES),
             numbers=dr.concat([number_in_replicate(self.places, r) for r in replicates]),
             within=repeated_within(self.within, count),
             pairs=self._pairs_of_replicates(count),
@@ -158,26 +189,57 @@ class Disks:
             lane = dr.arange(mi.UInt32, count * dr.width(edges))
             replicate, edge = row_and_column(lane, dr.width(edges))
             at = replicate * each + dr.gather(mi.UInt32, edges, edge)
-            drawn = self.drawn(edges, replicates, samples)
-            dr.eval(out, drawn, at)
-            dr.scatter(out, drawn, at)
+            first = dr.opaque(mi.UInt32, replicates.start * dr.width(edges))
+            D = dr.gather(mi.Float, self.edges(samples), lane + first)
+            dr.eval(out, D, at)
+            dr.scatter(out, D, at)
         return mi.TensorXf(out, (count * sensors, len(self.suns)))
 
     @cached_property
-    def rims(self) -> tuple[mi.Float, mi.UInt32]:
-        """Mean D [sr] of `RIM` directions around each disk, flat (sensor, sun), and shadows' edges.
-
-        The latter are the entries where a shadow's edge crosses the disk.
-        """
+    def rims(self) -> Rims:
+        """Light around the disks, which is looked at once for all replicates."""
         with self.scene.ray_counter.purpose(Stream.SUN_RIMS.name):
             mean, least, most = rim_deposit(
                 self.scene, self.p, self.n, suns=self.suns, diameter=self.diameter,
-                seed=launch_seed(self.seed, Stream.SUN_RIMS), numbers=self.places,
+                seed=launch_seed(self.accuracy.seed, Stream.SUN_RIMS), numbers=self.places,
                 pairs=self.pairs, within=self.within,
             )  # fmt: skip
         slits = hidden_in_disks(self.scene, self.p, self.suns, self.diameter, self.within)
         edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
-        return mean, edges
+        return Rims(mean, most, edges)
+
+    def edges(self, samples: int) -> mi.Float:
+        """D [sr] of disks that a shadow's edge crosses, flat (replicate, edge), all replicates.
+
+        The rim tells that there is light and shadow on such a disk, even if all directions of all
+        replicates are lit, or none is: then one replicate, a random one, holds what is expected of
+        the other part, `sliver`. The mean is its expectation, and its standard error as large.
+        """
+        if samples not in self._drawn:
+            edges, count = self.rims.edges, self.accuracy.replicates
+            D = self.drawn(edges, range(count), samples)
+            dr.eval(D)
+            least, most = mi.Float(dr.inf), mi.Float(0)
+            width = dr.width(edges)
+            for r in range(count):
+                at = dr.arange(mi.UInt32, width) + dr.opaque(mi.UInt32, r * width)
+                here = dr.gather(mi.Float, D, at)
+                least, most = dr.minimum(least, here), dr.maximum(most, here)
+            full = dr.gather(mi.Float, self.rims.most, edges)
+            dr.eval(least, most)
+            replicate, edge = row_and_column(dr.arange(mi.UInt32, count * width), width)
+            holder = dr.gather(mi.UInt32, edges, edge) % dr.opaque(mi.UInt32, count)
+            share = dr.opaque(mi.Float, min(1.0, count * sliver(count * samples)))
+            part = dr.select(replicate == holder, share, 0)
+            dark = dr.gather(mi.Bool, (most == 0) & (full > 0), edge)
+            lit = dr.gather(mi.Bool, least >= (1 - ALIKE) * full, edge)
+            whole, pairs = dr.gather(mi.Float, full, edge), dr.opaque(mi.UInt32, count // 2 * 2)
+            alike = dr.gather(mi.Bool, most - least < full / (2 * samples), edge) & ~(dark | lit)
+            third = dr.select(replicate & 1 == 0, whole, -whole) / (3 * samples)
+            D = dr.select(dark, part * whole, dr.select(lit, (1 - part) * D, D))
+            self._drawn[samples] = D + dr.select(alike & (replicate < pairs), third, 0)
+            dr.eval(self._drawn)
+        return self._drawn[samples]
 
     def drawn(self, edges: mi.UInt32, replicates: range, samples: int) -> mi.Float:
         """D [sr] of chosen entries by random directions, flat (replicate, entry)."""
@@ -191,6 +253,6 @@ class Disks:
         dr.eval(p, n, sun, number)
         return one_sun_deposit(
             self.scene, p, n, sun, suns=self.suns, diameter=self.diameter, samples=samples,
-            seed=launch_seed(self.seed, Stream.SUN_EDGES), numbers=number,
+            seed=launch_seed(self.accuracy.seed, Stream.SUN_EDGES), numbers=number,
             within=within_at(self.within, row),
         )  # fmt: skip

@@ -15,7 +15,7 @@ from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.sky.sun_models import Suns
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
-from drcmitsuba.transport.straight_suns import Disks, straight_suns
+from drcmitsuba.transport.straight_suns import Disks, sliver, straight_suns
 from tests.unit.transport.exact_scenes import (
     DIRECTIONS,
     DOWN,
@@ -90,6 +90,40 @@ def test_suns_behind_an_edge_show_the_segment_that_is_left():
     assert 0.5 < (z**2).mean() < 2.5
 
 
+def test_intervals_hold_where_an_edge_passes_and_no_error_is_zero():
+    """The segment that a straight edge leaves, of points all over the half-shadow."""
+    n, height, diameter, accuracy = 6000, 10.0, 0.533, Accuracy()
+    radius = height * np.tan(np.radians(diameter / 2))
+    screen = surface(0.0, quad([-8, -8, height], [8, 0, 0], [0, 16, 0]))
+    x, y = np.random.default_rng(3).uniform(-1, 1, (2, n))
+    points = np.stack([radius * x, y, 0 * x], axis=1)
+    disks = Disks(
+        scenes.build([screen]), np.array([[0, 0, 1.0]]), diameter, accuracy,
+        flat(points), flat(np.tile(UP, (n, 1))), dr.arange(mi.UInt32, n), None,
+    )  # fmt: skip
+    D = disks.by_replicate(range(accuracy.replicates), accuracy.sensor_sun_samples)
+    whole = disk_solid_angle(diameter) * np.cos(np.radians(diameter / 4))
+    seen = D.numpy().reshape(accuracy.replicates, n) / whole
+    part = (np.arccos(-x) + x * np.sqrt(1 - x**2)) / np.pi
+    error = seen.std(axis=0, ddof=1) / np.sqrt(len(seen))
+    crossed = (part > 0.03) & (part < 0.97)
+    assert (error[crossed] > 0.002).all()
+    off = seen.mean(axis=0) - part
+    held = abs(off) < student.isf(0.025, len(seen) - 1) * error
+    for low, high in ((0.03, 0.1), (0.1, 0.9), (0.9, 0.97)):
+        some = (part > low) & (part < high)
+        print(f"{low} to {high}: {held[some].mean():.3f} of {some.sum()}")
+        assert held[some].mean() > 0.93
+        assert abs(off[some].mean()) < 0.005
+    assert np.sqrt((off[crossed] ** 2).mean()) < 0.04
+    assert held[(part > 0.1) & (part < 0.9)].mean() < 0.98
+
+
+def test_what_is_expected_of_a_sliver_falls_with_the_number_of_directions():
+    assert sliver(48) == pytest.approx(0.8 / 48, rel=0.1)
+    assert sliver(480) < sliver(48) / 5
+
+
 def test_a_screen_finer_than_the_sun_lets_its_open_share_through(same):
     """Bars of which dozens cross a disk: its rim is often alike where the disk is not."""
     pitch, height, share = 0.004, 10.0, 0.05
@@ -99,10 +133,10 @@ def test_a_screen_finer_than_the_sun_lets_its_open_share_through(same):
     n = 1200
     points = np.c_[np.random.default_rng(1).uniform(-0.2, 0.2, (n, 2)), np.zeros(n)]
     disks = Disks(
-        scenes.build(bars), np.array([[0, 0, 1.0]]), 0.5, 3,
+        scenes.build(bars), np.array([[0, 0, 1.0]]), 0.5, Accuracy(seed=3, replicates=32),
         flat(points), flat(np.tile(UP, (n, 1))), dr.arange(mi.UInt32, n), None,
     )  # fmt: skip
-    edges = disks.rims[1]
+    edges = disks.rims.edges
     D = disks.by_replicate(range(32), 4).numpy().reshape(32, n)
     assert 0.2 < dr.width(edges) / n < 0.8  # the rims of the others miss every gap
     whole = disk_solid_angle(0.5)
