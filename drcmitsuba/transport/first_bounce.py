@@ -17,12 +17,13 @@ from drcmitsuba_plugins.symbolic import symbolic
 from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.deposit import Irradiance
 from drcmitsuba.transport.gather_blocks import Met
-from drcmitsuba.transport.ray_rows import WIDE
 
 Bins = tuple[int, int]
 
 MANY = 40
 """Number of cells per path of a sensor from which on the paths are summed."""
+WIDE = 4
+"""Number of bins that are read at once."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.runtime.flat_arrays import row_and_column
 from drcmitsuba.transport.lit_cells import Reached, Tile
-from drcmitsuba.transport.ray_rows import WIDE, RayRows
 
 SUMMED = 1 << 9
 """Number of cells whose light is summed in single precision."""
@@ -125,51 +124,26 @@ class PathMatrix(NamedTuple):
 
 
 class DenseMatrix(NamedTuple):
-    """Matrix of which every value is known, flat (replicate · cell, row)."""
+    """Matrix of which every value is known, shape (replicate · row, cell)."""
 
-    values: mi.Float
-    width: int
-    """Number of rows of a replicate, with room up to a multiple of `WIDE`."""
-    rows: int
+    values: mi.TensorXf
     replicates: int
-    cells: int
 
-    @classmethod
-    def of(cls, matrix: mi.TensorXf, replicates: int) -> DenseMatrix:
-        """Transpose a matrix (replicate · row, cell)."""
-        every, cells = matrix.shape
-        rows = every // replicates
-        width = -(-rows // WIDE) * WIDE
-        line, row = row_and_column(dr.arange(mi.UInt32, replicates * cells * width), width)
-        replicate, cell = row_and_column(line, cells)
-        count = dr.opaque(mi.UInt32, rows)
-        at = (replicate * count + row) * dr.opaque(mi.UInt32, cells) + cell
-        values = dr.gather(mi.Float, matrix.array, at, row < count)
-        dr.eval(values)
-        return cls(values, width, rows, replicates, cells)
+    @property
+    def rows(self) -> int:
+        """Number of rows of a replicate."""
+        return int(self.values.shape[0]) // self.replicates
 
     def columns(self, some: Columns) -> mi.TensorXf:
-        """Columns of some cells, as `Matrix.columns`, no two of which share one."""
-        every = self.replicates * self.rows
-        lane = dr.arange(mi.UInt32, every * self.cells)
-        line, row = row_and_column(lane, self.rows)
-        replicate, cell = row_and_column(line, self.cells)
-        entry = dr.gather(mi.UInt32, some.entries(every), cell)
+        """Columns of some cells, as `Matrix.columns`; no two cells share one."""
+        rows, cells = self.values.shape
+        row, cell = row_and_column(dr.arange(mi.UInt32, rows * cells), cells)
+        entry = dr.gather(mi.UInt32, some.entries(rows), cell)
         here = entry != NOWHERE
-        of_row = replicate * dr.opaque(mi.UInt32, self.rows) + row
-        entry += of_row * dr.opaque(mi.UInt32, some.size)
-        value = dr.gather(mi.Float, self.values, line * dr.opaque(mi.UInt32, self.width) + row)
-        out = dr.zeros(mi.Float, some.pieces * every * some.size)
-        dr.scatter(out, value, entry, here)
-        return mi.TensorXf(out, (some.pieces * every, some.size))
-
-    def times(self, rays: RayRows, cells: int) -> DenseMatrix:
-        """Product with the transpose of `rays`, rows (replicate · cell), of so many cells."""
-        return self._replace(values=rays.times(self.values, self.width), cells=cells)
-
-    def whole(self) -> mi.TensorXf:
-        """All columns, shape (replicate · row, cell)."""
-        return self.columns(Columns(dr.arange(mi.UInt32, self.cells), 0, self.cells, 1))
+        entry += row * dr.opaque(mi.UInt32, some.size)
+        out = dr.zeros(mi.Float, some.pieces * rows * some.size)
+        dr.scatter(out, self.values.array, entry, here)
+        return mi.TensorXf(out, (some.pieces * rows, some.size))
 
 
 @symbolic

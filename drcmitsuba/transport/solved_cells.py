@@ -21,14 +21,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.case.accuracy import Accuracy
-from drcmitsuba.runtime.flat_arrays import repeated, row_and_column
+from drcmitsuba.runtime import lazy
+from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
 from drcmitsuba.scene.geometry import is_triangle
 from drcmitsuba.scene.materials import is_diffuse
 from drcmitsuba.scene.scene import Scene
@@ -43,11 +44,17 @@ from drcmitsuba.transport.products import (
     DenseMatrix,
     Further,
     Matrix,
+    PathMatrix,
     RayMatrix,
     by_replicate,
     product,
+    rows_of,
 )
-from drcmitsuba.transport.ray_rows import RayRows, narrowed, widened
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+sparse = lazy.module("scipy.sparse")
 
 FEW = 8
 """Number of paths from a cell in the first round, in every replicate, at least."""
@@ -62,7 +69,7 @@ STEPS = 1
 """Number of last bounces before the sensor that are followed cell by cell."""
 AMONG_FURNITURE = 3
 """Number of them where light varies within a block, since something stands in the room."""
-SPARSE = 4
+SPARSE = 8
 """Multiplications of a product of matrices that take as long as one along a ray."""
 KEPT = 1 << 24
 """Largest number of values of what sensors have gathered that are kept for further states."""
@@ -90,6 +97,15 @@ class Followed(NamedTuple):
     """Columns of the rest, by way of blocks."""
 
 
+class _LastBounces(NamedTuple):
+    """What sensors gather in a replicate by the last bounces."""
+
+    to_cells: mi.TensorXf
+    """By way of cells, shape (sensor, cell)."""
+    onto_blocks: mi.TensorXf
+    """What goes on from blocks, shape (sensor, block)."""
+
+
 @dataclass(frozen=True)
 class Transfer:
     """Light that cells send to blocks of cells."""
@@ -107,10 +123,12 @@ class Transfer:
     """Sums over all bounces of all replicates, once they have been computed."""
     _sent: dict[range, RayMatrix] = field(default_factory=dict, init=False, repr=False)
     """Matrices W·T that have been made, by replicates."""
-    _rows: dict[tuple[range, bool], RayRows] = field(default_factory=dict, init=False, repr=False)
-    """T and its transpose as rows of rays, by replicates."""
-    _followed: dict[Any, Followed] = field(default_factory=dict, init=False, repr=False)
-    """What sensors have gathered, by the sensors and the replicates."""
+    _matrices: dict[int, csr_matrix] = field(default_factory=dict, init=False, repr=False)
+    """Matrices T that have been made, by replicate."""
+    _followed: dict[tuple[int, int, int], _LastBounces] = field(
+        default_factory=dict, init=False, repr=False
+    )
+    """What sensors have gathered, by the first and the last of them and the replicate."""
 
     @property
     def cells(self) -> int:
@@ -150,19 +168,13 @@ class Transfer:
         dr.eval(here)
         return mi.TensorXf(here, (rows, self.blocks.count))
 
-    def rows(self, replicates: range, *, transposed: bool) -> RayRows:
-        """T, or its transpose, of some replicates: rows (replicate · cell)."""
-        if (replicates, transposed) not in self._rows:
-            every = [self.bounces[r] for r in replicates]
-            source, cell, weight = (dr.concat(column) for column in zip(*every, strict=True))
-            ray = dr.arange(mi.UInt32, dr.width(source))
-            number, _ = row_and_column(ray, dr.width(source) // len(replicates))
-            first = number * dr.opaque(mi.UInt32, self.cells)
-            ends = (source + first, cell + first)
-            row, inner = reversed(ends) if transposed else ends
-            count = len(replicates) * self.cells
-            self._rows[replicates, transposed] = RayRows.sorted_by(row, inner, weight, count)
-        return self._rows[replicates, transposed]
+    def matrix(self, replicate: int) -> csr_matrix:
+        """T of a replicate, shape (cell, cell)."""
+        if replicate not in self._matrices:
+            source, cell, weight = (column.numpy() for column in self.bounces[replicate])
+            shape = self.cells, self.cells
+            self._matrices[replicate] = sparse.csr_matrix((weight, (source, cell)), shape=shape)
+        return self._matrices[replicate]
 
     def indirect(
         self, replicates: range, d: mi.TensorXf, reached: Reached | None = None
@@ -188,63 +200,51 @@ class Transfer:
             return dr.zeros(mi.TensorXf, (rows, bins))
         once = product(self.sent(replicates), d, reached)
         X = by_replicate(self.all_bounces(replicates), once, count)
-        direct, width = widened(d.array, rows, bins)
-        of_block, _ = widened(X.array, X.shape[0], bins)
-        row, column = row_and_column(dr.arange(mi.UInt32, rows * width), width)
-        Y = dr.gather(mi.Float, of_block, self._block(row) * dr.opaque(mi.UInt32, width) + column)
-        sends, of_blocks = self._sends(row), Y
-        for _ in range(self.steps):
-            lit = direct + Y
-            dr.eval(lit)
-            once = self.rows(replicates, transposed=False).times(lit, width)
-            Y = dr.select(sends, once, of_blocks)
-        return mi.TensorXf(narrowed(Y, rows, bins), (rows, bins))
+        block, light = self.blocks.of.numpy(), _by_replicate(d, count)
+        Y = np.ascontiguousarray(_by_replicate(X, count)[:, block])
+        for at, D, of_replicate in zip(replicates, light, Y, strict=True):
+            T = self.matrix(at)[: self.sending]
+            for _ in range(self.steps):
+                of_replicate[: self.sending] = T @ (D + of_replicate)
+        return mi.TensorXf(flat(Y), (rows, bins))
 
-    def _block(self, row: mi.UInt32) -> mi.UInt32:
-        """Row (replicate · block) for rows (replicate · cell)."""
-        replicate, cell = row_and_column(row, self.cells)
-        count = dr.opaque(mi.UInt32, self.blocks.count)
-        return dr.gather(mi.UInt32, self.blocks.of, cell) + replicate * count
+    def followed(self, replicates: range, to_cells: PathMatrix, sensors: slice) -> Followed:
+        """Follow what sensors gather, G₁, through the last bounces and then from blocks.
 
-    def _sends(self, row: mi.UInt32) -> mi.Bool:
-        """Whether rays start from the cells of rows (replicate · cell)."""
-        if self.sending is None:
-            return mi.Bool(True)
-        _, cell = row_and_column(row, self.cells)
-        return cell < dr.opaque(mi.UInt32, self.sending)
-
-    def _of_blocks(self, replicates: int) -> RayRows:
-        """Sums over the cells of every block, rows (replicate · block)."""
-        row = dr.arange(mi.UInt32, replicates * self.cells)
-        one, rows = dr.full(mi.Float, 1, dr.width(row)), replicates * self.blocks.count
-        return RayRows.sorted_by(self._block(row), row, one, rows)
-
-    def followed(self, replicates: range, to_cells: Matrix, sensors: slice) -> Followed:
-        """Follow what sensors gather, G₁, through the last bounces and then from blocks."""
-        key = (sensors.start, sensors.stop, replicates)
-        if key in self._followed:
-            return self._followed[key]
-        blocks, count = self.blocks, len(replicates)
+        `to_cells` is G₁ of these replicates. States of a façade ask for the same sensors again.
+        """
+        blocks = self.blocks
         if not self.steps:
             onto_blocks = to_cells.columns(Columns(blocks.of, 0, blocks.count, 1))
             return Followed(to_cells, self._onward(replicates, onto_blocks))
-        every = Columns(dr.arange(mi.UInt32, self.cells), 0, self.cells, 1)
-        at_cells = DenseMatrix.of(to_cells.columns(every), count)
-        total, transposed = at_cells.values, self.rows(replicates, transposed=True)
-        line, _ = row_and_column(dr.arange(mi.UInt32, dr.width(total)), at_cells.width)
-        ends, idle = ~self._sends(line), mi.Float(0)
+        parts = []
+        for r in replicates:
+            key = sensors.start, sensors.stop, r
+            part = self._followed.get(key)
+            if part is None:
+                part = self._of_replicate(r, to_cells._replace(replicates=1, first=r))
+                if to_cells.rows * len(self.bounces) * self.cells <= KEPT:
+                    self._followed[key] = part
+            parts.append(part)
+        whole = DenseMatrix(rows_of([part.to_cells for part in parts]), len(parts))
+        return Followed(whole, self._onward(replicates, rows_of([p.onto_blocks for p in parts])))
+
+    def _of_replicate(self, replicate: int, to_cells: PathMatrix) -> _LastBounces:
+        """Follow what sensors gather in a replicate through the last bounces."""
+        every, sending = dr.arange(mi.UInt32, self.cells), self.sending
+        first = to_cells.columns(Columns(every, 0, self.cells, 1)).numpy()
+        A, T = np.ascontiguousarray(first.T), self.matrix(replicate)[:sending].T.tocsr()
+        total, end = A.copy(), np.zeros_like(A)
         for _ in range(self.steps):
-            idle += dr.select(ends, at_cells.values, 0)
-            at_cells = at_cells.times(transposed, self.cells)
-            total = total + at_cells.values
-            dr.eval(total, idle)
-        at_cells = at_cells._replace(values=at_cells.values + idle)
-        onto_blocks = at_cells.times(self._of_blocks(count), blocks.count).whole()
-        whole = at_cells._replace(values=total)
-        out = Followed(whole, self._onward(replicates, onto_blocks))
-        if to_cells.rows * count * self.cells <= KEPT:
-            self._followed[key] = out
-        return out
+            if sending is not None:
+                end[sending:] += A[sending:]
+            A = T @ A[:sending]
+            total += A
+        of_block = sparse.csr_matrix(
+            (np.ones(self.cells, np.float32), (self.blocks.of.numpy(), np.arange(self.cells)))
+        )
+        tensors = (mi.TensorXf(flat(x.T), x.T.shape) for x in (total, of_block @ (A + end)))
+        return _LastBounces(*tensors)
 
     def _onward(self, replicates: range, to_blocks: mi.TensorXf) -> Further:
         """Make the function that gives columns of (A·P)·M·(W·T).
@@ -269,6 +269,12 @@ class Transfer:
         of_light = bins * (blocks * (lit + blocks) + rays + sensors * self.cells)
         of_sensors = lit * blocks * (blocks + sensors) + sensors * (rays + lit * bins)
         return of_light <= of_sensors
+
+
+def _by_replicate(light: mi.TensorXf, replicates: int) -> np.ndarray:
+    """Light (replicate · row, bin) as an array (replicate, row, bin)."""
+    rows, bins = light.shape
+    return np.asarray(light.array.numpy().reshape(replicates, rows // replicates, bins))
 
 
 def solved(

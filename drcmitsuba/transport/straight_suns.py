@@ -123,8 +123,9 @@ class Rims(NamedTuple):
     """D [sr] of `RIM` directions around each disk, flat (sensor, sun)."""
 
     mean: mi.Float
+    least: mi.Float
     most: mi.Float
-    """Largest D of any direction."""
+    """Least and largest D of any direction."""
     edges: mi.UInt32
     """Entries where a shadow's edge crosses the disk."""
 
@@ -206,7 +207,7 @@ class Disks:
             )  # fmt: skip
         slits = hidden_in_disks(self.scene, self.p, self.suns, self.diameter, self.within)
         edges = dr.compress((most - least > ALIKE * most) | (slits & (most == 0)))
-        return Rims(mean, most, edges)
+        return Rims(mean, least, most, edges)
 
     def edges(self, samples: int) -> mi.Float:
         """D [sr] of disks that a shadow's edge crosses, flat (replicate, edge), all replicates.
@@ -228,14 +229,17 @@ class Disks:
             full = dr.gather(mi.Float, self.rims.most, edges)
             dr.eval(least, most)
             replicate, edge = row_and_column(dr.arange(mi.UInt32, count * width), width)
-            holder = dr.gather(mi.UInt32, edges, edge) % dr.opaque(mi.UInt32, count)
+            entry = dr.gather(mi.UInt32, edges, edge)
+            turn = (entry * mi.UInt32(0x9E3779B1)) >> 16  # neighbours share no replicate
+            holder = turn % dr.opaque(mi.UInt32, count)
             share = dr.opaque(mi.Float, min(1.0, count * sliver(count * samples)))
             part = dr.select(replicate == holder, share, 0)
             dark = dr.gather(mi.Bool, (most == 0) & (full > 0), edge)
-            lit = dr.gather(mi.Bool, least >= (1 - ALIKE) * full, edge)
+            shadow = dr.gather(mi.Float, self.rims.least, edges) < 0.5 * full
+            lit = dr.gather(mi.Bool, shadow & (least >= (1 - 0.5 / samples) * full), edge)
             whole, pairs = dr.gather(mi.Float, full, edge), dr.opaque(mi.UInt32, count // 2 * 2)
-            alike = dr.gather(mi.Bool, most - least < full / (2 * samples), edge) & ~(dark | lit)
-            third = dr.select(replicate & 1 == 0, whole, -whole) / (3 * samples)
+            alike = dr.gather(mi.Bool, most - least < ALIKE * full / samples, edge) & ~(dark | lit)
+            third = dr.select((replicate + turn) & 1 == 0, whole, -whole) / (3 * samples)
             D = dr.select(dark, part * whole, dr.select(lit, (1 - part) * D, D))
             self._drawn[samples] = D + dr.select(alike & (replicate < pairs), third, 0)
             dr.eval(self._drawn)

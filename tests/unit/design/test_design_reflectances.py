@@ -128,11 +128,14 @@ def test_film_equals_a_fresh_simulation(same):
 def test_direct_sun_is_that_of_the_coefficients(interiors, year, same):
     case = case_of(100, replicates=16)
     points, normals = sensor_points(case)
-    ordinary = compute(scenes.load(case), points, normals, year.suns, case.accuracy)
-    exact = accumulate.direct_sun(ordinary, year.sky)["direct_sun"].values
+    others = []
+    for seed in range(6):  # what an edge of shadow leaves of a disk has an error in each
+        accuracy = case.accuracy.model_copy(update={"seed": 100 + seed})
+        ordinary = compute(scenes.load(case), points, normals, year.suns, accuracy)
+        others.append(accumulate.direct_sun(ordinary, year.sky)["direct_sun"].values)
     E = np.stack([interior.illuminance({}).direct.numpy() for interior in interiors])
-    assert exact.max() > 1000
-    same(E, exact=exact, within=0.01)
+    assert others[0].max() > 1000
+    same(E, other=np.stack(others), within=0.01)
 
 
 def mean_of(interior, rho):

@@ -34,7 +34,7 @@ CASE = {
     "sensors": {"corner": [0.4, 0.4, 0.8], "count": [4, 5], "spacing": 0.7},
     "accuracy": {
         "replicates": 8, "paths": 256, "cell_size": 0.5, "sensor_sky_rays": 64,
-        "cell_sky_rays": 64, "sensor_sun_samples": 1,
+        "cell_sky_rays": 64, "sensor_sun_samples": 4,
     },
 }  # fmt: skip
 

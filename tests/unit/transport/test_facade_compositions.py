@@ -277,10 +277,11 @@ def test_compositions_are_what_they_are_alone(state):
         )  # fmt: skip
         of_state = share @ palette.closing if state == "shaded" else share
         ours, theirs = both(of_state, basis, alone, light)
-        z = (ours.mean(0) - theirs.mean(0)) / np.sqrt((ours.var(0) + theirs.var(0)) / 7)
+        n = len(ours)
+        z = (ours.mean(0) - theirs.mean(0)) / np.sqrt((ours.var(0) + theirs.var(0)) / (n - 1))
         assert np.abs(z).max() < 5.4  # Šidák over 12 sensors and 4 cases, t of 7 degrees: 0.1 %
         ours, theirs = ours.mean(1), theirs.mean(1)
-        error = np.sqrt((ours.var() + theirs.var()) / 7)
+        error = np.sqrt((ours.var() + theirs.var()) / (n - 1))
         assert abs(ours.mean() - theirs.mean()) < 4 * error
         assert error < 0.02 * theirs.mean()  # or the line above would say little
         for name in ("straight", "direct"):
