@@ -117,12 +117,15 @@ class Traits:
     """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
 
     @classmethod
-    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None) -> Traits:
-        """Collect the traits of a scene's surfaces for photons from the given ports."""
+    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool) -> Traits:
+        """Collect the traits of a scene's surfaces for photons from the given ports.
+
+        Photons that count what is `imaged` take planar mirrors for any others.
+        """
         scene, parts = ports.scene, ports.scene.parts
         bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
         mirrors = PlanarMirrors.of(scene)
-        if mirrors is not None:
+        if mirrors is not None and not imaged:
             bits = [bit | IMAGES * (i in mirrors.parts) for i, bit in enumerate(bits)]
         if panes is not None:
             changes = map(panes.have, parts)

@@ -27,7 +27,7 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
-from drcmitsuba.scene.geometry import is_triangle, normals, reversed_quads
+from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
 from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.transport.bsdf_lookup import number, table
 
@@ -54,7 +54,7 @@ STEPS = 513
 NONE = 0xFFFFFFFF
 
 
-def is_planar_mirror(part: Part) -> bool:
+def is_planar_mirror(part: Surface) -> bool:
     """Whether a part mirrors without scattering, and in few planes where it is a body."""
     m = part.material
     if isinstance(m, GlazingMaterial):
@@ -68,12 +68,19 @@ def albedo(material: SurfaceMaterial) -> float:
     return float(_reflectances(material)[:, -1].max())
 
 
-def _counts(part: Part, effects: EnabledEffects) -> bool:
+def has_images(part: Surface, effects: EnabledEffects) -> bool:
     """Whether the effects of a scene let the light of a planar mirror count."""
     if part.component:
         return effects.components
     pane = part.material
     return effects.pane_to_pane or (isinstance(pane, GlazingMaterial) and pane.ior is not None)
+
+
+def planes_followed(quads: np.ndarray) -> tuple[int, int]:
+    """Numbers of planes of mirrors (quad, 4, 3) in which suns have images, and of those without."""
+    axis, axes = _axes(quads)
+    plane, kept = _numbered_planes(quads, axis, axes)
+    return len(kept), len(np.unique(plane[plane >= 0])) - len(kept) + len(_planes(quads[axis < 0]))
 
 
 def turns_beyond_mirrors(scene: Scene) -> bool:
@@ -140,7 +147,7 @@ class PlanarMirrors:
         mirrors = [
             (i, part)
             for i, part in enumerate(scene.parts)
-            if is_planar_mirror(part) and _counts(part, scene.effects)
+            if is_planar_mirror(part) and has_images(part, scene.effects)
         ]
         if not mirrors:
             return None
@@ -150,8 +157,7 @@ class PlanarMirrors:
         plane, kept = _numbered_planes(quads, axis, axes)
         if not len(kept):
             return None
-        left_out = len(np.unique(plane[plane >= 0])) - len(kept)
-        left_out += len(_planes(quads[axis < 0]))
+        left_out = planes_followed(quads)[1]
         axis = np.where(np.isin(plane, kept), axis, -1)
         used, axis = np.unique(axis, return_inverse=True)
         axis = axis.ravel() - int(used[0] == -1)

@@ -98,8 +98,8 @@ def test_films_and_glass_that_mirrors():
 
 @pytest.mark.parametrize("before", [False, True])
 def test_photons_of_ports_left_out_count_nowhere(monkeypatch, before):
-    def every(scene):
-        return [Port("", quad) for _, quad in pane_sides(scene)]
+    def every(scene, *, imaged=False):
+        return [Port("", quad) for _, quad in pane_sides(scene, imaged=imaged)]
 
     floor = (
         Lambertian(0.5),
