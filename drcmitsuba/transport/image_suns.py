@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
+from math import prod
 from typing import Any
 
 import drjit as dr
@@ -32,13 +33,15 @@ from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
-from drcmitsuba.transport.openings import Openings, Within
+from drcmitsuba.transport.openings import SLACK, Openings, Within
 from drcmitsuba.transport.planar_mirrors import MOST_IN_TURN, PlanarMirrors
 from drcmitsuba.transport.shadow_rays import sun_deposit, visibility
 from drcmitsuba.transport.sun_clusters import possible_pairs
 
 MOST_SURFACES = 24
 """Largest number of panes and mirrors that a ray passes between two turns."""
+MOST_TESTS = 64
+"""Largest number of sequences of rectangles by which rays are tested before they are traced."""
 FAINT = 1e-5
 """Weight below which rays end [–]."""
 
@@ -167,7 +170,27 @@ class ImageSuns:
         self, chain: tuple[int, ...], p: mi.Point3f, d: mi.Vector3f, active: mi.Bool
     ) -> mi.Float:
         """Share of light [–] that reaches points from directions d by the mirrors of a chain."""
+        if prod(len(self.mirrors.rectangles[axis]) // 2 for axis in chain) <= MOST_TESTS:
+            active = active & self._may_take(chain, p, d)
         return self._followed(p, d, active, mi.Float(1), _InTurn(self, chain))
+
+    def _may_take(self, chain: tuple[int, ...], p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+        """Whether rays meet a rectangle of each axis of a chain in turn, were nothing else there.
+
+        It spares the tracing of most rays to two mirrors in turn.
+        """
+        every, may = Openings(self.mirrors.rectangles[chain[0]][::2]), mi.Bool(False)
+        for i in range(len(every.quads)):
+            corner, n, *sides, length = every.axes(i)
+            t = dr.dot(corner - p, n) / dr.dot(d, n)
+            at, meets = p + t * d, t > 0
+            for side, most in zip(sides, length.xy, strict=True):
+                place = dr.dot(at - corner, side)
+                meets &= (place > -SLACK) & (place < most + SLACK)
+            if len(chain) > 1:
+                meets &= self._may_take(chain[1:], at, d - 2 * dr.dot(d, n) * n)
+            may |= meets
+        return may
 
     @symbolic
     def _followed(
