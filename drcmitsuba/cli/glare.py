@@ -28,6 +28,11 @@ def _point(text: str) -> list[float]:
     return numbers
 
 
+def _tell(seconds: float) -> None:
+    """Print the forecast of the time [s]."""
+    print(f"forecast: about {seconds:.2g} s" if seconds < 100 else f"forecast: {seconds:.0f} s")
+
+
 def glare(
     case: CaseName,
     output: Output = Path("glare"),
@@ -55,7 +60,7 @@ def glare(
     rule = Rule(threshold=threshold, constants=PAPER if paper else EVALGLARE)
     loaded = load(case, weather)
     with stages() as stage:
-        result = run(loaded, points, rule=rule, stage=stage)
+        result = run(loaded, points, rule=rule, stage=stage, told=_tell)
         result.save(output, stage)
     numbers = result.numbers()
     show(*(_table(state, rows) for state, rows in numbers["DGP"].items()))

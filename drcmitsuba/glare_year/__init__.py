@@ -16,6 +16,8 @@ seen
     Luminances of what is seen from a place.
 tiles, components, sources
     Rays near each other; graphs; glare sources of every hour.
+forecast
+    Time that a year takes.
 state
     One state of the façade over the year.
 result

@@ -1,15 +1,16 @@
 r"""Chains: what the rays of an eye meet, through panes and by way of mirrors, and with what weight.
 
 A ray goes straight through clear panes, gaps and the straight-through part of films, and turns at
-smooth mirrors. On its way it collects *ends*: the outside (sky, ground or sun), a film that glows,
-and points of surfaces that reflect or transmit diffusely. The luminance that the eye sees is
+smooth mirrors and at panes that mirror. On its way it collects *ends*: the outside (sky, ground or
+sun), a film that glows, and points of surfaces that reflect or transmit diffusely. The luminance
+that the eye sees is
 
 .. math:: L = \sum_e w_e L_e
 
 with the weight of an end w [–], the product of the transmittances and mirrors before it.
 
-Limits: of clear solids and rough mirrors one direction is drawn; reflection of the room in the
-panes, and of the sky in the outside of panes, is left out.
+Limits: of clear solids and rough mirrors one direction is drawn; panes show the images of sky and
+suns, but not those of surfaces; what they mirror is followed over `MOST_IN_TURN` turns.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
     DiffuserMaterial,
+    GlazingMaterial,
     Lambertian,
     MirrorMaterial,
     PorousMaterial,
@@ -35,13 +37,16 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.materials import bsdf, channel_of
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport import bsdf_lookup
+from drcmitsuba.transport.image_suns import ImageSuns
+from drcmitsuba.transport.planar_mirrors import MOST_IN_TURN
 
 MOST_SURFACES = 24
 """Largest number of surfaces on a chain."""
 LEAST_WEIGHT = 1e-5
 """Weight below which a chain ends [–]."""
-STRAIGHT, TURNED, SCATTERED = range(3)
-"""Ways of a ray: without a turn, by smooth mirrors and clear solids, by a rough mirror as well."""
+STRAIGHT, TURNED, SCATTERED = 0, MOST_IN_TURN + 1, MOST_IN_TURN + 2
+"""Ways of a ray: without a turn, by smooth mirrors and clear solids, by a rough mirror as well.
+Numbers between are those of the planar mirrors in turn, whose images of suns are exact."""
 OFFSET = 1e-4
 """Distance at which a ray goes on behind a surface, over its largest coordinate plus 1 m [–]."""
 
@@ -62,7 +67,7 @@ class Ends(NamedTuple):
     part: np.ndarray
     """Index of the scene's part, −1 for the outside, int, shape (end,)."""
     path: np.ndarray
-    """How the ray came here: `STRAIGHT`, `TURNED` or `SCATTERED`, int, shape (end,)."""
+    """How the ray came here, from `STRAIGHT` to `SCATTERED`, int, shape (end,)."""
 
     def take(self, which: np.ndarray) -> Ends:
         """Some of the ends."""
@@ -78,10 +83,11 @@ class _Rays:
     p: np.ndarray
     d: np.ndarray
     path: np.ndarray
+    in_pane: np.ndarray
+    """Whether a pane has mirrored the ray: what surfaces send along it is left out."""
 
     def take(self, which: np.ndarray) -> _Rays:
-        return _Rays(self.ray[which], self.weight[which], self.p[which], self.d[which],
-                     self.path[which])  # fmt: skip
+        return _Rays(*(column[which] for column in _columns(self)))
 
     def ends(self, part: int, normals: np.ndarray | None = None, weight: Any = 1.0) -> Ends:
         """Ends here; `weight` (…) or (channel,) is the share of each end's light."""
@@ -119,7 +125,8 @@ class Chains:
         every: dict[str, list[Ends]] = {"outside": [], "films": [], "surfaces": []}
         count = len(points)
         straight = np.full(count, STRAIGHT)
-        on = _Rays(np.arange(count), np.ones(count), points, directions, straight)
+        clean = np.zeros(count, bool)
+        on = _Rays(np.arange(count), np.ones(count), points, directions, straight, clean)
         for depth in range(MOST_SURFACES):
             on = self._step(on, every, depth)
             if not len(on.ray):
@@ -157,6 +164,14 @@ class Chains:
     ) -> Iterator[_Rays]:
         """Note the ends of rays at a part of the scene, and yield those that it turns."""
         material = self.scene.parts[index].material
+        if isinstance(material, GlazingMaterial):
+            followed = on.path < MOST_IN_TURN
+            if self.images is not None and index in self.images.mirrors.parts and followed.any():
+                yield self._turned(index, on.take(followed), n[followed], depth)
+            return
+        on, n = on.take(~on.in_pane), n[~on.in_pane]
+        if not len(on.ray):
+            return
         front = np.einsum("ri,ri->r", n, on.d) < 0
         towards = np.where(front[:, None], n, -n)
         if isinstance(material, Lambertian):
@@ -189,16 +204,28 @@ class Chains:
         si = dr.zeros(mi.SurfaceInteraction3f, len(on.ray))
         si.p, si.n, si.sh_frame = _points(on.p), normal, mi.Frame3f(normal)
         si.wi = si.to_local(-d)
+        ctx, is_pane = mi.BSDFContext(), isinstance(material, GlazingMaterial)
+        if is_pane:
+            ctx.component = 0  # the mirrored part
         bs, weight = self._turning[index].sample(
-            mi.BSDFContext(), si, flat(numbers[0]), mi.Point2f(flat(numbers[1]), flat(numbers[2]))
+            ctx, si, flat(numbers[0]), mi.Point2f(flat(numbers[1]), flat(numbers[2]))
         )
         onward = np.array(si.to_world(bs.wo)).T.astype(float)
         share = weight[0].numpy() * getattr(material, "specular", 1.0)
         path = np.maximum(on.path, SCATTERED if getattr(material, "roughness", 0) else TURNED)
-        return replace(on, weight=on.weight * share, d=onward, path=path)
+        if self.images is not None and index in self.images.mirrors.parts:
+            path = np.where(on.path < TURNED, on.path + 1, on.path)
+        return replace(
+            on, weight=on.weight * share, d=onward, path=path, in_pane=on.in_pane | is_pane
+        )
 
     def _channels(self, reflectance: Any) -> np.ndarray:
         return np.array([channel_of(reflectance, channel) for channel in self.channels])
+
+    @cached_property
+    def images(self) -> ImageSuns | None:
+        """Images of suns in planar mirrors; None without such mirrors."""
+        return ImageSuns.of(self.scene)
 
     @cached_property
     def _parts(self) -> mi.UInt32:
@@ -212,13 +239,13 @@ class Chains:
         for i, part in enumerate(self.scene.parts):
             if isinstance(part.material, MirrorMaterial):
                 made[i] = mi.load_dict(bsdf(part.material.model_copy(update={"specular": 1.0})))
-            elif isinstance(part.material, DielectricMaterial):
+            elif isinstance(part.material, DielectricMaterial | GlazingMaterial):
                 made[i] = part.bsdf
         return made
 
 
 def _columns(rays: _Rays) -> tuple[np.ndarray, ...]:
-    return rays.ray, rays.weight, rays.p, rays.d, rays.path
+    return rays.ray, rays.weight, rays.p, rays.d, rays.path, rays.in_pane
 
 
 def _points(p: np.ndarray) -> mi.Point3f:

@@ -22,6 +22,8 @@ from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 sparse = lazy.module("scipy.sparse")
 
+FAINT = 0.3
+"""Weight up to which what is seen outside, in a pane that mirrors it, may stand for a tile [–]."""
 LIFT = 1e-3
 """Distance of a point from its surface [m]."""
 
@@ -94,10 +96,10 @@ def seen(
     count = len(sent.directions)
     outside, films, surfaces = chains.ends(np.broadcast_to(place, (count, 3)), sent.directions)
     alone = np.ones(count, bool)
-    alone[outside.ray] = alone[films.ray] = False
+    alone[outside.ray[outside.weight > FAINT]] = alone[films.ray] = False
     ray = merged(sent.tile, np.where(alone, _keys(surfaces, count), -1), sent.directions)
     kept, pixel = np.unique(ray, return_inverse=True)
-    surfaces = surfaces.take(np.isin(surfaces.ray, kept))
+    surfaces, outside = (ends.take(np.isin(ends.ray, kept)) for ends in (surfaces, outside))
     at = np.searchsorted(kept, np.arange(count)).clip(max=len(kept) - 1)
     first = np.flatnonzero(np.r_[True, np.diff(sent.tile) > 0, True])
     mirroring = np.unique(sent.tile[outside.ray[outside.path == TURNED]])

@@ -26,6 +26,8 @@ from drcmitsuba.sky.daylight import Daylight
 
 COEFFICIENTS = 1 << 23
 """Largest number of coefficients of surfaces in one replicate that are in memory at once."""
+SKY_RAYS = 512
+"""Largest number of rays to the sky of a surface's point in a replicate: many make a source."""
 LUMINANCES = 1 << 25
 """Largest number of luminances of pixels in hours that are in memory at once."""
 
@@ -175,15 +177,18 @@ def _of_surfaces(
     out = np.zeros((len(surfaces.points), sky.sizes["time"]), np.float32)
     noise = []
     bins = len(light.suns.labels) + sky.sizes["bin"]
+    rays = min(SKY_RAYS, case.accuracy.sensor_sky_rays)
+    accuracy = case.accuracy.model_copy(update={"sensor_sky_rays": rays})
+    coarser = case.with_tables(accuracy=accuracy)
     step = max(64, COEFFICIENTS // bins)
     alone = replace(run, shared=None)  # every chunk has points of its own
     for start in range(0, len(surfaces.points), step):
         here = slice(start, start + step)
         some = surfaces.take(here)
         C = of_points(
-            case, state, light.suns, sky.attrs["latitude"], some.points, some.normals, run=alone
+            coarser, state, light.suns, sky.attrs["latitude"], some.points, some.normals, run=alone
         )
-        average = C["replicates"].mean("replicate").expand_dims("replicate")
+        average = C["replicates"].mean("replicate", skipna=False).expand_dims("replicate")
         mean = C.drop_vars("replicates").assign(replicates=average)
         every = np.arange(len(some.points))
         out[here] = _luminances(mean, sky, some, every)[0]

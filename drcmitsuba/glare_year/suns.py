@@ -1,8 +1,10 @@
 """Suns as an eye sees them: the visible part of their disks, straight and in mirrors.
 
-A disk that is seen straight has directions of its own. Where rays of the eye leave by way of smooth
-mirrors or clear solids, their tiles are looked at with `FINEST`² rays each: those that end in the
-disk of a sun show its image, of the sun's luminance, at their place and with their solid angle.
+A disk that is seen straight has directions of its own, and so has its image by each chain of planar
+mirrors, by exact geometry: see `transport.image_suns`. Where rays of the eye leave by way of other
+smooth mirrors or clear solids, their tiles are looked at with `FINEST`² rays each: those that end
+in the disk of a sun show its image, of the sun's luminance, at their place and with their solid
+angle.
 
 Limits: rough mirrors show no image. A ray at a clear solid is either reflected or refracted, by
 chance, so that an image is smaller instead of dimmer. An image of n rays has a solid angle that is
@@ -11,6 +13,7 @@ uncertain by less than n^½ of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import drjit as dr
@@ -23,7 +26,7 @@ from drcmitsuba.glare_year.pixels import within
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
-from drcmitsuba.scene.scene import Scene
+from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.shadow_rays import straight
 
 spatial = lazy.module("scipy.spatial")
@@ -73,7 +76,14 @@ def images(
     """
     if not len(suns):
         return NONE
-    parts = [_straight(chains.scene, place, suns, diameter, seed)]
+    p = mi.Point3f(*map(float, place))
+
+    def straight_on(d: mi.Vector3f) -> mi.Float:
+        return straight(chains.scene, p, d, mi.Bool(True))
+
+    parts = [_disks(np.arange(len(suns)), suns, diameter, seed, straight_on)]
+    if chains.images is not None:
+        parts += _in_planes(chains.images, p, suns, diameter, seed)
     parts += [
         _mirrored(chains, place, mirroring[i : i + TILES], suns, diameter, seed + i)
         for i in range(0, len(mirroring), TILES)
@@ -81,20 +91,39 @@ def images(
     return Images(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _straight(
-    scene: Scene, place: np.ndarray, suns: np.ndarray, diameter: float, seed: int
-) -> Images:
-    """Suns that are seen through panes alone."""
-    lane = dr.arange(mi.UInt32, len(suns) * SAMPLES)
-    sun, centres = lane // SAMPLES, flat(suns)
-    uv = even_numbers(lane % SAMPLES, sun, seed, 0)
-    d = sample_disk(dr.gather(mi.Vector3f, centres, sun), diameter, uv)
-    p = mi.Point3f(*map(float, place))
-    tau = straight(scene, p, d, mi.Bool(True)).numpy().reshape(-1, SAMPLES).astype(float)
+def _disks(
+    index: np.ndarray, centres: np.ndarray, diameter: float, seed: int,
+    reached: Callable[[mi.Vector3f], mi.Float],
+) -> Images:  # fmt: skip
+    """Disks around centres (disk, 3) of suns `index` (disk,), where any of their light arrives."""
+    lane = dr.arange(mi.UInt32, len(index) * SAMPLES)
+    disk = lane // SAMPLES
+    uv = even_numbers(lane % SAMPLES, disk, seed, 0)
+    d = sample_disk(dr.gather(mi.Vector3f, flat(centres), disk), diameter, uv)
+    tau = reached(d).numpy().reshape(-1, SAMPLES).astype(float)
     visible = (tau > 0).sum(axis=1)
     seen = np.flatnonzero(visible)
     omega = disk_solid_angle(diameter) * visible[seen] / SAMPLES
-    return Images(seen, suns[seen], omega, tau[seen].sum(axis=1) / visible[seen])
+    return Images(index[seen], centres[seen], omega, tau[seen].sum(axis=1) / visible[seen])
+
+
+def _in_planes(
+    images: ImageSuns, p: mi.Point3f, suns: np.ndarray, diameter: float, seed: int
+) -> Iterator[Images]:
+    """Yield the images of suns by each chain of planar mirrors."""
+    for k, chain in enumerate(images.mirrors.chains):
+        d, may = images.mirrors.images(chain, suns)
+        openings, centres = images.seen_first(chain), flat(d)
+        every = dr.arange(mi.UInt32, len(d))
+        towards = dr.gather(mi.Vector3f, centres, every)
+        spread = dr.opaque(mi.Float, np.radians(diameter) / 2)
+        may &= openings.passed(every, p, towards, spread).numpy()
+        if some := np.flatnonzero(may).tolist():
+
+            def reached(d: mi.Vector3f, chain: tuple[int, ...] = chain) -> mi.Float:
+                return images.reached(chain, p, d, dr.full(mi.Bool, True, dr.width(d)))
+
+            yield _disks(np.array(some), d[some], diameter, seed + 7 * k + 1, reached)
 
 
 def _mirrored(

@@ -18,6 +18,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from drcmitsuba.annual.run import Run
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import APPLIED, OPEN, VARYING, State
 from drcmitsuba.case.reading import load_case
+from drcmitsuba.glare_year import forecast
 from drcmitsuba.glare_year.eyes import Eyes, eyes
 from drcmitsuba.glare_year.result import GlareYear
 from drcmitsuba.glare_year.rule import Rule
@@ -52,7 +54,7 @@ MOST_STATES = 12
 
 def glare(
     case: Case | str | Path, points: ArrayLike | None = None, *, rule: Rule | None = None,
-    stage: Stage = silent,
+    stage: Stage = silent, told: Callable[[float], None] | None = None,
 ) -> GlareYear:  # fmt: skip
     """Evaluate the glare of every view of a case at every time stamp of its period.
 
@@ -67,6 +69,8 @@ def glare(
         Threshold of glare sources, constants of DGP; by default those of `evalglare`.
     stage : callable, optional
         Function that shows the stages of the work.
+    told : callable, optional
+        Takes the forecast of the time of all stages [s], before most of them.
 
     Returns
     -------
@@ -100,6 +104,8 @@ def glare(
     simulated = case if effects.shade else case.with_tables(shading=None, groups={})
     taken, notes = _taken(simulated, light, run)
     states = list(dict.fromkeys((*_states_of(simulated), *(() if taken is None else taken.states))))
+    if told is not None:
+        told(forecast.seconds(simulated, states, light, looking, effects))
     times = np.arange(light.sky.sizes["time"])
     E = np.stack([at_eyes(simulated, state, light, looking, run) for state in states], axis=1)
     S, sharp = np.zeros((2, *E.shape[1:]))

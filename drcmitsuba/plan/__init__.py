@@ -2,7 +2,7 @@
 
 panes
     Materials of the façades by their effect on light; largest albedo and depth.
-facts, effect, decide, reflected
+facts, effect, decide, reflected, mirrors
     One function for each effect, with the quantity that decides it.
 planning
     `plan`: all decisions about a case, and the enabled effects that transport reads.

@@ -188,7 +188,8 @@ def pane_to_pane(facts: Facts) -> Effect:
             f"{'; '.join(reasons)}: light from pane to pane is not simulated with an adaptive sun",
             missing=True,
         )
-    return Effect(True, f"{'; '.join(reasons)}: photons follow it")
+    how = "photons follow it" if in_turn else "images of the suns, rays to the sky"
+    return Effect(True, f"{'; '.join(reasons)}: {how}")
 
 
 def obstructions(facts: Facts) -> Effect:

@@ -13,6 +13,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.plan import decide, reflected
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
+from drcmitsuba.plan.mirrors import mirrors
 from drcmitsuba.scene.components import place
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.leaks import refuse_leaks
@@ -102,7 +103,8 @@ def plan(case: Case, light: Daylight) -> Plan:
     effects = {
         name: effect.decided(name, chosen.get(name, "auto")) for name, effect in decisions.items()
     }
-    return Plan(facts, effects, _scope(facts, effects, chosen, depth))
+    scope = _scope(facts, effects, chosen, depth)
+    return Plan(facts, {**effects, "mirrors": mirrors(facts, scope)}, scope)
 
 
 def _scope(

@@ -1,7 +1,9 @@
 """Light that components throw on surfaces: photons, counted on small cells of these surfaces.
 
 The irradiance of a surface by photons is that of the cell in which it lies; cells for the light of
-a sun are smaller than those for the sky's. The picture blurs patterns of light by their size.
+a sun are smaller than those for the sky's. The picture blurs patterns of light by their size. What
+planar mirrors send there of the sun has exact images, which `hour` looks for; of the sky photons
+count it as well.
 """
 
 from __future__ import annotations
@@ -32,8 +34,8 @@ class Caustics:
 
     of_sky: tuple[Landed, ...]
     """Photons of the sky in every replicate."""
-    sun: PhotonTracer
-    """Tracer of a sun's photons."""
+    sun: PhotonTracer | None
+    """Tracer of a sun's photons; None where all of its light has images."""
     accuracy: Accuracy
 
     @classmethod
@@ -46,11 +48,14 @@ class Caustics:
         def tracer(size: float, photons: int, subdivision: int | None) -> PhotonTracer | None:
             size = min(size, accuracy.cell_size)
             finer = accuracy.model_copy(update={"cell_size": size, "photons": photons})
-            return PhotonTracer.of(scene, none, none, none, diameter, subdivision, finer)
+            imaged = subdivision is not None
+            return PhotonTracer.of(
+                scene, none, none, none, diameter, subdivision, finer, imaged=imaged
+            )
 
         sky = tracer(SKY_CELL, accuracy.photons, subdivision)
         sun = tracer(SUN_CELL, SUN_PHOTONS * accuracy.photons, None)
-        if sky is None or sun is None:
+        if sky is None:
             return None
         seeds = [launch_seed(accuracy.seed, Stream.PHOTONS, r) for r in range(accuracy.replicates)]
         return cls(tuple(sky.traced(seed + 1) for seed in seeds), sun, accuracy)
@@ -58,7 +63,7 @@ class Caustics:
     def under(self, sources: Sources) -> tuple[Map, ...]:
         """Maps of the irradiance [lx] under the sources, which may have no sun."""
         maps = [_map(self.of_sky, 0, sources.sky)]
-        if sources.sun > 0:
+        if sources.sun > 0 and self.sun is not None:
             tracer = replace(self.sun, suns=sources.direction[None])
             seeds = (
                 launch_seed(self.accuracy.seed, Stream.PHOTONS, r)

@@ -136,6 +136,7 @@ def _slots(
             E += one.on(mi.Point3f(paths.p), mi.Normal3f(paths.n), paths.slot % replicates)
         if sun > 0:
             E += _direct_sun(traced, paths, outside)
+            E += _in_mirrors(traced, paths, outside)
             E += _along_peaks(traced, paths, outside, tables.glow)
         add(paths.slot, paths.weight * E * dr.inv_pi)
     return np.asarray(out.numpy()) / np.float32(traced.sampling.samples // replicates)
@@ -194,6 +195,21 @@ def _direct_sun(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
         tau = straight(traced.scene, mi.Point3f(paths.p), d, cosine > 0)
     E = dr.opaque(mi.Float, outside.sun * disk_solid_angle(outside.diameter))
     return dr.select(tau > 0, tau * cosine * E, 0)
+
+
+def _in_mirrors(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
+    """Irradiance of the surfaces by images of the sun in planar mirrors [lx]."""
+    images, base = traced.images, traced.light.base
+    if images is None:
+        return mi.Float(0)
+    number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
+    with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
+        D = images.suns(
+            dr.ravel(paths.p), dr.ravel(paths.n), suns=outside.direction[None],
+            diameter=outside.diameter, samples=1, numbers=number,
+            seed=launch_seed(base.accuracy.seed, Stream.EYE_SUN) ^ 1,
+        )  # fmt: skip
+    return D.array * outside.sun
 
 
 def _along_peaks(traced: TracedView, paths: Paths, outside: Outside, glow: Glowing) -> mi.Float:

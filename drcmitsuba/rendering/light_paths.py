@@ -32,6 +32,7 @@ from drcmitsuba.transport.cell_points import Draws
 from drcmitsuba.transport.cells import Cells, Grid, Vertices
 from drcmitsuba.transport.gather import gather
 from drcmitsuba.transport.gather_blocks import Gathered, with_weights
+from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.openings import in_rooms
 from drcmitsuba.transport.solved_cells import solved
 
@@ -136,6 +137,11 @@ class TracedView:
     glow: Glow
     tiles: Callable[[], Iterator[Paths]]
     """Gives the light paths of all pixels, some at a time."""
+
+    @cached_property
+    def images(self) -> ImageSuns | None:
+        """Images of suns in the planar mirrors of the scene; None without any."""
+        return ImageSuns.of(self.scene)
 
     @cached_property
     def caustics(self) -> Caustics | None:

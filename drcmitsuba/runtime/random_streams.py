@@ -105,8 +105,8 @@ class Draw(IntEnum):
     """Points on films, and directions to them."""
     SUN_ANSWER = 6
     """Directions on suns, and in outgoing cells, for the answer of films."""
-    OUTSIDE_GLASS = 7
-    """Directions to the outside of clear panes, and on suns that they mirror."""
+    MIRRORS = 7
+    """Directions to planar mirrors, and on the images of suns in them."""
 
 
 Key = tuple[Any, ...]

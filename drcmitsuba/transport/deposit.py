@@ -31,11 +31,11 @@ from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pa
 from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import EvenRows, Films, Lit
+from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.openings import Within, repeated_within, within_of
-from drcmitsuba.transport.outside_glass import OutsideGlass
 from drcmitsuba.transport.products import by_replicate
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
-from drcmitsuba.transport.straight_suns import Disks
+from drcmitsuba.transport.straight_suns import FEWER, Disks
 
 PEAK_RAYS = 8
 """Largest number of directions along the peaks of a film per pane point of a receiver."""
@@ -106,13 +106,13 @@ class Deposit:
     ) -> Irradiance:  # fmt: skip
         """D by straight light, with 0 `sun_samples` without the suns.
 
-        Light that the outside of clear panes mirrors to the receivers counts with it.
+        Light that planar mirrors and panes send to the receivers counts with it.
         """
         sky = self.by_sky(p, n, key, sky_rays, numbers, within)
         if not sun_samples:
             return Irradiance(sky, dr.zeros(mi.TensorXf, (dr.width(p) // 3, self.bins[1])))
         sun = self._suns(p, n, key, sun_samples, numbers, within)
-        mirrored = self._mirrored_suns(p, n, key, sun_samples, numbers)
+        mirrored = self._mirrored_suns(p, n, key, sun_samples, numbers, within)
         return Irradiance(sky, sun if mirrored is None else sun + mirrored)
 
     def straight_on_sensors(
@@ -143,7 +143,8 @@ class Deposit:
         disks = self.disks(p, n, places, within) if disks is None else disks
         with self.scene.ray_counter.purpose(Stream.SENSORS.name, Draw.SUN.name):
             sun = disks.by_replicate(replicates, sun_samples)
-        mirrored = self._mirrored_suns(every_p, every_n, key, sun_samples, numbers)
+        fewer = max(1, sun_samples // FEWER)
+        mirrored = self._mirrored_suns(every_p, every_n, key, fewer, numbers, every_within)
         return Irradiance(sky, sun if mirrored is None else sun + mirrored)
 
     @cached_property
@@ -159,8 +160,8 @@ class Deposit:
         return within_of(self.scene, self.films.patches.corners_of_faces)
 
     @cached_property
-    def _outside_glass(self) -> OutsideGlass | None:
-        return OutsideGlass.of(self.scene)
+    def _images(self) -> ImageSuns | None:
+        return ImageSuns.of(self.scene)
 
     def disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: Within) -> Disks:
         """Disks of the suns as sensors see them, the same in all replicates."""
@@ -170,28 +171,29 @@ class Deposit:
         self, p: mi.Float, n: mi.Float, key: Key, rays: int, numbers: mi.UInt32 | None,
         within: Within,
     ) -> mi.TensorXf:  # fmt: skip
-        """D by ground and sky, straight and by the outside of clear panes; as `straight`."""
+        """D by ground and sky, straight and by planar mirrors; as `straight`."""
         if not self.subdivision:
             return dr.zeros(mi.TensorXf, (dr.width(p) // 3, 0))
         kind: dict[str, Any] = {"subdivision": self.subdivision, "rays": rays, "numbers": numbers}
         with self.launch(key, Draw.SKY) as seed:
             sky = sky_deposit(self.scene, p, n, seed=seed, within=within, **kind)
-        if self._outside_glass is None:
+        if self._images is None:
             return sky
-        seed = self.seed(key, Draw.OUTSIDE_GLASS)
+        seed = self.seed(key, Draw.MIRRORS)
         with self.scene.ray_counter.purpose(key[0].name, Draw.SKY.name):
-            return sky + self._outside_glass.sky(p, n, seed=seed, **kind)
+            return sky + self._images.sky(p, n, seed=seed, within=within, **kind)
 
     def _mirrored_suns(
-        self, p: mi.Float, n: mi.Float, key: Key, samples: int, numbers: mi.UInt32 | None
-    ) -> mi.TensorXf | None:
-        """D by suns that the outside of clear panes mirrors; None without such panes."""
-        if self._outside_glass is None:
+        self, p: mi.Float, n: mi.Float, key: Key, samples: int, numbers: mi.UInt32 | None,
+        within: Within,
+    ) -> mi.TensorXf | None:  # fmt: skip
+        """D by images of suns in planar mirrors; None without such mirrors."""
+        if self._images is None:
             return None
         with self.scene.ray_counter.purpose(key[0].name, Draw.SUN.name):
-            return self._outside_glass.suns(
+            return self._images.suns(
                 p, n, suns=self.suns, diameter=self.diameter, samples=samples,
-                seed=self.seed(key, Draw.OUTSIDE_GLASS), numbers=numbers,
+                seed=self.seed(key, Draw.MIRRORS), numbers=numbers, within=within,
             )  # fmt: skip
 
     def _suns(

@@ -20,20 +20,26 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.scene.geometry import Port, normals, reversed_quads
 from drcmitsuba.scene.scene import Part, Scene
+from drcmitsuba.transport.planar_mirrors import turns_beyond_mirrors
 
 LEVEL = 1e-6
 """Distance from a plane within which points lie in it, per metre of coordinates."""
 _NO_CORNERS = np.zeros((0, 3))
 
 
-def pane_sides(scene: Scene) -> list[tuple[Part, np.ndarray]]:
+def pane_sides(scene: Scene, *, imaged: bool = False) -> list[tuple[Part, np.ndarray]]:
     """List the sides of panes on which light may be deviated: (4, 3) [m], fronts along the light.
+
+    What clear panes mirror has exact images, and starts photons only where surfaces of other kinds
+    may deviate it once more, or where photons count what is `imaged`.
 
     Inside a room only panes that face an opening get light that no surface has deviated.
     """
-    sides = []
+    sides, followed = [], imaged or turns_beyond_mirrors(scene)
     for part in scene.parts:
         m = part.material
+        if isinstance(m, GlazingMaterial) and not followed:
+            continue
         if part.component or not (_mirrors(part) or isinstance(m, BsdfMaterial | DiffuserMaterial)):
             continue
         for quad, n in zip(part.quads, normals(part.quads), strict=True):
@@ -46,9 +52,9 @@ def pane_sides(scene: Scene) -> list[tuple[Part, np.ndarray]]:
     return sides
 
 
-def pane_ports(scene: Scene) -> list[Port]:
+def pane_ports(scene: Scene, *, imaged: bool = False) -> list[Port]:
     """Ports on the sides of panes whose light photons count."""
-    sides = pane_sides(scene)
+    sides = pane_sides(scene, imaged=imaged)
     if not sides:
         return []
     deviating = _corners(part.quads for part in scene.parts if _deviates(part))

@@ -31,6 +31,7 @@ from drcmitsuba.transport.bsdf_lookup import (
 )
 from drcmitsuba.transport.changing_panes import ChangingPanes
 from drcmitsuba.transport.photon_scene import Passed, PhotonScene
+from drcmitsuba.transport.planar_mirrors import MOST_IN_TURN, PlanarMirrors
 from drcmitsuba.transport.ports import ComponentPorts, Start
 from drcmitsuba.transport.receivers import CellAreas, Squares
 
@@ -45,15 +46,17 @@ width: photons meet the next wall too early, and 2 % of the light were lost afte
 Points are exact to some 4 · 2⁻²⁴.
 """
 
-OWN, FILM, DIFFUSER, RECEIVES, CHANGES = 1, 2, 4, 8, 16
+OWN, FILM, DIFFUSER, RECEIVES, CHANGES, IMAGES = 1, 2, 4, 8, 16, 32
 """Traits of a surface, as bits: it belongs to the photon's component; it is a film of the room; it
-is a diffusing pane of the room; light is deposited on it; it is one of `ChangingPanes`."""
+is a diffusing pane of the room; light is deposited on it; it is one of `ChangingPanes`; it is one
+of `PlanarMirrors`."""
 FATES = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
 """Flux of photons by fate, see `FluxLedger`."""
 COUNTS = ("photons", "segments")
 """Numbers of photons and of their flights."""
-_STRAIGHT, _BY_PANES, _OWN = 0, 1, 2
-"""Chain of a photon so far: undeviated, by panes only, deviated by its own component."""
+_STRAIGHT, _BY_PANES, _OWN, _IMAGED = 0, 1, 2, 3
+"""Chain of a photon so far: undeviated, by panes only, deviated by its own component, by planar
+mirrors only, of which `image_suns` counts the light."""
 
 
 class Half(NamedTuple):
@@ -107,17 +110,23 @@ class Traits:
     """Properties of surfaces that a photon needs, by the number of their BSDF."""
 
     bits: mi.UInt32
-    """Sums of `OWN`, `FILM`, `DIFFUSER`, `RECEIVES` and `CHANGES`."""
+    """Sums of `OWN`, `FILM`, `DIFFUSER`, `RECEIVES`, `CHANGES` and `IMAGES`."""
     absorption: mi.Float | None
     """Absorption of solids [1/m]; None where nothing absorbs."""
     smooth: bool
     """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
 
     @classmethod
-    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None) -> Traits:
-        """Collect the traits of a scene's surfaces for photons from the given ports."""
+    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool) -> Traits:
+        """Collect the traits of a scene's surfaces for photons from the given ports.
+
+        Photons that count what is `imaged` take planar mirrors for any others.
+        """
         scene, parts = ports.scene, ports.scene.parts
         bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
+        mirrors = PlanarMirrors.of(scene)
+        if mirrors is not None and not imaged:
+            bits = [bit | IMAGES * (i in mirrors.parts) for i, bit in enumerate(bits)]
         if panes is not None:
             changes = map(panes.have, parts)
             bits = [bit | CHANGES * change for bit, change in zip(bits, changes, strict=True)]
@@ -192,11 +201,14 @@ def _onward(si: mi.SurfaceInteraction3f, d: mi.Vector3f) -> mi.Ray3f:
     return mi.Ray3f(si.p + dr.mulsign(away, dr.dot(si.n, d)) * si.n, d)
 
 
-def _deviated(chain: mi.UInt32, bits: mi.UInt32) -> mi.UInt32:
-    """Chain of photons that a surface with some traits has deviated."""
+def _deviated(chain: mi.UInt32, bits: mi.UInt32, turns: mi.UInt32) -> mi.UInt32:
+    """Chain of photons that a surface with some traits has deviated, after some planar mirrors."""
     first_film = ((bits & FILM) != 0) & (chain == _STRAIGHT)
     by_panes = first_film | (((bits & DIFFUSER) != 0) & (chain != _OWN))
-    return dr.select(by_panes, mi.UInt32(_BY_PANES), mi.UInt32(_OWN))
+    imaged = ((bits & IMAGES) != 0) & (turns < MOST_IN_TURN)
+    imaged &= (chain == _STRAIGHT) | (chain == _IMAGED)
+    onward = dr.select(imaged, mi.UInt32(_IMAGED), mi.UInt32(_OWN))
+    return dr.select(by_panes, mi.UInt32(_BY_PANES), onward)
 
 
 @symbolic
@@ -220,7 +232,7 @@ def follow(
     flux, weak = mi.Float(start.flux), WEAK * start.flux
     landed, absorbed, escaped, others, lost, roulette = (mi.Float(0) for _ in range(6))
     inside = mi.Float(0)  # absorption of the solid that the photon is in
-    chain, step = mi.UInt32(_STRAIGHT), mi.UInt32(0)
+    chain, step, turns = mi.UInt32(_STRAIGHT), mi.UInt32(0), mi.UInt32(0)
     mirrored, active = mi.Bool(True), mi.Bool(True)
     by_pane = mi.Bool(start.by_pane)
     while dr.hint(
@@ -267,7 +279,8 @@ def follow(
         deviates = onward & ~mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
         foreign = deviates & (chain == _STRAIGHT) & ((bits & OWN) == 0)
         others += dr.select(foreign, flux, 0)
-        chain = dr.select(deviates, _deviated(chain, bits), chain)
+        chain = dr.select(deviates, _deviated(chain, bits, turns), chain)
+        turns += dr.select(deviates, mi.UInt32(1), 0)
         mirrored &= ~deviates | mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         if dr.hint(traits.absorption is not None, mode="scalar"):
             inside = absorption_after(traits.absorption, bsdf, bs, inside, deviates)

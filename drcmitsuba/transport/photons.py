@@ -75,6 +75,8 @@ class PhotonTracer:
     """Largest number of surfaces on a path."""
     world: PhotonScene
     """Surfaces that photons meet."""
+    imaged: bool = False
+    """Whether light by way of planar mirrors counts, which has exact images: see `image_suns`."""
     panes: ChangingPanes | None = None
     """Panes that other states change: light until they are met is kept for these states."""
     APART: ClassVar[int] = 0x10001
@@ -83,7 +85,7 @@ class PhotonTracer:
     @classmethod
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
-        diameter: float, subdivision: int | None, accuracy: Accuracy,
+        diameter: float, subdivision: int | None, accuracy: Accuracy, *, imaged: bool = False,
     ) -> PhotonTracer | None:  # fmt: skip
         """Prepare photons for sensors at points and for all cells; None without ports.
 
@@ -92,11 +94,11 @@ class PhotonTracer:
         InputError
             No light can reach a component.
         """
-        every_port = ComponentPorts.of(scene) if scene.followed else ()
+        every_port = ComponentPorts.of(scene, imaged=imaged) if scene.followed else ()
         if not every_port:
             return None
         # Behind a closed shade a component sees nothing straight: its light comes by way of panes.
-        for ports in () if pane_sides(scene) else every_port:
+        for ports in () if pane_sides(scene, imaged=imaged) else every_port:
             if not ports.sky_share().any():
                 got = "neither sky nor ground is seen from its ports"
                 remedy = "move it, or its ports, to where light comes from"
@@ -109,7 +111,7 @@ class PhotonTracer:
         return cls(
             every_port, CellAreas.of(scene, grid, seed, reached),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
-            subdivision, accuracy.photons, accuracy.photon_surfaces, PhotonScene.of(scene),
+            subdivision, accuracy.photons, accuracy.photon_surfaces, PhotonScene.of(scene), imaged,
         )  # fmt: skip
 
     @property
@@ -227,7 +229,11 @@ class _Source:
         kind, ports, panes = self.kind, self.ports, self.tracer.panes
         listed = panes is not None and bool(ports.name) and some is None
         could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
-        traits, met, counter = Traits.of(ports, panes), [_NO_PHOTONS], ports.scene.ray_counter
+        traits, met, counter = (
+            Traits.of(ports, panes, self.tracer.imaged),
+            [_NO_PHOTONS],
+            ports.scene.ray_counter,
+        )
         with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
             for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):
                 start = ports.start(

@@ -20,6 +20,7 @@ from drcmitsuba.scene.geometry import is_triangle
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.changing_panes import ChangingPanes
 from drcmitsuba.transport.pane_ports import pane_ports
+from drcmitsuba.transport.planar_mirrors import imaged_components
 from drcmitsuba.transport.shadow_rays import straight, sun_numbers
 
 OFFSET = 1e-4
@@ -102,10 +103,15 @@ class ComponentPorts:
     """Name of the component; "" stands for the panes."""
 
     @classmethod
-    def of(cls, scene: Scene) -> tuple[ComponentPorts, ...]:
-        """Collect the ports of each component of a scene, and at last those of the panes."""
+    def of(cls, scene: Scene, *, imaged: bool = False) -> tuple[ComponentPorts, ...]:
+        """Collect the ports of each component of a scene, and at last those of the panes.
+
+        Where photons do not count what is `imaged`, ports whose light has images are left out.
+        """
         quads: dict[str, list[np.ndarray]] = {}
-        for port in [*scene.ports, *pane_ports(scene)] if scene.followed else []:
+        apart = frozenset() if imaged or not scene.ports else imaged_components(scene)
+        ports = [port for port in scene.ports if port.component not in apart]
+        for port in [*ports, *pane_ports(scene, imaged=imaged)] if scene.followed else []:
             quads.setdefault(port.component, []).append(port.quad)
         return tuple(
             cls(scene, np.array(quads[name], float), name)

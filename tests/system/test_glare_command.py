@@ -68,6 +68,7 @@ def test_shares_and_classes_are_countable(year):
 def test_the_command_writes_tables_files_and_plots(run, tmp_path):
     case = case_in(tmp_path)
     code, out, _ = run("glare", case.source, "-o", tmp_path / "glare", "--around", "2 3 1.2")
+    assert "forecast" in out
     assert code == 0
     assert "above 0.40" in out
     assert "SW" in out

@@ -36,7 +36,7 @@ from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.sky.daylight import daylight
-from drcmitsuba.transport.outside_glass import OutsideGlass
+from drcmitsuba.transport.image_suns import ImageSuns
 from tests import SHARED, radiance
 from tests.unit.export.radiance_text import matrix
 from tests.validation.test_export_radiance import REPEATS, TIMES, simulated
@@ -68,7 +68,7 @@ def _without_mirrored_suns(monkeypatch):
         return dr.zeros(mi.TensorXf, (dr.width(points) // 3, len(suns)))
 
     backend.select()
-    monkeypatch.setattr(OutsideGlass, "suns", none)
+    monkeypatch.setattr(ImageSuns, "suns", none)
 
 
 def case_of(folder: Path, tables: str) -> Case:

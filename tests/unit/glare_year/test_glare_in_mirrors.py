@@ -10,7 +10,7 @@ from drcmitsuba.glare_year.eyes import eyes
 from drcmitsuba.glare_year.pixels import rays
 from drcmitsuba.glare_year.state import at_eyes, places
 from drcmitsuba.glare_year.suns import images
-from drcmitsuba.model.materials import MirrorMaterial
+from drcmitsuba.model.materials import GlazingMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.scene.geometry import Surface, quad
@@ -99,3 +99,30 @@ def test_lamellae_are_seen_as_bright_as_they_light_the_eye(tmp_path):
         assert abs(by_rays.sum() - of_view.sum()) < 0.03 * of_view.sum() + 4 * np.hypot.reduce(
             error
         )
+
+
+def test_a_pane_shows_the_sun_with_its_reflectance_and_only_within_its_outline():
+    """The image of a sun in glass before a black wall, whole and where an edge halves it."""
+    backend.select()
+    pane = GlazingMaterial(type="glazing", transmittance=0.8, ior=1.52)
+    sun = np.array([0.0, -0.8, 0.6])
+    rises = 1 + 0.6 / 0.8 * 5  # height at which the eye sees the middle of the image
+    for low, share in ((-9.0, 1.0), (rises, 0.5)):
+        glass = quad([-9, 5, low], [0, 0, 30], [18, 0, 0])  # its back faces the eye
+        behind = quad([-30, 5.01, -30], [60, 0, 0], [0, 0, 90])
+        scene = build(
+            [
+                Surface("glass", pane, np.array([glass])),
+                Surface("wall", Lambertian(0.0), np.array([behind])),
+            ]
+        )
+        found = images(
+            Chains(scene), np.array([0.0, 0.0, 1.0]), np.zeros(0, int), sun[None], DIAMETER, 1
+        )
+        mirrored = found.direction[:, 1] > 0
+        assert mirrored.sum() == 1
+        np.testing.assert_allclose(found.direction[mirrored][0], sun * [1, -1, 1], atol=1e-6)
+        omega = share * disk_solid_angle(DIAMETER)
+        assert found.solid_angle[mirrored][0] == pytest.approx(omega, rel=0.03)
+        rho = np.interp(0.8, np.linspace(0, 1, 1025), pane.tables(1025)[1])
+        assert found.transmittance[mirrored][0] == pytest.approx(rho, rel=0.01)

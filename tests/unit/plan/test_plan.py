@@ -35,7 +35,7 @@ def test_every_effect_says_why():
     assert set(effects) == {
         "sky", "ground", "suns", "dark_hours", "clear_panes", "scattering_panes", "films",
         "straight_through", "pane_to_pane", "components", "obstructions", "shaded_state",
-        "interreflection", "solved_cells", "colour", "pictures", "gradients",
+        "interreflection", "solved_cells", "colour", "pictures", "gradients", "mirrors",
     }  # fmt: skip
     assert all(isinstance(effect["on"], bool) and effect["reason"] for effect in effects.values())
     assert {name for name, effect in effects.items() if effect["on"]} == {

@@ -14,7 +14,7 @@ from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.sun_models import Suns
-from drcmitsuba.transport import shared_photons
+from drcmitsuba.transport import planar_mirrors, shared_photons
 from drcmitsuba.transport.changing_panes import ChangingPanes
 from drcmitsuba.transport.coefficients import compute
 from drcmitsuba.transport.photon_light import Lit, dense
@@ -22,6 +22,13 @@ from drcmitsuba.transport.photons import PhotonTracer
 from drcmitsuba.transport.shared_paths import SharedPaths
 from drcmitsuba.transport.shared_photons import SharedPhotons
 from tests import ROOT
+
+
+@pytest.fixture(autouse=True)
+def _mirrors_are_left_to_photons(monkeypatch):
+    """Take plain mirrors for bodies of many faces, which have no exact images."""
+    monkeypatch.setattr(planar_mirrors, "MOST_OF_BODY", 0)
+
 
 EFFECTS = EnabledEffects(solved_cells=True)
 ACCURACY = Accuracy(

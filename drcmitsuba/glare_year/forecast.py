@@ -1,0 +1,64 @@
+"""Forecast of the time of a year of glare, from its numbers of places, suns, mirrors and photons.
+
+Most of the time goes into C of the points of surfaces that the eyes see. A place sees some 1500 of
+them. Where photons are followed, each set of points has photons of its own.
+
+Limits: the glow of films and what kernels take to compile is not counted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drcmitsuba.case.case import Case
+from drcmitsuba.case.groups import State
+from drcmitsuba.glare_year.eyes import Eyes
+from drcmitsuba.glare_year.pixels import SIDE
+from drcmitsuba.plan.forecast.cost import KERNELS
+from drcmitsuba.runtime import machine_speed
+from drcmitsuba.scene import scene
+from drcmitsuba.scene.enabled_effects import EnabledEffects
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.transport.photons import PATCH
+from drcmitsuba.transport.planar_mirrors import PlanarMirrors
+from drcmitsuba.transport.ports import ComponentPorts
+
+POINTS = 1.15
+"""Number of points of surfaces for each tile of the view, in furnished offices."""
+COEFFICIENT = 1.3e-7
+"""Time of a coefficient of such a point in a replicate [s], fitted to two offices."""
+CHAIN = 0.6
+"""The same for a chain of mirrors seen from the room, over that of a coefficient without them."""
+SURFACES = 6
+"""Number of surfaces that a photon meets, in the mean."""
+LEAST = 4.0
+"""Time of weather, plan and files [s]."""
+
+
+def seconds(
+    case: Case, states: list[State], light: Daylight, looking: Eyes, effects: EnabledEffects
+) -> float:
+    """Forecast the time of `year.glare` on this machine under its present load [s]."""
+    suns = int(effects.enabled_suns(light.suns).sum())
+    patches, a = light.sky.sizes["bin"], case.accuracy
+    places = looking.by_place()
+    tiles = sum(_tiles(looking.forward[views]) for views in places)
+    channels = scene.channels_of(case, effects)
+    total = 0.0
+    for state in states:
+        world = scene.load(case, state, channels[0], effects)
+        mirrors = PlanarMirrors.of(world)
+        looks_in = mirrors is not None and (effects.pane_to_pane or mirrors.has_bodies)
+        chains = len(mirrors.chains) if mirrors is not None and looks_in else 0
+        each = COEFFICIENT * a.replicates * (suns * (1 + CHAIN * chains) + patches)
+        total += tiles * POINTS * each
+        ports = len(ComponentPorts.of(world)) if world.followed else 0
+        photons = a.replicates * a.photons * (suns + PATCH * patches)
+        total += (len(places) + 1) * ports * photons * SURFACES * KERNELS["photon"]
+    return LEAST + len(channels) * total / machine_speed.speed().rays
+
+
+def _tiles(forward: np.ndarray) -> int:
+    """Number of tiles that some lines of sight have before them, roughly."""
+    spread = np.linalg.norm(forward.mean(axis=0))
+    return round(SIDE**2 * (1 if spread > 0.99 else 2))

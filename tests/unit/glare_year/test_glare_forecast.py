@@ -1,0 +1,45 @@
+"""Forecast of a year of glare: what it counts, and its order of magnitude."""
+
+import time
+
+import pytest
+
+import drcmitsuba
+from drcmitsuba.glare_year import forecast
+from drcmitsuba.glare_year.eyes import eyes
+from drcmitsuba.plan import plan
+from drcmitsuba.runtime import backend, machine_speed
+from drcmitsuba.sky.daylight import daylight
+from tests.unit.glare_year.glare_room import case_in
+
+
+@pytest.fixture
+def counted(tmp_path, monkeypatch):
+    """Seconds for some changes of the accuracy, on the reference machine."""
+    backend.select()
+    monkeypatch.setattr(machine_speed, "speed", lambda: machine_speed.REFERENCE)
+    case = case_in(tmp_path)
+    light = daylight(case)
+    looking, scope = eyes(case), plan(case, light).scope
+
+    def seconds(states=("open",), **accuracy):
+        changed = case.with_tables(accuracy=case.accuracy.model_copy(update=accuracy))
+        return forecast.seconds(changed, list(states), light, looking, scope) - forecast.LEAST
+
+    return seconds
+
+
+def test_states_and_replicates_multiply_the_time(counted):
+    once = counted(replicates=4)
+    assert counted(replicates=8) == pytest.approx(2 * once)
+    assert counted(states=("open", "open"), replicates=4) == pytest.approx(2 * once)
+
+
+def test_the_command_is_told_before_it_works(tmp_path):
+    told = []
+    before = time.monotonic()
+    drcmitsuba.glare(case_in(tmp_path), told=lambda s: told.append((s, time.monotonic() - before)))
+    took = time.monotonic() - before
+    ((seconds, at),) = told
+    assert 0 < seconds < 60
+    assert at < took
