@@ -98,6 +98,14 @@ class Modifiers:
             return name
         return holder.text(key)
 
+    def set_of(self, room: Entry) -> Entry | None:
+        """Modifier set of a room; None where it has none of its own."""
+        name = self.named(room.inner("properties", "radiance"), "modifier_set")
+        if name is not None and name not in self.sets:
+            got = f"{name}, which the file lacks"
+            raise room.refuse("modifier_set", got, "add it to modifier_sets")
+        return None if name is None else self.sets[name]
+
     def material(self, name: str, user: Entry) -> SurfaceMaterial | None:
         """Material of a modifier that an object uses; None for void, which is an opening."""
         if name not in self.materials:

@@ -29,8 +29,10 @@ def read(file: Path, *, bsdf: Mapping[str, Path] | None = None) -> Model:
 
     Faces have their apertures and doors cut out. Faces, apertures, doors and indoor shades are
     panes where their modifier lets light through; other shades are context. Air boundaries and
-    void modifiers are openings. A wall, pane or door between two rooms stands twice in the file
-    and once in the model: the one whose identifier comes first. Objects without a modifier take
+    void modifiers are openings. A pane or door between two rooms stands twice in the file and once
+    in the model: the one whose identifier comes first. A wall or a slab between two rooms is one
+    sheet whose sides have the modifiers of their rooms; where only one of two touching faces
+    reaches, it stands alone. Objects without a modifier take
     that of their room's modifier set, then of the model's, then of Honeybee's default set.
 
     Parameters
@@ -58,7 +60,8 @@ def read(file: Path, *, bsdf: Mapping[str, Path] | None = None) -> Model:
         raise model.refuse("units", unit, f"choose one of {', '.join(METRES)}")
     scale = Scale(METRES[unit], max(0.0, model.number("tolerance", 0.0)) * METRES[unit])
     modifiers = modifiers_of(model, bsdf or {})
-    layers = list(layers_of(walk_of(model, modifiers).pieces(), modifiers, scale))
+    walk = walk_of(model, modifiers, scale.gap / scale.metres)
+    layers = list(layers_of(walk.pieces(), modifiers, scale))
     for shade in by_identifier(model.entries("shade_meshes")).values():
         layer = mesh_layer(shade, modifiers, scale)
         layers += [layer] if layer else []
