@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier
 from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.overlap import Overlap
 from drcmitsuba.model.model import Role
+from drcmitsuba.model.plane import Plane
 
 FAMILIES = {"Wall": "wall_set", "Floor": "floor_set", "RoofCeiling": "roof_ceiling_set"}
 """Key in a modifier set of each type of face that is a surface."""
@@ -91,6 +93,8 @@ class Walk:
                 yield Piece(face, name, "surface", rings)
             else:
                 yield from self._shared(face, name, rings)
+            for hole in walls_in_panes(face):
+                yield Piece(face, name, "surface", hole)
         for pane in panes[0]:
             yield from self._pane(pane, "Aperture", kind, room_set)
         for door in panes[1]:
@@ -225,9 +229,33 @@ def walk_of(model: Entry, modifiers: Modifiers, tolerance: float) -> Walk:
 
 
 def opened_rings(face: Entry) -> tuple[np.ndarray, ...]:
-    """Corners of the outline of a face, then of its holes, apertures and doors."""
-    panes = (*face.entries("apertures"), *face.entries("doors"))
-    return (*rings_of(face), *(rings_of(pane)[0] for pane in panes))
+    """Corners of the outline of a face, then of its holes, apertures and doors.
+
+    What stands in the hole of another aperture opens the face no further.
+    """
+    panes = _panes(face)
+    outlines = [rings[0] for rings in panes]
+    if any(len(rings) > 1 for rings in panes):
+        plane = Plane.of(rings_of(face)[0])
+        whole = shapely.union_all([plane.polygon([ring]) for ring in outlines])
+        outlines = [rings[0] for rings in plane.rings(whole)]
+    return (*rings_of(face), *outlines)
+
+
+def walls_in_panes(face: Entry) -> list[tuple[np.ndarray, ...]]:
+    """Corners of the outline and the holes of what is wall in the holes of apertures and doors."""
+    panes = _panes(face)
+    holes = [hole for rings in panes for hole in rings[1:]]
+    if not holes:
+        return []
+    plane = Plane.of(rings_of(face)[0])
+    shape = shapely.union_all([plane.polygon([hole]) for hole in holes])
+    return plane.rings(shape - shapely.union_all([plane.polygon(rings) for rings in panes]))
+
+
+def _panes(face: Entry) -> list[tuple[np.ndarray, ...]]:
+    """Corners of the outline and the holes of every aperture and door of a face."""
+    return [rings_of(pane) for pane in (*face.entries("apertures"), *face.entries("doors"))]
 
 
 def rings_of(source: Entry) -> tuple[np.ndarray, ...]:

@@ -220,6 +220,25 @@ def test_an_aperture_within_the_tolerance_of_its_face_is_cut_at_its_edge(tmp_pat
         read(tmp_path, room, tolerance=0.01)
 
 
+def test_the_hole_of_an_aperture_is_wall_but_for_the_pane_in_it(tmp_path):
+    """The hole was open, and refused as a leak: so was one of Honeybee's own samples."""
+
+    def square(edge):
+        low, high = 1.5 - edge / 2, 1.5 + edge / 2
+        return [[low, 0, low], [high, 0, low], [high, 0, high], [low, 0, high]]
+
+    room = box.room()
+    pane = room["faces"][1]["apertures"][0]
+    pane["geometry"] = box.geometry(square(2.0), [square(1.0)])
+    areas = box.area_of(read(tmp_path, room).layers)
+    assert areas[WALL, "surface"] == pytest.approx(60 - 3)
+    assert areas[PANE, "pane"] == pytest.approx(3)
+    room["faces"][1]["apertures"].append(box.element("Aperture", "Eye", square(0.5)))
+    areas = box.area_of(read(tmp_path, room).layers)
+    assert areas[WALL, "surface"] == pytest.approx(60 - 3.25)
+    assert areas[PANE, "pane"] == pytest.approx(3.25)
+
+
 def test_air_boundaries_and_void_modifiers_are_openings(tmp_path):
     first, second = two_rooms()
     first["faces"][2]["face_type"] = second["faces"][4]["face_type"] = "AirBoundary"
