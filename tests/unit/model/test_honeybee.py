@@ -85,14 +85,61 @@ def test_every_unit_becomes_metres(tmp_path, unit, metres):
     grid = {"identifier": "g", "sensors": [{"pos": [1, 2, 3], "dir": [0, 0, 2]}]}
     view = {"identifier": "v", "view_type": "l", "h_size": 2, "v_size": 4}
     view |= {"position": [1, 1, 1], "direction": [0, 1, 0], "up_vector": [0, 0, 1]}
+    pane = box.element("Aperture", "Window", box.WINDOW)
     model = read(
-        tmp_path, box.room(), units=unit, radiance={"sensor_grids": [grid], "views": [view]}
-    )
+        tmp_path, units=unit, orphaned_apertures=[pane],
+        radiance={"sensor_grids": [grid], "views": [view]},
+    )  # fmt: skip
     assert box.layer_of(model, PANE).quads[0] == pytest.approx(box.WINDOW * metres)
     assert model.grids[0].points == pytest.approx(np.array([[1, 2, 3]]) * metres)
     assert model.grids[0].normals.tolist() == [[0, 0, 1]]
     at = (metres, metres, metres)
     assert model.views == (View("v", "l", at, (0, 1, 0), (0, 0, 1), (2 * metres, 4 * metres)),)
+
+
+def sensors(name, *points, **fields):
+    listed = [{"pos": list(point), "dir": [0, 0, 1]} for point in points]
+    return {"type": "SensorGrid", "identifier": name, "sensors": listed} | fields
+
+
+def test_grids_of_one_identifier_are_joined_and_groups_kept_apart(tmp_path):
+    """Honeybee does so; the second was refused, with three of its own sample models."""
+    first, second, third = sensors("g", [1, 1, 1]), sensors("g", [2, 1, 1]), sensors("h", [3, 1, 1])
+    grids = read(tmp_path, box.room(), radiance={"sensor_grids": [first, third, second]}).grids
+    assert [grid.name for grid in grids] == ["g", "h"]
+    assert grids[0].points.tolist() == [[1, 1, 1], [2, 1, 1]]
+    assert grids[0].normals.shape == (2, 3)
+    apart = [first | {"group_identifier": "A"}, second | {"group_identifier": "B"}]
+    apart.append(third | {"group_identifier": "A"})
+    grids = read(tmp_path, box.room(), radiance={"sensor_grids": apart}).grids
+    assert [(grid.name, len(grid.points)) for grid in grids] == [("A/g", 1), ("B/g", 1), ("h", 1)]
+
+
+def test_views_of_one_identifier_are_kept_apart(tmp_path):
+    view = {
+        "type": "View", "identifier": "v", "view_type": "h", "position": [1, 1, 1],
+        "direction": [0, 1, 0], "up_vector": [0, 0, 1],
+    }  # fmt: skip
+    other = view | {"position": [2, 1, 1]}
+    views = read(tmp_path, box.room(), radiance={"views": [view, view, other]}).views
+    assert [(each.name, each.position[0]) for each in views] == [("v", 1), ("v 2", 2)]
+    groups = [view | {"group_identifier": "A"}, other | {"group_identifier": "B"}]
+    views = read(tmp_path, box.room(), radiance={"views": groups}).views
+    assert [each.name for each in views] == ["A/v", "B/v"]
+
+
+def test_a_modifier_may_stand_twice_with_equal_values(tmp_path):
+    twice = [box.plastic("m", 0.3, 0.3, 0.3)] * 2
+    shaded = [shade("s", 4, "m")]
+    model = read(tmp_path, box.room(), orphaned_shades=shaded, radiance={"modifiers": twice})
+    assert box.layer_of(model, "m").material == Lambertian(0.3)
+
+
+def test_a_room_of_some_millimetres_is_in_metres(tmp_path):
+    """One of Honeybee's samples states millimetres for a room of 6 by 12."""
+    model = read(tmp_path, box.room(), units="Millimeters")
+    assert np.ptp(np.concatenate([x.quads for x in model.layers]).reshape(-1, 3), axis=0).max() == 6
+    assert any("units: Millimeters would make the rooms 6 mm long" in n for n in model.notes)
 
 
 def touching(name, *others):
