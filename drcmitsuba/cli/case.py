@@ -29,6 +29,7 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     from drcmitsuba.report import style
     from drcmitsuba.report.scene_view import scene_view
     from drcmitsuba.runtime import backend, storage
+    from drcmitsuba.scene.daylit import darkness_notes, refuse_darkness
     from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
     from drcmitsuba.scene.sensors import placed_sensors, sensor_points
     from drcmitsuba.scene.views import views
@@ -59,7 +60,8 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
         print(f"{target}: a case to change; next: drcmitsuba evaluate {target}")
     show_notes((*remarks, *placed_sensors(loaded).notes))
     refuse_leaks(loaded)
-    show_notes(crack_notes(loaded))
+    refuse_darkness(loaded)
+    show_notes([*crack_notes(loaded), *darkness_notes(loaded)])
 
 
 def _place_notes(case: Case) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from drcmitsuba.plan import decide, reflected
 from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
 from drcmitsuba.scene.components import place
+from drcmitsuba.scene.daylit import refuse_darkness
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns
@@ -72,6 +73,7 @@ def plan(case: Case, light: Daylight) -> Plan:
         A component or a BSDF file is unfit, or a model leaks.
     """
     refuse_leaks(case)
+    refuse_darkness(case)
     components = place(case)
     reach = SunVisibility.of(case, components)
     everything = VisibleSuns(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)
