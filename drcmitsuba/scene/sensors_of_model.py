@@ -77,7 +77,12 @@ def above_floors(model: Model, sensors: FloorSensors, source: str) -> tuple[Grid
 
 
 def listed(model: Model, sensors: PointSensors, source: str) -> tuple[Grid, ...]:
-    """Points of a file as a grid, or grids of a model by their names, in the model's frame [m]."""
+    """Points of a file or a case, or grids of a model by their names, in the model's frame [m]."""
+    if isinstance(sensors.points, tuple):
+        whole = [row if len(row) == 6 else (*row, 0, 0, 1) for row in sensors.points]
+        rows = np.array(whole, float)
+        normals = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+        return (Grid("", rows[:, :3], normals),)
     if sensors.points is not None:
         from drcmitsuba.model.radiance import read_points
 

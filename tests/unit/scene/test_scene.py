@@ -237,6 +237,16 @@ def test_points_that_a_user_listed_in_furniture_are_refused(tmp_path):
         sensor_points(case(sensors={"points": str(file)}, furniture=[DESK]))
 
 
+def test_points_stand_in_the_case_itself():
+    """They were refused: "input is not a valid path"."""
+    at = [[1, 1.5, 0.8], [2, 1.5, 1.2, 0, 2, 0]]
+    points, normals = sensor_points(case(sensors={"points": at}))
+    np.testing.assert_allclose(points, [[1, 1.5, 0.8], [2, 1.5, 1.2]])
+    np.testing.assert_allclose(normals, [[0, 0, 1], [0, 1, 0]])
+    with pytest.raises(InputError, match=r"sensor 1 at \(9, 1, 1\) lies in, on or beyond a wall"):
+        sensor_points(case(sensors={"points": [[1, 1, 1], [9, 1, 1]]}))
+
+
 def test_a_grid_that_lies_in_furniture_as_a_whole_is_refused():
     grid = {"corner": [1.0, 1.0, 0.72], "count": [1, 1], "spacing": 0.5}
     with pytest.raises(InputError, match="lies in or on 'desk'"):
