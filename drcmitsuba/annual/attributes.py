@@ -36,7 +36,7 @@ def fingerprint(case: Case, enabled_effects: EnabledEffects) -> str:
     }
     if case.model is not None:
         settings["model"]["files"] = [_digest(file) for file in case.model.files]
-    if isinstance(case.sensors, PointSensors) and case.sensors.points is not None:
+    if isinstance(case.sensors, PointSensors) and isinstance(case.sensors.points, Path):
         settings["sensors"]["points"] = _digest(case.sensors.points)
     for name, group in case.groups.items():
         if group.schedule is not None:

@@ -10,7 +10,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drcmitsuba.model.materials import Lambertian, Reflectance, SurfaceMaterial
+from drcmitsuba.model.materials import (
+    Lambertian,
+    Reflectance,
+    SurfaceMaterial,
+    two_sided,
+)
 from drcmitsuba.model.model import (
     Layer,
     Model,
@@ -88,7 +93,7 @@ class ModelTable(Table):
                 remedy = f"give one of {', '.join(ENDINGS)}"
                 raise InputError(file, "model.files", f"ending {ending or 'none'}", remedy)
         model = in_first_state(with_printable_names(joined(parts)))
-        names = [layer.name for layer in model.layers]
+        names = [name for layer in model.layers for name in layer.names]
         for field, wanted in (
             ("context", self.context), ("leave_out", self.leave_out),
             ("reflectances", tuple(self.reflectances)),
@@ -98,9 +103,9 @@ class ModelTable(Table):
                     got = f"no surface has the material {shortened(pattern)}"
                     raise InputError(source, f"model.{field}", got, choose(pattern, names))
         kept = [
-            self._settled(layer, own)
+            self._settled(layer, own, source)
             for layer in model.layers
-            if not any(fnmatchcase(layer.name, p) for p in self.leave_out)
+            if not self._leaves_out(layer)
         ]
         if not kept:
             remedy = "give files with polygons or meshes"
@@ -108,17 +113,31 @@ class ModelTable(Table):
         north = model.north if self.north is None else self.north
         return replace(model, layers=tuple(kept), north=north)
 
-    def _settled(self, layer: Layer, own: Mapping[str, SurfaceMaterial]) -> Layer:
+    def _leaves_out(self, layer: Layer) -> bool:
+        """Whether the materials of all sides of a layer are named to be left out."""
+        return all(any(fnmatchcase(n, p) for p in self.leave_out) for n in layer.names)
+
+    def _settled(self, layer: Layer, own: Mapping[str, SurfaceMaterial], source: str) -> Layer:
         """Layer with the case's material and role."""
-        layer = layer.made_of(own.get(layer.name, layer.material))
+        if layer.behind:
+            front, back = layer.sides
+            front, back = own.get(layer.name, front), own.get(layer.behind, back)
+            if isinstance(front, Lambertian) and isinstance(back, Lambertian):
+                layer = layer.made_of(two_sided(front, back))
+            else:
+                names = f"{shortened(layer.name)} and {shortened(layer.behind)}"
+                got = f"{names}, the sides of one surface, of which one is not diffuse"
+                raise InputError(source, "materials", got, "give both a diffuse reflectance")
+        else:
+            layer = layer.made_of(own.get(layer.name, layer.material))
         states = tuple(
             replace(
                 state,
                 material=own.get(state.name, state.material) if state.material else None,
                 shades=tuple(
-                    self._settled(shade, own)
+                    self._settled(shade, own, source)
                     for shade in state.shades
-                    if not any(fnmatchcase(shade.name, p) for p in self.leave_out)
+                    if not self._leaves_out(shade)
                 ),
             )
             for state in layer.states

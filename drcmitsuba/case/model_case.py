@@ -36,7 +36,7 @@ def usual_sensors(source: str, building: Model) -> AnySensors:
     """
     if building.grids:
         return PointSensors(grids=("*",))
-    surfaces = (layer.name for layer in building.layers if layer.role == "surface")
+    surfaces = (n for layer in building.layers if layer.role == "surface" for n in layer.names)
     floors = tuple(dict.fromkeys(name for name in surfaces if "floor" in name.lower()))
     if not floors:
         got = "no sensor grid, and no material whose name holds 'floor'"
@@ -60,9 +60,11 @@ def notes_on_groups(building: Model, groups: Collection[str]) -> list[str]:
 def words(material: SurfaceMaterial) -> str:
     """Describe a material in a few words."""
     if isinstance(material, Lambertian):
-        rho = material.reflectance
-        value = f"{rho:.2f}" if isinstance(rho, float | int) else str([round(v, 3) for v in rho])
-        return f"diffuse, reflectance {value}"
+        values = [
+            f"{rho:.2f}" if isinstance(rho, float | int) else str([round(v, 3) for v in rho])
+            for rho in material.sides
+        ]
+        return f"diffuse, reflectance {' / '.join(dict.fromkeys(values))}"
     if isinstance(material, BsdfMaterial):
         return f"bsdf {material.file.name}"
     if isinstance(material, DielectricMaterial):
@@ -110,11 +112,12 @@ def case_text(file: Path, folder: Path, building: Model, sensors: AnySensors) ->
 
 def listing(model: Model) -> list[str]:
     """One line for every layer of a model: name, role, area [m²], material, group."""
-    width = max(len(layer.name) for layer in model.layers)
+    names = [" / ".join(layer.names) for layer in model.layers]
+    width = min(max(map(len, names)), 40)
     return [
-        f"{layer.name:{min(width, 40)}}  {layer.role:8} {areas(layer.quads).sum():9.2f} m²  "
+        f"{name:{width}}  {layer.role:8} {areas(layer.quads).sum():9.2f} m²  "
         f"{words(layer.material)}{f'  group {layer.group}' if layer.group else ''}"
-        for layer in model.layers
+        for name, layer in zip(names, model.layers, strict=True)
     ]
 
 

@@ -79,7 +79,7 @@ def with_files(case: Case) -> Case:
             path = resolved(group.schedule, f"groups.{name}.schedule")
             case.groups[name] = group.model_copy(update={"schedule": path})
     sensors, table = case.sensors, case.model
-    if isinstance(sensors, PointSensors) and sensors.points is not None:
+    if isinstance(sensors, PointSensors) and isinstance(sensors.points, Path):
         points = resolved(sensors.points, "sensors.points")
         case = case.with_tables(sensors=sensors.model_copy(update={"points": points}))
     if table is not None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.toml import Length, Name, Point, Table
+from drcmitsuba.runtime.toml import Length, Name, OnMap, Point, Table
 
 MOST_SENSORS = 250_000
 """Largest number of points in a case."""
@@ -58,13 +58,33 @@ class FloorSensors(Table):
         return MARGINS[self.margin] if isinstance(self.margin, str) else self.margin
 
 
-class PointSensors(Table):
-    """Points with normals from a file, or the grids of a model."""
+OnePoint = Annotated[tuple[OnMap, ...], Field(min_length=3, max_length=6)]
+"""x y z, or x y z dx dy dz."""
 
-    points: Path | None = None
-    """File of one point and its normal a line, x y z dx dy dz [m], beside the case."""
+
+class PointSensors(Table):
+    """Points with normals, from a file or in the case, or the grids of a model."""
+
+    points: (
+        Path | Annotated[tuple[OnePoint, ...], Field(min_length=1, max_length=MOST_SENSORS)] | None
+    ) = None
+    """File of one point and its normal a line, x y z dx dy dz [m], beside the case; or the points
+    themselves, such as [[0, 1.5, 0.8]], which face up, or [[0, 1.5, 1.2, 0, 1, 0]]."""
     grids: Annotated[tuple[Name, ...], Field(max_length=1000)] = ()
     """Names of sensor grids of the model's files; `*` stands for any text."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rows(cls, table: Any) -> Any:
+        """Refuse rows that are no points with the number of the first one."""
+        rows = table.get("points") if isinstance(table, dict) else None
+        for number, row in enumerate(rows if isinstance(rows, list | tuple) else ()):
+            is_row = isinstance(row, list | tuple) and len(row) in (3, 6)
+            sound = is_row and all(type(v) in (int, float) and abs(v) <= 1e8 for v in row)
+            if not sound or (len(row) == 6 and not any(row[3:])):
+                remedy = "give x, y, z, or x, y, z, dx, dy, dz, in metres"
+                raise InputError("sensors", f"points.{number}", str(row)[:80], remedy)
+        return table
 
     @model_validator(mode="after")
     def _one_source(self) -> PointSensors:

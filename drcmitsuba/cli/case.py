@@ -29,8 +29,9 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     from drcmitsuba.report import style
     from drcmitsuba.report.scene_view import scene_view
     from drcmitsuba.runtime import backend, storage
-    from drcmitsuba.scene.leaks import refuse_leaks
-    from drcmitsuba.scene.sensors import sensor_points
+    from drcmitsuba.scene.daylit import darkness_notes, refuse_darkness
+    from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
+    from drcmitsuba.scene.sensors import placed_sensors, sensor_points
     from drcmitsuba.scene.views import views
 
     loaded = load(case, weather)
@@ -57,8 +58,10 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     if is_model:
         storage.save_text(case_text(Path(case), output, loaded.building, loaded.sensors), target)
         print(f"{target}: a case to change; next: drcmitsuba evaluate {target}")
-    show_notes(remarks)
+    show_notes((*remarks, *placed_sensors(loaded).notes))
     refuse_leaks(loaded)
+    refuse_darkness(loaded)
+    show_notes([*crack_notes(loaded), *darkness_notes(loaded)])
 
 
 def _place_notes(case: Case) -> tuple[str, ...]:

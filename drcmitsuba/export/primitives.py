@@ -78,8 +78,17 @@ def twin(
     Twin
     """
     if isinstance(material, Lambertian):
-        rgb = _numbers([channel_of(material.reflectance, i) for i in range(3)])
-        return Twin(f"void plastic {modifier} 0 0 5 {rgb} 0 0")
+        colours = [_numbers([channel_of(side, i) for i in range(3)]) for side in material.sides]
+        if material.behind is None:
+            return Twin(f"void plastic {modifier} 0 0 5 {colours[0]} 0 0")
+        front, back = (f"{modifier}_{side}" for side in ("front", "back"))
+        lines = [
+            f"void plastic {front} 0 0 5 {colours[0]} 0 0",
+            f"void plastic {back} 0 0 5 {colours[1]} 0 0",
+            # Rdot, the cosine at which the ray arrives, is positive on the front.
+            f"void mixfunc {modifier} 4 {front} {back} if(Rdot,1,0) . 0 0",
+        ]
+        return Twin("\n".join(lines))
     if isinstance(material, PorousMaterial):
         return _porous(modifier, material)
     if isinstance(material, GlazingMaterial) and material.ior is not None:

@@ -175,8 +175,9 @@ class Chains:
         front = np.einsum("ri,ri->r", n, on.d) < 0
         towards = np.where(front[:, None], n, -n)
         if isinstance(material, Lambertian):
-            share = self._channels(material.reflectance)
-            every["surfaces"].append(on.ends(index, towards, share))
+            for side, rho in zip((front, ~front), material.sides, strict=True):
+                met, shown = on.take(side), towards[side]
+                every["surfaces"].append(met.ends(index, shown, self._channels(rho)))
         elif isinstance(material, PorousMaterial):
             share = (1 - material.porosity) * self._channels(material.reflectance)
             every["surfaces"].append(on.ends(index, towards, share))

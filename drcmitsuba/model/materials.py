@@ -183,9 +183,23 @@ Material = Annotated[
 
 @dataclass(frozen=True)
 class Lambertian:
-    """Opaque diffuse surface, the same on both sides: room, furniture, context."""
+    """Opaque diffuse surface: room, furniture, context."""
 
     reflectance: Reflectance
+    """Reflectance of the front [–], and of the back where that has none of its own."""
+    behind: Reflectance | None = None
+    """Reflectance of the back [–], where it differs: a wall between two rooms, a slab."""
+
+    @property
+    def sides(self) -> tuple[Reflectance, Reflectance]:
+        """Reflectances of front and back [–]."""
+        return self.reflectance, self.reflectance if self.behind is None else self.behind
+
+
+def two_sided(front: Lambertian, back: Lambertian) -> Lambertian:
+    """Sheet with the front of one material before and that of another behind."""
+    rho, other = front.reflectance, back.reflectance
+    return Lambertian(rho, None if other == rho else other)
 
 
 SurfaceMaterial = (

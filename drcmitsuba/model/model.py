@@ -13,6 +13,7 @@ from drcmitsuba.model.materials import (
     DielectricMaterial,
     DiffuserMaterial,
     GlazingMaterial,
+    Lambertian,
     MirrorMaterial,
     PorousMaterial,
     SurfaceMaterial,
@@ -75,11 +76,26 @@ class Layer:
     layers. Material and surfaces of the first state are `material` and `states[0].shades`."""
     stands_in: str = ""
     """Group in whose first state alone the surfaces stand; "" where they always stand."""
+    behind: str = ""
+    """Name of the material on the back, where it has another one: a wall between two rooms."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the materials of its sides."""
+        return (self.name, self.behind) if self.behind else (self.name,)
 
     @property
     def deviates(self) -> bool:
         """Whether the layer is a mirror or a clear solid: photons follow its light."""
         return isinstance(self.material, MirrorMaterial | DielectricMaterial)
+
+    @property
+    def sides(self) -> tuple[SurfaceMaterial, SurfaceMaterial]:
+        """Materials of front and back."""
+        if isinstance(self.material, Lambertian):
+            front, back = map(Lambertian, self.material.sides)
+            return front, back
+        return self.material, self.material
 
     @property
     def materials(self) -> tuple[SurfaceMaterial | None, ...]:
@@ -194,8 +210,8 @@ def with_printable_names(model: Model) -> Model:
             for state in layer.states
         )
         return replace(
-            layer, name=printable(layer.name), group=printable(layer.group), states=states,
-            places=tuple(map(printable, layer.places)),
+            layer, name=printable(layer.name), behind=printable(layer.behind),
+            group=printable(layer.group), states=states, places=tuple(map(printable, layer.places)),
         )  # fmt: skip
 
     place = model.location

@@ -70,7 +70,7 @@ def quads_of(corners: np.ndarray, holes: Sequence[np.ndarray] = ()) -> np.ndarra
         return outer[[0, 1, 2, 2]][None]
     if len(rings) == 1 and len(outer) == 4 and are_parallelograms(outer[None])[0]:
         return outer[None]
-    u, v = _axes(normal)
+    u, v = axes_across(normal)
     flat = [np.stack([(ring - outer[0]) @ u, (ring - outer[0]) @ v], axis=1) for ring in rings]
     loops = [loop for ring in rings for loop in _loops(ring)]
     if len(loops) > len(rings):  # a seam leads to a hole and back
@@ -141,7 +141,7 @@ def _distinct(ring: np.ndarray) -> np.ndarray:
     return ring[far]
 
 
-def _axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def axes_across(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two unit vectors across a normal; (u, v, normal) is right-handed."""
     least = np.eye(3)[np.argmin(np.abs(normal))]
     u = np.cross(least, normal)

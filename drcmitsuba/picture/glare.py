@@ -62,6 +62,8 @@ class Glare:
     threshold: float
     """Luminance above which a pixel is part of a glare source [cd/m²]."""
     sources: GlareSources
+    notes: tuple[str, ...] = ()
+    """What makes the picture doubtful."""
 
     @property
     def background(self) -> float:
@@ -181,7 +183,18 @@ def glare(
     mean = float(flux.sum() / omega.sum())
     limit = threshold if threshold > LARGEST_FACTOR else threshold * mean
     sources = glare_sources.find(luminance, directions, omega, shown, limit, opening, peak)
-    return Glare(illuminance, mean, limit, sources)
+    return Glare(illuminance, mean, limit, sources, _notes(luminance, shown))
+
+
+def _notes(luminance: np.ndarray, view: PictureView) -> tuple[str, ...]:
+    """Note a fisheye picture that a perspective view is stated for: its corners are black."""
+    if view.kind != "perspective" or luminance[[0, 0, -1, -1], [0, -1, 0, -1]].any():
+        return ()
+    wide, high = view.angles
+    return (
+        f"the corners are black in a perspective view of {wide:g}° by {high:g}°: a fisheye picture "
+        "needs its own view, such as -vta -vh 180 -vv 180",
+    )
 
 
 def _refuse_unfit(picture: Picture, threshold: float, opening: float, peak: float) -> None:

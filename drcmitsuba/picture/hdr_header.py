@@ -16,6 +16,12 @@ from drcmitsuba.runtime.errors import InputError
 LONGEST = 1 << 20
 """Largest size of a header [byte]."""
 RGBE, XYZE = "32-bit_rle_rgbe", "32-bit_rle_xyze"
+_GAP = re.compile(rb"\r?\n\r?\n")
+"""End of a header; files that passed through a mail or an editor end lines with CR LF."""
+_PROGRAMS = ("rpict", "rview", "rvu", "rpiece", "pinterp")
+"""Programs whose command lines state the view of a picture."""
+_NUMBERS = {"p": 3, "d": 3, "u": 3, "h": 1, "v": 1, "s": 1, "l": 1}
+"""Numbers of values behind the options `-vp`, `-vd` …"""
 _RESOLUTION = re.compile(r"([+-])([XY])\s+(\d{1,9})\s+([+-])([XY])\s+(\d{1,9})\s*")
 
 
@@ -26,6 +32,7 @@ class Header:
     form: str
     """`32-bit_rle_rgbe` or `32-bit_rle_xyze`."""
     view: PictureView | None
+    """That of its `VIEW=` lines, or of the command line of the program that made it."""
     exposure: float
     """Product of all EXPOSURE lines [–]."""
     correction: np.ndarray
@@ -72,12 +79,12 @@ def read(raw: bytes, file: Path) -> Header:
     InputError
         The header breaks off, a value is unfit, or the picture would not fit in memory.
     """
-    end = raw.find(b"\n\n", 0, LONGEST)
-    last = raw.find(b"\n", end + 2, end + 130)
-    if not raw.startswith(b"#?") or end < 0 or last < 0:
+    gap = _GAP.search(raw, 0, LONGEST)
+    last = -1 if gap is None else raw.find(b"\n", gap.end(), gap.end() + 128)
+    if not raw.startswith(b"#?") or gap is None or last < 0:
         raise InputError(file, "header", "no picture of Radiance", "give a whole .hdr file")
-    lines = raw[:end].decode("utf-8", "replace").split("\n")
-    resolution = _resolution(raw[end + 2 : last].decode("latin-1"), file)
+    lines = raw[: gap.start()].decode("utf-8", "replace").replace("\r\n", "\n").split("\n")
+    resolution = _resolution(raw[gap.end() : last].decode("latin-1").rstrip("\r"), file)
     refuse_size(file, resolution[5], resolution[2])
     form, captured, views = RGBE, "", []
     exposure, correction, primaries = 1.0, np.ones(3), RADIANCE
@@ -86,6 +93,9 @@ def read(raw: bytes, file: Path) -> Header:
         key, equals, value = line.partition("=")
         value = value.strip()
         place = f"line {number}: {key}"
+        if options := _view_of_command(line):
+            views.append(options)
+            view_line = number
         if not equals:
             continue
         if key == "FORMAT":
@@ -109,6 +119,25 @@ def read(raw: bytes, file: Path) -> Header:
         raise InputError(file, "EXPOSURE", f"{exposure:g} in all", "give 1e-30 to 1e30")
     view = from_options(" ".join(views), file, view_line) if views else None
     return Header(form, view, exposure, correction, primaries, captured, resolution, last + 1)
+
+
+def _view_of_command(line: str) -> str:
+    """Options of the view in a command line of a header; "" where it is none.
+
+    Lines that a tab indents are of pictures from which this one was made.
+    """
+    program, *words = line.split() or [""]
+    if line[:1].isspace() or Path(program).name not in _PROGRAMS:
+        return ""
+    options = []
+    for at, word in enumerate(words):
+        if re.fullmatch(r"-vt[a-z]", word):
+            options.append(word)
+        elif re.fullmatch(r"-v[pduhvsl]", word):
+            values = words[at + 1 : at + 1 + _NUMBERS[word[2]]]
+            if len(values) == _NUMBERS[word[2]]:
+                options += [word, *values]
+    return " ".join(options)
 
 
 def _resolution(line: str, file: Path) -> tuple[str, str, int, str, str, int]:

@@ -10,8 +10,11 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.model.materials import BsdfMaterial
 from drcmitsuba.plan import panes
+from drcmitsuba.scene.daylit import darkness_notes
+from drcmitsuba.scene.leaks import crack_notes
 from drcmitsuba.scene.materials import film
 from drcmitsuba.scene.pane_groups import PaneGroups
+from drcmitsuba.scene.sensors import placed_sensors
 
 MOST_LOST = 1e-3
 """Part of the photons' flux that may be lost without a note."""
@@ -61,6 +64,7 @@ def notes(case: Case) -> list[str]:
     """Notes on the model, on the shade, and on films whose BSDF was scaled down."""
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
+    remarks += [*placed_sensors(case).notes, *crack_notes(case), *darkness_notes(case)]
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)
         if measured.largest_albedo > 1:

@@ -15,6 +15,7 @@ from drcmitsuba.plan.effect import Effect
 from drcmitsuba.plan.facts import Facts
 from drcmitsuba.plan.mirrors import mirrors
 from drcmitsuba.scene.components import place
+from drcmitsuba.scene.daylit import refuse_darkness
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.leaks import refuse_leaks
 from drcmitsuba.scene.sun_visibility import SunVisibility, VisibleSuns
@@ -73,6 +74,7 @@ def plan(case: Case, light: Daylight) -> Plan:
         A component or a BSDF file is unfit, or a model leaks.
     """
     refuse_leaks(case)
+    refuse_darkness(case)
     components = place(case)
     reach = SunVisibility.of(case, components)
     everything = VisibleSuns(np.ones(len(light.suns.labels), bool), 0, 0, 1.0)

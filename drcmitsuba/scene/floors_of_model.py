@@ -60,14 +60,19 @@ def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str)
     """
     quads: dict[str, np.ndarray] = {}
     for pattern in patterns:
-        mine = [x for x in model.layers if fnmatchcase(x.name, pattern) and x.role != "context"]
+        mine = [
+            (name, layer)
+            for layer in model.layers
+            for name in layer.names
+            if fnmatchcase(name, pattern) and layer.role != "context"
+        ]
         if not mine:
-            names = [layer.name for layer in model.layers]
+            names = [name for layer in model.layers for name in layer.names]
             got = f"no surface has the material {shortened(pattern)}"
             raise InputError(source, "sensors.floors", got, choose(pattern, names))
-        for layer in mine:
+        for name, layer in mine:
             level = layer.quads[_is_level(layer.quads)]
-            quads[layer.name] = np.concatenate([quads.get(layer.name, level[:0]), level])
+            quads[name] = np.concatenate([quads.get(name, level[:0]), level])
     heights = np.concatenate([level[:, 0, 2] for level in quads.values()])
     if len(heights) == 0:
         got = f"{', '.join(patterns)[:80]} has no level polygon"

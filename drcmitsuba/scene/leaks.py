@@ -21,7 +21,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.meshes import quad_mesh
 from drcmitsuba.scene.panes_of_model import panes_of_model
-from drcmitsuba.scene.sensors import grids_of_model
+from drcmitsuba.scene.sensors import sensors_of_model
 
 PATHS, BOUNCES = 1 << 15, 6
 """Number of paths, and of their rays."""
@@ -29,6 +29,12 @@ TIGHT = 1e-4
 """Share of the rays that may leave a model: cracks between polygons that were drawn apart [–]."""
 NEAR = 0.25
 """Distance within which lines pass the same leak [m]."""
+NARROW = 5e-3
+"""Share of the rays that may leave a model by cracks, with a note [–]."""
+CRACK, AROUND = 0.02, 8
+"""Distance of rays beside a lost one by which it has passed a crack or a hole [m]; their number."""
+MOST_WIDE = 0.1
+"""Share of the lost rays that may pass a hole where a leak counts as cracks [–]."""
 MOST_LINES = 200
 """Number of lost rays by which a leak is located."""
 
@@ -40,6 +46,14 @@ class Leak(NamedTuple):
     """Share of the rays in the rooms that leave the model [–]."""
     place: np.ndarray
     """Point near the opening in the model's frame [m], shape (3,)."""
+    is_crack: bool
+    """Whether it is so narrow, and passed by so few, that it may stay."""
+
+    @property
+    def words(self) -> str:
+        """Share and place in a message."""
+        where = ", ".join(f"{v:.2f}" for v in self.place)
+        return f"{100 * self.share:.2g} % of the rays in its rooms leave it near ({where})"
 
 
 def refuse_leaks(case: Case) -> None:
@@ -50,14 +64,19 @@ def refuse_leaks(case: Case) -> None:
     if not case.building.layers or case.model is None or case.model.leaks == "allow":
         return
     leak = leak_of(case.building, case.sensors, case.source, mi.variant())
-    if leak is None:
-        return
-    where = ", ".join(f"{v:.2f}" for v in leak.place)
-    raise InputError(
-        case.source, "model",
-        f"{100 * leak.share:.2g} % of the rays in its rooms leave it near ({where})",
-        'close the room there, draw a pane, or write leaks = "allow" in [model]',
-    )  # fmt: skip
+    if leak is not None and not leak.is_crack:
+        remedy = 'close the room there, draw a pane, or write leaks = "allow" in [model]'
+        raise InputError(case.source, "model", leak.words, remedy)
+
+
+def crack_notes(case: Case) -> list[str]:
+    """Note cracks through which rays leave the rooms; errors are those of `refuse_leaks`."""
+    if not case.building.layers or case.model is None or case.model.leaks == "allow":
+        return []
+    leak = leak_of(case.building, case.sensors, case.source, mi.variant())
+    if leak is None or not leak.is_crack:
+        return []
+    return [f"model: {leak.words}, by cracks below {1000 * CRACK:g} mm: no light enters there"]
 
 
 @lru_cache(maxsize=4)
@@ -65,30 +84,49 @@ def leak_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Lea
     """Leak of a model's rooms, those of the sensors; None where they are closed.
 
     It is looked for once for a model and a variant of Mitsuba; errors are those of
-    `sensors.grids_of_model`.
+    `sensors.sensors_of_model`.
     """
-    grids = grids_of_model(model, sensors, source, variant)
+    placed = sensors_of_model(model, sensors, source, variant, outside=False)
+    if placed.outside:
+        return None
     low = np.min([layer.quads.min(axis=(0, 1)) for layer in model.layers], axis=0)
-    points = np.concatenate([grid.points for grid in grids]) - low
-    start, ends, among = _lost(model, low, points, np.concatenate([g.normals for g in grids]))
+    scene = _closed(model, low)
+    start, ends, among = _lost(scene, placed.points - low, placed.normals)
     if len(start) < TIGHT * among:
         return None
-    return Leak(len(start) / among, _place(start, ends) + low)
+    share = len(start) / among
+    is_crack = share < NARROW and _wide(scene, start, ends) < MOST_WIDE
+    return Leak(share, _place(start, ends) + low, is_crack)
 
 
-def _lost(
-    model: Model, low: np.ndarray, points: np.ndarray, normals: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Starts and directions of rays that leave the model, (ray, 3) each, and the number of rays.
-
-    Points (sensor, 3) and starts are relative to the model's lowest corner `low` [m].
-    """
+def _closed(model: Model, low: np.ndarray) -> mi.Scene:
+    """Surfaces of a model and its panes to the outside, relative to its lowest corner [m]."""
     panes, quads = panes_of_model(model), []
     for i, layer in enumerate(model.layers):
         between = panes.polygon[(panes.layer == i) & ~panes.outside]
         quads.append(panes.quads[i][~np.isin(layer.polygon, between)])
     corners = np.concatenate(quads) - low
-    scene = mi.load_dict({"type": "scene", "all": quad_mesh("all", corners)}, optimize=False)
+    return mi.load_dict({"type": "scene", "all": quad_mesh("all", corners)}, optimize=False)
+
+
+def _wide(scene: mi.Scene, start: np.ndarray, direction: np.ndarray) -> float:
+    """Share of lost rays beside which all others at the distance `CRACK` are lost, too [–]."""
+    turn = np.arange(AROUND) * (2 * np.pi / AROUND)
+    ring = CRACK * np.stack([np.cos(turn), np.sin(turn)])
+    lane = dr.arange(mi.UInt32, len(start) * AROUND)
+    ray, beside = lane // AROUND, lane % AROUND
+    d = dr.gather(mi.Vector3f, flat(direction), ray)
+    away = dr.gather(mi.Vector2f, flat(ring.T), beside)
+    frame = mi.Frame3f(d)
+    p = dr.gather(mi.Point3f, flat(start), ray) + frame.s * away.x + frame.t * away.y
+    hit = scene.ray_test(mi.Ray3f(p, d), coherent=False)
+    return float((~hit.numpy().reshape(len(start), AROUND).any(axis=1)).mean())
+
+
+def _lost(
+    scene: mi.Scene, points: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Starts and directions of rays that leave a scene, (ray, 3) each, and the number of rays."""
     lane = dr.arange(mi.UInt32, PATHS)
     sensor = lane % len(points)
     p = dr.gather(mi.Point3f, flat(points), sensor)

@@ -115,7 +115,9 @@ def max_reflectance(reflectance: Reflectance) -> float:
 
 def albedo(material: SurfaceMaterial) -> float:
     """Largest share of the arriving light that a surface reflects and transmits together, ≤ 1."""
-    if isinstance(material, Lambertian | MirrorMaterial):
+    if isinstance(material, Lambertian):
+        return max(map(max_reflectance, material.sides))
+    if isinstance(material, MirrorMaterial):
         return max_reflectance(material.reflectance)
     if isinstance(material, PorousMaterial):
         gaps = material.porosity
@@ -150,6 +152,17 @@ def _uniform(value: float) -> dict[str, Any]:
 
 def _rough(alpha: float) -> dict[str, Any]:
     return {"alpha": alpha, "distribution": "ggx"}
+
+
+def _matt(front: float, back: float) -> dict[str, Any]:
+    """Diffuse sheet of a reflectance on each side."""
+    sheet: dict[str, Any] = {
+        "type": "twosided",
+        "front": {"type": "diffuse", "reflectance": _uniform(front)},
+    }
+    if back != front:
+        sheet["opposite"] = {"type": "diffuse", "reflectance": _uniform(back)}
+    return sheet
 
 
 def _mirror(material: MirrorMaterial) -> dict[str, Any]:
@@ -198,14 +211,10 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
             "turn": material.turn,
             "channel": channel if measured.coloured else -1,
         }
-    if isinstance(material, Lambertian | PorousMaterial):
-        rho = _uniform(channel_of(material.reflectance, channel))
-        solid: dict[str, Any] = {
-            "type": "twosided",
-            "bsdf": {"type": "diffuse", "reflectance": rho},
-        }
-        if isinstance(material, Lambertian):
-            return solid
+    if isinstance(material, Lambertian):
+        return _matt(*(channel_of(rho, channel) for rho in material.sides))
+    if isinstance(material, PorousMaterial):
+        solid = _matt(*2 * [channel_of(material.reflectance, channel)])
         return {"type": "mask", "opacity": _uniform(1 - material.porosity), "solid": solid}
     if isinstance(material, MirrorMaterial):
         return {"type": "twosided", "bsdf": _mirror(material)}

@@ -234,7 +234,11 @@ def is_coloured(case: Case) -> bool:
     values = [f.reflectance for f in case.furniture]
     layers = [part for layer in case.building.layers for part in (layer, *layer.added)]
     of_model = (material for layer in layers for material in layer.materials)
-    values += [m.reflectance for m in of_model if isinstance(m, Lambertian | PorousMaterial)]
+    for m in of_model:
+        if isinstance(m, Lambertian):
+            values += m.sides
+        elif isinstance(m, PorousMaterial):
+            values.append(m.reflectance)
     if case.room is not None:
         values += [case.room.floor, case.room.ceiling, case.room.walls]
     values += [f.frame_reflectance for f in case.facade.values()]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -16,16 +16,74 @@ from drcmitsuba.case.sensors import (
     MOST_SENSORS,
     AnySensors,
     FloorSensors,
+    PointSensors,
     Sensors,
 )
 from drcmitsuba.model.model import Grid, Model
+from drcmitsuba.model.notes import MOST_NAMES
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.components import inside
 from drcmitsuba.scene.geometry import boxes, origin, recentred, rotation
-from drcmitsuba.scene.sensors_of_model import above_floors, listed, on_a_surface
+from drcmitsuba.scene.sensors_of_model import (
+    NEAR,
+    above_floors,
+    listed,
+    on_a_surface,
+    outside_rooms,
+)
 
 FACES_UP = 1 - 1e-6
 """Least vertical part of the normal of a sensor that faces up [–]."""
+MARGIN = 1e-3 - 1e-9
+"""Least distance of points from a solid [m]: 1 mm with the rounding of decimals."""
+LIFT = NEAR + 1e-5
+"""Height to which points on a surface are lifted [m]: 1 mm with the rounding of rays."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedSensors:
+    """Sensors where illuminance is computed, with notes on those moved or left out."""
+
+    grids: tuple[Grid, ...]
+    notes: tuple[str, ...] = ()
+    outside: bool = False
+    """Whether they stand before a façade or under the sky, not in rooms."""
+
+    @property
+    def points(self) -> np.ndarray:
+        """Positions of all sensors [m], shape (sensor, 3)."""
+        return np.concatenate([grid.points for grid in self.grids])
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals of all sensors, shape (sensor, 3)."""
+        return np.concatenate([grid.normals for grid in self.grids])
+
+    def moved(self, points: np.ndarray, note: str) -> PlacedSensors:
+        """Sensors at other positions (sensor, 3) [m]."""
+        ends = np.cumsum([len(grid.points) for grid in self.grids])[:-1]
+        parts = zip(self.grids, np.split(points, ends), strict=True)
+        grids = tuple(replace(grid, points=own) for grid, own in parts)
+        return PlacedSensors(grids, (*self.notes, note))
+
+    def without(self, bad: np.ndarray, where: str) -> PlacedSensors:
+        """Leave out sensors that are bad, bool (sensor,), with a note on each of their grids."""
+        ends = np.cumsum([len(grid.points) for grid in self.grids])[:-1]
+        kept, notes = [], list(self.notes)
+        for grid, out in zip(self.grids, np.split(bad, ends), strict=True):
+            if not out.all():
+                own = replace(grid, points=grid.points[~out], normals=grid.normals[~out])
+                kept.append(own)
+            if out.any():
+                of = f" of grid {grid.name[:80]!r}" if grid.name else ""
+                verb = "lies" if out.sum() == 1 else "lie"
+                place = _place(grid.points[int(np.argmax(out))])
+                first = f"at {place}" if out.sum() == 1 else f"the first at {place}"
+                notes.append(
+                    f"sensors: {int(out.sum())} of {len(out)} points{of} {verb} {where}, {first}: "
+                    "left out"
+                )
+        return PlacedSensors(tuple(kept), tuple(notes))
 
 
 def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
@@ -36,14 +94,11 @@ def sensor_points(case: Case) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        A sensor lies outside the room, inside furniture, or within 1 mm of a surface.
+        A sensor lies outside the room; one that the user listed lies inside furniture or within
+        1 mm of a surface; or none is left.
     """
-    start, grids = origin(case), _grids(case)
-    points = np.concatenate([grid.points for grid in grids]) - start
-    normals = np.concatenate([grid.normals for grid in grids])
-    refuse_in_solids(case, points, start)
-    turn = rotation(case).T
-    return points @ turn, normals @ turn
+    sensors, turn = placed_sensors(case), rotation(case).T
+    return (sensors.points - origin(case)) @ turn, sensors.normals @ turn
 
 
 def sensor_coordinates(case: Case) -> xr.Dataset:
@@ -61,7 +116,7 @@ def sensor_coordinates(case: Case) -> xr.Dataset:
         As `sensor_points`.
     """
     points, normals = sensor_points(case)
-    grids = _grids(case)
+    grids = placed_sensors(case).grids
     at = dict(zip("xyz", (points + origin(case)).T, strict=True))
     if (normals[:, 2] < FACES_UP).any():
         at |= dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
@@ -71,30 +126,76 @@ def sensor_coordinates(case: Case) -> xr.Dataset:
     return xr.Dataset(coords={name: ("sensor", values) for name, values in at.items()})
 
 
-def _grids(case: Case) -> tuple[Grid, ...]:
-    """Grids of a case in the frame of its file [m]; points on a surface of a model are refused."""
+def placed_sensors(case: Case) -> PlacedSensors:
+    """Sensors of a case in the frame of its file [m].
+
+    Points of a grid by rule in or on a solid are left out with a note; points that the user
+    listed are refused there. Errors are those of `sensor_points`.
+    """
     if case.building.layers:
-        return grids_of_model(case.building, case.sensors, case.source, mi.variant())
-    return _placed(case.building, case.sensors, case.source)
+        is_open = case.model is not None and case.model.leaks == "allow"
+        made = sensors_of_model(
+            case.building, case.sensors, case.source, mi.variant(), outside=is_open
+        )
+    else:
+        made = PlacedSensors(_placed(case.building, case.sensors, case.source))
+    if isinstance(case.sensors, PointSensors):
+        refuse_in_solids(case, made.points - origin(case), origin(case))
+        return made
+    start = origin(case)
+    _refuse(*_beyond_walls(case, made.points - start), made.points, case.source)
+    held, words = np.zeros(len(made.points), bool), dict[str, None]()
+    for bad, where in _in_solids(case, made.points - start):
+        held |= bad
+        words |= {where: None} if bad.any() else {}
+    where = ", ".join(list(words)[:MOST_NAMES])
+    if held.all():
+        _refuse(held, where, made.points, case.source)
+    return made.without(held, where) if held.any() else made
 
 
 @lru_cache(maxsize=4)
-def grids_of_model(
-    model: Model, sensors: AnySensors, source: str, variant: str
-) -> tuple[Grid, ...]:
-    """Grids of the sensors of a model, in its own frame [m].
+def sensors_of_model(
+    model: Model, sensors: AnySensors, source: str, variant: str, outside: bool
+) -> PlacedSensors:
+    """Sensors of a model, in its own frame [m].
 
-    They are made once for a model and a variant of Mitsuba.
+    They are made once for a model and a variant of Mitsuba. Listed points on a surface are lifted
+    by 1 mm along their normals, and those of a grid by rule left out there; points outside of the
+    rooms are left out unless they shall count (`outside`), or no other ones are there. Each has a
+    note.
 
     Raises
     ------
     InputError
-        The sensors are unfit, or one lies within 1 mm of a surface; the error names the `source`.
+        The sensors are unfit, or one of them stays within 1 mm of a surface; the error names the
+        `source`.
     """
-    grids = _placed(model, sensors, source)
-    points = np.concatenate([grid.points for grid in grids])
-    _refuse(on_a_surface(model, points), points, "on a surface of the model", source)
-    return grids
+    made = PlacedSensors(_placed(model, sensors, source))
+    points = made.points
+    on = on_a_surface(model, points)
+    if isinstance(sensors, PointSensors) and on.any():
+        lifted = np.where(on[:, None], points + LIFT * made.normals, points)
+        still = on.copy()
+        still[on] = on_a_surface(model, lifted[on])
+        _refuse(still, "on a surface of the model", points, source)
+        many = f"{int(on.sum())} of {len(on)} points lie on a surface"
+        first = _place(points[int(np.argmax(on))])
+        note = f"sensors: {many}, the first at {first}: lifted by 1 mm along their normals"
+        made = made.moved(lifted, note)
+    elif on.any():
+        if on.all():
+            _refuse(on, "on a surface of the model", points, source)
+        made = made.without(on, "on a surface of the model")
+    if outside:
+        return made
+    out = outside_rooms(model, made.points)
+    if out.all():
+        first = _place(made.points[0])
+        note = f"sensors: all {len(out)} points, the first at {first}, lie outside of rooms: the "
+        note += "light that they get there is counted"
+        return replace(made, notes=(*made.notes, note), outside=True)
+    return made.without(out, "outside of the rooms") if out.any() else made
 
 
 def _placed(model: Model, sensors: AnySensors, source: str) -> tuple[Grid, ...]:
@@ -124,40 +225,53 @@ def _box_grid(grid: Sensors) -> Grid:
 def refuse_in_solids(
     case: Case, points: np.ndarray, start: np.ndarray, views: Sequence[str] = ()
 ) -> None:
-    """Refuse sensors in or on a surface of a room, a piece of furniture or a closed mesh.
+    """Refuse points in or on a surface of a room, a piece of furniture or a closed mesh.
 
     `start` (3,) is the origin of the points in the user's coordinates [m]. Points of `views`, by
     their names, are also refused on a surface of the model, which grids have been.
     """
-    margin = 1e-3 - 1e-9  # 1 mm is allowed, with the rounding of decimals
-
-    def refuse(bad: Any, where: str) -> None:
-        _refuse(bad, points + start, where, case.source, views)
-
+    at = points + start
     if views and case.building.layers:
-        refuse(on_a_surface(case.building, points + start), "on a surface of the model")
-    if case.room is not None:
-        size = np.array(case.room.size)
-        outside = (points <= margin) | (points >= size - margin)
-        refuse(outside.any(axis=1), "in, on or beyond a wall of the room")
-    for piece in recentred(case).furniture:
+        where = "on a surface of the model"
+        _refuse(on_a_surface(case.building, at), where, at, case.source, views)
+    for bad, where in (_beyond_walls(case, points), *_in_solids(case, points)):
+        _refuse(bad, where, at, case.source, views)
+
+
+def _beyond_walls(case: Case, points: np.ndarray) -> tuple[np.ndarray, str]:
+    """Whether points (sensor, 3) [m] lie beyond the walls of a room, bool, in words."""
+    where = "in, on or beyond a wall of the room"
+    if case.room is None:
+        return np.zeros(len(points), bool), where
+    beyond = (points <= MARGIN) | (points >= np.array(case.room.size) - MARGIN)
+    return np.asarray(beyond.any(axis=1)), where
+
+
+def _in_solids(case: Case, points: np.ndarray) -> Iterator[tuple[np.ndarray, str]]:
+    """Whether points (sensor, 3) [m] lie in each solid, bool (sensor,), and which, in words."""
+    centred = recentred(case)
+    for piece in centred.furniture:
         for corner, size in boxes(piece):
-            near = (points > corner - margin) & (points < corner + size + margin)
-            refuse(near.all(axis=1), f"in or on {piece.name!r}")
-    for name, within in inside(recentred(case), points):
-        refuse(within, f"in component {name!r}")
+            near = (points > corner - MARGIN) & (points < corner + size + MARGIN)
+            yield near.all(axis=1), f"in or on {piece.name!r}"
+    for name, within in inside(centred, points):
+        yield within, f"in component {name!r}"
 
 
 def _refuse(
-    bad: np.ndarray, points: np.ndarray, where: str, source: str, views: Sequence[str] = ()
+    bad: np.ndarray, where: str, points: np.ndarray, source: str, views: Sequence[str] = ()
 ) -> None:
     """Raise InputError with the first of the points (sensor, 3) [m] that are bad."""
     if bad.any():
         i = int(np.argmax(bad))
-        place = ", ".join(f"{round(v, 4):.10g}" for v in points[i])
         more = f" ({int(bad.sum())} in all)" if bad.sum() > 1 else ""
         field, name = ("views", f"view {views[i]!r}") if views else ("sensors", f"sensor {i}")
         raise InputError(
-            source, field, f"{name} at ({place}) lies {where}{more}",
+            source, field, f"{name} at {_place(points[i])} lies {where}{more}",
             "move it at least 1 mm off every surface",
         )  # fmt: skip
+
+
+def _place(point: np.ndarray) -> str:
+    """Coordinates (3,) [m] in a message."""
+    return f"({', '.join(f'{round(v, 4):.10g}' for v in point)})"

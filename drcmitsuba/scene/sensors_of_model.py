@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from drcmitsuba.case.sensors import MOST_SENSORS, FloorSensors, PointSensors
-from drcmitsuba.model.model import Grid, Model
+from drcmitsuba.model.model import Grid, Layer, Model
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.toml import choose, shortened
@@ -20,6 +20,8 @@ from drcmitsuba.scene.panes_of_model import all_surfaces
 
 NEAR = 1e-3
 """Least distance of a sensor from a surface [m]."""
+FREE = 0.4
+"""Share of directions that are free at points outside, at least: half of them before a façade."""
 _ANGLES = np.arange(16) * (np.pi / 8)
 _AROUND = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(16)])
 """Level directions to walls."""
@@ -75,7 +77,12 @@ def above_floors(model: Model, sensors: FloorSensors, source: str) -> tuple[Grid
 
 
 def listed(model: Model, sensors: PointSensors, source: str) -> tuple[Grid, ...]:
-    """Points of a file as a grid, or grids of a model by their names, in the model's frame [m]."""
+    """Points of a file or a case, or grids of a model by their names, in the model's frame [m]."""
+    if isinstance(sensors.points, tuple):
+        whole = [row if len(row) == 6 else (*row, 0, 0, 1) for row in sensors.points]
+        rows = np.array(whole, float)
+        normals = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+        return (Grid("", rows[:, :3], normals),)
     if sensors.points is not None:
         from drcmitsuba.model.radiance import read_points
 
@@ -96,6 +103,36 @@ def listed(model: Model, sensors: PointSensors, source: str) -> tuple[Grid, ...]
 def on_a_surface(model: Model, points: np.ndarray) -> np.ndarray:
     """Whether points (sensor, 3) [m] lie within `NEAR` of a surface of the model, (sensor,)."""
     return _near(model, points, np.concatenate([np.eye(3), -np.eye(3)]), NEAR)
+
+
+def outside_rooms(model: Model, points: np.ndarray) -> np.ndarray:
+    """Whether points (sensor, 3) [m] lie outside of a model's rooms, bool (sensor,).
+
+    From such a point the larger part of a half of all directions is free, up or down, and so are
+    the level ones: a room whose roof is missing has its walls. Bodies outside do not count.
+    """
+    near = tuple(layer for layer in model.layers if layer.role != "context")
+    if not near:
+        return np.ones(len(points), bool)
+    out = _free(near, points, _AROUND) > FREE
+    if out.any():
+        heights = (np.arange(32) + 0.5) / 32
+        turns = np.arange(32) * np.pi * (3 - np.sqrt(5))  # an even spiral over a half-space
+        level = np.sqrt(1 - heights**2)
+        up = np.column_stack([level * np.cos(turns), level * np.sin(turns), heights])
+        mine = points[out]
+        out[out] = np.maximum(_free(near, mine, up), _free(near, mine, -up)) > FREE
+    return out
+
+
+def _free(layers: tuple[Layer, ...], points: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Share of directions (direction, 3) in which points meet no surface of layers, (sensor,)."""
+    scene, start, _ = all_surfaces(Model(layers), mi.variant())
+    lane = dr.arange(mi.UInt32, len(points) * len(directions))
+    p = dr.gather(mi.Point3f, flat(points - start), lane // len(directions))
+    d = dr.gather(mi.Vector3f, flat(directions), lane % len(directions))
+    hit = scene.ray_test(mi.Ray3f(p, d), coherent=False)
+    return np.asarray(1 - hit.numpy().reshape(len(points), -1).mean(axis=1))
 
 
 def _near(model: Model, points: np.ndarray, directions: np.ndarray, distance: float) -> np.ndarray:

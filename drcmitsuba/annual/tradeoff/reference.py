@@ -65,7 +65,10 @@ def some_sensors(case: Case, most: int = MOST_SENSORS) -> np.ndarray:
     Sensors that are no rectangular grid are taken as one row.
     """
     grid = case.sensors
-    nx, ny = grid.count if isinstance(grid, Sensors) else (len(sensor_points(case)[0]), 1)
+    count = len(sensor_points(case)[0])
+    nx, ny = grid.count if isinstance(grid, Sensors) else (count, 1)
+    if nx * ny != count:  # some were left out
+        nx, ny = count, 1
     step = 1
     while -(-nx // step) * -(-ny // step) > most:
         step += 1

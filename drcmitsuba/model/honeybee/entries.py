@@ -164,11 +164,16 @@ def read_entry(file: Path) -> Entry:
     return Entry(file, "model", value)
 
 
-def by_identifier(entries: Iterable[Entry]) -> dict[str, Entry]:
-    """Objects of one kind by their identifiers, which must differ."""
+def by_identifier(entries: Iterable[Entry], *, alike: bool = False) -> dict[str, Entry]:
+    """Objects of one kind by their identifiers, which must differ.
+
+    With `alike`, objects of equal fields may stand several times.
+    """
     out: dict[str, Entry] = {}
     for entry in entries:
         name = entry.identifier()
+        if name in out and alike and out[name].fields == entry.fields:
+            continue
         if name in out:
             raise entry.refuse("identifier", "twice", "give every object its own identifier")
         out[name] = entry

@@ -11,8 +11,15 @@ from drcmitsuba.model.facets import convex_quads, facet_quads
 from drcmitsuba.model.honeybee.entries import Entry
 from drcmitsuba.model.honeybee.modifiers import Modifiers
 from drcmitsuba.model.honeybee.pieces import Piece
+from drcmitsuba.model.materials import Lambertian, two_sided
 from drcmitsuba.model.model import Layer, LayerState, Role, role_of
-from drcmitsuba.model.polygon import SAME, area_vector, quads_of
+from drcmitsuba.model.notes import Notes
+from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.polygon import FLAT, SAME, area_vector, quads_of
+
+TOLERANCE = 0.01
+"""Honeybee's tolerance, for files that state none [m]."""
+BEYOND = "Openings that reach beyond their face within the model's tolerance are cut at its edge"
 
 
 @dataclass(frozen=True)
@@ -23,6 +30,11 @@ class Scale:
     tolerance: float
     """[m]."""
 
+    @property
+    def gap(self) -> float:
+        """Distance within which edges of two objects count as one [m]."""
+        return self.tolerance or TOLERANCE
+
 
 def layers_of(pieces: Iterable[Piece], modifiers: Modifiers, scale: Scale) -> Iterator[Layer]:
     """Layers of polygons, one for each modifier, role, group and turn of states.
@@ -30,11 +42,12 @@ def layers_of(pieces: Iterable[Piece], modifiers: Modifiers, scale: Scale) -> It
     Polygons of the modifier void are openings, and those without area no surface: neither is part
     of a layer.
     """
-    sorts: dict[tuple[str, Role, str, tuple[str, ...]], list[Piece]] = {}
+    sorts: dict[tuple[str, Role, str, tuple[str, ...], str], list[Piece]] = {}
     for piece in pieces:
         states = tuple(state.modifier for state in piece.states)
-        sorts.setdefault((piece.modifier, piece.role, piece.group, states), []).append(piece)
-    for (name, role, group, states), alike in sorts.items():
+        sort = (piece.modifier, piece.role, piece.group, states, piece.behind)
+        sorts.setdefault(sort, []).append(piece)
+    for (name, role, group, states, behind), alike in sorts.items():
         materials = [modifiers.material(each, alike[0].source) for each in (*states, name)]
         if all(material is None for material in materials):
             continue
@@ -46,13 +59,21 @@ def layers_of(pieces: Iterable[Piece], modifiers: Modifiers, scale: Scale) -> It
             modifiers.notes.add(
                 "The first state leaves an opening, not the layer's material", group
             )
+        if behind:
+            back = modifiers.material(behind, alike[0].source)
+            if isinstance(material, Lambertian) and isinstance(back, Lambertian):
+                material = two_sided(material, back)
+            else:
+                sentence = "One side of a wall between rooms is not diffuse: both have the material"
+                modifiers.notes.add(sentence, name)
+                behind = ""
         taken = tuple(
             LayerState(each, made, tuple(_shades(alike, k, modifiers, scale)))
             for k, (each, made) in enumerate(zip(states, materials, strict=False))
         )
         places = tuple(piece.source.place for piece in alike)
         part: Role = "context" if role == "context" else role_of(*materials)
-        yield Layer(name, material, part, quads, polygon, places, group, taken)
+        yield Layer(name, material, part, quads, polygon, places, group, taken, behind=behind)
 
 
 def _shades(pieces: list[Piece], k: int, modifiers: Modifiers, scale: Scale) -> Iterator[Layer]:
@@ -79,7 +100,7 @@ def quads_of_pieces(
         polygons.append(np.array(alike)[polygon])
         others += np.array(alike)[left].tolist()
     for k in others:
-        parts.append(_cut(pieces[k], scale))
+        parts.append(_cut(pieces[k], scale, modifiers.notes))
         polygons.append(np.full(len(parts[-1]), k))
     polygon = np.concatenate(polygons)
     empty = np.setdiff1d(np.arange(len(pieces)), polygon)
@@ -90,7 +111,7 @@ def quads_of_pieces(
     return np.concatenate(parts)[order], polygon[order]
 
 
-def _cut(piece: Piece, scale: Scale) -> np.ndarray:
+def _cut(piece: Piece, scale: Scale, notes: Notes) -> np.ndarray:
     """Quads of one polygon [m], shape (quad, 4, 3); none where it has no area."""
     rings = [ring * scale.metres for ring in piece.rings]
     size = float(np.linalg.norm(area_vector(rings[0])))
@@ -103,8 +124,29 @@ def _cut(piece: Piece, scale: Scale) -> np.ndarray:
     try:
         return quads_of(rings[0], rings[1:])
     except ValueError as error:
+        clipped = _clipped(rings, scale.gap)
+        if clipped is not None:
+            notes.add(BEYOND, piece.source.place)
+            return clipped
         remedy = "correct it; its apertures and doors must lie within it"
         raise piece.source.refuse("geometry", str(error), remedy) from None
+
+
+def _clipped(rings: list[np.ndarray], tolerance: float) -> np.ndarray | None:
+    """Quads of a polygon whose holes reach beyond it by at most a tolerance [m]; None otherwise."""
+    plane, extent = Plane.of(rings[0]), float(np.ptp(rings[0], axis=0).max())
+    if len(rings) == 1 or plane.distance(np.concatenate(rings)) > FLAT * extent:
+        return None
+    outline, *holes = (plane.polygon([ring]) for ring in rings)
+    if not all(shape.is_valid for shape in (outline, *holes)):
+        return None
+    within = outline.buffer(tolerance, join_style="mitre")
+    if not all(within.covers(hole) for hole in holes):
+        return None
+    for hole in holes:
+        outline = outline - hole
+    parts = [quads_of(own[0], own[1:]) for own in plane.rings(outline)]
+    return np.concatenate([np.empty((0, 4, 3)), *parts])
 
 
 def mesh_layer(shade: Entry, modifiers: Modifiers, scale: Scale) -> Layer | None:
@@ -151,7 +193,7 @@ def merged(layers: Iterable[Layer]) -> tuple[Layer, ...]:
     out: dict[tuple[str, ...], Layer] = {}
     for layer in layers:
         fixed = not layer.group
-        key = (layer.name, layer.role) if fixed else (layer.name, layer.role, str(len(out)))
+        key = (*layer.names, layer.role) if fixed else (layer.name, layer.role, str(len(out)))
         first = out.get(key)
         out[key] = layer if first is None else _both(first, layer)
     return tuple(out.values())

@@ -1,25 +1,17 @@
-"""Radiance modifiers of an HBJSON file as materials, and the BSDF files that it holds."""
+"""Radiance modifiers of an HBJSON file as materials."""
 
 from __future__ import annotations
-
-import base64
-import binascii
-import lzma
-import zlib
-from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
 from drcmitsuba.model import radiance_materials
-from drcmitsuba.model.honeybee.entries import Entry, by_identifier, read_entry
+from drcmitsuba.model.honeybee.bsdf_files import BsdfFiles
+from drcmitsuba.model.honeybee.entries import Entry
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance_materials import Colour, Note
 from drcmitsuba.runtime.errors import InputError
 
-LARGEST_BSDF = 256 * 2**20
-"""Largest BSDF file that is unpacked [B]."""
 UP = (0.01, 0.01, 1.0)
 """Up direction of a BSDF that states none."""
 UPRIGHT = np.cos(np.radians(2))
@@ -28,13 +20,13 @@ BESIDE = ("front_diffuse_reflectance", "back_diffuse_reflectance", "diffuse_tran
 """Diffuse parts that a BSDF modifier has beside its file."""
 
 
-def material_of(modifier: Entry, bsdf: Mapping[str, Path], notes: Notes) -> SurfaceMaterial | None:
+def material_of(modifier: Entry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMaterial | None:
     """Material of a modifier; None for void. What it simplifies is added to the notes.
 
     Raises
     ------
     InputError
-        The modifier has no counterpart, or is a BSDF whose file `bsdf` does not name.
+        The modifier has no counterpart, or is a BSDF whose data is no XML.
     """
     kind = modifier.text("type") or ""
     pattern = modifier.fields.get("modifier")
@@ -106,12 +98,8 @@ MAKERS = {
 """Materials of the modifiers that numbers describe, by type."""
 
 
-def _bsdf(modifier: Entry, bsdf: Mapping[str, Path], notes: Notes) -> SurfaceMaterial:
-    """Pane of a file that the caller has written; its y axis is vertical."""
-    name = modifier.identifier()
-    if name not in bsdf:
-        remedy = f"write bsdf_xml(file)[{name!r}] to a file of your own and name it in bsdf"
-        raise modifier.refuse("bsdf_data", "a BSDF within the model", remedy)
+def _bsdf(modifier: Entry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMaterial:
+    """Pane whose file the model holds, or the caller has written; its y axis is vertical."""
     if modifier.number("thickness", 0.0) != 0:
         got = f"{modifier.number('thickness', 0.0):g}: it stands for geometry that it hides"
         raise modifier.refuse("thickness", got, "give the geometry, or a thickness of 0")
@@ -125,47 +113,4 @@ def _bsdf(modifier: Entry, bsdf: Mapping[str, Path], notes: Notes) -> SurfaceMat
         remedy = "turn the file, so that its y axis is vertical"
         raise modifier.refuse("up_orientation", f"{x:g} {y:g} {z:g}", remedy)
     notes.add("BSDF files have their y axis upright; on horizontal panes, along y", modifier.place)
-    return BsdfMaterial(type="bsdf", file=bsdf[name], turn=bool(z < 0))
-
-
-def bsdf_xml(file: Path) -> dict[str, bytes]:
-    """Content of the BSDF files that an HBJSON file holds, by the modifier's identifier.
-
-    `read` writes no file: write these where they shall stay, and give it their paths.
-
-    Raises
-    ------
-    InputError
-        The file is no HBJSON file, or its data is no XML, plain or packed by gzip, zlib or LZMA
-        as base64, of at most 256 MiB together.
-    """
-    radiance = read_entry(file).inner("properties", "radiance")
-    modifiers = radiance.entries("modifiers")
-    modifiers += radiance.inner("global_modifier_set").entries("modifiers")
-    files, left = {}, LARGEST_BSDF
-    for name, modifier in by_identifier(m for m in modifiers if m.text("type") == "BSDF").items():
-        files[name] = _unpacked(modifier, left)
-        left -= len(files[name])
-    return files
-
-
-def _unpacked(modifier: Entry, most: int) -> bytes:
-    """XML of a BSDF modifier, of at most so many bytes."""
-    packed = (modifier.text("bsdf_data") or "").encode()
-    try:
-        content = packed if b"<" in packed[:100] else _inflated(base64.b64decode(packed), most)
-    except (binascii.Error, zlib.error, lzma.LZMAError, EOFError):
-        content = b""
-    if b"<" not in content[:100] or len(content) > most:
-        got = "larger than 256 MiB" if len(content) > most else "no XML, plain or packed"
-        raise modifier.refuse("bsdf_data", got, "export the model again")
-    return content
-
-
-def _inflated(packed: bytes, most: int) -> bytes:
-    """Bytes that gzip, zlib or LZMA packed, up to one above the most."""
-    if packed[:3] == b"\xfd7z" or packed[:3] == b"\x5d\x00\x00":
-        return lzma.LZMADecompressor(memlimit=LARGEST_BSDF).decompress(packed, most + 1)
-    if packed[:2] == b"\x1f\x8b" or packed[:1] == b"\x78":
-        return zlib.decompressobj(wbits=47).decompress(packed, most + 1)
-    return packed
+    return BsdfMaterial(type="bsdf", file=bsdf.file(modifier), turn=bool(z < 0))

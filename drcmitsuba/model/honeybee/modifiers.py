@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from drcmitsuba.model import radiance_materials
+from drcmitsuba.model.honeybee.bsdf_files import BsdfFiles
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier
 from drcmitsuba.model.honeybee.modifier_materials import material_of
 from drcmitsuba.model.materials import GlazingMaterial, Lambertian, SurfaceMaterial
@@ -63,8 +64,8 @@ class Modifiers:
     """Modifier sets of the rooms."""
     defaults: tuple[Entry, ...]
     """Modifier sets of the model, the one that counts first; the last is Honeybee's default."""
-    bsdf: Mapping[str, Path]
-    """Files of BSDF modifiers by their identifiers."""
+    bsdf: BsdfFiles
+    """Files of BSDF modifiers."""
     notes: Notes = field(default_factory=Notes)
     materials: dict[str, SurfaceMaterial | None] = field(default_factory=dict)
 
@@ -98,6 +99,14 @@ class Modifiers:
             return name
         return holder.text(key)
 
+    def set_of(self, room: Entry) -> Entry | None:
+        """Modifier set of a room; None where it has none of its own."""
+        name = self.named(room.inner("properties", "radiance"), "modifier_set")
+        if name is not None and name not in self.sets:
+            got = f"{name}, which the file lacks"
+            raise room.refuse("modifier_set", got, "add it to modifier_sets")
+        return None if name is None else self.sets[name]
+
     def material(self, name: str, user: Entry) -> SurfaceMaterial | None:
         """Material of a modifier that an object uses; None for void, which is an opening."""
         if name not in self.materials:
@@ -122,16 +131,16 @@ class Modifiers:
 def modifiers_of(model: Entry, bsdf: Mapping[str, Path]) -> Modifiers:
     """Modifiers and modifier sets of a model; `bsdf` has the files of BSDF modifiers."""
     radiance = model.inner("properties", "radiance")
-    sets = by_identifier(radiance.entries("modifier_sets"))
+    sets = by_identifier(radiance.entries("modifier_sets"), alike=True)
     built_in = Entry(model.file, "Honeybee's default set", DEFAULT_SET)
-    known = by_identifier(radiance.entries("modifiers"))
+    known = by_identifier(radiance.entries("modifiers"), alike=True)
     chosen = radiance.fields.get("global_modifier_set")
     if isinstance(chosen, str):
         if chosen not in sets:
             got = f"{chosen}, which the file lacks"
             raise radiance.refuse("global_modifier_set", got, "add it to modifier_sets")
-        return Modifiers(known, sets, (sets[chosen], built_in), bsdf)
+        return Modifiers(known, sets, (sets[chosen], built_in), BsdfFiles(bsdf))
     whole = radiance.inner("global_modifier_set")
-    for name, modifier in by_identifier(whole.entries("modifiers")).items():
+    for name, modifier in by_identifier(whole.entries("modifiers"), alike=True).items():
         known.setdefault(name, modifier)
-    return Modifiers(known, sets, (whole, built_in), bsdf)
+    return Modifiers(known, sets, (whole, built_in), BsdfFiles(bsdf))

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier
 from drcmitsuba.model.honeybee.modifiers import Modifiers
+from drcmitsuba.model.honeybee.overlap import Overlap
 from drcmitsuba.model.model import Role
+from drcmitsuba.model.plane import Plane
 
 FAMILIES = {"Wall": "wall_set", "Floor": "floor_set", "RoofCeiling": "roof_ceiling_set"}
 """Key in a modifier set of each type of face that is a surface."""
@@ -37,6 +41,16 @@ class Piece:
     """Corners of the outline, then of each hole, shape (corner, 3) each."""
     group: str = ""
     states: tuple[PieceState, ...] = ()
+    behind: str = ""
+    """Modifier of the back, where it differs."""
+
+
+class Twin(NamedTuple):
+    """Object that may touch another one."""
+
+    source: Entry
+    room_set: Entry | None
+    """Modifier set of its room."""
 
 
 @dataclass(frozen=True)
@@ -45,19 +59,17 @@ class Walk:
 
     model: Entry
     modifiers: Modifiers
-    twins: dict[str, dict[str, Entry]]
+    twins: dict[str, dict[str, Twin]]
     """Objects that may touch another one, by their type and identifier."""
+    tolerance: float
+    """Largest distance at which two points of the file count as one, in its units."""
 
     def pieces(self) -> Iterator[Piece]:
-        """Every polygon of the model; of two that touch, the one whose identifier comes first."""
+        """Every polygon of the model; what two rooms share is there once, with two sides."""
         for room in self.model.entries("rooms"):
             if room.number("multiplier", 1) > 1:
                 self.modifiers.notes.add("Multipliers of rooms are left out", room.place)
-            name = self.modifiers.named(room.inner("properties", "radiance"), "modifier_set")
-            if name is not None and name not in self.modifiers.sets:
-                got = f"{name}, which the file lacks"
-                raise room.refuse("modifier_set", got, "add it to modifier_sets")
-            room_set = None if name is None else self.modifiers.sets[name]
+            room_set = self.modifiers.set_of(room)
             for face in room.entries("faces"):
                 yield from self._face(face, room_set)
             yield from self._shades(room, room_set)
@@ -75,20 +87,42 @@ class Walk:
         if kind not in FAMILIES and kind not in OPENINGS:
             raise face.refuse("face_type", kind, f"choose one of {', '.join(FAMILIES)}")
         panes = face.entries("apertures"), face.entries("doors")
-        kept = self._is_kept(face, "Face")
-        if kept and kind in FAMILIES:
-            outdoors = self._condition(face) == "Outdoors"
-            own = face.inner("properties", "radiance")
-            name = self.modifiers.name(
-                own, room_set, FAMILIES[kind], f"{'ex' if outdoors else 'in'}terior_modifier"
-            )
-            openings = [rings_of(pane)[0] for each in panes for pane in each]
-            yield Piece(face, name, "surface", (*rings_of(face), *openings))
+        if self._is_kept(face, "Face") and kind in FAMILIES:
+            name, rings = self._modifier(face, room_set), opened_rings(face)
+            if self._condition(face) != "Surface":
+                yield Piece(face, name, "surface", rings)
+            else:
+                yield from self._shared(face, name, rings)
+            for hole in walls_in_panes(face):
+                yield Piece(face, name, "surface", hole)
         for pane in panes[0]:
             yield from self._pane(pane, "Aperture", kind, room_set)
         for door in panes[1]:
             yield from self._pane(door, "Door", kind, room_set)
         yield from self._shades(face, room_set)
+
+    def _modifier(self, face: Entry, room_set: Entry | None) -> str:
+        """Name of the modifier of a face that is a surface."""
+        outdoors = self._condition(face) == "Outdoors"
+        return self.modifiers.name(
+            face.inner("properties", "radiance"), room_set,
+            FAMILIES[face.text("face_type") or ""], f"{'ex' if outdoors else 'in'}terior_modifier",
+        )  # fmt: skip
+
+    def _shared(self, face: Entry, name: str, rings: tuple[np.ndarray, ...]) -> Iterator[Piece]:
+        """Face and the one of another room that touches it: one sheet, and what either has more."""
+        other = self.twins["Face"][_touched(face)]
+        if (other.source.text("face_type") or "") not in FAMILIES:  # open from its other side
+            return
+        behind = self._modifier(other.source, other.room_set)
+        theirs = opened_rings(other.source)
+        shared = Overlap.of(rings, theirs, self.tolerance)
+        for both in shared.both:
+            yield Piece(face, name, "surface", both, behind=behind if behind != name else "")
+        for own in shared.first:
+            yield Piece(face, name, "surface", own)
+        for own in shared.second:
+            yield Piece(other.source, behind, "surface", own)
 
     def _pane(
         self, pane: Entry, element: str, parent: str, room_set: Entry | None
@@ -161,17 +195,21 @@ class Walk:
         if other not in self.twins[element]:
             got = f"{other}, which the file lacks"
             raise source.refuse("boundary_condition", got, "add it, or set another condition")
-        twin = self.twins[element][other]
+        twin = self.twins[element][other].source
         if self._condition(twin) != "Surface" or _touched(twin) != name or other == name:
             got = f"{other}, which does not touch {name} in turn"
             raise source.refuse("boundary_condition", got, "let both name each other")
         return name < other
 
 
-def walk_of(model: Entry, modifiers: Modifiers) -> Walk:
+def walk_of(model: Entry, modifiers: Modifiers, tolerance: float) -> Walk:
     """Walk through a model; InputError where identifiers of faces, panes or shades repeat."""
     rooms = model.entries("rooms")
     by_identifier(rooms)
+    sets: dict[str, Entry | None] = {}
+    for room in rooms:
+        room_set = modifiers.set_of(room)
+        sets |= {face.identifier(): room_set for face in room.entries("faces")}
     faces = [face for room in rooms for face in room.entries("faces")]
     faces += model.entries("orphaned_faces")
     apertures = [each for face in faces for each in face.entries("apertures")]
@@ -183,8 +221,41 @@ def walk_of(model: Entry, modifiers: Modifiers) -> Walk:
         shades += parent.entries("indoor_shades") + parent.entries("outdoor_shades")
     by_identifier(shades)
     kinds = {"Face": faces, "Aperture": apertures, "Door": doors}
-    twins = {kind: by_identifier(each) for kind, each in kinds.items()}
-    return Walk(model, modifiers, twins)
+    twins = {
+        kind: {name: Twin(each, sets.get(name)) for name, each in by_identifier(alike).items()}
+        for kind, alike in kinds.items()
+    }
+    return Walk(model, modifiers, twins, tolerance)
+
+
+def opened_rings(face: Entry) -> tuple[np.ndarray, ...]:
+    """Corners of the outline of a face, then of its holes, apertures and doors.
+
+    What stands in the hole of another aperture opens the face no further.
+    """
+    panes = _panes(face)
+    outlines = [rings[0] for rings in panes]
+    if any(len(rings) > 1 for rings in panes):
+        plane = Plane.of(rings_of(face)[0])
+        whole = shapely.union_all([plane.polygon([ring]) for ring in outlines])
+        outlines = [rings[0] for rings in plane.rings(whole)]
+    return (*rings_of(face), *outlines)
+
+
+def walls_in_panes(face: Entry) -> list[tuple[np.ndarray, ...]]:
+    """Corners of the outline and the holes of what is wall in the holes of apertures and doors."""
+    panes = _panes(face)
+    holes = [hole for rings in panes for hole in rings[1:]]
+    if not holes:
+        return []
+    plane = Plane.of(rings_of(face)[0])
+    shape = shapely.union_all([plane.polygon([hole]) for hole in holes])
+    return plane.rings(shape - shapely.union_all([plane.polygon(rings) for rings in panes]))
+
+
+def _panes(face: Entry) -> list[tuple[np.ndarray, ...]]:
+    """Corners of the outline and the holes of every aperture and door of a face."""
+    return [rings_of(pane) for pane in (*face.entries("apertures"), *face.entries("doors"))]
 
 
 def rings_of(source: Entry) -> tuple[np.ndarray, ...]:

@@ -180,7 +180,7 @@ def _is_clear(material: SurfaceMaterial | None) -> bool:
 def _mirrors(material: SurfaceMaterial | None) -> bool:
     """Whether a material sends light back into the room."""
     if isinstance(material, Lambertian):
-        return np.max(material.reflectance) > 0
+        return any(np.max(rho) > 0 for rho in material.sides)
     if isinstance(material, GlazingMaterial | DiffuserMaterial):
         return material.reflectance > 0
     return isinstance(material, BsdfMaterial)

@@ -12,6 +12,8 @@ from drcmitsuba.model.honeybee.modifiers import DEFAULT_SET, GLASS, PLASTIC
 from drcmitsuba.model.materials import DiffuserMaterial, Lambertian, MirrorMaterial
 from drcmitsuba.model.model import View
 from drcmitsuba.model.polygon import area_vector
+from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.scene.floors_of_model import rooms_of
 from tests import SHARED
 from tests.unit.model import box_room as box
 
@@ -83,14 +85,61 @@ def test_every_unit_becomes_metres(tmp_path, unit, metres):
     grid = {"identifier": "g", "sensors": [{"pos": [1, 2, 3], "dir": [0, 0, 2]}]}
     view = {"identifier": "v", "view_type": "l", "h_size": 2, "v_size": 4}
     view |= {"position": [1, 1, 1], "direction": [0, 1, 0], "up_vector": [0, 0, 1]}
+    pane = box.element("Aperture", "Window", box.WINDOW)
     model = read(
-        tmp_path, box.room(), units=unit, radiance={"sensor_grids": [grid], "views": [view]}
-    )
+        tmp_path, units=unit, orphaned_apertures=[pane],
+        radiance={"sensor_grids": [grid], "views": [view]},
+    )  # fmt: skip
     assert box.layer_of(model, PANE).quads[0] == pytest.approx(box.WINDOW * metres)
     assert model.grids[0].points == pytest.approx(np.array([[1, 2, 3]]) * metres)
     assert model.grids[0].normals.tolist() == [[0, 0, 1]]
     at = (metres, metres, metres)
     assert model.views == (View("v", "l", at, (0, 1, 0), (0, 0, 1), (2 * metres, 4 * metres)),)
+
+
+def sensors(name, *points, **fields):
+    listed = [{"pos": list(point), "dir": [0, 0, 1]} for point in points]
+    return {"type": "SensorGrid", "identifier": name, "sensors": listed} | fields
+
+
+def test_grids_of_one_identifier_are_joined_and_groups_kept_apart(tmp_path):
+    """Honeybee does so; the second was refused, with three of its own sample models."""
+    first, second, third = sensors("g", [1, 1, 1]), sensors("g", [2, 1, 1]), sensors("h", [3, 1, 1])
+    grids = read(tmp_path, box.room(), radiance={"sensor_grids": [first, third, second]}).grids
+    assert [grid.name for grid in grids] == ["g", "h"]
+    assert grids[0].points.tolist() == [[1, 1, 1], [2, 1, 1]]
+    assert grids[0].normals.shape == (2, 3)
+    apart = [first | {"group_identifier": "A"}, second | {"group_identifier": "B"}]
+    apart.append(third | {"group_identifier": "A"})
+    grids = read(tmp_path, box.room(), radiance={"sensor_grids": apart}).grids
+    assert [(grid.name, len(grid.points)) for grid in grids] == [("A/g", 1), ("B/g", 1), ("h", 1)]
+
+
+def test_views_of_one_identifier_are_kept_apart(tmp_path):
+    view = {
+        "type": "View", "identifier": "v", "view_type": "h", "position": [1, 1, 1],
+        "direction": [0, 1, 0], "up_vector": [0, 0, 1],
+    }  # fmt: skip
+    other = view | {"position": [2, 1, 1]}
+    views = read(tmp_path, box.room(), radiance={"views": [view, view, other]}).views
+    assert [(each.name, each.position[0]) for each in views] == [("v", 1), ("v 2", 2)]
+    groups = [view | {"group_identifier": "A"}, other | {"group_identifier": "B"}]
+    views = read(tmp_path, box.room(), radiance={"views": groups}).views
+    assert [each.name for each in views] == ["A/v", "B/v"]
+
+
+def test_a_modifier_may_stand_twice_with_equal_values(tmp_path):
+    twice = [box.plastic("m", 0.3, 0.3, 0.3)] * 2
+    shaded = [shade("s", 4, "m")]
+    model = read(tmp_path, box.room(), orphaned_shades=shaded, radiance={"modifiers": twice})
+    assert box.layer_of(model, "m").material == Lambertian(0.3)
+
+
+def test_a_room_of_some_millimetres_is_in_metres(tmp_path):
+    """One of Honeybee's samples states millimetres for a room of 6 by 12."""
+    model = read(tmp_path, box.room(), units="Millimeters")
+    assert np.ptp(np.concatenate([x.quads for x in model.layers]).reshape(-1, 3), axis=0).max() == 6
+    assert any("units: Millimeters would make the rooms 6 mm long" in n for n in model.notes)
 
 
 def touching(name, *others):
@@ -126,6 +175,115 @@ def test_walls_panes_and_doors_between_rooms_count_once(tmp_path):
     places = {wall.place(k) for k in range(len(wall.quads))}
     assert "Face A_East" in places
     assert "Face B_West" not in places
+
+
+def painted(face, name):
+    face["properties"]["radiance"]["modifier"] = name
+    return face
+
+
+PAINTS = {"modifiers": [box.plastic("white", 0.9, 0.9, 0.9), box.plastic("black", 0.1, 0.1, 0.1)]}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_wall_between_rooms_has_the_reflectance_of_each_room_on_its_side(tmp_path, turned):
+    """Both sides took the modifier of the face whose identifier comes first."""
+    first, second = two_rooms()
+    names = ("black", "white") if turned else ("white", "black")
+    painted(first["faces"][2], names[0])
+    painted(second["faces"][4], names[1])
+    model = read(tmp_path, *((second, first) if turned else (first, second)), radiance=PAINTS)
+    wall = box.layer_of(model, names[0])
+    assert wall.names == names
+    front, back = wall.material.sides
+    assert (front, back) == ((0.1, 0.9) if turned else (0.9, 0.1))
+    for quad in wall.quads:  # the front faces the room of the layer's own name, to the west
+        assert area_vector(quad)[0] < 0
+    assert sum(np.linalg.norm(area_vector(q)) for q in wall.quads) == pytest.approx(18 - 2)
+
+
+def test_a_slab_is_the_ceiling_of_one_room_and_the_floor_of_another(tmp_path):
+    """The upper room had the lower one's ceiling for a floor, and no sensors above it."""
+    lower, upper = box.room("A"), box.room("B")
+    for face in upper["faces"]:
+        for each in (face, *face.get("apertures", ())):
+            for corner in each["geometry"]["boundary"]:
+                corner[2] += 3
+    lower["faces"][5]["boundary_condition"] = touching("B_Bottom", "B")
+    upper["faces"][0]["boundary_condition"] = touching("A_Top", "A")
+    model = read(tmp_path, lower, upper)
+    slab = next(layer for layer in model.layers if layer.behind)
+    assert slab.names == ("generic_ceiling_0.80", "generic_floor_0.20")
+    assert slab.material.sides == (0.8, 0.2)
+    assert area_vector(slab.quads[0])[2] == pytest.approx(-24)
+    rooms = rooms_of(model, ("*floor*",), 0.8, "case")
+    assert [room.height for room in rooms] == [0, 3]
+    assert [room.outline.area for room in rooms] == pytest.approx([24, 24])
+    file = box.written(tmp_path, box.model(lower, upper))
+    case = tmp_path / "case.toml"
+    case.write_text(
+        f"[model]\nfiles = [{json.dumps(file.name)}]\n"
+        'reflectances = { "generic_floor_0.20" = 0.35 }\n[sensors]\nfloors = ["*floor*"]\n'
+    )
+    building = load_case(case).building
+    slab = next(layer for layer in building.layers if layer.behind)
+    assert slab.material.sides == (0.8, 0.35)
+
+
+@pytest.mark.parametrize("names", ["AB", "BA"])
+def test_of_touching_walls_of_two_sizes_each_stands_where_it_is(tmp_path, names):
+    """A room whose wall was longer than the one that touches it was open where that ended."""
+    long, short = box.room(names[0]), box.room(names[1], 4.0)
+    for face in short["faces"]:
+        for corner in face["geometry"]["boundary"]:
+            corner[1] *= 0.5
+    east, west = painted(long["faces"][2], "white"), painted(short["faces"][4], "black")
+    east["boundary_condition"] = touching(f"{names[1]}_West", names[1])
+    west["boundary_condition"] = touching(f"{names[0]}_East", names[0])
+    model = read(tmp_path, long, short, radiance=PAINTS)
+    area = {layer.names: 0.0 for layer in model.layers}
+    for layer in model.layers:
+        area[layer.names] += sum(np.linalg.norm(area_vector(q)) for q in layer.quads)
+    assert area["white",] == pytest.approx(9)
+    both = ("white", "black") if names == "AB" else ("black", "white")
+    assert area[both] == pytest.approx(9)
+    shared = next(layer for layer in model.layers if layer.names == both)
+    towards_white = area_vector(shared.quads[0])[0] < 0
+    assert towards_white == (shared.name == "white")
+    assert ("black",) not in area
+
+
+def test_an_aperture_within_the_tolerance_of_its_face_is_cut_at_its_edge(tmp_path):
+    """A window of 4.002 m in a wall of 4 m was refused."""
+    room = box.room()
+    room["faces"][1]["apertures"][0]["geometry"]["boundary"] = [
+        [x, 0, z] for x, z in ((-0.001, 1), (4.001, 1), (4.001, 2), (-0.001, 2))
+    ]
+    model = read(tmp_path, room, tolerance=0.01)
+    assert box.area_of(model.layers)[WALL, "surface"] == pytest.approx(60 - 4)
+    assert any("reach beyond their face" in note for note in model.notes)
+    room["faces"][1]["apertures"][0]["geometry"]["boundary"][0][0] = -0.02
+    with pytest.raises(InputError, match="crosses"):
+        read(tmp_path, room, tolerance=0.01)
+
+
+def test_the_hole_of_an_aperture_is_wall_but_for_the_pane_in_it(tmp_path):
+    """The hole was open, and refused as a leak: so was one of Honeybee's own samples."""
+
+    def square(edge):
+        low, high = 1.5 - edge / 2, 1.5 + edge / 2
+        return [[low, 0, low], [high, 0, low], [high, 0, high], [low, 0, high]]
+
+    room = box.room()
+    pane = room["faces"][1]["apertures"][0]
+    pane["geometry"] = box.geometry(square(2.0), [square(1.0)])
+    areas = box.area_of(read(tmp_path, room).layers)
+    assert areas[WALL, "surface"] == pytest.approx(60 - 3)
+    assert areas[PANE, "pane"] == pytest.approx(3)
+    room["faces"][1]["apertures"].append(box.element("Aperture", "Eye", square(0.5)))
+    areas = box.area_of(read(tmp_path, room).layers)
+    assert areas[WALL, "surface"] == pytest.approx(60 - 3.25)
+    assert areas[PANE, "pane"] == pytest.approx(3.25)
 
 
 def test_air_boundaries_and_void_modifiers_are_openings(tmp_path):

@@ -96,7 +96,7 @@ def test_an_object_that_touches_nothing_is_refused(tmp_path, other, words):
         (box.plastic("m", 0.9, 0.9, 0.9, type="Trans", transmitted_diff=0.9, transmitted_spec=0.9),
          ("Trans m", "72.9 %")),
         ({"type": "Glass", "identifier": "m", "refraction_index": 0.5}, ("Glass m", "0.5")),
-        (bsdf(identifier="m"), ("BSDF m", "bsdf_xml", "bsdf")),
+        (bsdf(identifier="m", bsdf_data="%%%"), ("BSDF m", "bsdf_data", "no XML")),
     ],
 )  # fmt: skip
 def test_modifiers_without_a_counterpart_are_refused_where_they_are_used(tmp_path, modifier, words):
@@ -107,7 +107,7 @@ def test_modifiers_without_a_counterpart_are_refused_where_they_are_used(tmp_pat
 
 
 def test_repeated_modifiers_grids_and_groups_that_disagree_are_refused(tmp_path):
-    twice = [box.plastic("m", 1, 1, 1)] * 2
+    twice = [box.plastic("m", 1, 1, 1), box.plastic("m", 1, 1, 0.9)]
     refused(
         tmp_path, changed(("properties", "radiance"), {"modifiers": twice}), "Plastic m", "twice"
     )
@@ -138,6 +138,10 @@ def test_a_file_that_holds_a_bsdf_gives_its_content_and_takes_its_path(tmp_path)
         file = tmp_path / "film.xml"
         assert model.layers[0].material == BsdfMaterial(type="bsdf", file=file, turn=k % 2 == 1)
         assert list(tmp_path.iterdir()) == [path]
+        own = honeybee.read(path).layers[0].material.file  # no case could name a file of its own
+        assert own.read_bytes() == XML
+        assert own.name == "film.xml"
+        assert tmp_path not in own.parents
 
 
 @pytest.mark.parametrize("data", ["", "%%%", base64.b64encode(b"\x1f\x8b broken").decode(), "é"])
@@ -148,11 +152,22 @@ def test_a_bsdf_that_is_no_xml_is_refused(tmp_path, data):
 
 
 def test_a_bsdf_that_unpacks_without_end_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(honeybee.modifier_materials, "LARGEST_BSDF", 10**6)
+    monkeypatch.setattr(honeybee.bsdf_files, "LARGEST_BSDF", 10**6)
     packed = base64.b64encode(gzip.compress(b"<" + b" " * 10**7)).decode()
     path = box.written(tmp_path, box.model(radiance={"modifiers": [bsdf(bsdf_data=packed)]}))
     with pytest.raises(InputError, match="larger than"):
         honeybee.bsdf_xml(path)
+    tree = json.loads(path.read_text())
+    tree["orphaned_apertures"] = [box.element("Aperture", "P", box.WINDOW, "film")]
+    refused(tmp_path, tree, "BSDF film", "larger than")
+
+
+def test_all_bsdfs_of_a_model_share_one_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr(honeybee.bsdf_files, "LARGEST_BSDF", 3 * len(XML) // 2)
+    modifiers = [bsdf(identifier=f"film{k}", bsdf_data=XML.decode()) for k in range(2)]
+    panes = [box.element("Aperture", f"P{k}", box.WINDOW + k, f"film{k}") for k in range(2)]
+    tree = box.model(orphaned_apertures=panes, radiance={"modifiers": modifiers})
+    refused(tmp_path, tree, "BSDF film1", "larger than")
 
 
 @pytest.mark.parametrize(

@@ -140,3 +140,14 @@ def test_pictures_without_view_or_of_too_many_pixels_are_refused():
     assert given.illuminance == pytest.approx(np.pi, rel=0.1)
     with pytest.raises(InputError, match="size: 2100 by 1000"):
         glare(Picture(np.ones((1000, 2100, 3), np.float32), view))
+
+
+def test_a_perspective_picture_with_black_corners_has_a_note():
+    """Evalglare stops there: it is a fisheye picture whose view is wrong."""
+    rgb = np.full((40, 40, 3), 1000.0, np.float32)
+    view = PictureView("perspective", (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (60.0, 60.0))
+    assert glare(Picture(rgb, view)).notes == ()
+    rgb[[0, 0, -1, -1], [0, -1, 0, -1]] = 0
+    [note] = glare(Picture(rgb, view)).notes
+    assert "the corners are black in a perspective view of 60° by 60°" in note
+    assert glare(fisheye(disk(30, 20, 5, 8000), size=60)).notes == ()

@@ -214,3 +214,36 @@ def test_other_files_and_endings_are_refused(tmp_path):
         picture.save(sample(), tmp_path / "b.png")
     with pytest.raises(InputError, match=r"pixel \(2, 1\) from the top left"):
         Picture(np.pad([[[np.nan] * 3]], ((1, 0), (2, 0), (0, 0))))
+
+
+@pytest.mark.parametrize(
+    ("line", "angle"),
+    [
+        (b"rpict -vta -vp 0 0 1.2 -vd 0 1 0 -vu 0 0 1 -vh 180 -vv 180 -x 400 scene.oct", 180),
+        (b"/usr/bin/rpict -ab 2 -vta -vd 0 1 0 -vh 120 -vv 120 scene.oct", 120),
+        (b"rpict -vta -vd 0 1 0 -vh 90 -vv 90\nVIEW= -vh 60 -vv 60", 60),
+    ],
+)
+def test_a_view_is_that_of_the_command_line(tmp_path, line, angle):
+    """Such pictures had no view, which evalglare reads."""
+    view = picture.read(written(tmp_path / "a.hdr", line + b"\n")).view
+    assert view.kind == "equidistant"
+    assert view.direction == (0, 1, 0)
+    assert view.angles == (angle, angle)
+
+
+@pytest.mark.parametrize(
+    "line", [b"\trpict -vta -vh 180 -vv 180", b"pfilt -x 400", b"rpict scene.oct", b"rpict -vp 1"]
+)
+def test_other_command_lines_state_no_view(tmp_path, line):
+    assert picture.read(written(tmp_path / "a.hdr", line + b"\n")).view is None
+
+
+def test_a_header_with_carriage_returns_is_read(tmp_path):
+    """It was no picture of Radiance."""
+    plain = written(tmp_path / "a.hdr", b"VIEW= -vta -vh 180 -vv 180\nEXPOSURE=2\n")
+    head, pixels = plain.read_bytes()[:-12], plain.read_bytes()[-12:]
+    (tmp_path / "b.hdr").write_bytes(head.replace(b"\n", b"\r\n") + pixels)
+    first, second = (picture.read(tmp_path / name) for name in ("a.hdr", "b.hdr"))
+    np.testing.assert_array_equal(first.rgb, second.rgb)
+    assert (first.view, first.exposure) == (second.view, second.exposure)
