@@ -456,7 +456,7 @@ def test_polygons_without_area_are_left_out_with_a_note(tmp_path):
 
 
 COUNTS = {
-    "model_complete_holes": {"generic_floor_0.20": 1, WALL: 8, "generic_ceiling_0.80": 1, PANE: 1,
+    "model_complete_holes": {"generic_floor_0.20": 1, WALL: 9, "generic_ceiling_0.80": 1, PANE: 1,
                              "generic_context_0.20": 1},
     "model_complete_single_zone_office": {
         "generic_floor_0.20": 1, WALL: 4, "generic_ceiling_0.80": 1, PANE: 2,
