@@ -19,6 +19,7 @@ from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime.errors import InputError, on_a_line
 from drcmitsuba.runtime.toml import is_file
 from drcmitsuba.sky import sun_models, weather
+from drcmitsuba.sky.consistency import notes_on
 from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
 from drcmitsuba.sky.sun_models import Blend, Suns
 
@@ -217,7 +218,7 @@ def daylight(case: Case, times: np.ndarray | None = None) -> Daylight:
     if blend is not None:
         light["blend_bin"] = (("time", "blend"), blend.bins)
         light["blend_weight"] = (("time", "blend"), blend.weights)
-    notes = (*w.notes, *place_notes(case, w.site), *_period_notes(case, light, w.step))
+    notes = (*w.notes, *notes_on(w), *place_notes(case, w.site), *_period_notes(case, light, w))
     return Daylight(light, sun, sources, w.step, w.source, notes)
 
 
@@ -242,10 +243,25 @@ def place_notes(case: Case, site: weather.Site) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _period_notes(case: Case, sky: xr.Dataset, step_hours: float) -> tuple[str, ...]:
+def _missing_hours(case: Case, w: weather.Weather, stamps: int) -> list[str]:
+    """Remark on hours of the period that the weather does not have."""
+    step = np.timedelta64(round(w.step * 3600), "s")
+    year = np.arange("2015-01-01", "2016-01-01", step, dtype="datetime64[s]")
+    asked = len(period(case.period).select(year.astype("datetime64[ns]"), w.step)[0])
+    if stamps >= asked:
+        return []
+    kind = "hours" if w.step == 1 else f"intervals of {60 * w.step:g} min"
+    each = "" if w.data.attrs.get("sun_time") == "middle" else ", a moment each"
+    return [
+        f"the weather has {stamps} of the period's {asked} {kind}{each}; the others count nowhere"
+    ]
+
+
+def _period_notes(case: Case, sky: xr.Dataset, w: weather.Weather) -> tuple[str, ...]:
     """Remarks on a period that is no whole year, and on hours without daylight."""
-    notes = []
-    stamps, months, limit = sky.sizes["time"], len(case.period.months), case.metrics.ase_hours
+    step_hours, stamps = w.step, sky.sizes["time"]
+    months, limit = len(case.period.months), case.metrics.ase_hours
+    notes = [] if case.period.timestamps is not None else _missing_hours(case, w, stamps)
     if case.period.timestamps is not None or months < 12:
         part = f"{stamps * step_hours:g} h in {months} of 12 months"
         if case.period.timestamps is not None:

@@ -122,7 +122,11 @@ def _read_wea(path: Path, lines: list[str]) -> Weather:
 
 
 def _wea_time(hour: Sequence[str], table: NumberedRows) -> tuple[np.ndarray, float, str]:
-    """Starts of the intervals, step [h] and what a stamp is: the middle or the sun's instant."""
+    """Starts of the intervals, step [h] and what a stamp is: the middle or the sun's instant.
+
+    Stamps more than an hour apart that do not fill their days are single hours, or moments of one
+    hour's weight.
+    """
     hours = text.decimals(hour)
     hours = np.where((hours >= 0) & (hours < 24), hours, np.nan)
     minutes = np.round(hours * 60)
@@ -134,8 +138,11 @@ def _wea_time(hour: Sequence[str], table: NumberedRows) -> tuple[np.ndarray, flo
     at = days * 24 * 60 + minutes.astype(int)
     gaps, same_day = np.diff(at), np.diff(days) == 0
     step = int(gaps[same_day].min()) if same_day.any() else 60
+    if step > 60 and len(at) * step < 24 * 60 * len(np.unique(days)):
+        step = 60
     stamps = record.START + at.astype("timedelta64[m]")
-    wrong = (gaps <= 0) | (same_day & (gaps != step))
+    hours_alone = step == 60 and (at % 60 == at[:1] % 60).all()
+    wrong = (gaps <= 0) | (same_day & (gaps != step) & ~hours_alone)
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
         got = f"{record.stamp(stamps[row])} after {record.stamp(stamps[row - 1])}"

@@ -141,6 +141,9 @@ def irradiance_of(name: str, column: Sequence[str], table: NumberedRows) -> np.n
     """Irradiance [W/m²] of a column; an unfit value raises InputError with its line."""
     value = decimals(column)
     missing = (value >= 9999) | np.isin(value, (-999, -9900, -9999))
+    if name == "ghi":  # nothing needs it; what is there tells whether the others agree
+        value = np.where(missing, np.nan, value)
+        return np.where((value >= 0) & (value <= HIGHEST[name]), value, np.nan)
     for bad, what, remedy in (
         (~np.isfinite(value), "not a number", f"write {name} in W/m²"),
         (missing, "the code for missing", "fill the gaps or use another file"),

@@ -1,0 +1,92 @@
+"""Whether a weather file agrees with itself: its global irradiance with its diffuse and direct.
+
+    ghi = dhi + dni · cos Z
+
+holds for the sun that stood there. A wrong zone or latitude, irradiance that is written under the
+hour beside its own, and a column that was scaled or lost break it. Files are used as they are; each
+note carries the number that makes them doubtful.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from drcmitsuba.sky.sun import sun_position
+from drcmitsuba.sky.weather import Weather
+
+LARGEST = 12.0
+"""RMS [W/m²] of the disagreement above which there is a note; measured years have 1 to 5."""
+BETTER = 0.6
+"""Factor of it by which another sun has to fit better to be named."""
+SHIFTS = (-90, -60, -30, 30, 60, 90)
+"""Shifts of the sun that are tried [min]."""
+EVERY = 10
+"""Days of a year of which one is looked at."""
+HIGH = 0.05
+"""Cosine of the zenith above which hours are compared: the middle of a first hour is coarse."""
+AT_NIGHT = 0.01
+"""Share of direct light below the horizon above which there is a note."""
+
+
+def notes_on(w: Weather) -> tuple[str, ...]:
+    """State where an hourly year contradicts itself, each with the number that shows it."""
+    if w.step != 1 or w.data.attrs.get("sun_time") != "middle" or "ghi" not in w.data:
+        return ()
+    dni, dhi, ghi = (w.data[name].values for name in ("dni", "dhi", "ghi"))
+    notes = [
+        f"no {kind} irradiance in any row, though global irradiance is there"
+        for kind, values in (("direct", dni), ("diffuse", dhi))
+        if np.nan_to_num(ghi).any() and not values.any()
+    ]
+    return (*notes, *_disagreement(w), *_at_night(w))
+
+
+def _cosines(w: Weather, rows: np.ndarray, shift: int = 0) -> np.ndarray:
+    """Cosine of the sun's zenith in the middle of some hours, moved by minutes."""
+    times = w.data["time"].values[rows] + np.timedelta64(shift, "m")
+    return np.asarray(sun_position(times, w.step, w.site)["direction"].values[:, 2])
+
+
+def _disagreement(w: Weather) -> list[str]:
+    """Compare global irradiance with that of the sun where it stood, or may have stood."""
+    days = w.data["time"].values.astype("datetime64[D]").astype(int)
+    rows = np.flatnonzero((days % EVERY == 0) & np.isfinite(w.data["ghi"].values))
+    if not len(rows):
+        return []
+    some = w.data.isel(time=rows)
+    dni, dhi, ghi = (some[name].values for name in ("dni", "dhi", "ghi"))
+
+    def rms(cosine: np.ndarray) -> float:
+        there = (cosine > HIGH) & (ghi > 0)
+        off = ghi - dhi - dni * np.maximum(cosine, 0)
+        return float(np.sqrt((off[there] ** 2).mean())) if there.any() else 0.0
+
+    own = rms(_cosines(w, rows))
+    if own <= LARGEST:
+        return []
+    note = f"global irradiance differs from diffuse + direct · cos Z by {own:.0f} W/m² (RMS)"
+    south = replace(w, site=replace(w.site, latitude=-w.site.latitude))
+    tried = [(rms(_cosines(south, rows)), f"at latitude {south.site.latitude:g}")]
+    for shift in SHIFTS:
+        name = f"with the sun {abs(shift)} min {'later' if shift > 0 else 'earlier'}"
+        tried.append((rms(_cosines(w, rows, shift)), name))
+    best, name = min(tried)
+    if best >= BETTER * own:
+        return [f"{note}: one of the three columns is wrong"]
+    return [
+        f"{note}, {name} by {best:.0f}: check the place, its time zone and which hour a row means"
+    ]
+
+
+def _at_night(w: Weather) -> list[str]:
+    """State the direct light of hours whose sun stands below the horizon."""
+    every = np.flatnonzero(w.data["dni"].values > 0)
+    for rows in (every[::EVERY], every):  # few of them tell whether it is worth to look at all
+        dni = w.data["dni"].values[rows]
+        lost, whole = dni[_cosines(w, rows) <= 0].sum() / 1000, dni.sum() / 1000
+        if lost <= AT_NIGHT * whole:
+            return []
+    there = f"{lost:.0f} of {whole:.0f} kWh/m²"
+    return [f"{there} of direct light fall into hours without sun, and count nowhere"]
