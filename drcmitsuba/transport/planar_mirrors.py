@@ -55,12 +55,14 @@ NONE = 0xFFFFFFFF
 
 
 def is_planar_mirror(part: Surface) -> bool:
-    """Whether a part mirrors without scattering, and in few planes where it is a body."""
+    """Whether a part mirrors without scattering; a body does in few planes that are no duct."""
     m = part.material
     if isinstance(m, GlazingMaterial):
         return not part.component and m.reflectance > 0
     smooth = isinstance(m, MirrorMaterial) and m.roughness == 0 and m.specular > 0
-    return smooth and albedo(m) > 0 and len(_planes(part.quads)) <= MOST_OF_BODY
+    if not smooth or albedo(m) == 0 or len(_planes(part.quads)) > MOST_OF_BODY:
+        return False
+    return not _is_duct(part.quads)
 
 
 def albedo(material: SurfaceMaterial) -> float:
@@ -283,6 +285,18 @@ def _planes(quads: np.ndarray) -> np.ndarray:
     n = n * np.where(n @ [0.61, 0.77, 0.17] < 0, -1, 1)[:, None]
     offset = np.einsum("qi,qi->q", n, quads[:, 0])
     return np.unique(np.round(np.column_stack([n, offset]), 3), axis=0)
+
+
+def _is_duct(quads: np.ndarray) -> bool:
+    """Whether fronts of quads in several planes face each other: light may turn there often."""
+    n = normals(quads)
+    key = np.round(np.column_stack([n, np.einsum("qi,qi->q", n, quads[:, 0])]), 3)
+    sides = [quads[(key == side).all(axis=1)] for side in np.unique(key, axis=0)]
+
+    def sees(one: np.ndarray, two: np.ndarray) -> bool:
+        return bool(((two.reshape(-1, 3) - one[0, 0]) @ normals(one[:1])[0]).max() > COPLANAR)
+
+    return any(sees(a, b) and sees(b, a) for a in sides for b in sides)
 
 
 def _numbered_planes(

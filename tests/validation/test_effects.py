@@ -160,7 +160,11 @@ PROVED = set(EFFECTS) - {"straight_through"}
 """Forcing these on changes nothing at all, but for the order of sums."""
 FREE = {"pane_to_pane"}
 """Forcing these on costs no ray: no photon starts on a pane before which nothing deviates light."""
-ALSO = {"films": {"straight_through"}, "interreflection": {"solved_cells"}}
+ALSO = {
+    "components": {"mirrors"},
+    "films": {"straight_through"},
+    "interreflection": {"solved_cells"},
+}
 """Features flip these beside their own effects, by their nature."""
 
 
