@@ -33,7 +33,7 @@ def test_a_year_that_agrees_with_itself_has_no_note():
 
 @pytest.mark.parametrize("minutes", [-60, -30, 30, 60])
 def test_a_sun_that_stood_elsewhere_is_named_with_both_numbers(minutes):
-    (note,) = notes_on(year(shift=minutes))
+    note = notes_on(year(shift=minutes))[0]  # maybe before one on light at night
     assert f"{abs(minutes)} min {'later' if minutes > 0 else 'earlier'} by 0" in note
 
 

@@ -286,16 +286,13 @@ def test_a_tmy2_city_may_have_spaces(tmp_path):
     ("column", "value", "what"),
     [
         (14, "9999", "missing"),
-        (13, "999999", "missing"),
         (15, "-9900", "missing"),
         (15, "-1", "negative"),
         (14, "1501", "implausible"),
-        (13, "2500", "implausible"),
         (14, "sun", "not a number"),
         (14, "1_0", "not a number"),
         (14, "", "not a number"),
         (15, "nan", "not a number"),
-        (13, "inf", "not a number"),
     ],
 )
 def test_a_bad_irradiance_names_row_and_value(tmp_path, column, value, what):
@@ -305,10 +302,21 @@ def test_a_bad_irradiance_names_row_and_value(tmp_path, column, value, what):
         fields[column] = value
         content[line - 1] = ",".join(fields)
     error = refused(tmp_path, ".epw", content)
-    assert error.field == f"line 101, {['ghi', 'dni', 'dhi'][column - 13]}"
+    assert error.field == f"line 101, {['dni', 'dhi'][column - 14]}"
     assert what in error.got
     assert "rows like it: 2" in error.got
     assert value in error.got or not value
+
+
+@pytest.mark.parametrize("value", ["999999", "2500", "inf", "", "-1"])
+def test_global_irradiance_may_be_missing_since_nothing_needs_it(tmp_path, value):
+    content = epw()
+    fields = content[100].split(",")
+    fields[13] = value
+    content[100] = ",".join(fields)
+    ghi = weather.read(write(tmp_path, ".epw", content)).data["ghi"].values
+    assert np.isnan(ghi[92])
+    assert np.isnan(ghi).sum() == 1
 
 
 def test_a_dew_point_of_text_is_refused(tmp_path):
@@ -409,7 +417,7 @@ def test_a_csv_that_is_no_tmy3_is_refused(tmp_path):
         (wea("6 1 9.5 1 1", "6 1 9.5 1 1"), "line 8"),
         (wea("6 1 9.5 1 1", "6 1 8.5 1 1"), "line 8"),
         (wea("12 31 9.5 1 1", "1 1 9.5 1 1"), "line 8"),
-        (wea("6 1 9.5 1 1", "6 1 10.5 1 1", "6 1 12.5 1 1"), "line 9"),
+        (wea("6 1 9 1 1", "6 1 9.5 1 1", "6 1 12.5 1 1"), "line 9"),
         (wea("6 1 9.5 1 1", "6 1 10.5 9999 1"), "line 8, dni"),
         (wea("6 1 9.5 1 1", "6 1 10.5 1 -3"), "line 8, dhi"),
         (wea("6 1 9.5 1 1", "6 1 10.5 1 x"), "line 8, dhi"),
