@@ -11,6 +11,7 @@ from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.materials import (
     DielectricMaterial,
     Lambertian,
+    PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.model.notes import Notes
@@ -27,6 +28,10 @@ REPLACED = "Mirrors reflect alike in every direction, without their alternate ma
 BOTH_SIDES = "Mirrors reflect on both sides"
 DISPERSION = "Solids have one refractive index for all colours"
 GLAZED = "Panes keep Radiance's transmittance at normal incidence and are at most"
+
+
+DEEPEST_MIXTURE = 8
+"""Largest number of modifiers in a mixture that mixes: each doubles the materials that are read."""
 
 
 @dataclass(frozen=True)
@@ -175,6 +180,30 @@ _PLAIN: dict[str, Callable[[Finish], SurfaceMaterial | Mounted]] = {
 }
 
 
+def _mixed(
+    definition: Definition, share: float, parts: list[SurfaceMaterial | Mounted | None]
+) -> SurfaceMaterial:
+    """Material of a mixture of one share everywhere: diffuse reflectances mix, void is a gap."""
+    weights = (share, 1 - share)
+    matt = [part for part in parts if isinstance(part, Lambertian) and part.behind is None]
+    void = [part is None for part in parts]
+    if len(matt) == 2:
+        mean = sum(w * channels_of(p) for w, p in zip(weights, matt, strict=True))
+        return Lambertian(radiance_materials.reflectance(np.asarray(mean)))
+    if len(matt) == 1 and any(void):
+        gaps = weights[void.index(True)]
+        return PorousMaterial(type="porous", porosity=gaps, reflectance=matt[0].reflectance)
+    raise definition.primitive.error(
+        f"a mixture of {100 * share:g} % of materials that are not both diffuse or void",
+        "mix plastic and void, or name one material",
+    )
+
+
+def channels_of(material: Lambertian) -> np.ndarray:
+    """Reflectance of red, green and blue, shape (3,)."""
+    return np.broadcast_to(np.array(material.reflectance, float), 3)
+
+
 def material_of(
     definition: Definition | None, means: bool, notes: Notes
 ) -> SurfaceMaterial | Mounted | None:
@@ -200,6 +229,17 @@ def material_of(
         The material, or a pattern of it, has no counterpart.
     """
     above: list[Definition] = []
+    if definition is not None and definition.primitive.kind in MIXTURES:
+        share = patterns.constant_share(definition)
+        if share is not None and 0 < share < 1 and len(definition.named) > 1:
+            if definition.depth > DEEPEST_MIXTURE:
+                got = f"mixtures of {definition.depth} modifiers within each other"
+                raise definition.primitive.error(got, f"nest at most {DEEPEST_MIXTURE}")
+            parts = [
+                None if each is None else material_of(each, means, notes)
+                for each in definition.named
+            ]
+            return _mixed(definition, share, parts)
     while definition is not None and definition.primitive.kind not in MATERIALS:
         if definition.primitive.kind in MIXTURES:
             definition = patterns.part(definition, means, notes)

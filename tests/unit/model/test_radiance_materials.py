@@ -10,6 +10,7 @@ from drcmitsuba.model.materials import (
     GlazingMaterial,
     Lambertian,
     MirrorMaterial,
+    PorousMaterial,
 )
 from drcmitsuba.model.radiance import read
 from drcmitsuba.runtime.errors import InputError
@@ -199,6 +200,20 @@ def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
             Lambertian(0.6),
         ),
         (
+            "void plastic a 0 0 5 .8 .8 .8 0 0\nvoid plastic b 0 0 5 .5 .5 .5 0 0\n"
+            "void mixfunc m 4 b a A1 . 0 1 .3",
+            Lambertian(0.3 * 0.5 + 0.7 * 0.8),
+        ),
+        (
+            "void plastic a 0 0 5 .8 .4 .4 0 0\nvoid mixfunc b 4 a a .5 . 0 0\n"
+            "void plastic c 0 0 5 .2 .2 .2 0 0\nvoid mixfunc m 4 b c .5 . 0 0",
+            Lambertian((0.5, 0.3, 0.3)),
+        ),
+        (
+            "void plastic a 0 0 5 .6 .6 .6 0 0\nvoid mixfunc m 4 void a .25 . 0 0",
+            PorousMaterial(type="porous", porosity=0.25, reflectance=0.6),
+        ),
+        (
             "void plastic m 0 0 5 .6 .6 .6 0 0\nm plastic m 0 0 5 .2 .2 .2 0 0"
             "\nvoid plastic m 0 0 5 .1 .1 .1 0 0",
             Lambertian(0.1),
@@ -208,7 +223,15 @@ def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
 def test_a_material_has_its_counterpart(text, expected, tmp_path):
     given = material(text, tmp_path)
     assert type(given) is type(expected)
-    for field in ("reflectance", "transmittance", "roughness", "specular", "ior", "absorption"):
+    for field in (
+        "reflectance",
+        "transmittance",
+        "porosity",
+        "roughness",
+        "specular",
+        "ior",
+        "absorption",
+    ):
         if hasattr(expected, field):
             assert getattr(given, field) == pytest.approx(getattr(expected, field)), field
 
@@ -244,6 +267,15 @@ def test_a_scaled_solid_absorbs_as_much_on_its_way_through(tmp_path):
         ("void colorpict c 7 a b c d e f g 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "colorpict 'c'"),
         ("void texfunc c 4 x y z f.cal 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "texfunc 'c'"),
         ("void mixfunc m 4 void void x f.cal 0 0", "mixfunc 'm': a mixture"),
+        (
+            "void plastic a 0 0 5 .5 .5 .5 0 0\nvoid mirror b 0 0 3 .9 .9 .9\n"
+            "void mixfunc m 4 a b .3 . 0 0",
+            "mixfunc 'm': a mixture of 30 % of materials that are not both diffuse or void",
+        ),
+        (
+            "void plastic m 0 0 5 .5 .5 .5 0 0\n" + 20 * "void mixfunc m 4 m m .5 . 0 0\n",
+            "mixfunc 'm': mixtures of 21 modifiers within each other",
+        ),
         ("void brightfunc b 2 .5 . 0 0\nb BSDF m 6 0 a.xml 0 0 1 . 0 0", "a pattern other than 1"),
         ("void plastic a 0 0 5 0 0 0 0 0\na plastic m 0 0 5 0 0 0 0 0", "modified by 'a'"),
         ("void alias m nothing", "'nothing' is not defined"),
