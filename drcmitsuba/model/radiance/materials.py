@@ -87,9 +87,9 @@ def _opaque(finish: Finish) -> SurfaceMaterial:
     colour = finish.colour(numbers)
     (s,) = finish.share(numbers[3:4], "a specular part of")
     make = radiance_materials.metal if finish.primitive.kind[:5] == "metal" else plastic
-    if s <= SMALL:
-        return make(as_colour(colour), s, 0.0, finish.note)
     rough = finish.share(np.minimum(numbers[4:], 1), "a roughness of")
+    if s <= SMALL:
+        return make(as_colour(colour), s, float(rough.max()), finish.note)
     if brushed:
         finish.note(ISOTROPIC)
     return make(as_colour(colour), s, float(np.prod(rough) ** (1 / len(rough))), finish.note)
@@ -104,7 +104,7 @@ def _trans(finish: Finish) -> SurfaceMaterial:
     numbers = finish.numbers(8 if brushed else 7, strings=4 if brushed else 0)
     colour = finish.colour(numbers)
     s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of").tolist()
-    rough = float(numbers[4:-2].max())
+    rough = float(finish.share(np.minimum(numbers[4:-2], 1), "a roughness of").max())
     try:
         return radiance_materials.trans(as_colour(colour), s, rough, t, t_s, finish.note)
     except ValueError as error:
