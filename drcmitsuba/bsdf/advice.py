@@ -103,16 +103,24 @@ def mounting(parts: dict[str, float]) -> str:
     )
 
 
+COMPONENTS = {
+    "tb": "transmission from outside",
+    "tf": "transmission from the room",
+    "rb": "reflection to the outside",
+    "rf": "reflection into the room",
+}
+"""Components of a file in words."""
+
+
+def dark(file: BsdfFile) -> tuple[str, ...]:
+    """Components in words that the file lacks, and that do not follow by reciprocity."""
+    return tuple(text for name, text in COMPONENTS.items() if file.component(name) is None)
+
+
 def gaps(file: BsdfFile) -> tuple[str, ...]:
     """Sentences on missing components and on chromaticity in the file."""
-    names = {
-        "tb": "transmission from outside",
-        "tf": "transmission from the room",
-        "rb": "reflection to the outside",
-        "rf": "reflection into the room",
-    }
     notes = []
-    for name, text in names.items():
+    for name, text in COMPONENTS.items():
         if name in file.components:
             continue
         by_reciprocity = file.component(name) is not None

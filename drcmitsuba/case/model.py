@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from drcmitsuba.case.unit_check import ask_about_model
 from drcmitsuba.model.materials import (
     Lambertian,
     Reflectance,
@@ -45,6 +46,8 @@ class ModelTable(Table):
     of Radiance (`.vf`)."""
     unit: Literal["m", "dm", "cm", "mm", "ft", "in"] | None = None
     """Unit of meshes and Mitsuba scenes without one; Radiance scenes are in metres by default."""
+    up: Literal["z", "y"] = "z"
+    """Axis of OBJ, PLY and STL files that is up; glTF has y up in any case."""
     north: Annotated[float, Field(ge=-360, le=360)] | None = None
     """Direction of true north, clockwise from the model's y axis [deg]; by default the model's."""
     reflectances: dict[Name, Reflectance] = Field(default_factory=dict)
@@ -84,7 +87,7 @@ class ModelTable(Table):
             if ending in HONEYBEE:
                 parts.append(read_honeybee(file))
             elif ending in MESHES:
-                parts.append(read_mesh(file, unit=scale, materials=own))
+                parts.append(read_mesh(file, unit=scale, up=self.up, materials=own))
             elif ending in VIEWS:
                 parts.append(Model(views=read_views(file)).scaled(scale or 1.0))
             elif ending in MITSUBA:
@@ -110,6 +113,8 @@ class ModelTable(Table):
         if not kept:
             remedy = "give files with polygons or meshes"
             raise InputError(source, "model.files", "they hold no surface", remedy)
+        if self.unit is None:
+            ask_about_model(source, kept)
         north = model.north if self.north is None else self.north
         return replace(model, layers=tuple(kept), north=north)
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drcmitsuba.model.model import Layer
 from drcmitsuba.runtime.errors import InputError
 
 HIGHEST, WIDEST = 150.0, 2000.0
@@ -19,6 +20,8 @@ LARGEST = 200.0
 """Largest extent of a component made of a mesh [m]."""
 A_THING = 0.2
 """Smallest extent of furniture in its second largest direction [m]."""
+A_BOX, TALLEST = 0.2, 1000.0
+"""Smallest extent and largest height of a model without its context [m]."""
 FARTHEST = 100_000.0
 """Largest distance from the room, or from the sensors of a case without room [m]."""
 
@@ -66,6 +69,20 @@ def ask_about_mesh(source: object, field: str, extent: Sequence[float], scale: f
     if max(extent) > LARGEST:
         got = f"the mesh is {_by([round(v, 3) for v in extent])} m, which looks like millimetres"
         raise InputError(source, field, got, f"give scale = {scale / 1000:g}, {INSIST}")
+
+
+def ask_about_model(source: object, layers: Sequence[Layer]) -> None:
+    """Refuse a model that is, without its context, larger than a town or smaller than a box."""
+    near = [layer.quads for layer in layers if layer.role != "context"]
+    if not near:
+        return
+    every = np.concatenate(near).reshape(-1, 3)
+    extent = np.ptp(every, axis=0)
+    if A_BOX <= extent.max() <= WIDEST and extent[2] <= TALLEST:
+        return
+    got = f"the model without its context is {_by([float(f'{v:.4g}') for v in extent])} m"
+    remedy = 'give the unit of its files in [model], such as unit = "mm", or "m" if it is so'
+    raise InputError(source, "model.unit", got, remedy)
 
 
 def refuse_far(source: object, field: str, points: np.ndarray, around: str) -> None:

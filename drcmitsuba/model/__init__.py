@@ -6,6 +6,8 @@ model
     What every reader gives.
 polygon
     Polygons of any shape, with holes, as triangles and parallelograms.
+plane
+    Shapes in a plane, cut by shapely.
 radiance
     Radiance scene descriptions, views and sensors.
 facets

@@ -16,6 +16,10 @@ PARALLEL = 1e-6
 """Largest gap between a corner and the one that closes a parallelogram, over the extent [–]."""
 
 
+class NoAreaError(ValueError):
+    """A polygon has no area."""
+
+
 def are_parallelograms(corners: np.ndarray) -> np.ndarray:
     """Whether polygons (polygon, 4, 3) are parallelograms, bool (polygon,)."""
     gap = np.abs(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]).max(axis=1)
@@ -49,18 +53,20 @@ def quads_of(corners: np.ndarray, holes: Sequence[np.ndarray] = ()) -> np.ndarra
 
     Raises
     ------
+    NoAreaError
+        The polygon has no area.
     ValueError
-        The polygon has no area, is not planar, or crosses itself.
+        It is not planar, or crosses itself.
     """
     rings = [_distinct(np.asarray(ring, float)) for ring in (corners, *holes)]
     outer = rings[0]
     if len(outer) < 3:
-        raise ValueError("fewer than three distinct corners")
+        raise NoAreaError("fewer than three distinct corners")
     extent = float(np.ptp(outer, axis=0).max())
     normal = area_vector(outer)
     size = float(np.linalg.norm(normal))
     if not np.isfinite(extent) or size < SAME * extent**2:
-        raise ValueError("no area")
+        raise NoAreaError("no area")
     normal /= size
     every = np.concatenate(rings)
     off = float(np.abs((every - outer[0]) @ normal).max())

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from drcmitsuba.bsdf import advice
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.model_case import notes_on_groups
 from drcmitsuba.model.materials import BsdfMaterial
@@ -67,6 +68,11 @@ def notes(case: Case) -> list[str]:
     remarks += [*placed_sensors(case).notes, *crack_notes(case), *darkness_notes(case)]
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)
+        if lacking := advice.dark(measured.file):
+            remarks.append(
+                f"materials.{name}: {material.file.name} lacks the {' and the '.join(lacking)}: "
+                "taken as 0"
+            )
         if measured.largest_albedo > 1:
             remarks.append(
                 f"materials.{name}: {material.file.name} sends out up to "

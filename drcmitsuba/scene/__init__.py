@@ -14,6 +14,8 @@ sun_visibility, enabled_effects
     Suns that can get in; effects that are simulated.
 exits
     Rectangles that straight light passes on its way out of the rooms of a model.
+leaks, daylit
+    Rooms of a model that are open to the sky, and those that no daylight enters.
 surfaces, sensors
     All surfaces of a case as plain geometry; points at which illuminance is computed.
 flat_panes, box_faces

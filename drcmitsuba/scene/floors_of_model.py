@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from drcmitsuba.model.model import Model, areas
+from drcmitsuba.model.model import Layer, Model, areas
 from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import choose, shortened
@@ -59,6 +59,7 @@ def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str)
         No level polygon is of a named material.
     """
     quads: dict[str, np.ndarray] = {}
+    named: list[tuple[str, Layer]] = []
     for pattern in patterns:
         mine = [
             (name, layer)
@@ -70,13 +71,17 @@ def rooms_of(model: Model, patterns: tuple[str, ...], above: float, source: str)
             names = [name for layer in model.layers for name in layer.names]
             got = f"no surface has the material {shortened(pattern)}"
             raise InputError(source, "sensors.floors", got, choose(pattern, names))
+        named += mine
         for name, layer in mine:
             level = layer.quads[_is_level(layer.quads)]
             quads[name] = np.concatenate([quads.get(name, level[:0]), level])
     heights = np.concatenate([level[:, 0, 2] for level in quads.values()])
     if len(heights) == 0:
         got = f"{', '.join(patterns)[:80]} has no level polygon"
-        raise InputError(source, "sensors.floors", got, "name the material of a floor")
+        remedy = "name the material of a floor"
+        if any(_is_level(layer.quads[..., [0, 2, 1]]).any() for _, layer in named):
+            remedy += ', or give up = "y" in [model] where y is up in its files'
+        raise InputError(source, "sensors.floors", got, remedy)
     rooms: list[Room] = []
     for rounded in np.unique(np.round(heights / SAME_HEIGHT)) * SAME_HEIGHT:
         at = np.abs(heights - rounded) <= SAME_HEIGHT / 2 + 1e-9

@@ -4,6 +4,8 @@ reader
     `read`: from a file to a model.
 entries
     JSON objects whose values are checked where they are read.
+overlap
+    What two touching faces share, and what each has alone.
 pieces, layers
     Polygons of rooms and shades, once each, and the layers that they make.
 modifiers, modifier_materials

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -29,8 +31,9 @@ METRES = (".gltf", ".glb")
 
 
 def read(
-    file: Path, *, unit: float | None = None, materials: Mapping[str, SurfaceMaterial]
-) -> Model:
+    file: Path, *, unit: float | None = None, up: Literal["z", "y"] = "z",
+    materials: Mapping[str, SurfaceMaterial],
+) -> Model:  # fmt: skip
     """Read a mesh: OBJ, PLY, STL, glTF or GLB.
 
     Two triangles that follow each other and share the diagonal of a parallelogram are one quad.
@@ -39,9 +42,11 @@ def read(
     Parameters
     ----------
     file : Path
-        File of the mesh; OBJ, PLY and STL have the z axis up, glTF is turned from y up.
+        File of the mesh.
     unit : float, optional
         Length of the file's unit [m], which OBJ, PLY and STL need; 1 for glTF.
+    up : str
+        Axis of OBJ, PLY and STL that is up; glTF is turned from y up in any case.
     materials : Mapping[str, SurfaceMaterial]
         Materials by name: `usemtl` or the material of glTF; where it is not in the table, the
         group, object, mesh or node; the solid of STL; the file's name without ending for PLY. A
@@ -72,6 +77,8 @@ def read(
     parts = [part for part in READERS[ending](file, notes) if len(part.quads)]
     if not parts:
         raise InputError(file, "faces", "none", "export the surfaces of the model")
+    if up == "y" and ending not in METRES:
+        parts = [replace(part, quads=part.quads[..., [0, 2, 1]] * [1, -1, 1]) for part in parts]
     named = _named(file, parts, materials)
     made = _materials(file, named, materials, notes)
     layers = tuple(_layer(file, name, made[name], named[name], unit or 1.0) for name in named)

@@ -9,7 +9,7 @@ from drcmitsuba.model.radiance.text import Command
 _PIECE = r"""[^\s|;&<>()`$"'\\]|"[^"\\`$]*"|'[^']*'|\\."""
 _TOKEN = re.compile(rf"\s*(?:((?:{_PIECE})+)|(\S))", re.DOTALL)
 _QUOTED = re.compile(r"""\"([^"]*)\"|'([^']*)'|\\(.)""", re.DOTALL)
-KNOWN = ("xform", "genbox", "gensurf", "genprism", "genrev", "genworm", "cat")
+KNOWN = ("xform", "genbox", "gensurf", "genprism", "genrev", "genworm", "genblinds", "cat")
 """Names of the commands that are understood."""
 
 

@@ -1,4 +1,5 @@
-"""Radiance's generators of boxes, prisms, bodies of revolution, worms and functional surfaces.
+"""Radiance's generators of boxes, prisms, bodies of revolution, worms, blinds and functional
+surfaces.
 
 Each takes the words of its command line and gives primitives, as the program of the same name does;
 only the names and the order of the primitives differ.
@@ -6,8 +7,9 @@ only the names and the order of the primitives differ.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +20,11 @@ from drcmitsuba.model.radiance.text import Place, Primitive
 from drcmitsuba.model.radiance.usage import Usage, options
 
 MOST_SEGMENTS = 100_000
-"""Largest number of segments of a worm or a body of revolution."""
+"""Largest number of segments of a worm, a body of revolution or all slats of a blind."""
+MOST_SLATS = 10_000
+"""Largest number of slats."""
+SLAT_PIECE = 3.0
+"""Arc of a piece of a curved slat [deg]."""
 
 
 def box(words: Sequence[str], place: Place) -> Iterator[Primitive]:
@@ -147,6 +153,44 @@ def worm(words: Sequence[str], place: Place) -> Iterator[Primitive]:
         yield usage.primitive(words, "cone", [*ends, r[i] * narrowed, r[i + 1] * narrowed])
 
 
+def blinds(words: Sequence[str], place: Place) -> Iterator[Primitive]:
+    """`genblinds mat name depth width height nslats angle [-r|+r rcurv]`: slats along y.
+
+    Slats stand above each other along z, from the front edge at x = 0 they rise by the angle. One
+    of a radius of curvature is cut into pieces of 3° of its arc.
+    """
+    usage = Usage("genblinds mat name depth width height nslats angle [-r|+r rcurv]", place)
+    given = options(words, 7, {"-r": 1, "+r": 1}, usage)
+    if len(given) > 1:
+        raise usage.error(f"{' with '.join(given)}")
+    depth, width, height = (usage.number(word) for word in words[2:5])
+    if min(depth, width, height) <= 0:
+        raise usage.error(" ".join(words[2:5]))
+    count, angle = usage.count(words[5], MOST_SLATS), np.radians(usage.number(words[6]))
+    edge = np.array([[0.0, 0.0], depth * np.array([np.cos(angle), np.sin(angle)])])
+    for sign, (radius,) in given.items():
+        edge = _bent(edge, angle, -1 if sign == "-r" else 1, usage.number(radius), usage)
+    if count * (len(edge) - 1) > MOST_SEGMENTS:
+        raise usage.error(f"{count} slats of {len(edge) - 1} pieces")
+    for slat in range(count):
+        lift = np.array([0.0, height * (slat + 0.5) / count])
+        for (x0, z0), (x1, z1) in pairwise(edge + lift):
+            corners = [[x0, 0, z0], [x0, width, z0], [x1, width, z1], [x1, 0, z1]]
+            yield usage.polygon(words, np.array(corners))
+
+
+def _bent(edge: np.ndarray, angle: float, sign: int, radius: float, usage: Usage) -> np.ndarray:
+    """Points (point, 2) of an arc over a chord (2, 2) at an angle [rad], above it for sign 1."""
+    depth = float(np.linalg.norm(edge[1]))
+    if not radius >= depth / 2:
+        raise usage.error(f"a radius of {radius:g}, below half of the depth")
+    arc = 2 * np.arcsin(depth / 2 / radius)
+    count = max(1, math.ceil(np.degrees(arc) / SLAT_PIECE - 1e-9))
+    slope = angle + sign * (arc / 2 - (np.arange(count) + 0.5) * arc / count)
+    steps = 2 * radius * np.sin(arc / count / 2) * np.stack([np.cos(slope), np.sin(slope)], axis=1)
+    return np.concatenate([edge[:1], np.cumsum(steps, axis=0)])
+
+
 def _along(
     functions: Sequence[str], count: str, known: Sequence[str], usage: Usage
 ) -> list[np.ndarray]:
@@ -170,5 +214,6 @@ def _pairs(values: np.ndarray) -> Iterator[tuple[float, float]]:
 
 GENERATORS: dict[str, Callable[[Sequence[str], Place], Iterator[Primitive]]] = {
     "genbox": box, "genprism": prism, "genrev": revolution, "genworm": worm, "gensurf": surface,
+    "genblinds": blinds,
 }  # fmt: skip
 """Generators by the name of their command; they take the words behind it."""

@@ -11,6 +11,7 @@ from drcmitsuba.model import radiance_materials
 from drcmitsuba.model.materials import (
     DielectricMaterial,
     Lambertian,
+    PorousMaterial,
     SurfaceMaterial,
 )
 from drcmitsuba.model.notes import Notes
@@ -27,6 +28,10 @@ REPLACED = "Mirrors reflect alike in every direction, without their alternate ma
 BOTH_SIDES = "Mirrors reflect on both sides"
 DISPERSION = "Solids have one refractive index for all colours"
 GLAZED = "Panes keep Radiance's transmittance at normal incidence and are at most"
+
+
+DEEPEST_MIXTURE = 8
+"""Largest number of modifiers in a mixture that mixes: each doubles the materials that are read."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +87,9 @@ def _opaque(finish: Finish) -> SurfaceMaterial:
     colour = finish.colour(numbers)
     (s,) = finish.share(numbers[3:4], "a specular part of")
     make = radiance_materials.metal if finish.primitive.kind[:5] == "metal" else plastic
-    if s <= SMALL:
-        return make(as_colour(colour), s, 0.0, finish.note)
     rough = finish.share(np.minimum(numbers[4:], 1), "a roughness of")
+    if s <= SMALL:
+        return make(as_colour(colour), s, float(rough.max()), finish.note)
     if brushed:
         finish.note(ISOTROPIC)
     return make(as_colour(colour), s, float(np.prod(rough) ** (1 / len(rough))), finish.note)
@@ -99,7 +104,7 @@ def _trans(finish: Finish) -> SurfaceMaterial:
     numbers = finish.numbers(8 if brushed else 7, strings=4 if brushed else 0)
     colour = finish.colour(numbers)
     s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of").tolist()
-    rough = float(numbers[4:-2].max())
+    rough = float(finish.share(np.minimum(numbers[4:-2], 1), "a roughness of").max())
     try:
         return radiance_materials.trans(as_colour(colour), s, rough, t, t_s, finish.note)
     except ValueError as error:
@@ -175,6 +180,30 @@ _PLAIN: dict[str, Callable[[Finish], SurfaceMaterial | Mounted]] = {
 }
 
 
+def _mixed(
+    definition: Definition, share: float, parts: list[SurfaceMaterial | Mounted | None]
+) -> SurfaceMaterial:
+    """Material of a mixture of one share everywhere: diffuse reflectances mix, void is a gap."""
+    weights = (share, 1 - share)
+    matt = [part for part in parts if isinstance(part, Lambertian) and part.behind is None]
+    void = [part is None for part in parts]
+    if len(matt) == 2:
+        mean = sum(w * channels_of(p) for w, p in zip(weights, matt, strict=True))
+        return Lambertian(radiance_materials.reflectance(np.asarray(mean)))
+    if len(matt) == 1 and any(void):
+        gaps = weights[void.index(True)]
+        return PorousMaterial(type="porous", porosity=gaps, reflectance=matt[0].reflectance)
+    raise definition.primitive.error(
+        f"a mixture of {100 * share:g} % of materials that are not both diffuse or void",
+        "mix plastic and void, or name one material",
+    )
+
+
+def channels_of(material: Lambertian) -> np.ndarray:
+    """Reflectance of red, green and blue, shape (3,)."""
+    return np.broadcast_to(np.array(material.reflectance, float), 3)
+
+
 def material_of(
     definition: Definition | None, means: bool, notes: Notes
 ) -> SurfaceMaterial | Mounted | None:
@@ -200,6 +229,17 @@ def material_of(
         The material, or a pattern of it, has no counterpart.
     """
     above: list[Definition] = []
+    if definition is not None and definition.primitive.kind in MIXTURES:
+        share = patterns.constant_share(definition)
+        if share is not None and 0 < share < 1 and len(definition.named) > 1:
+            if definition.depth > DEEPEST_MIXTURE:
+                got = f"mixtures of {definition.depth} modifiers within each other"
+                raise definition.primitive.error(got, f"nest at most {DEEPEST_MIXTURE}")
+            parts = [
+                None if each is None else material_of(each, means, notes)
+                for each in definition.named
+            ]
+            return _mixed(definition, share, parts)
     while definition is not None and definition.primitive.kind not in MATERIALS:
         if definition.primitive.kind in MIXTURES:
             definition = patterns.part(definition, means, notes)

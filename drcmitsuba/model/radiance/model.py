@@ -44,7 +44,7 @@ def read(files: Sequence[Path], *, means: bool = False) -> Model:
         A file cannot be read, or holds something without a counterpart here.
     """
     notes = Notes()
-    context = Context(Definitions(), Surfaces(), Budget(), notes)
+    context = Context(Definitions(), Surfaces(notes), Budget(), notes)
     for file in files:
         read_file(Path(file), context)
     gathered: dict[tuple[str, str], tuple[SurfaceMaterial, list[Patch]]] = {}

@@ -71,6 +71,12 @@ def factor(definition: Definition, means: bool, notes: Notes) -> np.ndarray:
     )
 
 
+def constant_share(definition: Definition) -> float | None:
+    """Share of a mixture's foreground where it is the same everywhere, within 0 and 1 [–]."""
+    share = _constants(definition.primitive, 2)
+    return None if share is None else float(np.clip(share[0], 0, 1))
+
+
 def part(definition: Definition, means: bool, notes: Notes) -> Definition | None:
     """Modifier that stands for a mixture; None for void.
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drcmitsuba.model.polygon import FLAT, SAME, quads_of
+from drcmitsuba.model.polygon import FLAT, SAME, NoAreaError, quads_of
 
 BLOCK = 20_000
 """Number of polygons that are cut together; bounds the memory that this takes."""
@@ -21,7 +21,10 @@ LARGEST = 1e12
 
 
 def cut(
-    corners: np.ndarray, counts: np.ndarray, refuse: Callable[[int, str], Exception]
+    corners: np.ndarray,
+    counts: np.ndarray,
+    refuse: Callable[[int, str], Exception],
+    leave_out: Callable[[int], None],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Cut polygons into parallelograms and triangles.
 
@@ -33,6 +36,8 @@ def cut(
         Number of corners of each polygon.
     refuse : callable
         Exception that is raised, from the index of a polygon and what is wrong with it.
+    leave_out : callable
+        Takes in the index of a polygon without area, which is left out.
 
     Returns
     -------
@@ -58,6 +63,9 @@ def cut(
             for i in left:
                 try:
                     quads = quads_of(rings[i])
+                except NoAreaError:
+                    leave_out(int(block[i]))
+                    continue
                 except ValueError as error:
                     raise refuse(int(block[i]), str(error)) from None
                 parts.append(quads)

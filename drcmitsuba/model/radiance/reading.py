@@ -199,7 +199,7 @@ def _transformed(
     if stage is None:
         raise place.error("xform", "no file", "name one, or write it behind a pipe")
     since = len(context.definitions.order)
-    inner = replace(context, surfaces=Surfaces(), override=override)
+    inner = replace(context, surfaces=Surfaces(context.notes), override=override)
     stage(inner)
     patches = inner.surfaces.patches()
     context.budget.spend_copies(len(moves), place)

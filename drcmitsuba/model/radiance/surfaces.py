@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance import bodies, polygons
 from drcmitsuba.model.radiance.definitions import SURFACES, Definition, Moved
 from drcmitsuba.model.radiance.text import Place, Primitive
@@ -60,10 +61,14 @@ class _Polygons:
         return Place(self.files[index], self.lines[index])
 
 
+EMPTY = "Polygons without area are left out"
+
+
 class Surfaces:
     """Surfaces by their modifier; None stands for void."""
 
-    def __init__(self) -> None:
+    def __init__(self, notes: Notes) -> None:
+        self.notes = notes
         self._polygons: dict[Definition | None, _Polygons] = {}
         self._patches: dict[Definition | None, list[Patch]] = {}
 
@@ -105,7 +110,7 @@ class Surfaces:
         Raises
         ------
         InputError
-            A polygon has no area, is not planar, or crosses itself.
+            A polygon is not planar, or crosses itself. One without area is left out with a note.
         """
         for definition, waiting in self._polygons.items():
 
@@ -113,8 +118,11 @@ class Surfaces:
                 field = f"polygon {waiting.names[index]!r}"
                 return waiting.place(index).error(field, got, "correct or remove it")
 
+            def leave_out(index: int, waiting: _Polygons = waiting) -> None:
+                self.notes.add(EMPTY, waiting.place(index).of(waiting.names[index]))
+
             corners = np.frombuffer(waiting.corners).reshape(-1, 3)
-            quads, index = polygons.cut(corners, np.array(waiting.counts), refuse)
+            quads, index = polygons.cut(corners, np.array(waiting.counts), refuse, leave_out)
             places = tuple(waiting.place(i).of(name) for i, name in enumerate(waiting.names))
             self._patches.setdefault(definition, []).append(Patch(quads, index, places))
         self._polygons = {}

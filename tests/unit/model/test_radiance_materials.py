@@ -10,6 +10,7 @@ from drcmitsuba.model.materials import (
     GlazingMaterial,
     Lambertian,
     MirrorMaterial,
+    PorousMaterial,
 )
 from drcmitsuba.model.radiance import read
 from drcmitsuba.runtime.errors import InputError
@@ -199,6 +200,20 @@ def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
             Lambertian(0.6),
         ),
         (
+            "void plastic a 0 0 5 .8 .8 .8 0 0\nvoid plastic b 0 0 5 .5 .5 .5 0 0\n"
+            "void mixfunc m 4 b a A1 . 0 1 .3",
+            Lambertian(0.3 * 0.5 + 0.7 * 0.8),
+        ),
+        (
+            "void plastic a 0 0 5 .8 .4 .4 0 0\nvoid mixfunc b 4 a a .5 . 0 0\n"
+            "void plastic c 0 0 5 .2 .2 .2 0 0\nvoid mixfunc m 4 b c .5 . 0 0",
+            Lambertian((0.5, 0.3, 0.3)),
+        ),
+        (
+            "void plastic a 0 0 5 .6 .6 .6 0 0\nvoid mixfunc m 4 void a .25 . 0 0",
+            PorousMaterial(type="porous", porosity=0.25, reflectance=0.6),
+        ),
+        (
             "void plastic m 0 0 5 .6 .6 .6 0 0\nm plastic m 0 0 5 .2 .2 .2 0 0"
             "\nvoid plastic m 0 0 5 .1 .1 .1 0 0",
             Lambertian(0.1),
@@ -208,7 +223,15 @@ def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
 def test_a_material_has_its_counterpart(text, expected, tmp_path):
     given = material(text, tmp_path)
     assert type(given) is type(expected)
-    for field in ("reflectance", "transmittance", "roughness", "specular", "ior", "absorption"):
+    for field in (
+        "reflectance",
+        "transmittance",
+        "porosity",
+        "roughness",
+        "specular",
+        "ior",
+        "absorption",
+    ):
         if hasattr(expected, field):
             assert getattr(given, field) == pytest.approx(getattr(expected, field)), field
 
@@ -229,6 +252,9 @@ def test_a_scaled_solid_absorbs_as_much_on_its_way_through(tmp_path):
         ("void plastic m 0 0 4 .5 .5 .5 0", "plastic 'm': 0 strings and 4 numbers"),
         ("void metal2 m 0 0 6 .5 .5 .5 .9 .1 .1", "metal2 'm': 0 strings"),
         ("void trans m 0 0 7 .9 .9 .9 0 0 .5 .5", "22.5 % transmitted"),
+        ("void plastic m 0 0 5 .5 .5 .5 0 -.1", "plastic 'm': a roughness of -0.1"),
+        ("void metal m 0 0 5 .5 .5 .5 .9 -.1", "metal 'm': a roughness of -0.1"),
+        ("void trans m 0 0 7 .5 .5 .5 0 -.1 .5 0", "trans 'm': a roughness of -0.1"),
         ("void glass m 0 0 4 .9 .9 .9 1", "a refractive index of 1"),
         ("void dielectric m 0 0 5 0 0 0 1.5 0", "a transmission of 0"),
         ("void interface m 0 0 8 1 1 1 1.5 1 1 1 1.3", "not air"),
@@ -244,6 +270,15 @@ def test_a_scaled_solid_absorbs_as_much_on_its_way_through(tmp_path):
         ("void colorpict c 7 a b c d e f g 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "colorpict 'c'"),
         ("void texfunc c 4 x y z f.cal 0 0\nc plastic m 0 0 5 .5 .5 .5 0 0", "texfunc 'c'"),
         ("void mixfunc m 4 void void x f.cal 0 0", "mixfunc 'm': a mixture"),
+        (
+            "void plastic a 0 0 5 .5 .5 .5 0 0\nvoid mirror b 0 0 3 .9 .9 .9\n"
+            "void mixfunc m 4 a b .3 . 0 0",
+            "mixfunc 'm': a mixture of 30 % of materials that are not both diffuse or void",
+        ),
+        (
+            "void plastic m 0 0 5 .5 .5 .5 0 0\n" + 20 * "void mixfunc m 4 m m .5 . 0 0\n",
+            "mixfunc 'm': mixtures of 21 modifiers within each other",
+        ),
         ("void brightfunc b 2 .5 . 0 0\nb BSDF m 6 0 a.xml 0 0 1 . 0 0", "a pattern other than 1"),
         ("void plastic a 0 0 5 0 0 0 0 0\na plastic m 0 0 5 0 0 0 0 0", "modified by 'a'"),
         ("void alias m nothing", "'nothing' is not defined"),
@@ -290,6 +325,8 @@ def test_roles_names_and_notes(tmp_path):
     }
     assert model.notes == (
         "Suns, skies and grounds of the source files are left out: the weather file gives them.",
+        "Smooth surfaces mirror no more at grazing incidence than straight on, which lowers the "
+        "illuminance in a room of them by 0.6 %: a.",
         "Mirrored light counts as diffuse where it is at most 5 % of the light: a.",
         "Daylight is the only light: lamps are black: c.",
         "Surfaces without a material are left out.",
@@ -378,3 +415,18 @@ def test_trans_that_scatters_nothing_is_porous(tmp_path):
 def test_trans_that_scatters_some_light_or_mirrors_is_refused(numbers, tmp_path):
     with pytest.raises(InputError, match="without scattering"):
         material(f"void trans m 0 0 7 .7 .7 .7 {numbers}", tmp_path)
+
+
+@needs_radiance
+def test_smooth_surfaces_mirror_more_at_grazing_incidence_in_radiance_which_a_note_says(tmp_path):
+    """R = C (1 − s) (1 − F) + s + (1 − s) F where s ≥ 0.018; rough ones keep C (1 − s) + s."""
+    angles = np.array([0.0, 45.0, 70.0, 85.0])
+    more = np.exp(-5.85 * np.cos(np.radians(angles))) - 0.00288
+    for s, rough, factor in ((0.03, 0.0, 1), (0.03, 0.05, 0), (0.01, 0.0, 0)):
+        text = f"void plastic m 0 0 5 .5 .5 .5 {s} {rough}"
+        fresnel = factor * more
+        expected = 0.5 * (1 - s) * (1 - fresnel) + s + (1 - s) * fresnel
+        given = seen(text, tmp_path, angles, "below")[:, 0]
+        np.testing.assert_allclose(given, expected, atol=1e-3)
+        notes = model_of(f"{text}\nm{SQUARE}", tmp_path).notes
+        assert any("at grazing incidence" in note for note in notes) == bool(factor)

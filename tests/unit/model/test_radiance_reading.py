@@ -58,6 +58,27 @@ def test_polygons_keep_area_and_front(corners, expected, most, tmp_path):
     assert len(quads) <= most
 
 
+@pytest.mark.parametrize(
+    "flat",
+    [
+        "9 0 0 0 1 0 0 2 0 0",
+        "9 1 1 1 1 1 1 1 1 1",
+        "12 0 0 0 1 0 0 1 0 0 0 0 0",
+        "15 0 0 0 1 0 0 2 0 0 1 0 0 0 0 0",
+    ],
+)
+def test_a_polygon_without_area_is_left_out_with_a_note(flat, tmp_path):
+    """`oconv` warns and goes on; it was refused."""
+    (tmp_path / "x.rad").write_text(f"{M}{TRIANGLE}m polygon line 0 0 {flat}\n")
+    model = read([tmp_path / "x.rad"])
+    assert len(model.layers[0].quads) == 1
+    [note] = model.notes
+    assert note.startswith("Polygons without area are left out: ")
+    assert "line 3: line" in note
+    (tmp_path / "y.rad").write_text("!xform -t 1 0 0 x.rad\n")
+    assert "line 3: line" in read([tmp_path / "y.rad"]).notes[0]
+
+
 def test_many_polygons_are_cut_as_each_alone(tmp_path):
     rng = np.random.default_rng(5)
     shapes = [
@@ -163,7 +184,6 @@ BAD = {
     "endless": (P + "9 0 0 0 1e999 0 0 0 1 0\n", "not finite"),
     "not planar": (P + "12 0 0 0 1 0 0 1 1 .3 0 1 0\n", "polygon 'p': not planar"),
     "crossing": (P + "12 0 0 0 1 0 0 0 1 0 2 1 0\n", "crosses itself"),
-    "flat": (P + "9 0 0 0 1 0 0 2 0 0\n", "no area"),
     "unknown kind": ("m prism q 0 0 0\n", "prism 'q': no kind of primitive"),
     "unknown modifier": ("n polygon q 0 0 9 0 0 0 1 0 0 0 1 0\n", "'n' is not defined"),
     "surface as modifier": (TRIANGLE + TRIANGLE.replace("m", "t", 1), "'t' is not defined"),
@@ -209,6 +229,10 @@ BAD = {
     "segments": ("!genrev m r t t 1e9\n", "'1e9' for a count"),
     "cells": ("!gensurf m s s t 0 999 999\n", "998001 cells"),
     "radius": ("!genworm m w t 0 0 t-.5 4\n", "a radius below 0"),
+    "slats": ("!genblinds m b .05 3 1.6 0 30\n", "'0' for a count"),
+    "too many slats": ("!genblinds m b .05 3 1.6 5000 30 -r .025\n", "5000 slats of 60 pieces"),
+    "curvature": ("!genblinds m b .05 3 1.6 2 30 -r .02\n", "below half of the depth"),
+    "both ways": ("!genblinds m b .05 3 1.6 2 30 -r 1 +r 1\n", "-r with +r"),
     "no value": ("!genworm m w 1/t 0 0 1 4\n", "without a value"),
     "recursion": ("!genrev m r 'f(t)' t 4 -e 'f(x)=f(x)+1'\n", "call themselves"),
     "parentheses": (f"!genrev m r '{'(' * 999}t' t 4\n", "parentheses deep"),
@@ -274,7 +298,7 @@ def test_files_that_multiply_end_soon(tmp_path):
     for i in range(12):
         (tmp_path / f"{i}.rad").write_text(f"!xform {i + 1}.rad\n" * 30)
     (tmp_path / "12.rad").write_text("")
-    few = Context(Definitions(), Surfaces(), Budget(files=100), Notes())
+    few = Context(Definitions(), Surfaces(Notes()), Budget(files=100), Notes())
     with pytest.raises(InputError, match="more than 20000 files"):
         read_file(tmp_path / "0.rad", few)
 

@@ -4,6 +4,8 @@ import pytest
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.plan.notes import notes
+from drcmitsuba.runtime import backend
+from tests.unit.plugins.measured_files import write
 
 OPEN = {"strips": [{"bottom": 1.0, "top": 2.0, "material": "open"}]}
 OPAL = {"strips": [{"bottom": 1.0, "top": 2.0, "material": "opal"}]}
@@ -32,3 +34,27 @@ def test_clear_panes_in_several_planes_close_one_by_one(facade, facades):
 def test_without_a_shade_there_is_no_note_of_it():
     facade = {"south": OPEN, "west": OPEN}
     assert notes(Case.model_validate({**CASE, "facade": facade, "shading": None})) == []
+
+
+@pytest.mark.parametrize(
+    ("missing", "lacking"),
+    [
+        ((), None),
+        (("tb",), None),  # it follows by reciprocity
+        (("rf",), "lacks the reflection into the room: taken as 0"),
+        (
+            ("rb", "rf"),
+            "lacks the reflection to the outside and the reflection into the room: taken",
+        ),
+    ],
+)
+def test_a_film_whose_file_lacks_a_side_has_a_note(tmp_path, missing, lacking):
+    """A Klems file without reflection into the room lost 5 % of E without a word."""
+    backend.select()
+    file = write(tmp_path, "LBNL/Klems Quarter", missing, albedo=0.2)
+    film = {"type": "bsdf", "file": str(file)}
+    facade = {"south": {"strips": [{"bottom": 1.0, "top": 2.0, "material": "film"}]}}
+    tables = {"facade": facade, "materials": {"film": film}, "shading": None}
+    told = [note for note in notes(Case.model_validate({**CASE, **tables})) if "lacks" in note]
+    assert len(told) == (lacking is not None)
+    assert all(note.startswith("materials.film: ") and lacking in note for note in told)
