@@ -19,7 +19,7 @@ from drcmitsuba.transport.openings import Within, repeated_within
 from drcmitsuba.transport.pane_light import FromPanes, by_panes, stacked
 from drcmitsuba.transport.photon_light import Landed
 from drcmitsuba.transport.products import PathMatrix, RayMatrix, product
-from drcmitsuba.transport.solved_cells import Transfer
+from drcmitsuba.transport.solved_cells import Followed, Transfer
 from drcmitsuba.transport.straight_suns import Disks, sensor_numbers
 from drcmitsuba.transport.sun_clusters import sun_tiles
 
@@ -206,13 +206,16 @@ class Replicates:
             return lambda d, _, at: product(every, d, at)
         paths, transfer = self.deposits[0].accuracy.paths, self.transfer
         to_cells = PathMatrix(met.cell, met.weight, paths, sensors, count, self.numbers.start)
+        made: list[Followed] = []  # once, where it is needed
 
         def sent(d: mi.TensorXf, y: mi.TensorXf | None, at: Reached | None) -> mi.TensorXf:
             if at is not None and not dr.width(at.lit):
                 return dr.zeros(mi.TensorXf, (count * sensors, d.shape[1]))
             if y is not None:
                 return product(to_cells, d + y)
-            whole, onward = transfer.followed(self.numbers, to_cells, here)
+            if not made:
+                made.append(transfer.followed(self.numbers, to_cells, here))
+            whole, onward = made[0]
             return product(whole, d, at, onward)
 
         return sent

@@ -223,7 +223,7 @@ class Transfer:
             part = self._followed.get(key)
             if part is None:
                 part = self._of_replicate(r, to_cells._replace(replicates=1, first=r))
-                if to_cells.rows * len(self.bounces) * self.cells <= KEPT:
+                if (len(self._followed) + 1) * to_cells.rows * self.cells <= KEPT:
                     self._followed[key] = part
             parts.append(part)
         whole = DenseMatrix(rows_of([part.to_cells for part in parts]), len(parts))
@@ -240,9 +240,9 @@ class Transfer:
                 end[sending:] += A[sending:]
             A = T @ A[:sending]
             total += A
-        of_block = sparse.csr_matrix(
-            (np.ones(self.cells, np.float32), (self.blocks.of.numpy(), np.arange(self.cells)))
-        )
+        one, block = np.ones(self.cells, np.float32), self.blocks.of.numpy()
+        shape = self.blocks.count, self.cells
+        of_block = sparse.csr_matrix((one, (block, np.arange(self.cells))), shape=shape)
         tensors = (mi.TensorXf(flat(x.T), x.T.shape) for x in (total, of_block @ (A + end)))
         return _LastBounces(*tensors)
 
