@@ -91,9 +91,10 @@ def faces_of(furniture: Furniture) -> list[np.ndarray]:
 
 
 def normals(quads: np.ndarray) -> np.ndarray:
-    """Unit normals (quad, 3) of quadrilaterals (quad, 4, 3)."""
+    """Unit normals (quad, 3) of quadrilaterals (quad, 4, 3); NaN of those without area."""
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
-    return n / np.linalg.norm(n, axis=1, keepdims=True)
+    length = np.linalg.norm(n, axis=1, keepdims=True)
+    return np.divide(n, length, out=np.full(n.shape, np.nan), where=length > 0)
 
 
 def is_triangle(quads: np.ndarray) -> np.ndarray:

@@ -60,9 +60,10 @@ def is_planar_mirror(part: Surface) -> bool:
     if isinstance(m, GlazingMaterial):
         return not part.component and m.reflectance > 0
     smooth = isinstance(m, MirrorMaterial) and m.roughness == 0 and m.specular > 0
-    if not smooth or albedo(m) == 0 or len(_planes(part.quads)) > MOST_OF_BODY:
+    if not smooth or albedo(m) == 0:
         return False
-    return not _is_duct(part.quads)
+    quads = part.quads[_areas(part.quads) > 0]
+    return len(_planes(quads)) <= MOST_OF_BODY and not _is_duct(quads)
 
 
 def albedo(material: SurfaceMaterial) -> float:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.sampling import random_bits
 
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.runtime.flat_arrays import flat, repeated, row_and_column
@@ -32,6 +33,7 @@ from drcmitsuba.transport.shadow_rays import (
     one_sun_deposit,
     rim_deposit,
     sun_deposit,
+    sun_numbers,
 )
 from drcmitsuba.transport.sun_clusters import possible_pairs
 
@@ -229,8 +231,10 @@ class Disks:
             full = dr.gather(mi.Float, self.rims.most, edges)
             dr.eval(least, most)
             replicate, edge = row_and_column(dr.arange(mi.UInt32, count * width), width)
-            entry = dr.gather(mi.UInt32, edges, edge)
-            turn = (entry * mi.UInt32(0x9E3779B1)) >> 16  # neighbours share no replicate
+            row, sun = row_and_column(dr.gather(mi.UInt32, edges, edge), len(self.suns))
+            place = dr.gather(mi.UInt32, mi.UInt32(sun_numbers(self.suns)), sun)
+            seed = launch_seed(self.accuracy.seed, Stream.SUN_RIMS)
+            turn, _ = random_bits(dr.gather(mi.UInt32, self.places, row), seed + RIM, place)
             holder = turn % dr.opaque(mi.UInt32, count)
             share = dr.opaque(mi.Float, min(1.0, count * sliver(count * samples)))
             part = dr.select(replicate == holder, share, 0)

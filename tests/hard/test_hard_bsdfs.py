@@ -286,8 +286,8 @@ def test_a_film_of_energy_1_02_is_scaled_to_1(tmp_path, holds):
     for d, t in zip(incident[:10], total[:10], strict=True):
         _, weight = draw(bsdf, d, IMPORTANCE, 500)
         holds("weight = energy", abs(weight[0].numpy() / t - 1).max(), FLOAT)
-    (note,) = notes(room(path))
-    assert "sends out up to 102.0 % of the light; scaled down to 100 % there" in note
+    told = "sends out up to 102.0 % of the light; scaled down to 100 % there"
+    assert sum(told in note for note in notes(room(path))) == 1
 
 
 def test_a_room_behind_energy_1_02_is_that_behind_1(tmp_path, holds):
