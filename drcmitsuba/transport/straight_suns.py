@@ -212,42 +212,48 @@ class Disks:
         return Rims(mean, least, most, edges)
 
     def edges(self, samples: int) -> mi.Float:
-        """D [sr] of disks that a shadow's edge crosses, flat (replicate, edge), all replicates.
+        """D [sr] of disks that a shadow's edge crosses, flat (replicate, edge), all replicates."""
+        if samples not in self._drawn:
+            D = self.drawn(self.rims.edges, range(self.accuracy.replicates), samples)
+            dr.eval(D)
+            self._drawn[samples] = self._with_doubt(D, samples)
+        return self._drawn[samples]
+
+    def _with_doubt(self, D: mi.Float, samples: int) -> mi.Float:
+        """Give replicates that agree the error that remains, D [sr] flat (replicate, edge).
 
         The rim tells that there is light and shadow on such a disk, even if all directions of all
         replicates are lit, or none is: then one replicate, a random one, holds what is expected of
         the other part, `sliver`. The mean is its expectation, and its standard error as large.
+        Where all replicates hit a disk equally often, every second one takes a third of a hit from
+        the next: directions that are spread evenly agree more often than their error is small.
         """
-        if samples not in self._drawn:
-            edges, count = self.rims.edges, self.accuracy.replicates
-            D = self.drawn(edges, range(count), samples)
-            dr.eval(D)
-            least, most = mi.Float(dr.inf), mi.Float(0)
-            width = dr.width(edges)
-            for r in range(count):
-                at = dr.arange(mi.UInt32, width) + dr.opaque(mi.UInt32, r * width)
-                here = dr.gather(mi.Float, D, at)
-                least, most = dr.minimum(least, here), dr.maximum(most, here)
-            full = dr.gather(mi.Float, self.rims.most, edges)
-            dr.eval(least, most)
-            replicate, edge = row_and_column(dr.arange(mi.UInt32, count * width), width)
-            row, sun = row_and_column(dr.gather(mi.UInt32, edges, edge), len(self.suns))
-            place = dr.gather(mi.UInt32, mi.UInt32(sun_numbers(self.suns)), sun)
-            seed = launch_seed(self.accuracy.seed, Stream.SUN_RIMS)
-            turn, _ = random_bits(dr.gather(mi.UInt32, self.places, row), seed + RIM, place)
-            holder = turn % dr.opaque(mi.UInt32, count)
-            share = dr.opaque(mi.Float, min(1.0, count * sliver(count * samples)))
-            part = dr.select(replicate == holder, share, 0)
-            dark = dr.gather(mi.Bool, (most == 0) & (full > 0), edge)
-            shadow = dr.gather(mi.Float, self.rims.least, edges) < 0.5 * full
-            lit = dr.gather(mi.Bool, shadow & (least >= (1 - 0.5 / samples) * full), edge)
-            whole, pairs = dr.gather(mi.Float, full, edge), dr.opaque(mi.UInt32, count // 2 * 2)
-            alike = dr.gather(mi.Bool, most - least < ALIKE * full / samples, edge) & ~(dark | lit)
-            third = dr.select((replicate + turn) & 1 == 0, whole, -whole) / (3 * samples)
-            D = dr.select(dark, part * whole, dr.select(lit, (1 - part) * D, D))
-            self._drawn[samples] = D + dr.select(alike & (replicate < pairs), third, 0)
-            dr.eval(self._drawn)
-        return self._drawn[samples]
+        edges, count = self.rims.edges, self.accuracy.replicates
+        width, least, most = dr.width(edges), mi.Float(dr.inf), mi.Float(0)
+        for r in range(count):
+            at = dr.arange(mi.UInt32, width) + dr.opaque(mi.UInt32, r * width)
+            here = dr.gather(mi.Float, D, at)
+            least, most = dr.minimum(least, here), dr.maximum(most, here)
+        full = dr.gather(mi.Float, self.rims.most, edges)
+        shadow = dr.gather(mi.Float, self.rims.least, edges) < 0.5 * full
+        is_dark = (most == 0) & (full > 0)
+        is_lit = shadow & (least >= (1 - 0.5 / samples) * full)
+        is_alike = (most - least < ALIKE * full / samples) & ~(is_dark | is_lit)
+        dr.eval(full, is_dark, is_lit, is_alike)
+        replicate, edge = row_and_column(dr.arange(mi.UInt32, count * width), width)
+        row, sun = row_and_column(dr.gather(mi.UInt32, edges, edge), len(self.suns))
+        place = dr.gather(mi.UInt32, mi.UInt32(sun_numbers(self.suns)), sun)
+        seed = launch_seed(self.accuracy.seed, Stream.SUN_RIMS) + RIM
+        turn, _ = random_bits(dr.gather(mi.UInt32, self.places, row), seed, place)
+        share = dr.opaque(mi.Float, min(1.0, count * sliver(count * samples)))
+        share = dr.select(replicate == turn % dr.opaque(mi.UInt32, count), share, 0)
+        whole, pairs = dr.gather(mi.Float, full, edge), dr.opaque(mi.UInt32, count // 2 * 2)
+        third = dr.select((replicate + turn) & 1 == 0, whole, -whole) / (3 * samples)
+        dark, lit, alike = (dr.gather(mi.Bool, x, edge) for x in (is_dark, is_lit, is_alike))
+        out = dr.select(dark, share * whole, dr.select(lit, (1 - share) * D, D))
+        out += dr.select(alike & (replicate < pairs), third, 0)
+        dr.eval(out)
+        return out
 
     def drawn(self, edges: mi.UInt32, replicates: range, samples: int) -> mi.Float:
         """D [sr] of chosen entries by random directions, flat (replicate, entry)."""
