@@ -7,8 +7,8 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import xarray as xr
 from drcmitsuba.blocks.block_file import attributes_of, read_block, write_block
 from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.blocks.part import EVERY_BLOCK, Part
+from drcmitsuba.blocks.stored_before import StoredBefore
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.errors import InputError
@@ -48,6 +49,14 @@ class BlockSeries:
     """Blocks that are made; the others are passed over."""
     writing: Behind = field(default_factory=Behind, compare=False, repr=False)
     """Writes blocks, in a thread where one is open."""
+    before: StoredBefore | None = None
+    """Blocks that were stored before the run; None where nobody is told of them."""
+
+    def tell_stored(self, every: Sequence[slice]) -> None:
+        """Tell the user once how many of these blocks were stored before the run began."""
+        if self.before is not None:
+            paths = [self._path(here) for here in every]
+            self.before.tell_once(self.about, [path for path in paths if path is not None])
 
     def get(self, here: slice) -> xr.Dataset | None:
         """Dataset of some sensors; None where it is not stored, or damaged."""
@@ -93,6 +102,7 @@ class BlockSeries:
     def kept(self, sensors: int, make: Callable[[], xr.Dataset]) -> xr.Dataset:
         """Dataset of all sensors in one block, which is made where it is not stored."""
         here = slice(0, sensors)
+        self.tell_stored([here])
         data = self.get(here)
         if data is None:
             data = make()
@@ -120,6 +130,12 @@ class BlockFolder:
     """Notes on damaged blocks."""
     writing: Behind = field(default_factory=Behind, compare=False, repr=False)
     """Writes blocks, in a thread where one is open."""
+    before: StoredBefore | None = None
+    """Blocks that were stored before the run; None where nobody is told of them."""
+
+    def telling(self, tell: Callable[[str], None]) -> BlockFolder:
+        """Return the folder with a function that tells the user of blocks it holds by now."""
+        return replace(self, before=StoredBefore.of(self.path, tell))
 
     @classmethod
     def of_results(cls, results: Path) -> BlockFolder:
@@ -163,7 +179,7 @@ class BlockFolder:
     def series(self, about: str, *content: Any, part: Part = EVERY_BLOCK) -> BlockSeries:
         """Blocks that depend on some content; `about` are words for lists."""
         folder = self.path / content_key(FORMAT, *content)
-        return BlockSeries(folder, about, self.notes, part, self.writing)
+        return BlockSeries(folder, about, self.notes, part, self.writing, self.before)
 
     @property
     def limit(self) -> int:

@@ -20,7 +20,7 @@ from drcmitsuba.cli.options import (
     option,
 )
 from drcmitsuba.cli.startup import FOR_FILES, FOR_METRICS, importing
-from drcmitsuba.cli.terminal import percent, show, show_notes, stages
+from drcmitsuba.cli.terminal import percent, show, show_notes, show_progress, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
@@ -141,6 +141,7 @@ def evaluate(
     with locked(output):
         storage.remove_abandoned(output)
         blocks = BlockFolder.of_results(output) if cache is None else BlockFolder.cache(cache)
+        blocks = blocks.telling(show_progress)
         with stages() as stage:
             work = importing(stage, *FOR_METRICS, *FOR_FILES)
             with opened(workers, scheduler) as others:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
@@ -63,6 +64,11 @@ def stages() -> Iterator[Stage]:
             raise
     if compilation.line():
         console.print(compilation.line(), highlight=False)
+
+
+def show_progress(line: str) -> None:
+    """Print a line on the work that is going on, on stderr; it stands above the bars."""
+    print(printable(line), file=sys.stderr)
 
 
 def show(*tables: Table) -> None:

@@ -118,7 +118,9 @@ def compute_blocks(
         return
     bins = Bins.of(labels, [*(Patches(subdivision).labels if subdivision else ()), *suns.labels])
     done = 0
-    for block, here in enumerate(kept.cover(len(points))):
+    stored = kept.cover(len(points))
+    kept.tell_stored(stored)
+    for block, here in enumerate(stored):
         if kept.part.holds(block):
             C = kept.get(here)
             if C is None:
@@ -212,6 +214,7 @@ def estimate_blocks(
         if len(gathered.blocks) > 1:
             batches = [*batches]  # every block asks for them
             dr.flush_malloc_cache()  # once: blocks that fetch their memory anew take longer
+        kept.tell_stored(gathered.blocks)
         for block, here in enumerate(gathered.blocks):
             if here.start < done or not kept.part.holds(block):
                 continue

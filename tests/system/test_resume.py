@@ -111,6 +111,7 @@ def test_a_full_disk_stops_the_run_with_a_line_and_the_next_goes_on(
     case, tmp_path, monkeypatch, capsys, computed
 ):
     run(monkeypatch, "evaluate", case, "-o", tmp_path / "whole")
+    assert "going on" not in capsys.readouterr().err
     every = len(computed)
     folder, write_block = tmp_path / "results", block_folder.write_block
     computed.clear()
@@ -130,6 +131,10 @@ def test_a_full_disk_stops_the_run_with_a_line_and_the_next_goes_on(
     computed.clear()
     run(monkeypatch, "evaluate", case, "-o", folder)
     assert len(computed) == every - 3
+    told = [line for line in capsys.readouterr().err.splitlines() if "going on" in line]
+    assert told == [
+        f"small room, open: going on from 3 of 4 blocks stored in {folder / 'unfinished'}"
+    ]
     assert_identical(tmp_path / "whole", folder)
 
 
