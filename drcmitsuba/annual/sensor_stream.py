@@ -74,12 +74,8 @@ def _meshed(
         if state != OPEN:
             mesh = mesh_of(of_points(case, OPEN, suns.only(()), *its, run=run, among=len(points)))
         done = part(progress, here.start / len(points), here.stop / len(points))
-        yield (
-            here,
-            of_points(
-                case, state, suns, *its, run=run, mesh=mesh, among=len(points), progress=done
-            ),
-        )
+        C = of_points(case, state, suns, *its, run=run, mesh=mesh, among=len(points), progress=done)
+        yield here, C
 
 
 def channel_stream(

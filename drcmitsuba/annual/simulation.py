@@ -97,17 +97,9 @@ def transport(
     else:
         points, normals, at = points[sensors], normals[sensors], at.isel(sensor=sensors)
     C = of_points(
-        case,
-        state,
-        suns,
-        latitude,
-        points,
-        normals,
-        run=run,
-        mesh=mesh,
-        among=among,
+        case, state, suns, latitude, points, normals, run=run, mesh=mesh, among=among,
         progress=progress,
-    ).assign_coords(at.coords)
+    ).assign_coords(at.coords)  # fmt: skip
     groups = PaneGroupOfSun.of(case, state, suns, run) if sensors is None else None
     return C if groups is None else groups.added(C, points, normals)
 

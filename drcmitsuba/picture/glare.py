@@ -63,7 +63,7 @@ class Glare:
     """Luminance above which a pixel is part of a glare source [cd/m²]."""
     sources: GlareSources
     notes: tuple[str, ...] = ()
-    """What makes the picture doubtful."""
+    """Sentences on what makes the picture doubtful."""
 
     @property
     def background(self) -> float:

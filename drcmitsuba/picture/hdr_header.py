@@ -32,7 +32,7 @@ class Header:
     form: str
     """`32-bit_rle_rgbe` or `32-bit_rle_xyze`."""
     view: PictureView | None
-    """That of its `VIEW=` lines, or of the command line of the program that made it."""
+    """View by the `VIEW=` lines, or by the command line of the program that made the picture."""
     exposure: float
     """Product of all EXPOSURE lines [–]."""
     correction: np.ndarray

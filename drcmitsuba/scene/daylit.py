@@ -36,7 +36,7 @@ COVERED = 0.9
 
 
 class Darkness(NamedTuple):
-    """What of a model no daylight reaches."""
+    """Panes and grids of a model that no daylight reaches."""
 
     closed: tuple[str, ...]
     """Places of panes that are drawn upon a surface without a hole."""
@@ -81,7 +81,7 @@ def darkness_notes(case: Case) -> list[str]:
 
 
 def _darkness(case: Case) -> Darkness | None:
-    """What of a case's model no daylight reaches; None where it is not looked at."""
+    """Find what daylight does not reach in a case's model; None where nobody looks for it."""
     if not case.building.layers or case.model is None or case.model.leaks == "allow":
         return None
     if case.standing:
@@ -91,7 +91,7 @@ def _darkness(case: Case) -> Darkness | None:
 
 @lru_cache(maxsize=4)
 def darkness_of(model: Model, sensors: AnySensors, source: str, variant: str) -> Darkness:
-    """What of a model no daylight reaches; it is looked for once for a model and a variant."""
+    """Find what daylight does not reach in a model, once for a model and a variant."""
     panes = panes_of_model(model)
     low = np.min([layer.quads.min(axis=(0, 1)) for layer in model.layers], axis=0)
     on_walls = _on_walls(model, panes, low)

@@ -47,7 +47,7 @@ class Leak(NamedTuple):
     place: np.ndarray
     """Point near the opening in the model's frame [m], shape (3,)."""
     is_crack: bool
-    """Whether it is so narrow, and passed by so few, that it may stay."""
+    """Whether the leak is so narrow, and passed by so few rays, that it may stay."""
 
     @property
     def words(self) -> str:
@@ -61,9 +61,7 @@ def refuse_leaks(case: Case) -> None:
 
     A case without a model, and one whose `[model]` allows leaks, is not looked at.
     """
-    if not case.building.layers or case.model is None or case.model.leaks == "allow":
-        return
-    leak = leak_of(case.building, case.sensors, case.source, mi.variant())
+    leak = _leak(case)
     if leak is not None and not leak.is_crack:
         remedy = 'close the room there, draw a pane, or write leaks = "allow" in [model]'
         raise InputError(case.source, "model", leak.words, remedy)
@@ -71,12 +69,17 @@ def refuse_leaks(case: Case) -> None:
 
 def crack_notes(case: Case) -> list[str]:
     """Note cracks through which rays leave the rooms; errors are those of `refuse_leaks`."""
-    if not case.building.layers or case.model is None or case.model.leaks == "allow":
-        return []
-    leak = leak_of(case.building, case.sensors, case.source, mi.variant())
+    leak = _leak(case)
     if leak is None or not leak.is_crack:
         return []
     return [f"model: {leak.words}, by cracks below {1000 * CRACK:g} mm: no light enters there"]
+
+
+def _leak(case: Case) -> Leak | None:
+    """Leak of a case's model; None where it has none, or where it is not looked for."""
+    if not case.building.layers or case.model is None or case.model.leaks == "allow":
+        return None
+    return leak_of(case.building, case.sensors, case.source, mi.variant())
 
 
 @lru_cache(maxsize=4)

@@ -108,9 +108,15 @@ def weather_of(case: Case) -> weather.Weather:
             note += ", not [site]: a Perez sky takes place and weather from the weather file"
         return replace(default, notes=(note, *default.notes))
     site = weather.Site(**case.site.model_dump())
-    hours = np.arange("2015-01-01", "2016-01-01", dtype="datetime64[h]").astype("datetime64[ns]")
-    empty = xr.Dataset(coords={"time": hours}, attrs={"sun_time": "middle"})
+    empty = xr.Dataset(coords={"time": _whole_year(1.0)}, attrs={"sun_time": "middle"})
     return weather.Weather(f"{site.name}, no weather file", site, 1.0, empty, ())
+
+
+def _whole_year(step: float) -> np.ndarray:
+    """Starts of all intervals of the nominal year, of a length [h]."""
+    length = np.timedelta64(round(step * 3600), "s")
+    year = np.arange("2015-01-01", "2016-01-01", length, dtype="datetime64[s]")
+    return year.astype("datetime64[ns]")
 
 
 class _Stamps(NamedTuple):
@@ -245,9 +251,7 @@ def place_notes(case: Case, site: weather.Site) -> tuple[str, ...]:
 
 def _missing_hours(case: Case, w: weather.Weather, stamps: int) -> list[str]:
     """Remark on hours of the period that the weather does not have."""
-    step = np.timedelta64(round(w.step * 3600), "s")
-    year = np.arange("2015-01-01", "2016-01-01", step, dtype="datetime64[s]")
-    asked = len(period(case.period).select(year.astype("datetime64[ns]"), w.step)[0])
+    asked = len(period(case.period).select(_whole_year(w.step), w.step)[0])
     if stamps >= asked:
         return []
     kind = "hours" if w.step == 1 else f"intervals of {60 * w.step:g} min"

@@ -13,6 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drcmitsuba.model.model import areas
+from drcmitsuba.scene.geometry import normals
+
 THIN = 0.1
 """Distance up to which parallel planes share a cut [m]: both faces of a plate."""
 ASIDE = 1e-3
@@ -62,14 +65,11 @@ def planes(quads: np.ndarray) -> list[np.ndarray]:
     list of np.ndarray, shape (plane, 2)
         Coordinate [m] and area [m²] of every quad that faces the axis.
     """
-    normal = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
-    normal += np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 0])
-    length, centre = np.linalg.norm(normal, axis=1), quads.mean(axis=1)
+    slope, area, centre = np.abs(normals(quads)), areas(quads), quads.mean(axis=1)
     out = []
     for axis in range(3):
-        others = np.delete(np.abs(normal), axis, axis=1).max(axis=1)
-        here = (others <= FLAT * length) & (length > 0)
-        out.append(np.stack([centre[here, axis], length[here] / 2], axis=1))
+        here = np.delete(slope, axis, axis=1).max(axis=1) <= FLAT
+        out.append(np.stack([centre[here, axis], area[here]], axis=1))
     return out
 
 
@@ -94,11 +94,8 @@ def cuts(plane: np.ndarray, start: float, count: int, size: float) -> Cuts | Non
 
 def _chosen(plane: np.ndarray, size: float) -> np.ndarray:
     """Coordinates of cuts, sorted [m]."""
-    together: list[tuple[float, float]] = []
-    for low, high, area in _plates(plane):
-        together.append((-area, (low + high) / 2))
     kept: list[float] = []
-    for _, at in sorted(together):
+    for _, at in sorted((-area, (low + high) / 2) for low, high, area in _plates(plane)):
         if all(abs(at - other) >= NEAREST * size for other in kept):
             kept.append(at)
     return np.sort(np.array(kept))

@@ -229,11 +229,8 @@ class _Source:
         kind, ports, panes = self.kind, self.ports, self.tracer.panes
         listed = panes is not None and bool(ports.name) and some is None
         could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
-        traits, met, counter = (
-            Traits.of(ports, panes, self.tracer.imaged),
-            [_NO_PHOTONS],
-            ports.scene.ray_counter,
-        )
+        traits = Traits.of(ports, panes, self.tracer.imaged)
+        met, counter = [_NO_PHOTONS], ports.scene.ray_counter
         with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
             for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):
                 start = ports.start(

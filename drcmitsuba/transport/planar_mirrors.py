@@ -25,6 +25,7 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
     SurfaceMaterial,
 )
+from drcmitsuba.model.model import areas
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
@@ -62,7 +63,7 @@ def is_planar_mirror(part: Surface) -> bool:
     smooth = isinstance(m, MirrorMaterial) and m.roughness == 0 and m.specular > 0
     if not smooth or albedo(m) == 0:
         return False
-    quads = part.quads[_areas(part.quads) > 0]
+    quads = part.quads[areas(part.quads) > 0]
     return len(_planes(quads)) <= MOST_OF_BODY and not _is_duct(quads)
 
 
@@ -260,7 +261,7 @@ def _coated(rho: float, ior: float, c: np.ndarray) -> np.ndarray:
 
 def _axes(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Axis of each quad (quad, 4, 3), −1 beyond `MOST_AXES`, and the axes (axis, 3)."""
-    n, area = normals(quads), _areas(quads)
+    n, area = normals(quads), areas(quads)
     axis, axes = np.full(len(quads), -1), list[np.ndarray]()
     left = (area > 0) & np.isfinite(n).all(axis=1)
     while left.any() and len(axes) < MOST_AXES:
@@ -272,12 +273,6 @@ def _axes(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         axis[near], left = len(axes), left & ~near
         axes.append(chosen)
     return axis, np.array(axes).reshape(-1, 3)
-
-
-def _areas(quads: np.ndarray) -> np.ndarray:
-    """Areas of quads (quad, 4, 3) [m²]."""
-    across = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    return np.asarray(np.linalg.norm(across, axis=1) / 2)
 
 
 def _planes(quads: np.ndarray) -> np.ndarray:
@@ -304,7 +299,7 @@ def _numbered_planes(
     quads: np.ndarray, axis: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Plane of each quad, −1 for none, and the planes that are kept, the largest of each axis."""
-    plane, kept, area, count = np.full(len(quads), -1), list[int](), _areas(quads), 0
+    plane, kept, area, count = np.full(len(quads), -1), list[int](), areas(quads), 0
     for a, n in enumerate(axes):
         mine = np.flatnonzero(axis == a)
         offset = quads[mine].mean(axis=1) @ n

@@ -7,9 +7,10 @@ of the irradiance of one cell that it sends on to another, irradiance after all 
 
 with G₁ of one bounce only. Rays from a random point of every cell, in every replicate, estimate T:
 they follow the BSDFs of the room to the first surface that reflects diffusely. T·H is smooth; it is
-kept, and solved, as its mean X over blocks of cells:
+solved as its mean X over blocks of cells, and its last bounces before the sensor, which a block
+would smear, are followed cell by cell:
 
-.. math:: H = D + P X, \qquad X = W T (D + P X)
+.. math:: X = W T (D + P X), \qquad Y_0 = P X, \quad Y_{k+1} = T (D + Y_k), \qquad H = D + Y_K
 
 where P gives every cell the value of its block, and W is the mean over a block's cells, weighted by
 their importance. A first round of few paths, of all bounces, finds all cells and their importance;
@@ -89,7 +90,7 @@ class OneBounce(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """What sensors get of the light D on cells, by way of any number of bounces."""
+    """Matrices from the light D on cells to the sensors, by way of any number of bounces."""
 
     to_cells: Matrix
     """Bounces that are followed cell by cell, G₁ + G₁·T + …."""
@@ -98,12 +99,12 @@ class Followed(NamedTuple):
 
 
 class _LastBounces(NamedTuple):
-    """What sensors gather in a replicate by the last bounces."""
+    """Matrices of the last bounces before the sensors, in a replicate."""
 
     to_cells: mi.TensorXf
-    """By way of cells, shape (sensor, cell)."""
+    """From cells, by up to so many bounces, shape (sensor, cell)."""
     onto_blocks: mi.TensorXf
-    """What goes on from blocks, shape (sensor, block)."""
+    """From blocks, before these bounces, shape (sensor, block)."""
 
 
 @dataclass(frozen=True)

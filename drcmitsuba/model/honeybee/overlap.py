@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drcmitsuba.model.plane import Plane
+from drcmitsuba.model.polygon import area_vector
 
 Rings = tuple[np.ndarray, ...]
 """Corners of an outline, then of each hole, shape (corner, 3) each."""
@@ -53,9 +54,4 @@ class Overlap:
 
 
 def _has_area(ring: np.ndarray) -> bool:
-    return len(ring) > 2 and bool(np.ptp(ring, axis=0).max() > 0) and _size(ring) > 0
-
-
-def _size(ring: np.ndarray) -> float:
-    c = ring - ring[0]
-    return float(np.linalg.norm(np.cross(c, np.roll(c, -1, axis=0)).sum(axis=0)))
+    return len(ring) > 2 and bool(np.linalg.norm(area_vector(ring)) > 0)
