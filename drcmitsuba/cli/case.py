@@ -10,15 +10,14 @@ from drcmitsuba.cli.terminal import show_notes
 from drcmitsuba.runtime.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from drcmitsuba.case.case import Case
-    from drcmitsuba.model.model import View
     from drcmitsuba.report.scene_view import Drawn
 
 
 def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> None:
     """Draw a scene before it is simulated; of a model alone, write the case file to edit."""
+    import numpy as np
+
     from drcmitsuba.case.model import ENDINGS
     from drcmitsuba.case.model_case import (
         case_text,
@@ -29,6 +28,7 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     from drcmitsuba.report import style
     from drcmitsuba.report.scene_view import scene_view
     from drcmitsuba.runtime import backend, storage
+    from drcmitsuba.scene import geometry
     from drcmitsuba.scene.daylit import darkness_notes, refuse_darkness
     from drcmitsuba.scene.leaks import crack_notes, refuse_leaks
     from drcmitsuba.scene.sensors import placed_sensors, sensor_points
@@ -41,7 +41,11 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
     of_groups = notes_on_groups(loaded.building, loaded.groups)
     remarks = (*loaded.building.notes, *of_groups, *_place_notes(loaded))
     seen = views(loaded)
-    figure = scene_view(drawn, points, title=loaded.name, names=panes, views=_arrows(loaded, seen))
+    arrows = {view.name: np.stack([view.position, view.direction]) for view in seen}
+    figure = scene_view(
+        drawn, geometry.in_file(loaded, points), title=loaded.name, names=panes, views=arrows,
+        north=geometry.rotation(loaded)[1, :2],
+    )  # fmt: skip
     target = output / f"{Path(case).stem}.toml"
     is_model = Path(case).suffix.lower() in ENDINGS
     if is_model and target.exists():
@@ -85,24 +89,12 @@ def _grids_listing(case: Case) -> list[str]:
     return lines[:MOST_ROWS] + [f"{len(lines)} grids in all"] * (len(lines) > MOST_ROWS)
 
 
-def _arrows(case: Case, views: tuple[View, ...]) -> dict[str, np.ndarray]:
-    """Position [m] and direction (2, 3) of views as surfaces are drawn, by name."""
-    import numpy as np
-
-    from drcmitsuba.scene.geometry import origin, rotation
-
-    turn, start = rotation(case).T, origin(case)
-    return {
-        view.name: np.stack([(np.array(view.position) - start) @ turn, view.direction @ turn])
-        for view in views
-    }
-
-
 def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
-    """Surfaces of a case by kind, and a line for each material of its panes."""
+    """Surfaces of a case by kind in its file's frame, and a line for each material of its panes."""
     from drcmitsuba.model.model import areas, role_of
     from drcmitsuba.plan.panes import used
     from drcmitsuba.report.scene_view import Drawn
+    from drcmitsuba.scene.geometry import in_file
     from drcmitsuba.scene.sun_visibility import outside
     from drcmitsuba.scene.surfaces import surfaces_of
 
@@ -123,7 +115,8 @@ def _drawn(case: Case) -> tuple[list[Drawn], list[str]]:
         drawn.append(Drawn(kind, quads))
     sides = used(case)
     panes = [f"{n}: {a:.2f} m², {', '.join(sides.get(n, ()))}" for n, a in size.items()]
-    return [*drawn, *by_group], panes
+    placed = [one._replace(quads=in_file(case, one.quads)) for one in (*drawn, *by_group)]
+    return placed, panes
 
 
 def _panes_by_group(case: Case) -> list[Drawn]:

@@ -10,6 +10,7 @@ import xarray as xr
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.weather import PeriodTable
+from drcmitsuba.scene.geometry import clockwise, origin
 from drcmitsuba.sky.daylight import period
 
 METRICS = ("sDA", "ASE")
@@ -37,6 +38,16 @@ def place_and_period(case: Case, illuminance: xr.Dataset, numbers: Mapping[str, 
         parts.append(place_text(illuminance.attrs["latitude"], illuminance.attrs["longitude"]))
     where = ", ".join(parts)
     return f"{where}; {period_text(case, illuminance)}" if where else period_text(case, illuminance)
+
+
+def turned_text(case: Case) -> str:
+    """How the coordinates of a plan, whose north is up, follow from those of the case's file."""
+    angle = clockwise(case)
+    if not angle:
+        return ""
+    x, y, _ = origin(case)
+    way = "clockwise" if angle > 0 else "counterclockwise"
+    return f"; north is up: turned by {abs(angle):g}° {way} about ({x:g}, {y:g})"
 
 
 def place_text(latitude: float, longitude: float) -> str:

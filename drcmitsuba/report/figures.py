@@ -13,7 +13,7 @@ from drcmitsuba import metrics
 from drcmitsuba.case.case import Case
 from drcmitsuba.metrics.grids import sensors_by_grid
 from drcmitsuba.report import plots
-from drcmitsuba.report.captions import caption, is_rated, period_name
+from drcmitsuba.report.captions import caption, is_rated, period_name, turned_text
 from drcmitsuba.report.colour_scale import round_levels, scale
 from drcmitsuba.report.outlines import outlines_in_plan
 from drcmitsuba.report.sheets import MOST_SHEETS, Sheet, sheets
@@ -120,7 +120,7 @@ def _plans(
     """Draw plans, values (sensor,) and settings of each by its name, on every sheet."""
     every, drawn = sheets(illuminance), {}
     at = np.column_stack([illuminance[axis].values for axis in "xy"])
-    words = caption(case, illuminance, numbers)
+    words = caption(case, illuminance, numbers) + turned_text(case)
     for values, settings in plans.values():  # all sheets have the same colours
         known = np.ma.masked_invalid(values.values.astype(float))
         settings["norm"] = scale(known, settings.get("norm"), settings.get("limit"))

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import ScaledTranslation, Transform
 
 from drcmitsuba.report.edges import outlines
 from drcmitsuba.report.style import BLUE, GREY, INK, NAME, ORANGE, halo
@@ -29,10 +30,15 @@ MOST_ROWS, WIDEST = 10, 54
 """Largest number of lines of text below the view, and of the characters of a line."""
 MOST_EDGES = 40_000
 """Largest number of edges of a kind that are drawn, the longest first."""
+NAMES = {
+    True: ("x, east [m]", "y, north [m]", "from the east", "the south-east"),
+    False: ("x [m]", "y [m]", "against the x axis", "x high, y low"),
+}
+"""Axes in plan, and the sides from which section and view are seen: y to the north, or turned."""
 SENSOR = {"marker": "o", "color": ORANGE, "linestyle": ""}
 VIEW: dict[str, Any] = {"marker": "o", "color": "#009E73", "markersize": 4}
 ARROW = {"arrowstyle": "-|>", "linewidth": 1.6}
-# The viewer stands in the south-east, 30° above: right and up on paper, from east, north, up.
+# The viewer stands where x is high and y low, 30° above: right and up on paper, from x, y, z.
 _RIGHT = np.array([1.0, 1.0, 0.0]) / np.sqrt(2)
 _UP = np.array([-0.5, 0.5, np.sqrt(1.5)]) / np.sqrt(2)
 
@@ -51,13 +57,14 @@ class Drawn(NamedTuple):
 def scene_view(
     drawn: Sequence[Drawn], sensors: np.ndarray, *, title: str = "", names: Sequence[str] = (),
     views: Mapping[str, np.ndarray] = MappingProxyType({}),
+    north: Sequence[float] | np.ndarray = (0.0, 1.0),
 ) -> Figure:  # fmt: skip
-    """Draw a scene in plan, in section from the east, and from the south-east above.
+    """Draw a scene in plan, in section along the x axis, and from above at an angle.
 
     Parameters
     ----------
     drawn : sequence of Drawn
-        Surfaces, x east, y north, z up.
+        Surfaces in the coordinates of the file, z up.
     sensors : np.ndarray, shape (sensor, 3)
         Positions of the sensors [m].
     title : str
@@ -66,6 +73,8 @@ def scene_view(
         Lines of text in the legend, such as the panes by material.
     views : mapping of str to np.ndarray, shape (2, 3)
         Position [m] and direction of views by their names: arrows in the plan.
+    north : sequence of float, shape (2,)
+        Direction of the north in plan, a unit vector; other than y for a turned case.
 
     Returns
     -------
@@ -83,19 +92,20 @@ def scene_view(
     plan = figure.add_axes((0.06, 0.43, 0.40, 0.47))
     section = figure.add_axes((0.06, 0.07, 0.40, 0.26))
     view = figure.add_axes((0.50, 0.24, 0.48, 0.66))
-    east, north, up = np.eye(3)
-    _panel(plan, lines, sensors, within, east, north)
-    _panel(section, lines, sensors, within, north, up)
+    along_x, along_y, up = np.eye(3)
+    _panel(plan, lines, sensors, within, along_x, along_y)
+    _panel(section, lines, sensors, within, along_y, up)
     for one in lines:
         if one.kind == "pane":
             onto, tint = np.stack([_RIGHT, _UP], axis=1), one.style["color"]
             view.add_collection(PolyCollection(one.quads @ onto, facecolor=tint, alpha=0.25))
     _panel(view, lines, sensors, within, _RIGHT, _UP)
-    plan.set(title="plan", xlabel="x, east [m]", ylabel="y, north [m]")
-    section.set(title="section, seen from the east", xlabel="y, north [m]", ylabel="z [m]")
-    view.set(title="from the south-east")
+    x, y, seen, corner = NAMES[bool(np.allclose(north, (0, 1)))]
+    plan.set(title="plan", xlabel=x, ylabel=y)
+    section.set(title=f"section, seen {seen}", xlabel=y, ylabel="z [m]")
+    view.set(title=f"from {corner}")
     view.set_axis_off()
-    _north(plan)
+    _north(plan, np.asarray(north, float))
     _views(plan, views)
     _legend(figure, lines, len(sensors), names)
     return figure
@@ -144,13 +154,26 @@ def _panel(
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
     ax.set_aspect("equal")
+    ax.ticklabel_format(useOffset=False, style="plain")  # a map's coordinates in full
 
 
-def _north(ax: Axes) -> None:
-    """Draw the arrow to the north beside a plan."""
+def _north(ax: Axes, along: np.ndarray) -> None:
+    """Draw an arrow `along` (2,) the north of the plan beside it."""
+    figure = ax.get_figure()
+    assert isinstance(figure, Figure)
+
+    def beside(points: float) -> Transform:
+        """Place on the arrow's line, so many points from its middle."""
+        shift = ScaledTranslation(*(points / 72 * along), figure.dpi_scale_trans)
+        return ax.transAxes + shift
+
+    tail, head, letter = beside(-16), beside(16), beside(-24)
+    at = (1.08, 0.9)
+    arrow = {**ARROW, "color": INK}
+    ax.annotate("", at, at, head, tail, arrowprops=arrow, annotation_clip=False)
     ax.annotate(
-        "N", (1.06, 1.0), (1.06, 0.86), "axes fraction", arrowprops={**ARROW, "color": INK},
-        ha="center", va="top", fontsize=11, weight="bold", annotation_clip=False,
+        "N", at, xycoords=letter, ha="center", va="center", fontsize=11, weight="bold",
+        annotation_clip=False,
     )  # fmt: skip
 
 

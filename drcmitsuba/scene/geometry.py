@@ -259,6 +259,11 @@ def recentred(case: Case) -> Case:
     return case.with_tables(sensors=sensors, furniture=tuple(pieces), components=components)
 
 
+def in_file(case: Case, points: np.ndarray) -> np.ndarray:
+    """Points (…, 3) [m] of the traced frame in the coordinates of the case's or model's file."""
+    return np.asarray(points @ rotation(case) + origin(case))
+
+
 def around(case: Case) -> str:
     """Origin of a recentred case's coordinates, in words for messages."""
     if case.room is not None:
@@ -268,7 +273,12 @@ def around(case: Case) -> str:
 
 def rotation(case: Case) -> np.ndarray:
     """Matrix (3, 3) from the frame of the room, or of the model, to the world frame."""
-    return turn(case.room.rotation if case.room else -case.building.north)
+    return turn(clockwise(case))
+
+
+def clockwise(case: Case) -> float:
+    """Angle [°], clockwise as seen from above, by which the world frame has the case turned."""
+    return case.room.rotation if case.room else -case.building.north
 
 
 def turn(degrees: float) -> np.ndarray:
