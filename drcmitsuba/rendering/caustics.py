@@ -50,7 +50,7 @@ class Caustics:
             finer = accuracy.model_copy(update={"cell_size": size, "photons": photons})
             imaged = subdivision is not None
             return PhotonTracer.of(
-                scene, none, none, none, diameter, subdivision, finer, imaged=imaged
+                scene, none, none, none, diameter, subdivision, finer, imaged=imaged, lobed=True
             )
 
         sky = tracer(SKY_CELL, accuracy.photons, subdivision)

@@ -36,6 +36,7 @@ from drcmitsuba.transport.openings import Within, repeated_within, within_of
 from drcmitsuba.transport.products import by_replicate
 from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
 from drcmitsuba.transport.straight_suns import FEWER, Disks
+from drcmitsuba.transport.sun_lobes import SunLobes
 
 PEAK_RAYS = 8
 """Largest number of directions along the peaks of a film per pane point of a receiver."""
@@ -163,6 +164,10 @@ class Deposit:
     def _images(self) -> ImageSuns | None:
         return ImageSuns.of(self.scene)
 
+    @cached_property
+    def _lobes(self) -> tuple[SunLobes, ...]:
+        return SunLobes.of(self.scene)
+
     def disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: Within) -> Disks:
         """Disks of the suns as sensors see them, the same in all replicates."""
         return Disks(self.scene, self.suns, self.diameter, self.accuracy, p, n, places, within)
@@ -187,14 +192,15 @@ class Deposit:
         self, p: mi.Float, n: mi.Float, key: Key, samples: int, numbers: mi.UInt32 | None,
         within: Within,
     ) -> mi.TensorXf | None:  # fmt: skip
-        """D by images of suns in planar mirrors; None without such mirrors."""
-        if self._images is None:
-            return None
+        """D by suns in planar and in rough mirrors; None without such mirrors."""
+        kind: dict[str, Any] = {
+            "suns": self.suns, "diameter": self.diameter, "samples": samples, "numbers": numbers,
+            "within": within, "seed": self.seed(key, Draw.MIRRORS),
+        }  # fmt: skip
+        mirrors = (self._images, *self._lobes)
         with self.scene.ray_counter.purpose(key[0].name, Draw.SUN.name):
-            return self._images.suns(
-                p, n, suns=self.suns, diameter=self.diameter, samples=samples,
-                seed=self.seed(key, Draw.MIRRORS), numbers=numbers, within=within,
-            )  # fmt: skip
+            parts = [each.suns(p, n, **kind) for each in mirrors if each is not None]
+        return sum(parts[1:], parts[0]) if parts else None
 
     def _suns(
         self, p: mi.Float, n: mi.Float, key: Key, samples: int,

@@ -81,7 +81,7 @@ class ImageSuns:
             openings = self.seen_first(chain)
             D = sun_deposit(
                 self.scene, points, normals, suns=images[some], diameter=diameter,
-                samples=samples, seed=seed + i, numbers=numbers, within=self._looks_out(within),
+                samples=samples, seed=seed + i, numbers=numbers, within=self.looks_out(within),
                 through=partial(self._through, chain),
                 pairs=possible_pairs(openings, points, normals, images[some], diameter),
             )  # fmt: skip
@@ -103,7 +103,7 @@ class ImageSuns:
         share, stride = dr.opaque(mi.Float, np.pi / rays), dr.opaque(mi.UInt32, bins)
         for row, p, d in self._towards_mirrors(points, normals, rays, seed, numbers, within):
             met = _OnSky(self, row * stride, subdivision, out)
-            dr.eval(self._followed(p, d, dr.full(mi.Bool, True, dr.width(row)), share, met), out)
+            dr.eval(self.followed(p, d, dr.full(mi.Bool, True, dr.width(row)), share, met), out)
         return mi.TensorXf(mi.Float(out), (count, bins))
 
     def _towards_mirrors(
@@ -112,7 +112,7 @@ class ImageSuns:
     ) -> Iterator[tuple[mi.UInt32, mi.Point3f, mi.Vector3f]]:  # fmt: skip
         """Yield rays from points in which, were nothing before them, a mirror is seen."""
         every = Openings(np.concatenate(self.mirrors.seen))
-        openings = Openings.of(self.scene, points, self._looks_out(within))
+        openings = Openings.of(self.scene, points, self.looks_out(within))
         count = dr.width(points) // 3
         block = max(1, SHADOW_RAYS // rays)
         for start in range(0, count, block):
@@ -135,7 +135,7 @@ class ImageSuns:
         """Mirrors of a chain that receivers look into, as openings."""
         return Openings(self.mirrors.seen[chain[0]])
 
-    def _looks_out(self, within: Within) -> Within:
+    def looks_out(self, within: Within) -> Within:
         """Whether receivers see mirrors by the openings of their room alone, as `within`.
 
         Panes are openings, other mirrors may stand in the room.
@@ -172,7 +172,7 @@ class ImageSuns:
         """Share of light [–] that reaches points from directions d by the mirrors of a chain."""
         if prod(len(self.mirrors.rectangles[axis]) // 2 for axis in chain) <= MOST_TESTS:
             active = active & self._may_take(chain, p, d)
-        return self._followed(p, d, active, mi.Float(1), _InTurn(self, chain))
+        return self.followed(p, d, active, mi.Float(1), _InTurn(self, chain))
 
     def _may_take(self, chain: tuple[int, ...], p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
         """Whether rays meet a rectangle of each axis of a chain in turn, were nothing else there.
@@ -193,7 +193,7 @@ class ImageSuns:
         return may
 
     @symbolic
-    def _followed(
+    def followed(
         self, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool, weight: mi.Float, met: Met
     ) -> mi.Float:
         """Σ of what counts of the light that mirrors along rays send to points.
@@ -236,7 +236,7 @@ class _InTurn:
             reached = weight * visibility(self.images.scene, ray, active)
         else:
             rest = _InTurn(self.images, self.chain[1:])
-            reached = self.images._followed(ray.o, ray.d, active, weight, rest)
+            reached = self.images.followed(ray.o, ray.d, active, weight, rest)
         return dr.select(active, reached, 0)
 
 
@@ -262,5 +262,5 @@ class _OnSky:
         dr.scatter_add(self.out, mi.Float64(light), entry, lit & (light > 0))
         if self.turns < MOST_IN_TURN:
             rest = _OnSky(self.images, self.first, self.subdivision, self.out, self.turns + 1)
-            return self.images._followed(ray.o, ray.d, active, weight, rest)
+            return self.images.followed(ray.o, ray.d, active, weight, rest)
         return mi.Float(0)

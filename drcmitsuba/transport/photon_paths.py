@@ -46,17 +46,17 @@ width: photons meet the next wall too early, and 2 % of the light were lost afte
 Points are exact to some 4 · 2⁻²⁴.
 """
 
-OWN, FILM, DIFFUSER, RECEIVES, CHANGES, IMAGES = 1, 2, 4, 8, 16, 32
+OWN, FILM, DIFFUSER, RECEIVES, CHANGES, IMAGES, LOBES = 1, 2, 4, 8, 16, 32, 64
 """Traits of a surface, as bits: it belongs to the photon's component; it is a film of the room; it
 is a diffusing pane of the room; light is deposited on it; it is one of `ChangingPanes`; it is one
-of `PlanarMirrors`."""
+of `PlanarMirrors`; it is a rough one, whose `sun_lobes` count."""
 FATES = ("emitted", "landed", "absorbed", "escaped", "others", "lost", "roulette")
 """Flux of photons by fate, see `FluxLedger`."""
 COUNTS = ("photons", "segments")
 """Numbers of photons and of their flights."""
 _STRAIGHT, _BY_PANES, _OWN, _IMAGED = 0, 1, 2, 3
 """Chain of a photon so far: undeviated, by panes only, deviated by its own component, by planar
-mirrors only, of which `image_suns` counts the light."""
+mirrors only, of which `image_suns` and `sun_lobes` count the light."""
 
 
 class Half(NamedTuple):
@@ -110,23 +110,28 @@ class Traits:
     """Properties of surfaces that a photon needs, by the number of their BSDF."""
 
     bits: mi.UInt32
-    """Sums of `OWN`, `FILM`, `DIFFUSER`, `RECEIVES`, `CHANGES` and `IMAGES`."""
+    """Sums of `OWN`, `FILM`, `DIFFUSER`, `RECEIVES`, `CHANGES`, `IMAGES` and `LOBES`."""
     absorption: mi.Float | None
     """Absorption of solids [1/m]; None where nothing absorbs."""
     smooth: bool
     """Whether no surface scatters at random, apart from the choice to mirror or to refract."""
 
     @classmethod
-    def of(cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool) -> Traits:
+    def of(
+        cls, ports: ComponentPorts, panes: ChangingPanes | None, imaged: bool, lobed: bool
+    ) -> Traits:
         """Collect the traits of a scene's surfaces for photons from the given ports.
 
-        Photons that count what is `imaged` take planar mirrors for any others.
+        Photons that count what is `imaged` take planar mirrors for any others, and rough ones where
+        they count what is `lobed`.
         """
         scene, parts = ports.scene, ports.scene.parts
         bits = [_bits(part) | (OWN if part.component == ports.name else 0) for part in parts]
         mirrors = PlanarMirrors.of(scene)
         if mirrors is not None and not imaged:
             bits = [bit | IMAGES * (i in mirrors.parts) for i, bit in enumerate(bits)]
+        for rough in () if lobed else PlanarMirrors.rough(scene).values():
+            bits = [bit | LOBES * (i in rough.parts) for i, bit in enumerate(bits)]
         if panes is not None:
             changes = map(panes.have, parts)
             bits = [bit | CHANGES * change for bit, change in zip(bits, changes, strict=True)]
@@ -207,6 +212,7 @@ def _deviated(chain: mi.UInt32, bits: mi.UInt32, turns: mi.UInt32) -> mi.UInt32:
     by_panes = first_film | (((bits & DIFFUSER) != 0) & (chain != _OWN))
     imaged = ((bits & IMAGES) != 0) & (turns < MOST_IN_TURN)
     imaged &= (chain == _STRAIGHT) | (chain == _IMAGED)
+    imaged |= ((bits & LOBES) != 0) & (chain == _STRAIGHT) & (turns == 0)
     onward = dr.select(imaged, mi.UInt32(_IMAGED), mi.UInt32(_OWN))
     return dr.select(by_panes, mi.UInt32(_BY_PANES), onward)
 
@@ -280,7 +286,8 @@ def follow(
         foreign = deviates & (chain == _STRAIGHT) & ((bits & OWN) == 0)
         others += dr.select(foreign, flux, 0)
         chain = dr.select(deviates, _deviated(chain, bits, turns), chain)
-        turns += dr.select(deviates, mi.UInt32(1), 0)
+        lobe = (bits & LOBES) != 0  # nothing in turn with it has an image
+        turns += dr.select(deviates, dr.select(lobe, mi.UInt32(MOST_IN_TURN), 1), 0)
         mirrored &= ~deviates | mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
         if dr.hint(traits.absorption is not None, mode="scalar"):
             inside = absorption_after(traits.absorption, bsdf, bs, inside, deviates)

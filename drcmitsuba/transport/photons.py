@@ -77,6 +77,8 @@ class PhotonTracer:
     """Surfaces that photons meet."""
     imaged: bool = False
     """Whether light by way of planar mirrors counts, which has exact images: see `image_suns`."""
+    lobed: bool = False
+    """Whether light of suns by way of rough mirrors counts, which has lobes: see `sun_lobes`."""
     panes: ChangingPanes | None = None
     """Panes that other states change: light until they are met is kept for these states."""
     APART: ClassVar[int] = 0x10001
@@ -86,6 +88,7 @@ class PhotonTracer:
     def of(
         cls, scene: Scene, points: np.ndarray, normals: np.ndarray, suns: np.ndarray,
         diameter: float, subdivision: int | None, accuracy: Accuracy, *, imaged: bool = False,
+        lobed: bool = False,
     ) -> PhotonTracer | None:  # fmt: skip
         """Prepare photons for sensors at points and for all cells; None without ports.
 
@@ -112,6 +115,7 @@ class PhotonTracer:
             every_port, CellAreas.of(scene, grid, seed, reached),
             Squares.of(scene, points, normals, accuracy.sensor_square), suns, diameter,
             subdivision, accuracy.photons, accuracy.photon_surfaces, PhotonScene.of(scene), imaged,
+            lobed,
         )  # fmt: skip
 
     @property
@@ -229,7 +233,8 @@ class _Source:
         kind, ports, panes = self.kind, self.ports, self.tracer.panes
         listed = panes is not None and bool(ports.name) and some is None
         could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
-        traits = Traits.of(ports, panes, self.tracer.imaged)
+        lobed = self.tracer.lobed or kind.draw is not Draw.SUN
+        traits = Traits.of(ports, panes, self.tracer.imaged, lobed)
         met, counter = [_NO_PHOTONS], ports.scene.ray_counter
         with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
             for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):

@@ -9,9 +9,11 @@ photons, and so is what more mirrors in turn send than a chain has.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import prod
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -60,10 +62,20 @@ def is_planar_mirror(part: Surface) -> bool:
     m = part.material
     if isinstance(m, GlazingMaterial):
         return not part.component and m.reflectance > 0
-    smooth = isinstance(m, MirrorMaterial) and m.roughness == 0 and m.specular > 0
-    if not smooth or albedo(m) == 0:
+    return isinstance(m, MirrorMaterial) and m.roughness == 0 and _is_in_few_planes(part)
+
+
+def is_rough_mirror(part: Surface) -> bool:
+    """Whether a part mirrors into a lobe, in few planes that are no duct."""
+    m = part.material
+    return isinstance(m, MirrorMaterial) and m.roughness > 0 and _is_in_few_planes(part)
+
+
+def _is_in_few_planes(mirror: Surface) -> bool:
+    material = mirror.material
+    if (isinstance(material, MirrorMaterial) and material.specular == 0) or albedo(material) == 0:
         return False
-    quads = part.quads[areas(part.quads) > 0]
+    quads = mirror.quads[areas(mirror.quads) > 0]
     return len(_planes(quads)) <= MOST_OF_BODY and not _is_duct(quads)
 
 
@@ -148,10 +160,27 @@ class PlanarMirrors:
     @classmethod
     def of(cls, scene: Scene) -> PlanarMirrors | None:
         """Collect the planar mirrors of a scene; None without any."""
+        return cls._among(scene, is_planar_mirror)
+
+    @classmethod
+    def rough(cls, scene: Scene) -> dict[float, PlanarMirrors]:
+        """Collect the rough mirrors in few planes of a scene by their roughness α [–]."""
+        parts = (part.material for part in scene.parts if is_rough_mirror(part))
+        every = {m.roughness for m in parts if isinstance(m, MirrorMaterial)}
+
+        def of(roughness: float) -> PlanarMirrors | None:
+            return cls._among(
+                scene, lambda part: is_rough_mirror(part) and part.material.roughness == roughness
+            )
+
+        return {alpha: mirrors for alpha in sorted(every) if (mirrors := of(alpha)) is not None}
+
+    @classmethod
+    def _among(cls, scene: Scene, is_mirror: Callable[[Any], bool]) -> PlanarMirrors | None:
         mirrors = [
             (i, part)
             for i, part in enumerate(scene.parts)
-            if is_planar_mirror(part) and has_images(part, scene.effects)
+            if is_mirror(part) and has_images(part, scene.effects)
         ]
         if not mirrors:
             return None
