@@ -25,10 +25,11 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
     SurfaceMaterial,
 )
-from drcmitsuba.model.model import areas
+from drcmitsuba.model.model import MOST_OF_BODY, areas, count_planes
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
+from drcmitsuba.scene.materials import more_at_grazing
 from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.transport.bsdf_lookup import number, table
 
@@ -38,8 +39,6 @@ MOST_AXES = 12
 """Largest number of axes, those of the largest area."""
 MOST_PLANES = 24
 """Largest number of planes of an axis, those of the largest area."""
-MOST_OF_BODY = 6
-"""Largest number of planes of a mirror whose images are followed: a body of more is many-faced."""
 MOST_CHAINS = 48
 """Largest number of chains, those that reflect most."""
 FAINT = 2e-3
@@ -56,7 +55,10 @@ NONE = 0xFFFFFFFF
 
 
 def is_planar_mirror(part: Surface) -> bool:
-    """Whether a part mirrors without scattering; a body does in few planes that are no duct."""
+    """Whether a part mirrors without scattering; a body does in few planes that are no duct.
+
+    The walls of a room that mirror little are no duct: what they send on in turn is faint.
+    """
     m = part.material
     if isinstance(m, GlazingMaterial):
         return not part.component and m.reflectance > 0
@@ -64,7 +66,9 @@ def is_planar_mirror(part: Surface) -> bool:
     if not smooth or albedo(m) == 0:
         return False
     quads = part.quads[areas(part.quads) > 0]
-    return len(_planes(quads)) <= MOST_OF_BODY and not _is_duct(quads)
+    if count_planes(quads) > MOST_OF_BODY:
+        return False
+    return albedo(m) ** 2 <= REMAINS or not _is_duct(quads)
 
 
 def albedo(material: SurfaceMaterial) -> float:
@@ -84,7 +88,7 @@ def planes_followed(quads: np.ndarray) -> tuple[int, int]:
     """Numbers of planes of mirrors (quad, 4, 3) in which suns have images, and of those without."""
     axis, axes = _axes(quads)
     plane, kept = _numbered_planes(quads, axis, axes)
-    return len(kept), len(np.unique(plane[plane >= 0])) - len(kept) + len(_planes(quads[axis < 0]))
+    return len(kept), len(np.unique(plane[plane >= 0])) - len(kept) + count_planes(quads[axis < 0])
 
 
 def turns_beyond_mirrors(scene: Scene) -> bool:
@@ -239,6 +243,9 @@ def _numbers(scene: Scene) -> list[int]:
 def _reflectances(material: SurfaceMaterial) -> np.ndarray:
     """Mirrored share of light at the front and the back of a surface, by cosine, (side, step)."""
     c = np.linspace(0, 1, STEPS)
+    if isinstance(material, MirrorMaterial) and material.polished:
+        rho = material.mirrored + (1 - material.mirrored) * more_at_grazing(c)
+        return np.stack([rho] * 2)
     if isinstance(material, MirrorMaterial):
         rho = np.full(STEPS, float(material.reflectance))
         if material.coating is not None:
@@ -273,14 +280,6 @@ def _axes(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         axis[near], left = len(axes), left & ~near
         axes.append(chosen)
     return axis, np.array(axes).reshape(-1, 3)
-
-
-def _planes(quads: np.ndarray) -> np.ndarray:
-    """Distinct planes of quads: normal of one sign, and distance from the origin [m]."""
-    n = normals(quads)
-    n = n * np.where(n @ [0.61, 0.77, 0.17] < 0, -1, 1)[:, None]
-    offset = np.einsum("qi,qi->q", n, quads[:, 0])
-    return np.unique(np.round(np.column_stack([n, offset]), 3), axis=0)
 
 
 def _is_duct(quads: np.ndarray) -> bool:
