@@ -4,8 +4,8 @@ Rationale: Radiance mirrors m + (1 − m) F(θ) at smooth surfaces of a specular
 A room whose surfaces mirror no more at grazing incidence than straight on is 1 % too dark, and one
 that scatters what F adds is 0.6 % too bright.
 
-Method: E of nine points under a uniform sky, the sums of C of the sky; eight seeds here, twelve runs of
-`rtrace`. Expected: agreement within both errors (some 0.15 %).
+Method: E of nine points under a uniform sky, the sums of C of the sky; eight seeds here, twelve
+runs of `rtrace`. Expected: agreement within both errors (some 0.15 %).
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ def by_rtrace(folder, runs):
     """Mean E of the places, shape (run,)."""
     (folder / "lit.rad").write_text(ROOM + SKY)
     (folder / "lit.oct").write_bytes(radiance.run(["oconv", "lit.rad"], folder))
-    command = "rtrace -h -I -ov -ab 12 -ad 3000 -as 0 -aa 0 -lr -14 -lw 2e-6 lit.oct".split()
+    options = "-h -I -ov -ab 12 -ad 3000 -as 0 -aa 0 -lr -14 -lw 2e-6"
     # One process, as its random numbers follow from the number of the ray.
     rays = "".join(f"{x} {y} {z} 0 0 1\n" for x, y, z in PLACES) * runs
-    out = radiance.run(command, folder, rays.encode())
+    out = radiance.run(["rtrace", *options.split(" "), "lit.oct"], folder, rays.encode())
     return np.array(out.split(), float).reshape(runs, len(PLACES), 3)[..., 0].mean(axis=1)
 
 
