@@ -11,6 +11,7 @@ name                    kind        what it is
 `sun_disks`             emitter     any number of suns of finite diameter
 `glazing`               BSDF        thin clear pane with angular transmittance and reflectance
 `coated_mirror`         BSDF        mirror below a clear layer
+`polished`              BSDF        smooth surface that mirrors more at grazing incidence
 `diffuser`              BSDF        thin Lambertian pane: sun shade, fabric, opal glass
 `tensor_tree`           BSDF        measured pane or film: LBNL tensor tree, rank 3 or 4
 `klems`                 BSDF        measured pane or film: LBNL Klems matrix
@@ -33,6 +34,7 @@ _MODULES = (
     "sun_disks",
     "glazing",
     "coated_mirror",
+    "polished",
     "diffuser",
     "rows",
     "lobes",

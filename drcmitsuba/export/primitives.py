@@ -149,10 +149,15 @@ def _film(modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | 
 def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
     """A mirror as `metal`, because the back of Radiance's `mirror` is black.
 
-    Its roughness is Ward's α, which for small ones is GGX's in width but not in shape.
+    A polished one is smooth: Radiance then mirrors more at grazing incidence by the same formula.
+
+    Its roughness is Ward's α, whose lobe is Beckmann's, but for 1 to 6 % of its light at α of 0.05
+    to 0.3; GGX's has long tails.
     """
     reflectance, shine = material.reflectance, material.specular
-    difference = "a rough mirror's lobe has another shape" if material.roughness else ""
+    has_tails = material.roughness > 0 and material.distribution == "ggx"
+    difference = "a rough mirror's lobe has another shape" if has_tails else ""
+    least = 0.0 if material.polished else UNCOATED
     if material.coating is not None:
         fresnel = ((material.coating - 1) / (material.coating + 1)) ** 2
         coated = fresnel + (1 - fresnel) ** 2 * reflectance / (1 - fresnel * reflectance)
@@ -160,7 +165,7 @@ def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
         reflectance = shine * coated + matt
         shine = shine * coated / reflectance if reflectance else 1.0
         difference = "a coated mirror reflects at any incidence what it does at a normal one"
-    finish = _numbers([shine, max(material.roughness, UNCOATED)])
+    finish = _numbers([shine, max(material.roughness, least)])
     return Twin(f"void metal {modifier} 0 0 5 {_numbers([reflectance] * 3)} {finish}", difference)
 
 

@@ -9,6 +9,9 @@ that the eye sees is
 
 with the weight of an end w [–], the product of the transmittances and mirrors before it.
 
+A rough mirror glows by the suns as a film does, and turns rays as well, to one direction of its
+lobe.
+
 Limits: of clear solids and rough mirrors one direction is drawn; panes show the images of sky and
 suns, but not those of surfaces; what they mirror is followed over `MOST_IN_TURN` turns.
 """
@@ -34,7 +37,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
 )
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.scene.materials import bsdf, channel_of
+from drcmitsuba.scene.materials import bsdf, channel_of, more_at_grazing
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport import bsdf_lookup
 from drcmitsuba.transport.image_suns import ImageSuns
@@ -189,9 +192,11 @@ class Chains:
         elif isinstance(material, BsdfMaterial):
             every["films"].append(on.ends(index, n))
         elif isinstance(material, MirrorMaterial):
-            share = (1 - material.specular) * material.reflectance * np.ones(len(self.channels))
             if material.specular < 1:
-                every["surfaces"].append(on.ends(index, towards, share))
+                seen = replace(on, weight=on.weight * _matt(material, n, on.d))
+                every["surfaces"].append(seen.ends(index, towards, np.ones(len(self.channels))))
+            if index in self._lobed:
+                every["films"].append(on.ends(index, n))
             if material.specular > 0:
                 yield self._turned(index, on, n, depth)
         elif isinstance(material, DielectricMaterial):
@@ -212,7 +217,9 @@ class Chains:
             ctx, si, flat(numbers[0]), mi.Point2f(flat(numbers[1]), flat(numbers[2]))
         )
         onward = np.array(si.to_world(bs.wo)).T.astype(float)
-        share = weight[0].numpy() * getattr(material, "specular", 1.0)
+        share = weight[0].numpy()
+        if isinstance(material, MirrorMaterial) and not material.polished:
+            share = share * material.specular
         path = np.maximum(on.path, SCATTERED if getattr(material, "roughness", 0) else TURNED)
         if self.images is not None and index in self.images.mirrors.parts:
             path = np.where(on.path < TURNED, on.path + 1, on.path)
@@ -229,6 +236,16 @@ class Chains:
         return ImageSuns.of(self.scene)
 
     @cached_property
+    def _lobed(self) -> frozenset[int]:
+        """Parts that are rough mirrors, in which suns show as lobes."""
+        parts = enumerate(self.scene.parts)
+        return frozenset(
+            i
+            for i, part in parts
+            if isinstance(part.material, MirrorMaterial) and part.material.roughness > 0
+        )
+
+    @cached_property
     def _parts(self) -> mi.UInt32:
         """Index of the part of every BSDF, by its number in the registry."""
         return mi.UInt32(bsdf_lookup.table(self.scene, range(len(self.scene.parts)), np.uint32))
@@ -239,10 +256,23 @@ class Chains:
         made = {}
         for i, part in enumerate(self.scene.parts):
             if isinstance(part.material, MirrorMaterial):
-                made[i] = mi.load_dict(bsdf(part.material.model_copy(update={"specular": 1.0})))
+                made[i] = mi.load_dict(bsdf(_mirroring(part.material)))
             elif isinstance(part.material, DielectricMaterial | GlazingMaterial):
                 made[i] = part.bsdf
         return made
+
+
+def _mirroring(material: MirrorMaterial) -> MirrorMaterial:
+    """Mirror without its diffuse part; where it is not polished, as if all light were mirrored."""
+    rho = material.mirrored if material.polished else material.reflectance
+    return material.model_copy(update={"specular": 1.0, "reflectance": rho})
+
+
+def _matt(material: MirrorMaterial, n: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Diffuse share of what eyes see of a mirror along d (ray, 3), shape (ray,)."""
+    if not material.polished:
+        return np.full(len(d), material.matt)
+    return material.matt * (1 - more_at_grazing(np.abs(np.einsum("ri,ri->r", n, d))))
 
 
 def _columns(rays: _Rays) -> tuple[np.ndarray, ...]:

@@ -1,4 +1,4 @@
-r"""Glow of films: the luminance that a film sends to an eye, per unit luminance of sky and suns.
+r"""Glow of films and rough mirrors: their luminance to an eye per unit luminance of sky and suns.
 
 A film that is seen along d from a point p glows with
 
@@ -9,11 +9,14 @@ and shadow rays. f has the resolution of its file: a peak that is narrower than 
 spread over the cell, as wide and as dim as the cell makes it. Where f stands out (`STANDS_OUT`),
 `Glow.sharpness` says how much smaller a sun's disk is than the cell.
 
+Rough mirrors glow by suns alone, with the lobe of their BSDF: `chains` follow what else they show.
+
 Limits: light that reaches the film by way of other surfaces is left out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,8 +27,10 @@ from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import disk_solid_angle, sample_disk
 
 from drcmitsuba.glare_year.chains import Ends
+from drcmitsuba.model.materials import MirrorMaterial
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.runtime.random_streams import even_numbers
+from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET
 from drcmitsuba.transport.film_peaks import STANDS_OUT
@@ -36,6 +41,12 @@ SKY_SAMPLES = 512
 """Directions to ground and sky of every film end."""
 SUN_SAMPLES = 16
 """Directions on a sun's disk of every film end."""
+LOBE_SAMPLES = 2
+"""The same of every end at a rough mirror, of which there are many to a tile."""
+
+
+Sharpness = Callable[..., Any]
+"""Takes interactions, directions to suns, f and the solid angle of their disk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +85,13 @@ def glow(
     by_sun, sharpness = np.zeros((2, count, len(suns)), np.float32)
     for index in np.unique(ends.part):
         mine = np.flatnonzero(ends.part == index)
-        film = _Film(scene, scene.parts[index].bsdf, ends.take(mine), seed + 7919 * int(index))
+        material, which = scene.parts[index].material, ends.take(mine)
+        if isinstance(material, MirrorMaterial):
+            lobe = mi.load_dict(bsdf(material.model_copy(update={"specular": 1.0})))
+            mirror = _Film(scene, lobe, which, seed + 7919 * int(index))
+            by_sun[mine] = material.specular * mirror.by_suns(suns, diameter, LOBE_SAMPLES)[0]
+            continue
+        film = _Film(scene, scene.parts[index].bsdf, which, seed + 7919 * int(index))
         sky[mine] = film.sky(bins, subdivision)
         if len(suns):
             by_sun[mine], sharpness[mine] = film.suns(suns, diameter)
@@ -125,10 +142,16 @@ class _Film:
 
     def suns(self, suns: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
         """Luminance per unit luminance of every sun, and the sharpness of peaks, (end, sun)."""
+        return self.by_suns(suns, diameter, SUN_SAMPLES, self._sharpness)
+
+    def by_suns(
+        self, suns: np.ndarray, diameter: float, samples: int, sharpness: Sharpness | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `suns`, by some directions on a disk; the sharpness is 0 where none is given."""
         shape, ctx = (len(self.ends.ray), len(suns)), mi.BSDFContext()
         omega, centres = disk_solid_angle(diameter), flat(suns)
-        stride = dr.opaque(mi.UInt32, len(suns))
-        parts, peaks = [], []
+        stride = dr.opaque(mi.UInt32, max(len(suns), 1))
+        parts, peaks = [np.zeros(0, np.float32)], [np.zeros(0, np.float32)]
         for start in range(0, shape[0] * shape[1], SHADOW_RAYS):
             lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, shape[0] * shape[1] - start))
             pair = lane + dr.opaque(mi.UInt32, start)
@@ -136,20 +159,29 @@ class _Film:
             si = self._interaction(row)
             centre = dr.gather(mi.Vector3f, centres, sun)
             total, plain = mi.Float(0), mi.Float(0)
-            for i in range(SUN_SAMPLES):
+            for i in range(samples):
                 index = dr.full(mi.UInt32, i, dr.width(lane))
                 uv = even_numbers(index, row, self.seed, 0, sun)
                 d = sample_disk(centre, diameter, uv)
                 value = self.bsdf.eval(ctx, si, si.to_local(d))[0]
                 plain += value
                 total += value * self._reached(si, d, value > 0)
-            wo = si.to_local(centre)
-            f = plain / (SUN_SAMPLES * dr.maximum(dr.abs(wo.z), 1e-4))
-            peaked = f > STANDS_OUT / dr.pi * self._share(si, wo)
-            size = self._cell_size(si) / dr.maximum(dr.abs(si.wi.z), 1e-4)
-            parts.append((total * (omega / SUN_SAMPLES)).numpy())
-            peaks.append(dr.select(peaked, size / omega, 0).numpy())
+            parts.append((total * (omega / samples)).numpy())
+            sharp = mi.Float(0)
+            if sharpness is not None:
+                wo = si.to_local(centre)
+                f = plain / (samples * dr.maximum(dr.abs(wo.z), 1e-4))
+                sharp = sharpness(si, wo, f, omega)
+            peaks.append((sharp + 0 * total).numpy())
         return np.concatenate(parts).reshape(shape), np.concatenate(peaks).reshape(shape)
+
+    def _sharpness(
+        self, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, f: mi.Float, omega: float
+    ) -> mi.Float:
+        """Solid angle of the outgoing cell over that of the disk, where f is a peak, else 0."""
+        peaked = f > STANDS_OUT / dr.pi * self._share(si, wo)
+        size = self._cell_size(si) / dr.maximum(dr.abs(si.wi.z), 1e-4)
+        return dr.select(peaked, size / omega, 0)
 
     def _share(self, si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> mi.Float:
         """Share of a sun's light that the film scatters to the side of the eye [–]."""

@@ -14,10 +14,8 @@ import numpy as np
 def transmissivity(transmittance: float, ior: float) -> float:
     """Share t of light left after one pass at normal incidence [–], from the transmittance [–]."""
     r = ((ior - 1) / (ior + 1)) ** 2
-    if transmittance == 0:
-        return 0.0
     root = np.sqrt((1 - r) ** 4 + 4 * (r * transmittance) ** 2)
-    return float((root - (1 - r) ** 2) / (2 * r**2 * transmittance))
+    return float(2 * transmittance / (root + (1 - r) ** 2))  # no difference of nearly equal numbers
 
 
 def most(ior: float) -> float:

@@ -131,11 +131,33 @@ class MirrorMaterial(Table):
     reflectance: Fraction
     """Reflectance at any incidence [–]; under a coating, the reflectance of the mirror alone."""
     roughness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Roughness α of the GGX distribution; 0 is a perfect mirror [–]."""
+    """Roughness α of the distribution; 0 is a perfect mirror [–]."""
+    distribution: Literal["ggx", "beckmann"] = "ggx"
+    """Distribution of the facets of a rough mirror; Beckmann's is next to Ward's, of Radiance."""
     coating: Annotated[float, Field(gt=1, le=4)] | None = None
     """Refractive index of a clear coating, or of the glass in front of the mirror [–]."""
     specular: Fraction = 1.0
     """Fraction of the reflected light that is mirrored; the rest is diffuse [–]."""
+    polished: bool = False
+    """Whether more is mirrored at grazing incidence, as of Radiance's smooth plastic and metal;
+    reflectance and fraction are then those at normal incidence."""
+
+    @property
+    def mirrored(self) -> float:
+        """Share of the light that is mirrored, at normal incidence and without a coating [–]."""
+        return self.specular * self.reflectance
+
+    @property
+    def matt(self) -> float:
+        """Share of the light that is reflected diffusely, at normal incidence [–]."""
+        return (1 - self.specular) * self.reflectance
+
+    @model_validator(mode="after")
+    def _smooth(self) -> MirrorMaterial:
+        if self.polished and (self.roughness > 0 or self.coating is not None):
+            got = "true, for a surface that is rough or coated"
+            raise InputError("material", "polished", got, "leave out roughness and coating")
+        return self
 
     @model_validator(mode="after")
     def _clear_coating(self) -> MirrorMaterial:
@@ -189,6 +211,9 @@ class Lambertian:
     """Reflectance of the front [–], and of the back where that has none of its own."""
     behind: Reflectance | None = None
     """Reflectance of the back [–], where it differs: a wall between two rooms, a slab."""
+    polish: float = 0.0
+    """Share of the light that a smooth surface mirrors at normal incidence, part of its
+    reflectance [–]; a surface in few planes mirrors it, and more at grazing incidence."""
 
     @property
     def sides(self) -> tuple[Reflectance, Reflectance]:

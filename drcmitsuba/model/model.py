@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -20,6 +21,8 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.runtime.errors import printable
 
+MOST_OF_BODY = 6
+"""Largest number of planes of a mirror that suns have images in: a body of more is many-faced."""
 Role = Literal["surface", "pane", "context"]
 """Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""
 
@@ -39,6 +42,15 @@ def areas(quads: np.ndarray) -> np.ndarray:
     """Areas (quad,) [m²] of parallelograms and triangles (quad, 4, 3)."""
     n = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     return np.asarray(np.linalg.norm(n, axis=1) / 2)
+
+
+def count_planes(quads: np.ndarray) -> int:
+    """Count the planes in which quads (quad, 4, 3) with an area lie, within 1 mm."""
+    n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
+    n = n / np.linalg.norm(n, axis=1, keepdims=True)
+    n = n * np.where(n @ [0.61, 0.77, 0.17] < 0, -1, 1)[:, None]
+    offset = np.einsum("qi,qi->q", n, quads[:, 0])
+    return len(np.unique(np.round(np.column_stack([n, offset]), 3), axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +98,28 @@ class Layer:
 
     @property
     def deviates(self) -> bool:
-        """Whether the layer is a mirror or a clear solid: photons follow its light."""
-        return isinstance(self.material, MirrorMaterial | DielectricMaterial)
+        """Whether the layer is a mirror or a clear solid, whose light is no cell's."""
+        return self.deviating is not None
+
+    @cached_property
+    def deviating(self) -> MirrorMaterial | DielectricMaterial | None:
+        """Mirror or clear solid that the layer is; None for other surfaces.
+
+        A polished surface is one where it is grey and alike on both sides, has few planes and
+        belongs to no group; elsewhere all that it reflects is diffuse.
+        """
+        material = self.material
+        if isinstance(material, MirrorMaterial | DielectricMaterial):
+            return material
+        if not isinstance(material, Lambertian) or not material.polish or self.group:
+            return None
+        total = material.reflectance
+        if isinstance(total, tuple) or material.behind is not None or self.stands_in:
+            return None
+        if count_planes(self.quads[areas(self.quads) > 0]) > MOST_OF_BODY:
+            return None
+        share = min(1.0, material.polish / total)
+        return MirrorMaterial(type="mirror", reflectance=total, specular=share, polished=True)
 
     @property
     def sides(self) -> tuple[SurfaceMaterial, SurfaceMaterial]:

@@ -33,11 +33,12 @@ HIGHLIGHTS = (
 FRESNEL = 0.018
 """Least mirrored share from which Radiance's smooth surfaces mirror more at grazing incidence [–].
 
-There it is s + (1 − s) F, F = exp(−5.85 cos θ) − 0.00288; the rest is diffuse.
+There it is m + (1 − m) F, F = exp(−5.85 cos θ) − exp(−5.85); the rest is diffuse.
 """
 GRAZING = (
-    "Smooth surfaces mirror no more at grazing incidence than straight on, which lowers the "
-    "illuminance in a room of them by 0.6 %"
+    f"Smooth surfaces that mirror at most {100 * SMALL:.0f} % do so where they are grey, alike on "
+    "both sides, in six planes or fewer and in no group; elsewhere this light counts as diffuse, "
+    "which lowers the illuminance in a room of them by 1 %"
 )
 GREYED = "Mirrors, panes and solids are grey: these have the luminance of their colour"
 
@@ -110,17 +111,17 @@ def _opaque(
     diffuse: np.ndarray, mirrored: np.ndarray, specularity: float, roughness: float, note: Note
 ) -> SurfaceMaterial:
     total = diffuse + mirrored
-    if roughness == 0 and specularity >= FRESNEL:
-        note(GRAZING)
+    polished = roughness == 0 and specularity >= FRESNEL
     if specularity <= SMALL:
         if specularity > 0:
-            note(HIGHLIGHTS)
-        return Lambertian(reflectance(total))
+            note(GRAZING if polished else HIGHLIGHTS)
+        return Lambertian(reflectance(total), polish=float(luminance(mirrored)) * polished)
     rho = grey(total, note)
     share = float(luminance(mirrored)) / rho if rho > 0 else 1.0
     return MirrorMaterial(
-        type="mirror", reflectance=min(rho, 1.0), roughness=roughness, specular=min(share, 1.0)
-    )
+        type="mirror", reflectance=min(rho, 1.0), roughness=roughness, specular=min(share, 1.0),
+        polished=polished, distribution="beckmann",
+    )  # fmt: skip
 
 
 def grey(channels: np.ndarray, note: Note) -> float:

@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins import energy, peak
 from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.grazing import AT_NORMAL, STEEPNESS
 
 from drcmitsuba import bsdf as bsdf_files
 from drcmitsuba.model.materials import (
@@ -113,12 +114,17 @@ def max_reflectance(reflectance: Reflectance) -> float:
     return float(max(reflectance) if isinstance(reflectance, tuple) else reflectance)
 
 
+def more_at_grazing(cosine: np.ndarray) -> np.ndarray:
+    """F(θ) [–], by which the plugin `polished` mirrors more, by the cosine of the incidence."""
+    return np.asarray(np.exp(-STEEPNESS * cosine) - AT_NORMAL)
+
+
 def albedo(material: SurfaceMaterial) -> float:
     """Largest share of the arriving light that a surface reflects and transmits together, ≤ 1."""
     if isinstance(material, Lambertian):
         return max(map(max_reflectance, material.sides))
     if isinstance(material, MirrorMaterial):
-        return max_reflectance(material.reflectance)
+        return 1.0 if material.polished else material.reflectance
     if isinstance(material, PorousMaterial):
         gaps = material.porosity
         return gaps + (1 - gaps) * max_reflectance(material.reflectance)
@@ -150,8 +156,8 @@ def _uniform(value: float) -> dict[str, Any]:
     return {"type": "uniform", "value": value}
 
 
-def _rough(alpha: float) -> dict[str, Any]:
-    return {"alpha": alpha, "distribution": "ggx"}
+def _rough(alpha: float, distribution: str = "ggx") -> dict[str, Any]:
+    return {"alpha": alpha, "distribution": distribution}
 
 
 def _matt(front: float, back: float) -> dict[str, Any]:
@@ -167,6 +173,8 @@ def _matt(front: float, back: float) -> dict[str, Any]:
 
 def _mirror(material: MirrorMaterial) -> dict[str, Any]:
     """One side of a mirror: its mirrored part, its diffuse part, or both."""
+    if material.polished:
+        return {"type": "polished", "mirrored": material.mirrored, "matt": material.matt}
     matt = {"type": "diffuse", "reflectance": _uniform(material.reflectance)}
     if material.specular == 0:
         return matt
@@ -178,7 +186,7 @@ def _mirror(material: MirrorMaterial) -> dict[str, Any]:
         shine = _uniform(material.reflectance)
         clear = {"type": "conductor", "material": "none", "specular_reflectance": shine}
         if material.roughness:
-            clear |= {"type": "roughconductor"} | _rough(material.roughness)
+            clear |= {"type": "roughconductor"} | _rough(material.roughness, material.distribution)
     if material.specular == 1:
         return clear
     return {"type": "blendbsdf", "weight": material.specular, "first": matt, "second": clear}

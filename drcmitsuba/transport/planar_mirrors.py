@@ -27,10 +27,11 @@ from drcmitsuba.model.materials import (
     MirrorMaterial,
     SurfaceMaterial,
 )
-from drcmitsuba.model.model import areas
+from drcmitsuba.model.model import MOST_OF_BODY, areas, count_planes
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
+from drcmitsuba.scene.materials import more_at_grazing
 from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.transport.bsdf_lookup import number, table
 
@@ -40,8 +41,6 @@ MOST_AXES = 12
 """Largest number of axes, those of the largest area."""
 MOST_PLANES = 24
 """Largest number of planes of an axis, those of the largest area."""
-MOST_OF_BODY = 6
-"""Largest number of planes of a mirror whose images are followed: a body of more is many-faced."""
 MOST_CHAINS = 48
 """Largest number of chains, those that reflect most."""
 FAINT = 2e-3
@@ -58,7 +57,10 @@ NONE = 0xFFFFFFFF
 
 
 def is_planar_mirror(part: Surface) -> bool:
-    """Whether a part mirrors without scattering; a body does in few planes that are no duct."""
+    """Whether a part mirrors without scattering; a body does in few planes that are no duct.
+
+    The walls of a room that mirror little are no duct: what they send on in turn is faint.
+    """
     m = part.material
     if isinstance(m, GlazingMaterial):
         return not part.component and m.reflectance > 0
@@ -71,12 +73,20 @@ def is_rough_mirror(part: Surface) -> bool:
     return isinstance(m, MirrorMaterial) and m.roughness > 0 and _is_in_few_planes(part)
 
 
+def lobe_of(material: SurfaceMaterial) -> MirrorMaterial:
+    """Mirror of the lobe of a rough one, but of reflectance 1 and without a diffuse part."""
+    assert isinstance(material, MirrorMaterial)
+    return material.model_copy(update={"reflectance": 1.0, "specular": 1.0})
+
+
 def _is_in_few_planes(mirror: Surface) -> bool:
     material = mirror.material
     if (isinstance(material, MirrorMaterial) and material.specular == 0) or albedo(material) == 0:
         return False
     quads = mirror.quads[areas(mirror.quads) > 0]
-    return len(_planes(quads)) <= MOST_OF_BODY and not _is_duct(quads)
+    if count_planes(quads) > MOST_OF_BODY:
+        return False
+    return albedo(material) ** 2 <= REMAINS or not _is_duct(quads)
 
 
 def albedo(material: SurfaceMaterial) -> float:
@@ -96,7 +106,7 @@ def planes_followed(quads: np.ndarray) -> tuple[int, int]:
     """Numbers of planes of mirrors (quad, 4, 3) in which suns have images, and of those without."""
     axis, axes = _axes(quads)
     plane, kept = _numbered_planes(quads, axis, axes)
-    return len(kept), len(np.unique(plane[plane >= 0])) - len(kept) + len(_planes(quads[axis < 0]))
+    return len(kept), len(np.unique(plane[plane >= 0])) - len(kept) + count_planes(quads[axis < 0])
 
 
 def turns_beyond_mirrors(scene: Scene) -> bool:
@@ -163,17 +173,17 @@ class PlanarMirrors:
         return cls._among(scene, is_planar_mirror)
 
     @classmethod
-    def rough(cls, scene: Scene) -> dict[float, PlanarMirrors]:
-        """Collect the rough mirrors in few planes of a scene by their roughness α [–]."""
-        parts = (part.material for part in scene.parts if is_rough_mirror(part))
-        every = {m.roughness for m in parts if isinstance(m, MirrorMaterial)}
+    def rough(cls, scene: Scene) -> dict[MirrorMaterial, PlanarMirrors]:
+        """Collect the rough mirrors in few planes of a scene, by a mirror with their lobe."""
+        every: dict[MirrorMaterial, PlanarMirrors] = {}
+        for lobe in dict.fromkeys(lobe_of(p.material) for p in scene.parts if is_rough_mirror(p)):
 
-        def of(roughness: float) -> PlanarMirrors | None:
-            return cls._among(
-                scene, lambda part: is_rough_mirror(part) and part.material.roughness == roughness
-            )
+            def has_lobe(part: Part, lobe: MirrorMaterial = lobe) -> bool:
+                return is_rough_mirror(part) and lobe_of(part.material) == lobe
 
-        return {alpha: mirrors for alpha in sorted(every) if (mirrors := of(alpha)) is not None}
+            mirrors = cls._among(scene, has_lobe)
+            every |= {} if mirrors is None else {lobe: mirrors}
+        return every
 
     @classmethod
     def _among(cls, scene: Scene, is_mirror: Callable[[Any], bool]) -> PlanarMirrors | None:
@@ -268,6 +278,9 @@ def _numbers(scene: Scene) -> list[int]:
 def _reflectances(material: SurfaceMaterial) -> np.ndarray:
     """Mirrored share of light at the front and the back of a surface, by cosine, (side, step)."""
     c = np.linspace(0, 1, STEPS)
+    if isinstance(material, MirrorMaterial) and material.polished:
+        rho = material.mirrored + (1 - material.mirrored) * more_at_grazing(c)
+        return np.stack([rho] * 2)
     if isinstance(material, MirrorMaterial):
         rho = np.full(STEPS, float(material.reflectance))
         if material.coating is not None:
@@ -302,14 +315,6 @@ def _axes(quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         axis[near], left = len(axes), left & ~near
         axes.append(chosen)
     return axis, np.array(axes).reshape(-1, 3)
-
-
-def _planes(quads: np.ndarray) -> np.ndarray:
-    """Distinct planes of quads: normal of one sign, and distance from the origin [m]."""
-    n = normals(quads)
-    n = n * np.where(n @ [0.61, 0.77, 0.17] < 0, -1, 1)[:, None]
-    offset = np.einsum("qi,qi->q", n, quads[:, 0])
-    return np.unique(np.round(np.column_stack([n, offset]), 3), axis=0)
 
 
 def _is_duct(quads: np.ndarray) -> bool:

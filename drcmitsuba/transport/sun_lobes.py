@@ -44,26 +44,23 @@ DIRECTIONS = 8
 
 @dataclass(frozen=True)
 class SunLobes:
-    """Light of suns by way of the rough mirrors of one roughness."""
+    """Light of suns by way of the rough mirrors of one lobe."""
 
     images: ImageSuns
     """Way of rays to the mirrors."""
-    roughness: float
-    """Roughness α of the mirrors [–]."""
+    mirror: MirrorMaterial
+    """Mirror of the same lobe, of reflectance 1."""
 
     @classmethod
     def of(cls, scene: Scene) -> tuple[SunLobes, ...]:
-        """Lobes in a scene, by roughness."""
-        return tuple(
-            cls(ImageSuns(scene, mirrors), roughness)
-            for roughness, mirrors in PlanarMirrors.rough(scene).items()
-        )
+        """Different lobes in a scene."""
+        every = PlanarMirrors.rough(scene).items()
+        return tuple(cls(ImageSuns(scene, mirrors), mirror) for mirror, mirrors in every)
 
     @cached_property
     def lobe(self) -> Any:
-        """BSDF of a mirror of this roughness and of reflectance 1."""
-        mirror = MirrorMaterial(type="mirror", reflectance=1.0, roughness=self.roughness)
-        return mi.load_dict(bsdf(mirror))
+        """BSDF of the lobe."""
+        return mi.load_dict(bsdf(self.mirror))
 
     def suns(
         self, points: mi.Float, normals: mi.Float, *,

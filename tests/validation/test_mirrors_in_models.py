@@ -24,6 +24,7 @@ WINDOW = np.array([[0.5, 0, 1], [3.5, 0, 1], [3.5, 0, 2.6], [0.5, 0, 2.6]])
 PLAIN = GlazingMaterial(type="glazing", transmittance=0.7)
 SILVER = MirrorMaterial(type="mirror", reflectance=0.9)
 LACQUER = MirrorMaterial(type="mirror", reflectance=0.6, roughness=0.2, specular=0.4)
+PARQUET = MirrorMaterial(type="mirror", reflectance=0.5, specular=0.1, polished=True)
 CLEAR = DielectricMaterial(type="dielectric", ior=1.5)
 SHELF = [(0.5, -0.6, 1.0), (3.5, -0.6, 1.0), (3.5, -0.02, 1.0), (0.5, -0.02, 1.0)]
 ON_A_WALL = [(0.02, 1, 0.5), (0.02, 4, 0.5), (0.02, 4, 2.5), (0.02, 1, 2.5)]
@@ -34,6 +35,7 @@ PARTS = {
     "mirror": layer("mirror", SILVER, ON_A_WALL),
     "table": layer("table", LACQUER, TABLE),
     "block": layer("block", CLEAR, *BLOCK),
+    "parquet": layer("parquet", PARQUET, TABLE),
 }
 
 
@@ -58,7 +60,8 @@ def _backend():
 
 
 @pytest.mark.parametrize(
-    "names", [["shelf"], ["mirror"], ["table"], ["block"], ["shelf", "mirror", "block"]]
+    "names",
+    [["shelf"], ["mirror"], ["table"], ["block"], ["parquet"], ["shelf", "mirror", "block"]],
 )
 def test_mirrors_and_solids_stand_in_a_model(names, same, plain_coefficients):
     case = room(*(PARTS[name] for name in names))

@@ -72,7 +72,12 @@ def _conductor(entry: Entry, notes: Notes) -> SurfaceMaterial:
     if isinstance(rho, tuple):
         notes.add(GREYED, entry.id)
         rho = float(luminance(np.array(rho)))
-    return MirrorMaterial(type="mirror", reflectance=rho, roughness=_alpha(entry))
+    shape = entry.values.get("distribution", "beckmann")
+    if shape not in ("beckmann", "ggx"):
+        raise entry.error("distribution", f"{shape!r:.60}", "give beckmann or ggx")
+    return MirrorMaterial(
+        type="mirror", reflectance=rho, roughness=_alpha(entry), distribution=shape
+    )
 
 
 def _dielectric(entry: Entry, notes: Notes) -> SurfaceMaterial:

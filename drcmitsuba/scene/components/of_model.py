@@ -22,10 +22,11 @@ def of_model(case: Case) -> tuple[PlacedComponent, ...]:
     start = origin(case)
     placed = []
     for layer in case.building.layers:
-        if layer.deviates:
+        material = layer.deviating
+        if material is not None:
             quads = layer.quads - start
-            ports = _ports(quads, isinstance(layer.material, DielectricMaterial))
-            surface = Surface(layer.name, layer.material, quads, layer.name)
+            ports = _ports(quads, isinstance(material, DielectricMaterial))
+            surface = Surface(layer.name, material, quads, layer.name)
             placed.append(
                 PlacedComponent(layer.name, (surface,), tuple(Port(layer.name, q) for q in ports))
             )

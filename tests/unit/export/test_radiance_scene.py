@@ -65,7 +65,10 @@ def test_diffusing_panes_have_their_transmittance_and_reflectance(t, r):
 def test_mirrors_are_metal_on_both_sides():
     smooth = MirrorMaterial(type="mirror", reflectance=0.9)
     partly = MirrorMaterial(type="mirror", reflectance=0.9, specular=0.7, roughness=0.1)
+    polished = MirrorMaterial(type="mirror", reflectance=0.5, specular=0.1, polished=True)
     assert made(smooth).numbers == [0.9, 0.9, 0.9, 1, 0.0011]
+    assert made(polished).numbers == [0.5, 0.5, 0.5, 0.1, 0]
+    assert twin("m", polished, UPRIGHT).difference == ""
     assert made(partly).numbers == [0.9, 0.9, 0.9, 0.7, 0.1]
     assert twin("m", smooth, UPRIGHT).difference == ""
     assert "lobe" in twin("m", partly, UPRIGHT).difference

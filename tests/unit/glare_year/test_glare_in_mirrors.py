@@ -23,9 +23,9 @@ SUN = np.array([np.sin(0.3) * np.cos(0.7), np.cos(0.3) * np.cos(0.7), np.sin(0.7
 DIAMETER = 0.53
 
 
-def seen_in(*mirrors, specular=1.0):
+def seen_in(*mirrors, **changes):
     backend.select()
-    material = MirrorMaterial(type="mirror", reflectance=0.8, specular=specular)
+    material = MirrorMaterial(type="mirror", reflectance=0.8, **changes)
     scene = build([Surface("mirrors", material, np.array(mirrors), "mirrors")])
     chains, place = Chains(scene), np.array([0.0, 0.0, 1.0])
     sent = rays(np.array([[0, 1.0, 0], [0, -1.0, 0]]))
@@ -62,6 +62,25 @@ def test_a_mirror_on_the_floor_shows_the_sun_below_the_horizon():
     np.testing.assert_allclose(direction, SUN * [1, 1, -1], atol=5e-4)
     assert solid_angle == pytest.approx(omega, rel=0.1)  # fifty rays
     assert share == pytest.approx(0.9 * 0.8, rel=1e-4)
+
+
+def test_a_polished_floor_shows_it_with_the_share_of_its_angle():
+    _, _, share = together(seen_in(FLOOR, specular=0.1, polished=True))[1, 1, -1]
+    more = np.exp(-5.85 * SUN[2]) - np.exp(-5.85)
+    assert share == pytest.approx(0.08 + 0.92 * more, rel=0.01)
+
+
+def test_a_polished_floor_is_matt_where_it_mirrors_nothing():
+    backend.select()
+    floor = MirrorMaterial(type="mirror", reflectance=0.5, specular=0.1, polished=True)
+    scene = build([Surface("floor", floor, np.array([quad([-9, -9, 0], [18, 0, 0], [0, 18, 0])]))])
+    cosine = np.array([1.0, 0.5, 0.2])
+    down = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, -cosine], axis=1)
+    eyes = np.tile([0, 0, 1.0], (3, 1))
+    outside, _, surfaces = Chains(scene).ends(eyes, down)
+    more = np.exp(-5.85 * cosine) - np.exp(-5.85)
+    np.testing.assert_allclose(outside.weight, 0.05 + 0.95 * more, rtol=1e-5)
+    np.testing.assert_allclose(surfaces.weight[:, 0], 0.45 * (1 - more), rtol=1e-5)
 
 
 def test_two_mirrors_show_it_three_times():

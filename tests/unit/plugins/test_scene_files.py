@@ -155,7 +155,7 @@ def test_what_is_no_sky_gives_one_line(body, message):
 
 
 @pytest.mark.parametrize("plugin", ["klems", "tensor_tree", "glazing", "diffuser", "coated_mirror",
-                                    "redirecting_film"])  # fmt: skip
+                                    "polished", "redirecting_film"])  # fmt: skip
 def test_a_parameter_that_is_missing_is_named_by_the_plugin(plugin):
     with pytest.raises(RuntimeError, match=rf"ValueError: {plugin}: \w+: missing; give"):
         mi.load_dict({"type": plugin})

@@ -126,6 +126,17 @@ def test_a_mirror_sends_its_reflectance_times_the_sun():
         np.testing.assert_allclose(D, 0.8 * OMEGA * cosine, rtol=5e-3, atol=1e-9)
 
 
+def test_a_polished_floor_mirrors_the_share_of_the_sun_of_its_angle():
+    """m + (1 − m) F: a twentieth at the zenith, a third and more of a low sun."""
+    floor = MirrorMaterial(type="mirror", reflectance=0.5, specular=0.1, polished=True)
+    suns = np.array([[np.sqrt(1 - c * c), 0, c] for c in (0.95, 0.5, 0.2)])
+    ground = mirror("floor", floor, quad([-99, -99, 0], [198, 0, 0], [0, 198, 0]))
+    D = by_suns(images_of(ground), np.array([[0, 0, 1.0]]), -UP, suns)
+    more = np.exp(-5.85 * suns[:, 2]) - np.exp(-5.85)
+    expected = OMEGA * suns[:, 2] * (0.05 + 0.95 * more)
+    np.testing.assert_allclose(D, expected, rtol=5e-3)
+
+
 def test_the_outline_of_a_mirror_cuts_the_image_of_the_sun():
     """An edge through the middle of the disk's image leaves half of it."""
     sun = np.array([[0.0, -0.8, 0.6]])
