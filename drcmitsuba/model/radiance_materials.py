@@ -120,7 +120,7 @@ def _opaque(
     share = float(luminance(mirrored)) / rho if rho > 0 else 1.0
     return MirrorMaterial(
         type="mirror", reflectance=min(rho, 1.0), roughness=roughness, specular=min(share, 1.0),
-        polished=polished, distribution="beckmann",
+        polished=polished, distribution="beckmann" if roughness else "ggx",
     )  # fmt: skip
 
 

@@ -161,12 +161,10 @@ class Deposit:
         return within_of(self.scene, self.films.patches.corners_of_faces)
 
     @cached_property
-    def _images(self) -> ImageSuns | None:
-        return ImageSuns.of(self.scene)
-
-    @cached_property
-    def _lobes(self) -> tuple[SunLobes, ...]:
-        return SunLobes.of(self.scene)
+    def _mirrors(self) -> tuple[ImageSuns | SunLobes, ...]:
+        """Light by way of smooth and of rough mirrors."""
+        images = ImageSuns.of(self.scene)
+        return (*(() if images is None else (images,)), *SunLobes.of(self.scene))
 
     def disks(self, p: mi.Float, n: mi.Float, places: mi.UInt32, within: Within) -> Disks:
         """Disks of the suns as sensors see them, the same in all replicates."""
@@ -182,11 +180,11 @@ class Deposit:
         kind: dict[str, Any] = {"subdivision": self.subdivision, "rays": rays, "numbers": numbers}
         with self.launch(key, Draw.SKY) as seed:
             sky = sky_deposit(self.scene, p, n, seed=seed, within=within, **kind)
-        if self._images is None:
-            return sky
         seed = self.seed(key, Draw.MIRRORS)
         with self.scene.ray_counter.purpose(key[0].name, Draw.SKY.name):
-            return sky + self._images.sky(p, n, seed=seed, within=within, **kind)
+            for each in self._mirrors:
+                sky += each.sky(p, n, seed=seed, within=within, **kind)
+        return sky
 
     def _mirrored_suns(
         self, p: mi.Float, n: mi.Float, key: Key, samples: int, numbers: mi.UInt32 | None,
@@ -197,9 +195,8 @@ class Deposit:
             "suns": self.suns, "diameter": self.diameter, "samples": samples, "numbers": numbers,
             "within": within, "seed": self.seed(key, Draw.MIRRORS),
         }  # fmt: skip
-        mirrors = (self._images, *self._lobes)
         with self.scene.ray_counter.purpose(key[0].name, Draw.SUN.name):
-            parts = [each.suns(p, n, **kind) for each in mirrors if each is not None]
+            parts = [each.suns(p, n, **kind) for each in self._mirrors]
         return sum(parts[1:], parts[0]) if parts else None
 
     def _suns(

@@ -101,12 +101,12 @@ class ImageSuns:
         out = dr.zeros(mi.Float64, count * bins)
         numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
         share, stride = dr.opaque(mi.Float, np.pi / rays), dr.opaque(mi.UInt32, bins)
-        for row, p, d in self._towards_mirrors(points, normals, rays, seed, numbers, within):
+        for row, p, d in self.towards_mirrors(points, normals, rays, seed, numbers, within):
             met = _OnSky(self, row * stride, subdivision, out)
             dr.eval(self.followed(p, d, dr.full(mi.Bool, True, dr.width(row)), share, met), out)
         return mi.TensorXf(mi.Float(out), (count, bins))
 
-    def _towards_mirrors(
+    def towards_mirrors(
         self, points: mi.Float, normals: mi.Float, rays: int, seed: int, numbers: mi.UInt32,
         within: Within,
     ) -> Iterator[tuple[mi.UInt32, mi.Point3f, mi.Vector3f]]:  # fmt: skip

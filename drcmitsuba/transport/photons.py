@@ -78,7 +78,7 @@ class PhotonTracer:
     imaged: bool = False
     """Whether light by way of planar mirrors counts, which has exact images: see `image_suns`."""
     lobed: bool = False
-    """Whether light of suns by way of rough mirrors counts, which has lobes: see `sun_lobes`."""
+    """Whether light by way of rough mirrors in few planes counts, see `sun_lobes`."""
     panes: ChangingPanes | None = None
     """Panes that other states change: light until they are met is kept for these states."""
     APART: ClassVar[int] = 0x10001
@@ -233,8 +233,7 @@ class _Source:
         kind, ports, panes = self.kind, self.ports, self.tracer.panes
         listed = panes is not None and bool(ports.name) and some is None
         could = ports.could(kind.sources)[: len(kind.wanted)] * kind.wanted[:, None]
-        lobed = self.tracer.lobed or kind.draw is not Draw.SUN
-        traits = Traits.of(ports, panes, self.tracer.imaged, lobed)
+        traits = Traits.of(ports, panes, self.tracer.imaged, self.tracer.lobed)
         met, counter = [_NO_PHOTONS], ports.scene.ray_counter
         with counter.purpose(Stream.PHOTONS.name, kind.draw.name, ports.name):
             for share, seen, lane in self._launches(np.flatnonzero(could.any(axis=1)), some):

@@ -1,4 +1,4 @@
-r"""Suns in rough mirrors: lobes by exact directions of the sun, from the mirror's own BSDF.
+r"""Deposit by rough mirrors in few planes: lobes of the suns by exact directions, and the sky.
 
 A rough mirror in few planes (`planar_mirrors`) shows a sun s as a lobe about its image. Of the
 light that comes straight to the mirror and goes straight on to a receiver,
@@ -9,10 +9,11 @@ light that comes straight to the mirror and goes straight on to a receiver,
 with s drawn from the sun's disk and the direction o from the mirror to the receiver from the lobe,
 whose density is p. Rays go from the receiver along −o: they meet the mirror, or not, as its outline
 and what stands before it decide, and from there a shadow ray goes to s. The random directions are
-those of a mirror of reflectance 1; ρ is that of the surface that is met.
+those of a mirror of reflectance 1; ρ is that of the surface that is met. For the sky, directions −o
+are drawn from the receiver's hemisphere, and those to the sky from the lobe.
 
 Limits: one rough mirror; what it sends on to other mirrors, and what they send to it, photons
-follow, as they do the light of the sky.
+follow.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.sampling import TO_UNIT, disk_solid_angle, random_bits, sample_disk
 
 from drcmitsuba.model.materials import MirrorMaterial
@@ -81,6 +83,26 @@ class SunLobes:
                 dr.scatter_add(out, mi.Float64(D), entry, D > 0)
                 dr.eval(out)
         return mi.TensorXf(mi.Float(out), (count, len(suns)))
+
+    def sky(
+        self, points: mi.Float, normals: mi.Float, *,
+        subdivision: int, rays: int, seed: int, numbers: mi.UInt32 | None = None,
+        within: Within = None,
+    ) -> mi.TensorXf:  # fmt: skip
+        """D of points by ground and sky patches [sr], shape (point, bin), as `sky_deposit`."""
+        bins, count, images = len(Patches(subdivision)), dr.width(points) // 3, self.images
+        out = dr.zeros(mi.Float64, count * bins)
+        numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
+        share, stride = dr.opaque(mi.Float, np.pi / rays), dr.opaque(mi.UInt32, bins)
+        every = images.towards_mirrors(points, normals, rays, seed, numbers, within)
+        for row, p, d in every:
+            number = dr.gather(mi.UInt32, numbers, row)
+            bits = random_bits(number, seed + 1, dr.arange(mi.UInt32, dr.width(row)))
+            uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in bits))
+            met = _OnSky(self, d, uv, row * stride, subdivision, out)
+            active = dr.full(mi.Bool, True, dr.width(row))
+            dr.eval(images.followed(p, d, active, share, met), out)
+        return mi.TensorXf(mi.Float(out), (count, bins))
 
     def _drawn(
         self, axis: int, points: mi.Float, normals: mi.Float, suns: np.ndarray, diameter: float,
@@ -139,6 +161,37 @@ class SunLobes:
         """Reflectance of the mirrors that rays meet times the light that they get along s [–]."""
         met, active = _InLobe(self.images.scene, axis, s), dr.full(mi.Bool, True, dr.width(p))
         return self.images.followed(p, d, active, mi.Float(1), met)
+
+
+@dataclass(frozen=True)
+class _OnSky:
+    """Adds light of ground and sky patches, which the lobe sends along −d."""
+
+    lobes: SunLobes
+    d: mi.Vector3f
+    uv: mi.Point2f
+    """Random numbers."""
+    first: mi.UInt32
+    """First entry of each ray's receiver in `out`."""
+    subdivision: int
+    out: mi.Float64
+
+    def __call__(
+        self, weight: mi.Float, axis: mi.UInt32, ray: mi.Ray3f, active: mi.Bool
+    ) -> mi.Float:
+        """Add the light; nothing of it counts once more."""
+        scene, normals = self.lobes.images.scene, flat(self.lobes.images.mirrors.axes)
+        normal = dr.gather(mi.Normal3f, normals, axis, active)
+        si = dr.zeros(mi.SurfaceInteraction3f)
+        si.n, si.sh_frame = normal, mi.Frame3f(normal)
+        si.wi = si.to_local(-self.d)
+        bs, value = self.lobes.lobe.sample(mi.BSDFContext(), si, mi.Float(0.5), self.uv, active)
+        towards = si.to_world(bs.wo)
+        lit = active & (value[0] > 0) & scene.effects.shines(towards)
+        light = weight * value[0] * visibility(scene, mi.Ray3f(ray.o, towards), lit)
+        entry = self.first + patch_index(towards, self.subdivision)
+        dr.scatter_add(self.out, mi.Float64(light), entry, lit & (light > 0))
+        return mi.Float(0)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -72,12 +73,14 @@ def _conductor(entry: Entry, notes: Notes) -> SurfaceMaterial:
     if isinstance(rho, tuple):
         notes.add(GREYED, entry.id)
         rho = float(luminance(np.array(rho)))
-    shape = entry.values.get("distribution", "beckmann")
+    alpha = _alpha(entry)
+    if alpha == 0:
+        return MirrorMaterial(type="mirror", reflectance=rho)
+    shape = str(entry.values.get("distribution", "beckmann"))
     if shape not in ("beckmann", "ggx"):
         raise entry.error("distribution", f"{shape!r:.60}", "give beckmann or ggx")
-    return MirrorMaterial(
-        type="mirror", reflectance=rho, roughness=_alpha(entry), distribution=shape
-    )
+    lobe: dict[str, Any] = {"roughness": alpha, "distribution": shape}
+    return MirrorMaterial(type="mirror", reflectance=rho, **lobe)
 
 
 def _dielectric(entry: Entry, notes: Notes) -> SurfaceMaterial:
