@@ -1,12 +1,15 @@
 """Forecast of the time of a year of glare, from its numbers of places, suns, mirrors and photons.
 
 Most of the time goes into C of the points of surfaces that the eyes see. A place sees some 1500 of
-them. Where photons are followed, each set of points has photons of its own.
+them. Where photons are followed, each set of points that is in memory at once has photons of its
+own.
 
 Limits: the glow of films and what kernels take to compile is not counted.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -14,6 +17,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
 from drcmitsuba.glare_year.eyes import Eyes
 from drcmitsuba.glare_year.pixels import SIDE
+from drcmitsuba.glare_year.state import COEFFICIENTS
 from drcmitsuba.plan.forecast.cost import KERNELS
 from drcmitsuba.runtime import machine_speed
 from drcmitsuba.scene import scene
@@ -54,7 +58,8 @@ def seconds(
         total += tiles * POINTS * each
         ports = len(ComponentPorts.of(world)) if world.followed else 0
         photons = a.replicates * a.photons * (suns + PATCH * patches)
-        total += (len(places) + 1) * ports * photons * SURFACES * KERNELS["photon"]
+        sets = 1 + math.ceil(tiles * POINTS * (suns + patches) / COEFFICIENTS)
+        total += sets * ports * photons * SURFACES * KERNELS["photon"]
     return LEAST + len(channels) * total / machine_speed.speed().rays
 
 

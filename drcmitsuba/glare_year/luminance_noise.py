@@ -48,6 +48,13 @@ class LuminanceNoise:
             np.concatenate([part.deviation for part in every], axis=1),
         )
 
+    def of_points(self, some: slice) -> LuminanceNoise:
+        """Noise of some of the points, which are numbered anew."""
+        mine = (self.point >= some.start) & (self.point < some.stop)
+        return LuminanceNoise(
+            self.point[mine] - some.start, self.time[mine], self.deviation[:, mine]
+        )
+
     def of_sums(self, known: Luminances, frames: np.ndarray, least: float) -> np.ndarray:
         """Deviations of Σ L² ω / P² of some views by each replicate, (replicate, time, view).
 

@@ -41,6 +41,12 @@ class Surfaces:
     weight: np.ndarray
     """Luminance over illuminance [1/sr], shape (point, channel)."""
 
+    @classmethod
+    def joined(cls, parts: list[Surfaces]) -> Surfaces:
+        """Points of several places; their pixels remain those of each place."""
+        columns = ("pixel", "points", "normals", "weight")
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
     def take(self, some: slice | np.ndarray) -> Surfaces:
         """Some of the points."""
         return Surfaces(self.pixel[some], self.points[some], self.normals[some], self.weight[some])

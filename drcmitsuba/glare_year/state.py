@@ -24,8 +24,11 @@ from drcmitsuba.scene import scene
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 
-COEFFICIENTS = 1 << 23
-"""Largest number of coefficients of surfaces in one replicate that are in memory at once."""
+COEFFICIENTS = 20 << 20
+"""Largest number of coefficients of surfaces in one replicate that are in memory at once.
+
+Places whose surfaces fit in together share photons and the light on cells.
+"""
 SKY_RAYS = 512
 """Largest number of rays to the sky of a surface's point in a replicate: many make a source."""
 LUMINANCES = 1 << 25
@@ -158,21 +161,47 @@ def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -
     suns = sky["sun_direction"].values[shining]
     channels = scene.channels_of(case, effects)
     world = scene.load(case, state, -1, effects)
-    for i, views in enumerate(looking.by_place()):
-        shown = seen(
+    every = (
+        (views, seen(
             world, channels, looking.points[views[0]], looking.forward[views], suns,
             case.outside.sun_diameter, case.sky.subdivision, run.seed + i,
-        )  # fmt: skip
-        L, noise = _of_surfaces(case, state, light, shown.surfaces, run)
-        known = Luminances(shown, sky["sky"].values, sky["sun"].values, sun_index, L)
-        yield Place(views, known, noise)
+        ))
+        for i, views in enumerate(looking.by_place())
+    )  # fmt: skip
+    most = COEFFICIENTS // (len(light.suns.labels) + sky.sizes["bin"])
+    for together in _together(every, most):
+        surfaces = Surfaces.joined([shown.surfaces for _, shown in together])
+        L, noise = _of_surfaces(case, state, light, surfaces, run)
+        start = 0
+        for views, shown in together:
+            here = slice(start, start + len(shown.surfaces.points))
+            known = Luminances(shown, sky["sky"].values, sky["sun"].values, sun_index, L[here])
+            yield Place(views, known, noise.of_points(here))
+            start = here.stop
     run.ray_counter.update(world.ray_counter.counted())
+
+
+def _together(
+    places: Iterator[tuple[np.ndarray, Seen]], most: int
+) -> Iterator[list[tuple[np.ndarray, Seen]]]:
+    """Group places, one after another, whose surfaces have no more than some points in all."""
+    group: list[tuple[np.ndarray, Seen]] = []
+    points = 0
+    for views, shown in places:
+        count = len(shown.surfaces.points)
+        if group and points + count > most:
+            yield group
+            group, points = [], 0
+        group.append((views, shown))
+        points += count
+    if group:
+        yield group
 
 
 def _of_surfaces(
     case: Case, state: State, light: Daylight, surfaces: Surfaces, run: Run
 ) -> tuple[np.ndarray, LuminanceNoise]:
-    """Luminance of the surfaces of a place [cd/m²], float32, (point, time), and its noise."""
+    """Luminance of the surfaces of places [cd/m²], float32, (point, time), and its noise."""
     sky = light.sky
     out = np.zeros((len(surfaces.points), sky.sizes["time"]), np.float32)
     noise = []

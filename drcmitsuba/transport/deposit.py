@@ -40,6 +40,8 @@ from drcmitsuba.transport.sun_lobes import SunLobes
 
 PEAK_RAYS = 8
 """Largest number of directions along the peaks of a film per pane point of a receiver."""
+ON_SENSORS, ON_CELLS = 16, 32
+"""Pane points of a receiver for each direction from the lobe of a sun in a rough mirror."""
 
 
 class Irradiance(NamedTuple):
@@ -192,11 +194,16 @@ class Deposit:
     ) -> mi.TensorXf | None:  # fmt: skip
         """D by suns in planar and in rough mirrors; None without such mirrors."""
         kind: dict[str, Any] = {
-            "suns": self.suns, "diameter": self.diameter, "samples": samples, "numbers": numbers,
-            "within": within, "seed": self.seed(key, Draw.MIRRORS),
+            "suns": self.suns, "diameter": self.diameter, "numbers": numbers, "within": within,
+            "seed": self.seed(key, Draw.MIRRORS),
         }  # fmt: skip
+        points = self.accuracy.pane_points  # as for films: most directions miss the mirror
+        lobes = max(1, points // (ON_SENSORS if key[0] is Stream.SENSORS else ON_CELLS))
         with self.scene.ray_counter.purpose(key[0].name, Draw.SUN.name):
-            parts = [each.suns(p, n, **kind) for each in self._mirrors]
+            parts = [
+                each.suns(p, n, samples=lobes if isinstance(each, SunLobes) else samples, **kind)
+                for each in self._mirrors
+            ]
         return sum(parts[1:], parts[0]) if parts else None
 
     def _suns(

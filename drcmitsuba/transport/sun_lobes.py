@@ -18,6 +18,7 @@ follow.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,9 +40,10 @@ from drcmitsuba.transport.launch_size import SHADOW_RAYS
 from drcmitsuba.transport.openings import Openings, Within
 from drcmitsuba.transport.planar_mirrors import PlanarMirrors
 from drcmitsuba.transport.shadow_rays import sun_numbers, visibility
+from drcmitsuba.transport.sun_clusters import WIDEST, possible_pairs
 
-DIRECTIONS = 8
-"""Directions from a lobe for each direction on a sun's disk: most of them miss the mirror."""
+TAIL = 1e-4
+"""Share of a lobe that is left out, the light farthest from a sun's image [–]."""
 
 
 @dataclass(frozen=True)
@@ -64,25 +66,73 @@ class SunLobes:
         """BSDF of the lobe."""
         return mi.load_dict(bsdf(self.mirror))
 
+    @cached_property
+    def widest(self) -> float:
+        """Angle from an image of a sun within which its lobe lies [rad], but for `TAIL` of it."""
+        alpha = self.mirror.roughness
+        if self.mirror.distribution == "ggx":
+            tangent = alpha * math.sqrt(1 / TAIL - 1)
+        else:
+            tangent = alpha * math.sqrt(-math.log(TAIL))
+        return 2 * math.atan(tangent)
+
     def suns(
         self, points: mi.Float, normals: mi.Float, *,
         suns: np.ndarray, diameter: float, samples: int, seed: int,
         numbers: mi.UInt32 | None = None, within: Within = None,
     ) -> mi.TensorXf:  # fmt: skip
-        """D of points by suns [sr], shape (point, sun); parameters as for `sun_deposit`."""
-        count, n = dr.width(points) // 3, DIRECTIONS * samples
+        """D of points by suns [sr], shape (point, sun).
+
+        Parameters
+        ----------
+        samples : int
+            Directions from the lobe for every point and sun, each of its own direction on the disk.
+        points, normals, suns, diameter, seed, numbers, within
+            As for `sun_deposit`.
+        """
+        images, count, n = self.images, dr.width(points) // 3, samples
         out = dr.zeros(mi.Float64, count * len(suns))
         numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
-        axes = range(len(self.images.mirrors.axes)) if count and len(suns) else ()
-        weight = disk_solid_angle(diameter) / n
-        for axis in axes:
-            drawn = self._drawn(axis, points, normals, suns, diameter, n, seed + axis, numbers,
-                                within)  # fmt: skip
-            for entry, p, d, s, share in drawn:
-                D = share * self._reached(axis, p, d, s) * dr.opaque(mi.Float, weight)
-                dr.scatter_add(out, mi.Float64(D), entry, D > 0)
-                dr.eval(out)
+        openings = Openings.of(images.scene, points, images.looks_out(within))
+        drawn = _Drawn(
+            self, points, normals, numbers, suns, diameter, openings, n,
+            dr.opaque(mi.Float, disk_solid_angle(diameter) / n),
+        )  # fmt: skip
+        for axis in range(len(images.mirrors.axes)) if count and len(suns) else ():
+            for pairs in self._possible(axis, drawn):
+                block = max(1, SHADOW_RAYS // n)
+                for start in range(0, dr.width(pairs), block):
+                    some = dr.arange(mi.UInt32, min(block, dr.width(pairs) - start))
+                    pair = dr.gather(mi.UInt32, pairs, some + dr.opaque(mi.UInt32, start))
+                    dr.eval(pair)
+                    drawn.add(axis, pair, seed + axis, out)
         return mi.TensorXf(mi.Float(out), (count, len(suns)))
+
+    def _possible(self, axis: int, drawn: _Drawn) -> Iterator[mi.UInt32]:
+        """Yield pairs point · suns + sun whose lobe may be seen in the mirrors of an axis."""
+        suns, mirrors = drawn.suns, self.images.mirrors
+        stride, wide = len(suns), self.widest + np.radians(drawn.diameter) / 2
+        if wide > WIDEST:  # the lobe is all over the half-space
+            every = dr.width(drawn.points) // 3 * stride
+            for start in range(0, every, SHADOW_RAYS):
+                yield dr.arange(mi.UInt32, min(SHADOW_RAYS, every - start)) + dr.opaque(
+                    mi.UInt32, start
+                )
+            return
+        n = mirrors.axes[axis]
+        seen = suns - 2 * (suns @ n)[:, None] * n
+        into = Openings(mirrors.seen[axis])
+        spread, directions = dr.opaque(mi.Float, wide), flat(seen)
+        p, normals = drawn.points, drawn.normals
+        for pair in possible_pairs(into, p, normals, seen, 2 * math.degrees(wide)):
+            if drawn.openings is None:
+                yield pair
+                continue
+            row, sun = row_and_column(pair, stride)
+            at, d = dr.gather(mi.Point3f, p, row), dr.gather(mi.Vector3f, directions, sun)
+            kept = dr.compress(drawn.openings.passed(row, at, d, spread))
+            if dr.width(kept):
+                yield dr.gather(mi.UInt32, pair, kept)
 
     def sky(
         self, points: mi.Float, normals: mi.Float, *,
@@ -104,63 +154,83 @@ class SunLobes:
             dr.eval(images.followed(p, d, active, share, met), out)
         return mi.TensorXf(mi.Float(out), (count, bins))
 
-    def _drawn(
-        self, axis: int, points: mi.Float, normals: mi.Float, suns: np.ndarray, diameter: float,
-        n: int, seed: int, numbers: mi.UInt32, within: Within,
-    ) -> Iterator[tuple[mi.UInt32, mi.Point3f, mi.Vector3f, mi.Vector3f, mi.Float]]:  # fmt: skip
-        """Yield rays from points to mirrors of an axis.
 
-        They are the entry point · suns + sun, the point, the direction to the mirror, that from
-        there to the sun, and cos θ f cos θ_s / p.
-        """
-        scene, mirrors = self.images.scene, self.images.mirrors
-        into = Openings(mirrors.seen[axis])
-        out_of = Openings.of(scene, points, self.images.looks_out(within))
+@dataclass(frozen=True)
+class _Rays:
+    """Rays from points along a lobe."""
+
+    p: mi.Point3f
+    d: mi.Vector3f
+    s: mi.Vector3f
+    """Direction from the mirror to the sun."""
+    share: mi.Float
+    """cos θ f cos θ_s / p [–]."""
+    passed: mi.Bool
+    """Whether the mirror may be seen along d."""
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """Directions that receivers draw from the lobes of suns."""
+
+    lobes: SunLobes
+    points: mi.Float
+    normals: mi.Float
+    numbers: mi.UInt32
+    suns: np.ndarray
+    diameter: float
+    openings: Openings | None
+    """Openings of the receivers' room."""
+    n: int
+    """Number of directions of each pair of a point and a sun."""
+    weight: mi.Float
+    """Solid angle of the sun's disk over `n` [sr]."""
+
+    def add(self, axis: int, pair: mi.UInt32, seed: int, out: mi.Float64) -> None:
+        """Add D of pairs point · suns + sun by the mirrors of an axis."""
+        images = self.lobes.images
+        lane = dr.arange(mi.UInt32, dr.width(pair) * self.n)
+        kept = dr.compress(self._rays(axis, pair, lane, seed).passed)
+        if not dr.width(kept):
+            return
+        images.scene.ray_counter.take("shadow", dr.width(kept))
+        rays = self._rays(axis, pair, kept, seed)  # again: what lanes hold would fill the memory
+        met = _InLobe(images.scene, axis, rays.s)
+        active = dr.full(mi.Bool, True, dr.width(kept))
+        D = self.weight * images.followed(rays.p, rays.d, active, rays.share, met)
+        entry = dr.gather(mi.UInt32, pair, kept // self.n)
+        dr.scatter_add(out, mi.Float64(D), entry, D > 0)
+        dr.eval(out)
+
+    def _rays(self, axis: int, pairs: mi.UInt32, lane: mi.UInt32, seed: int) -> _Rays:
+        """Ray of each lane pair · n + direction."""
+        mirrors = self.lobes.images.mirrors
         normal = mirrors.axes[axis]
         offsets = np.concatenate(mirrors.rectangles[axis]) @ normal
         lowest, highest = (dr.opaque(mi.Float, f(offsets)) for f in (np.min, np.max))
         frame = mi.Frame3f(mi.Normal3f(*(dr.opaque(mi.Float, float(x)) for x in normal)))
-        pairs, centres = dr.width(points) // 3 * len(suns), flat(suns)
-        places, ctx = mi.UInt32(sun_numbers(suns)), mi.BSDFContext()
-        block = max(1, SHADOW_RAYS // n)
-        for start in range(0, pairs, block):
-            lane = dr.arange(mi.UInt32, min(block, pairs - start) * n)
-            pair, index = row_and_column(lane, n)
-            pair += dr.opaque(mi.UInt32, start)
-            row, sun = row_and_column(pair, len(suns))
-            p = dr.gather(mi.Point3f, points, row)
-            centre = dr.gather(mi.Vector3f, centres, sun)
-            high, at = dr.dot(centre, frame.n), dr.dot(p, frame.n)
-            both = dr.select(high > 0, at > lowest, at < highest)  # on one side of a mirror
-            number, place = dr.gather(mi.UInt32, numbers, row), dr.gather(mi.UInt32, places, sun)
-            uv = shifted_point(index, random_bits(number, seed, place))
-            on_disk = random_bits(number, seed + 1, place + index)
-            s = sample_disk(
-                centre, diameter, mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in on_disk))
-            )
-            si = dr.zeros(mi.SurfaceInteraction3f, dr.width(lane))
-            si.n, si.sh_frame = frame.n, frame
-            si.wi = frame.to_local(s)
-            bs, value = self.lobe.sample(ctx, si, mi.Float(0.5), uv, both)
-            d = -frame.to_world(bs.wo)
-            cosine = dr.dot(dr.gather(mi.Normal3f, normals, row), d)
-            share = value[0] * cosine * dr.abs(si.wi.z / bs.wo.z)
-            passed = both & (value[0] > 0) & (cosine > 0) & into.passed(row, p, d)
-            if out_of is not None:
-                passed &= out_of.passed(row, p, d)
-            dr.eval(passed, pair, p, d, s, share)
-            kept = dr.compress(passed)
-            if dr.width(kept):
-                rays = (pair, p, d, s, share)
-                pair, p, d, s, share = (dr.gather(type(x), x, kept) for x in rays)
-                dr.eval(pair, p, d, s, share)
-                scene.ray_counter.take("shadow", dr.width(kept))
-                yield pair, p, d, s, share
-
-    def _reached(self, axis: int, p: mi.Point3f, d: mi.Vector3f, s: mi.Vector3f) -> mi.Float:
-        """Reflectance of the mirrors that rays meet times the light that they get along s [–]."""
-        met, active = _InLobe(self.images.scene, axis, s), dr.full(mi.Bool, True, dr.width(p))
-        return self.images.followed(p, d, active, mi.Float(1), met)
+        pair, index = row_and_column(lane, self.n)
+        row, sun = row_and_column(dr.gather(mi.UInt32, pairs, pair), len(self.suns))
+        p = dr.gather(mi.Point3f, self.points, row)
+        centre = dr.gather(mi.Vector3f, flat(self.suns), sun)
+        high, at = dr.dot(centre, frame.n), dr.dot(p, frame.n)
+        both = dr.select(high > 0, at > lowest, at < highest)  # on one side of a mirror
+        number = dr.gather(mi.UInt32, self.numbers, row)
+        place = dr.gather(mi.UInt32, mi.UInt32(sun_numbers(self.suns)), sun)
+        uv = shifted_point(index, random_bits(number, seed, place))
+        bits = random_bits(number, seed + 1, place + index)
+        on_disk = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in bits))
+        s = sample_disk(centre, self.diameter, on_disk)
+        si = dr.zeros(mi.SurfaceInteraction3f, dr.width(lane))
+        si.n, si.sh_frame, si.wi = frame.n, frame, frame.to_local(s)
+        bs, value = self.lobes.lobe.sample(mi.BSDFContext(), si, mi.Float(0.5), uv, both)
+        d = -frame.to_world(bs.wo)
+        cosine = dr.dot(dr.gather(mi.Normal3f, self.normals, row), d)
+        passed = both & (value[0] > 0) & (cosine > 0)
+        passed &= Openings(mirrors.seen[axis]).passed(row, p, d)
+        if self.openings is not None:
+            passed &= self.openings.passed(row, p, d)
+        return _Rays(p, d, s, value[0] * cosine * dr.abs(si.wi.z / bs.wo.z), passed)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ def by_lobes(scene):
     """D of the points by suns in rough mirrors [sr], mean over `AGAIN` receivers, and its error."""
     p, n = (flat(np.repeat(x, AGAIN, axis=0)) for x in (POINTS, NORMALS))
     (lobes,) = SunLobes.of(scene)
-    D = lobes.suns(p, n, suns=SUNS, diameter=DIAMETER, samples=1, seed=0).numpy()
+    D = lobes.suns(p, n, suns=SUNS, diameter=DIAMETER, samples=8, seed=0).numpy()
     D = D.reshape(len(POINTS), AGAIN, len(SUNS))
     return D.mean(axis=1), D.std(axis=1) / np.sqrt(AGAIN)
 
