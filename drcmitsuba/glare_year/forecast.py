@@ -33,6 +33,8 @@ COEFFICIENT = 1.3e-7
 """Time of a coefficient of such a point in a replicate [s], fitted to two offices."""
 CHAIN = 0.6
 """The same for a chain of mirrors seen from the room, over that of a coefficient without them."""
+LOBES = 4
+"""Chains of mirrors that take as long as the lobes of the rough mirrors of one axis."""
 SURFACES = 6
 """Number of surfaces that a photon meets, in the mean."""
 LEAST = 4.0
@@ -54,6 +56,7 @@ def seconds(
         mirrors = PlanarMirrors.of(world)
         looks_in = mirrors is not None and (effects.pane_to_pane or mirrors.has_bodies)
         chains = len(mirrors.chains) if mirrors is not None and looks_in else 0
+        chains += LOBES * sum(len(m.axes) for m in PlanarMirrors.rough(world).values())
         each = COEFFICIENT * a.replicates * (suns * (1 + CHAIN * chains) + patches)
         total += tiles * POINTS * each
         ports = len(ComponentPorts.of(world)) if world.followed else 0

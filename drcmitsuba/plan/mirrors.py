@@ -12,9 +12,11 @@ from drcmitsuba.scene.geometry import Surface, normals
 from drcmitsuba.scene.panes_of_model import side_name
 from drcmitsuba.scene.surfaces import surfaces_of
 from drcmitsuba.transport.planar_mirrors import (
+    FAINT_TURN,
     MOST_IN_TURN,
     has_images,
     is_planar_mirror,
+    is_rough_mirror,
     planes_followed,
 )
 
@@ -24,10 +26,14 @@ MOST_NAMES = 6
 
 def mirrors(facts: Facts, scope: EnabledEffects) -> Effect:
     """Decide on images of suns in panes and smooth mirrors, in the scope of the other effects."""
-    surfaces = [s for s in surfaces_of(facts.case, OPEN, scope) if is_planar_mirror(s)]
-    surfaces = [s for s in surfaces if has_images(s, scope)]
+    every = [s for s in surfaces_of(facts.case, OPEN, scope)
+             if (is_planar_mirror(s) or is_rough_mirror(s)) and has_images(s, scope)]  # fmt: skip
+    surfaces = [s for s in every if is_planar_mirror(s)]
+    rough = [s for s in every if is_rough_mirror(s)]
+    if not every:
+        return Effect(False, "no panes or mirrors in few planes that mirror suns to a side")
     if not surfaces:
-        return Effect(False, "no panes or smooth mirrors in few planes that mirror suns to a side")
+        return Effect(True, _lobes(rough, facts), {"rough": sum(len(s.quads) for s in rough)})
     panes = sum(len(s.quads) for s in surfaces)
     followed, left_out = planes_followed(np.concatenate([s.quads for s in surfaces]))
     told = [f"{s.name} ({_seen_from(s, facts)})" for s in surfaces[:MOST_NAMES]]
@@ -39,7 +45,20 @@ def mirrors(facts: Facts, scope: EnabledEffects) -> Effect:
     if left_out:
         reason += f"; {left_out} planes more, the smallest ones, mirror no sun"
         quantities["left_out"] = left_out
+    if rough:
+        reason += f"; {_lobes(rough, facts)}"
+        quantities["rough"] = sum(len(s.quads) for s in rough)
     return Effect(True, reason, quantities)
+
+
+def _lobes(rough: list[Surface], facts: Facts) -> str:
+    """Words for rough mirrors."""
+    named = ", ".join(f"{s.name} ({_seen_from(s, facts)})" for s in rough[:MOST_NAMES])
+    named += f" and {len(rough) - MOST_NAMES} more" if len(rough) > MOST_NAMES else ""
+    return (
+        f"suns and sky have lobes in rough mirrors: {named}; what one of them and another mirror "
+        f"send on in turn is left out up to a product of {FAINT_TURN:g}, and by photons above"
+    )
 
 
 def _seen_from(surface: Surface, facts: Facts) -> str:
