@@ -42,7 +42,8 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.daylight import daylight_and_year as daylight
 from drcmitsuba.sky.luminances import luminances, save_luminances
 
 if TYPE_CHECKING:
@@ -115,7 +116,13 @@ class Result(SavedResult):
             E_file.name: lambda: storage.save_netcdf(E, E_file),
             C_file.name: lambda: storage.save_zarr(C.parts(), C_file, along="state"),
             "sky.zarr": lambda: save_luminances(self.daylight, folder / "sky.zarr", channels),
+            **self._year(folder / "year.zarr"),
         }
+
+    def _year(self, path: Path) -> dict[str, Callable[[], None]]:
+        """Function that writes the sky of the year's hours, where these are not all of E's."""
+        year = self.daylight.year
+        return {} if year is None else {path.name: lambda: storage.save_zarr(year.sky, path)}
 
     def _pictures(self) -> dict[str, Figure]:
         from drcmitsuba.report import figures
@@ -240,19 +247,23 @@ class _Begun:
 def _whole(begun: _Begun, known: xr.Dataset | None) -> Result:
     """Evaluate with whole arrays."""
     planned, run = begun.planned, begun.run
-    case, light = planned.facts.case, planned.facts.light
+    case = planned.facts.case
     by_state = None if known is None else Coefficients.of(known)
     with run.blocks_written_beside():
-        simulated = simulation.simulate(case, light, run, by_state)
+        coefficients, direct, shade, light = simulation.simulate(
+            case, planned.facts.light, run, by_state
+        )
         with run.timed("accumulation and metrics"):
-            evaluated = evaluate_metrics(case, light, *simulated)
-    coefficients = simulated.coefficients
+            evaluated = evaluate_metrics(case, light, coefficients, direct, shade)
     outcome = None
     if case.accuracy.target is not None:
         coefficients, evaluated, outcome = toward_target(
             planned.simulated, light, coefficients, evaluated, run
         )
-    return summed_up(planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected)
+    result = summed_up(
+        planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected
+    )
+    return replace(result, daylight=light)
 
 
 def summed_up(

@@ -95,7 +95,7 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
     if verdict.deciding is not None:
         remarks.append(t["decides"].format(text=verdict.deciding.text(t)))
     remarks += [t["duty"].format(text=duty) for duty in verdict.duties]
-    remarks += verdict.notes
+    remarks += [*verdict.taken, *verdict.notes]
     parts = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
     remarks += dict.fromkeys(t["source"].format(sure=p.sure, text=p.source) for p in parts)
     stated = _stated(verdict)
