@@ -18,7 +18,8 @@ from drcmitsuba.runtime.errors import InputError, on_a_line
 if TYPE_CHECKING:
     from drcmitsuba.case.case import Case
     from drcmitsuba.design.change import Change
-    from drcmitsuba.standards import Refusal, Verdict, ViewOut
+    from drcmitsuba.runtime.progress import Stage
+    from drcmitsuba.standards import Evidence, Refusal, Verdict, ViewOut
     from drcmitsuba.standards.verdict import Margin, Outcome
 
 CHANGE = "Find the least change of the façade that reaches the next level (a case with [design])."
@@ -100,7 +101,7 @@ def _of_case(
     Results of the user's own points go to `output`, those of a grid that was laid to a folder in
     it.
     """
-    from drcmitsuba import evaluate, standards
+    from drcmitsuba import standards
     from drcmitsuba.design.cheapest_change import cheapest_changes
     from drcmitsuba.runtime import backend
 
@@ -116,10 +117,8 @@ def _of_case(
     changes: dict[str, Change | Refusal] = {}
     for terms in every:
         with stages() as stage:
-            result = evaluate(terms.case, stage)
-            if output is not None:
-                result.save(output / "laid_grid" if terms.grid else output, stage)
-            verdicts = standards.on_terms(terms, standards.Evidence.of_result(result))
+            folder = output / "laid_grid" if output is not None and terms.grid else output
+            verdicts = standards.on_terms(terms, _evaluated(terms.case, folder, stage))
             judged |= {verdict.standard: verdict for verdict in verdicts}
             if change:
                 sound = [verdict for verdict in verdicts if isinstance(verdict, standards.Verdict)]
@@ -129,6 +128,17 @@ def _of_case(
         if isinstance(refusal := judged[name], standards.Refusal):
             raise refusal.reason
     return [judged[name] for name in names], [changes[name] for name in names if name in changes]
+
+
+def _evaluated(case: Case, folder: Path | None, stage: Stage) -> Evidence:
+    """Evaluate a case, and write its results to a folder where one is named."""
+    from drcmitsuba import evaluate
+    from drcmitsuba.standards import Evidence
+
+    result = evaluate(case, stage)
+    if folder is not None:
+        result.save(folder, stage)
+    return Evidence.of_result(result)
 
 
 def _view(case: str, weather: Path | None) -> ViewOut:
@@ -196,7 +206,7 @@ def _show_verdict(verdict: Verdict) -> None:
     from drcmitsuba.standards.verdict import likelihood
 
     standard = read(verdict.standard)
-    print(f"{verdict.title} ({verdict.edition})")
+    print(f"{verdict.title} ({verdict.edition}; sources read {standard.read})")
     if verdict.undecided is None:
         lowest = "" if verdict.level is not None else f" of {verdict.levels[0].name}"
         print(
