@@ -114,7 +114,7 @@ def _of_case(
         name: standards.Refusal(name, standards.read(name).title, error)
         for name, error in refused.items()
     }
-    changes: dict[str, Change | Refusal] = {}
+    changes: list[Change | Refusal] = []
     for terms in every:
         with stages() as stage:
             folder = output / "laid_grid" if output is not None and terms.grid else output
@@ -122,12 +122,11 @@ def _of_case(
             judged |= {verdict.standard: verdict for verdict in verdicts}
             if change:
                 sound = [verdict for verdict in verdicts if isinstance(verdict, standards.Verdict)]
-                found = cheapest_changes(terms.case, sound, stage)
-                changes |= {each.standard: each for each in found}
+                changes += cheapest_changes(terms.case, sound, stage)
     for name in named:
         if isinstance(refusal := judged[name], standards.Refusal):
             raise refusal.reason
-    return [judged[name] for name in names], [changes[name] for name in names if name in changes]
+    return [judged[name] for name in names], changes
 
 
 def _evaluated(case: Case, folder: Path | None, stage: Stage) -> Evidence:
@@ -167,7 +166,10 @@ def _show_all(judged: list[Verdict | Refusal]) -> None:
     from drcmitsuba.standards import Refusal
     from drcmitsuba.standards.verdict import likelihood
 
-    table = Table("standard", "verdict", "probability", "nearest limit")
+    table = Table()
+    table.add_column("standard", no_wrap=True)
+    for column in ("verdict", "probability", "nearest limit"):
+        table.add_column(column)
     reasons = []
     for verdict in judged:
         if isinstance(verdict, Refusal):
