@@ -28,6 +28,10 @@ from drcmitsuba.sky.luminances import from_luminances
 
 OF_E = ("total", "total_open", "direct_sun")
 """Illuminances that standards ask for; each has its standard error."""
+MOST_BYTES = 8 << 30
+"""Largest size of E of a year [bytes]: 35,000 sensors at 8,760 hours."""
+STAMPS = 1024
+"""Number of further hours whose E is computed at once."""
 OF_C = (
     "replicates", "straight", "straight_se", "pane_group", "sun_straight", "sun_straight_se",
     "mesh_error",
@@ -77,15 +81,20 @@ class Evidence:
     def of_year(self) -> Evidence:
         """Evidence of all hours of the year; itself where there are no further hours.
 
-        E of the further hours follows from C.
+        E of the further hours follows from C, some hours at a time. Where E of a year would take
+        more than `MOST_BYTES`, the further hours are left out.
         """
-        if self.year is None or self.coefficients is None:
-            return self
         own, year = self.illuminance, self.year
-        further = ~np.isin(year["time"].values, own["time"].values)
-        E = accumulated(self.coefficients, year.isel(time=np.flatnonzero(further)))
+        if year is None or self.coefficients is None:
+            return self
         every = [*(name + suffix for name in OF_E for suffix in ("", "_se")), "sun_group"]
-        parts = [part[[name for name in every if name in part]] for part in (own, E)]
+        if 4 * len(every) * year.sizes["time"] * own.sizes["sensor"] > MOST_BYTES:
+            return self
+        further = np.flatnonzero(~np.isin(year["time"].values, own["time"].values))
+        parts = [own[[name for name in every if name in own]]]
+        for start in range(0, len(further), STAMPS):
+            at = year.isel(time=further[start : start + STAMPS])
+            parts.append(accumulated(self.coefficients, at)[list(parts[0].data_vars)])
         joined = xr.concat(parts, "time", data_vars="minimal", coords="minimal", compat="override")
         joined = joined.sortby("time").assign_attrs(own.attrs)
         return replace(self, illuminance=joined, sky=year, year=None)
