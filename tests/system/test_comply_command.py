@@ -110,6 +110,7 @@ def test_a_default_evaluation_serves_all_standards(run, results, tmp_path):
     assert (code, err) == (0, "")
     page = (tmp_path / "week" / "report.md").read_text()
     assert "no verdict" not in page
+    assert "Standards count hours of their own" in page
     assert "in place of the case's 2610 h" in page.replace("\\", "")
 
 
