@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +44,7 @@ from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.daylight import daylight_and_year as daylight
-from drcmitsuba.sky.luminances import luminances, save_luminances
+from drcmitsuba.sky.luminances import luminances, save_luminances, without_year
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -194,8 +194,9 @@ def evaluate_within(
         As `evaluate`; metrics alone are asked for beside a target.
     """
     with one_blas_thread():
-        begun = _Begun.of(case, stage, known, blocks, workers, light)
-        if known is None and large_result.is_large(begun.planned, memory):
+        summed = partial(large_result.is_large, memory=memory)
+        begun = _Begun.of(case, stage, known, blocks, workers, light, summed)
+        if known is None and summed(begun.planned):
             return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
         return _whole(begun, known)
 
@@ -216,7 +217,7 @@ class _Begun:
     def of(
         cls, case: Case | str | Path, stage: Stage, known: xr.Dataset | None,
         blocks: BlockFolder | str | Path | None, workers: Workers | None = None,
-        light: Daylight | None = None,
+        light: Daylight | None = None, summed: Callable[[Plan], bool] = lambda planned: False,
     ) -> _Begun:  # fmt: skip
         case = case if isinstance(case, Case) else load_case(case)
         backend.select()
@@ -233,6 +234,8 @@ class _Begun:
             if light is None:
                 light = daylight(case.with_dark_hours() if run.shares_blocks else case)
             planned = plan(case, light)
+            if light.year is not None and not run.shares_blocks and summed(planned):
+                planned = plan(case, light := without_year(light))  # verdicts need C and E
             run = replace(run, enabled_effects=planned.scope)
             is_needless = (
                 known is not None or is_short(planned)
