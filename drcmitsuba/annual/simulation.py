@@ -248,9 +248,7 @@ def simulate(
         direct = illuminance.direct_sun(coefficients, daylight.sky)
         return SimulatedYear(coefficients, direct, None, daylight)
     taken = _taken(simulated, daylight, coefficients, needed)
-    if VARYING in taken.hours and daylight.year is not None:  # C holds no state of the year's hours
-        daylight = daylight.alone()
-        taken = _taken(simulated, daylight, coefficients, needed)
+    daylight = taken.daylight
     groups, every = GroupStates.of_attributes(marked), daylight.every
     if effects.every_shade and VARYING not in taken.hours:
         taken.hours[groups.label(groups.last)] = np.ones(every.sky.sizes["time"], bool)
@@ -277,13 +275,25 @@ def _taken(
     case: Case, daylight: Daylight, coefficients: Coefficients,
     needed: Callable[[xr.Dataset], np.ndarray] | None,
 ) -> _Taken:  # fmt: skip
-    """States that the façade may take in every hour of a daylight; `needed` as for `simulate`."""
-    every, marked = daylight.every, coefficients.attrs
-    direct = illuminance.direct_sun(coefficients, every.sky)
+    """States that the façade may take in every hour of a daylight; `needed` as for `simulate`.
+
+    Where the states of a year are too many to be simulated one by one, those of the case's own
+    time stamps alone are.
+    """
+    if daylight.year is not None:
+        try:
+            of_year = _taken(case, daylight.year, coefficients, needed)
+        except InputError:  # too many for any weather
+            of_year = None
+        if of_year is None or VARYING in of_year.hours:
+            return _taken(case, daylight.alone(), coefficients, needed)
+        return of_year._replace(daylight=daylight)
+    marked = coefficients.attrs
+    direct = illuminance.direct_sun(coefficients, daylight.sky)
     if needed is not None:
         return _Taken(daylight, direct, None, {SHADED: needed(direct)})
     if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
-        hours = hours_in_any_weather(case, every, coefficients, marked)
+        hours = hours_in_any_weather(case, daylight, coefficients, marked)
         return _Taken(daylight, direct, None, hours)
     shade = draw_shade(case, daylight.step_hours, direct, marked)
     return _Taken(daylight, direct, shade, shade.closures.others)

@@ -204,3 +204,4 @@ def test_hours_beyond_the_period_count_where_c_holds_their_states(tmp_path, monk
     for name in ("sDA", "ASE", "shade_closed"):
         assert alone.metrics[name]["value"] == with_year.metrics[name]["value"]
     np.testing.assert_array_equal(alone.illuminance["total"], with_year.illuminance["total"])
+    assert evaluate(case, blocks=tmp_path / "cache").daylight.year is None  # for any weather
