@@ -51,6 +51,7 @@ VARIABLES: dict[str, tuple[str, str]] = {
     "grid": ("", "name of the sensor's grid"),
     "time": ("", "start of the interval, local standard time"),
     "clock": ("", "start of the interval, clock time with daylight saving"),
+    "daylight": ("", "1 where sky or sun is bright"),
     "shade_closed": ("", "whether the shade is closed, of any group of panes"),
     "facade_state": ("", "state of every group of panes"),
 }

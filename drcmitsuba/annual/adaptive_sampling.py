@@ -101,21 +101,24 @@ class _Sampling:
 
     def evaluate(self) -> EvaluatedMetrics:
         """Evaluate the metrics; first simulate the states of hours that may newly take them."""
-        attributes, step_hours = self.first.attrs, self.daylight.step_hours
-        direct = illuminance.direct_sun(self.coefficients, self.daylight.sky)
+        attributes, light = self.first.attrs, self.daylight
+        direct = illuminance.direct_sun(self.coefficients, light.every.sky)
         shade = None
         if attributes["has_shade"]:
-            shade = draw_shade(self.case, step_hours, direct, attributes)
+            shade = draw_shade(self.case, light.step_hours, direct, attributes)
             for state, hours in shade.closures.others.items():
                 self._extend(state, hours)
-        return evaluate_metrics(self.case, self.daylight, self.coefficients, direct, shade)
+        if light.year is not None:
+            direct = direct.isel(time=light.rows)
+            shade = None if shade is None else shade.at(light.rows)
+        return evaluate_metrics(self.case, light, self.coefficients, direct, shade)
 
     def _extend(self, state: State, hours: np.ndarray) -> None:
-        """Simulate the suns of some hours that a state lacks."""
+        """Simulate the suns of some of all hours, bool (time,), that a state lacks."""
         if state == VARYING:
             got = "a target, with more states than are simulated one by one"
             raise InputError(self.case.source, "accuracy.target", got, "leave it out")
-        labels = self.daylight.suns.only(sources(self.daylight.sky.isel(time=hours))).labels
+        labels = self.daylight.suns.only(sources(self.daylight.every.sky.isel(time=hours))).labels
         samples = self.states.get(state)
         if samples is None:
             if hours.any():

@@ -18,7 +18,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.pane_groups import PaneGroups
-from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.sky.sun_models import Suns
 
 
@@ -39,7 +39,7 @@ class _Begun(NamedTuple):
 def _begun(case: Case, run: Run) -> _Begun:
     """Case as it is simulated, its light, and the run with the effects of the case's plan."""
     backend.select()
-    light = daylight(case.with_dark_hours() if run.shares_blocks else case)
+    light = daylight_and_year(case.with_dark_hours() if run.shares_blocks else case)
     run = replace(run, enabled_effects=plan(case, light).scope)
     shade = run.enabled_effects.shade
     return _Begun(case if shade else case.with_tables(shading=None, groups={}), light, run)

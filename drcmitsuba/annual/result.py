@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,8 +42,9 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.sky.daylight import Daylight, daylight
-from drcmitsuba.sky.luminances import luminances, save_luminances
+from drcmitsuba.sky.daylight import Daylight
+from drcmitsuba.sky.daylight import daylight_and_year as daylight
+from drcmitsuba.sky.luminances import luminances, save_luminances, without_year
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -115,7 +116,13 @@ class Result(SavedResult):
             E_file.name: lambda: storage.save_netcdf(E, E_file),
             C_file.name: lambda: storage.save_zarr(C.parts(), C_file, along="state"),
             "sky.zarr": lambda: save_luminances(self.daylight, folder / "sky.zarr", channels),
+            **self._year(folder / "year.zarr"),
         }
+
+    def _year(self, path: Path) -> dict[str, Callable[[], None]]:
+        """Function that writes the sky of the year's hours, where these are not all of E's."""
+        year = self.daylight.year
+        return {} if year is None else {path.name: lambda: storage.save_zarr(year.sky, path)}
 
     def _pictures(self) -> dict[str, Figure]:
         from drcmitsuba.report import figures
@@ -187,8 +194,9 @@ def evaluate_within(
         As `evaluate`; metrics alone are asked for beside a target.
     """
     with one_blas_thread():
-        begun = _Begun.of(case, stage, known, blocks, workers, light)
-        if known is None and large_result.is_large(begun.planned, memory):
+        summed = partial(large_result.is_large, memory=memory)
+        begun = _Begun.of(case, stage, known, blocks, workers, light, summed)
+        if known is None and summed(begun.planned):
             return large_result.evaluated(begun.planned, begun.run, begun.remarks, begun.expected)
         return _whole(begun, known)
 
@@ -209,7 +217,7 @@ class _Begun:
     def of(
         cls, case: Case | str | Path, stage: Stage, known: xr.Dataset | None,
         blocks: BlockFolder | str | Path | None, workers: Workers | None = None,
-        light: Daylight | None = None,
+        light: Daylight | None = None, summed: Callable[[Plan], bool] = lambda planned: False,
     ) -> _Begun:  # fmt: skip
         case = case if isinstance(case, Case) else load_case(case)
         backend.select()
@@ -226,6 +234,8 @@ class _Begun:
             if light is None:
                 light = daylight(case.with_dark_hours() if run.shares_blocks else case)
             planned = plan(case, light)
+            if light.year is not None and not run.shares_blocks and summed(planned):
+                planned = plan(case, light := without_year(light))  # verdicts need C and E
             run = replace(run, enabled_effects=planned.scope)
             is_needless = (
                 known is not None or is_short(planned)
@@ -240,19 +250,23 @@ class _Begun:
 def _whole(begun: _Begun, known: xr.Dataset | None) -> Result:
     """Evaluate with whole arrays."""
     planned, run = begun.planned, begun.run
-    case, light = planned.facts.case, planned.facts.light
+    case = planned.facts.case
     by_state = None if known is None else Coefficients.of(known)
     with run.blocks_written_beside():
-        simulated = simulation.simulate(case, light, run, by_state)
+        coefficients, direct, shade, light = simulation.simulate(
+            case, planned.facts.light, run, by_state
+        )
         with run.timed("accumulation and metrics"):
-            evaluated = evaluate_metrics(case, light, *simulated)
-    coefficients = simulated.coefficients
+            evaluated = evaluate_metrics(case, light, coefficients, direct, shade)
     outcome = None
     if case.accuracy.target is not None:
         coefficients, evaluated, outcome = toward_target(
             planned.simulated, light, coefficients, evaluated, run
         )
-    return summed_up(planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected)
+    result = summed_up(
+        planned, coefficients, evaluated, run, begun.remarks, outcome, begun.expected
+    )
+    return replace(result, daylight=light)
 
 
 def summed_up(

@@ -182,9 +182,28 @@ class SimulatedYear(NamedTuple):
     coefficients: Coefficients
     """C [sr]."""
     direct: xr.Dataset
-    """Direct sun by `illuminance.direct_sun` [lx]."""
-    shade: ShadeDraws | None = None
+    """Direct sun of the case's time stamps by `illuminance.direct_sun` [lx]."""
+    shade: ShadeDraws | None
     """States that may occur by this direct sun; None where something else decided."""
+    daylight: Daylight
+    """Daylight without the year where C cannot tell E of all its hours."""
+
+
+class _Taken(NamedTuple):
+    """States that the façade may take at time stamps of a daylight."""
+
+    daylight: Daylight
+    direct: xr.Dataset
+    shade: ShadeDraws | None
+    hours: dict[State, np.ndarray]
+    """Mask (time,) of the time stamps that may take each state but the open one."""
+
+    def of_case(self) -> tuple[xr.Dataset, ShadeDraws | None]:
+        """Direct sun and draws of the case's own time stamps."""
+        if self.daylight.year is None:
+            return self.direct, self.shade
+        rows = self.daylight.rows
+        return self.direct.isel(time=rows), None if self.shade is None else self.shade.at(rows)
 
 
 def simulate(
@@ -225,37 +244,59 @@ def simulate(
     with run.timed("open façade") as done:
         C = _state(simulated, OPEN, suns, latitude, states.get(OPEN), (), run, done)
     coefficients = Coefficients(C.assign_attrs(marked))
-    direct = illuminance.direct_sun(coefficients, daylight.sky)
     if not marked["has_shade"]:
-        return SimulatedYear(coefficients, direct)
-    shade = None
-    if needed is not None:
-        taken = {SHADED: needed(direct)}
-    elif case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
-        taken = hours_in_any_weather(simulated, daylight, coefficients, marked)
-    else:
-        shade = draw_shade(simulated, daylight.step_hours, direct, marked)
-        taken = shade.closures.others
-    groups = GroupStates.of_attributes(marked)
-    if effects.every_shade and VARYING not in taken:
-        taken[groups.label(groups.last)] = np.ones(direct.sizes["time"], bool)
-    taken = {state: hours for state, hours in taken.items() if hours.any()}
+        direct = illuminance.direct_sun(coefficients, daylight.sky)
+        return SimulatedYear(coefficients, direct, None, daylight)
+    taken = _taken(simulated, daylight, coefficients, needed)
+    daylight = taken.daylight
+    groups, every = GroupStates.of_attributes(marked), daylight.every
+    if effects.every_shade and VARYING not in taken.hours:
+        taken.hours[groups.label(groups.last)] = np.ones(every.sky.sizes["time"], bool)
+    states_of = {state: hours for state, hours in taken.hours.items() if hours.any()}
     mesh, others = mesh_of(C), dict[State, xr.Dataset]()
-    if VARYING in taken:
+    if VARYING in states_of:
         run.forget_paths()
-        indices = FacadeStates.of(marked, direct).of_group
+        indices = FacadeStates.of(marked, taken.direct).of_group
         others[VARYING] = _varying(simulated, daylight, indices, run)
-    elif taken:
+    elif states_of:
         with run.timed("shaded façade") as done:
-            for i, (state, hours) in enumerate(taken.items()):
+            for i, (state, hours) in enumerate(states_of.items()):
                 some = suns  # of shared blocks: any weather and rule may ask for any sun
                 if not run.shares_blocks:
-                    some = suns.only(sources(daylight.sky.isel(time=hours)))
-                share = part(done, i / len(taken), (i + 1) / len(taken))
+                    some = suns.only(sources(every.sky.isel(time=hours)))
+                share = part(done, i / len(states_of), (i + 1) / len(states_of))
                 known_C = states.get(state)
                 others[state] = _state(simulated, state, some, latitude, known_C, mesh, run, share)
     run.forget_paths()
-    return SimulatedYear(Coefficients(coefficients.open, others), direct, shade)
+    return SimulatedYear(Coefficients(coefficients.open, others), *taken.of_case(), daylight)
+
+
+def _taken(
+    case: Case, daylight: Daylight, coefficients: Coefficients,
+    needed: Callable[[xr.Dataset], np.ndarray] | None,
+) -> _Taken:  # fmt: skip
+    """States that the façade may take in every hour of a daylight; `needed` as for `simulate`.
+
+    Where the states of a year are too many to be simulated one by one, those of the case's own
+    time stamps alone are.
+    """
+    if daylight.year is not None:
+        try:
+            of_year = _taken(case, daylight.year, coefficients, needed)
+        except InputError:  # too many for any weather
+            of_year = None
+        if of_year is None or VARYING in of_year.hours:
+            return _taken(case, daylight.alone(), coefficients, needed)
+        return of_year._replace(daylight=daylight)
+    marked = coefficients.attrs
+    direct = illuminance.direct_sun(coefficients, daylight.sky)
+    if needed is not None:
+        return _Taken(daylight, direct, None, {SHADED: needed(direct)})
+    if case.effects.dark_hours == "all":  # another weather may let suns shine that do not here
+        hours = hours_in_any_weather(case, daylight, coefficients, marked)
+        return _Taken(daylight, direct, None, hours)
+    shade = draw_shade(case, daylight.step_hours, direct, marked)
+    return _Taken(daylight, direct, shade, shade.closures.others)
 
 
 def _varying(case: Case, daylight: Daylight, indices: np.ndarray, run: Run) -> xr.Dataset:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -77,6 +77,7 @@ def _of_one_type(frame: pd.DataFrame, keys: tuple[str, ...]) -> pd.DataFrame:
 def study(
     plan: Study, folder: Path, cache: str | Path | None = None,
     progress: Progress = lambda share: None, workers: Workers | None = None,
+    tell: Callable[[str], None] = lambda line: None,
 ) -> StudyTable:  # fmt: skip
     """Evaluate all rows of a study; those that an earlier run has finished are read.
 
@@ -91,6 +92,8 @@ def study(
     progress : callable
     workers : Workers, optional
         Processes that evaluate rows, from `workers.opened`; they see the cache by the same path.
+    tell : callable, optional
+        Takes a line on rows and blocks that were stored before.
 
     Returns
     -------
@@ -105,7 +108,9 @@ def study(
     rows, lines = plan.each(), []
     with locked(folder):
         storage.remove_abandoned(folder)
-        blocks = BlockFolder.cache(folder / CACHE if cache is None else cache)
+        blocks = BlockFolder.cache(folder / CACHE if cache is None else cache).telling(tell)
+        if finished := _finished(plan, rows, folder / "rows"):
+            tell(f"going on from {finished} of {len(rows)} rows stored in {folder / 'rows'}")
         done = _evaluate_facades(plan, rows, folder / "rows", workers, progress)
         others = part(progress, done, 1.0)
         if workers is not None:
@@ -220,6 +225,12 @@ def _ordered(frame: pd.DataFrame, keys: tuple[str, ...]) -> pd.DataFrame:
     frame = frame.reindex(columns=list(dict.fromkeys([*frame.columns, *ANNUAL, "error"])))
     metrics = [name for name in frame.columns if name not in ("row", "error", *keys)]
     return frame[["row", *keys, *metrics, "error"]]
+
+
+def _finished(plan: Study, rows: list[Row], folder: Path) -> int:
+    """Number of rows whose metrics are stored."""
+    cases = (case for _, case, _ in _readable(plan, rows))
+    return sum(_stored(folder / f"{_key(case)}.json") is not None for case in cases)
 
 
 def _line(plan: Study, row: Row, folder: Path, blocks: BlockFolder) -> dict[str, Any]:

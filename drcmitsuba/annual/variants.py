@@ -25,7 +25,7 @@ from drcmitsuba.plan import Plan, notes, plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.sky.daylight import Daylight, daylight
+from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.transport import facade_basis
 
 
@@ -95,7 +95,7 @@ class SharedBasis:
         run = replace(Run.of(first), stage=stage)
         with run.timed("sky"):
             remarks = [notes(case) for case in cases]  # reads the films' files, which may be unfit
-            light = daylight(first) if light is None else light
+            light = daylight_and_year(first) if light is None else light
             wall, tiles, palette, shares = facade_basis.of_variants(cases)
         with run.timed("façade basis") as done:
             basis = facade_basis.compute(
@@ -176,8 +176,9 @@ def coefficients_of(
     is_open = basis.coefficients(share)
     marked = attributes(case, light, planned.scope)
     coefficients = Coefficients(is_open.assign_attrs(marked))
-    direct = illuminance.direct_sun(coefficients, light.sky)
-    if planned.simulated.shading is None or not may_close(case, light.step_hours, direct).any():
+    every = illuminance.direct_sun(coefficients, light.every.sky)
+    direct = every if light.year is None else every.isel(time=light.rows)
+    if planned.simulated.shading is None or not may_close(case, light.step_hours, every).any():
         return coefficients, direct
     shaded = basis.coefficients(share @ basis.palette.closing)
     return Coefficients(coefficients.open, {SHADED: shaded}), direct

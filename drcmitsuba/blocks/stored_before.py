@@ -6,6 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+MOST_LINES = 10
+"""Largest number of lines that tell of stored blocks, as of a study's rows."""
+
 
 @dataclass(frozen=True)
 class StoredBefore:
@@ -26,8 +29,11 @@ class StoredBefore:
     def tell_once(self, about: str, paths: Sequence[Path]) -> None:
         """Tell how many of the blocks of a key were stored; nothing where none was."""
         stored = sum(path in self.files for path in paths)
-        if stored and paths[0].parent not in self.told:
-            self.told.add(paths[0].parent)
-            self.tell(
-                f"{about}: going on from {stored} of {len(paths)} blocks stored in {self.folder}"
-            )
+        if not stored or paths[0].parent in self.told:
+            return
+        self.told.add(paths[0].parent)
+        if len(self.told) <= MOST_LINES:
+            blocks = f"{stored} of {len(paths)} blocks"
+            self.tell(f"{about}: going on from {blocks} stored in {self.folder}")
+        elif len(self.told) == MOST_LINES + 1:
+            self.tell(f"further blocks stored in {self.folder} are used without a line each")

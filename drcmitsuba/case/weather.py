@@ -49,3 +49,8 @@ class PeriodTable(Table):
     """First and last day of daylight-saving time, "MM-DD"; default: no daylight saving."""
     timestamps: Path | None = None
     """CSV file of time stamps, in place of all other keys; relative to the case file."""
+
+    def of_year(self) -> PeriodTable:
+        """Every hour of the year by the same clock."""
+        days = self.daylight_saving
+        return PeriodTable(calendar="LM-83", hours=(0, 24), daylight_saving=days)

@@ -70,7 +70,8 @@ def case(case: CaseName, output: Output = Path(), weather: Weather = None) -> No
 
 def _place_notes(case: Case) -> tuple[str, ...]:
     """Remarks on the place, where the case names a weather file and another place."""
-    from drcmitsuba.sky.daylight import place_notes, weather_of
+    from drcmitsuba.sky.daylight import weather_of
+    from drcmitsuba.sky.remarks import place_notes
 
     if case.weather.file is None or (case.site is None and case.building.location is None):
         return ()

@@ -16,7 +16,9 @@ from drcmitsuba.cli.terminal import show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
 
 if TYPE_CHECKING:
+    from drcmitsuba.case.case import Case
     from drcmitsuba.design.change import Change
+    from drcmitsuba.runtime.progress import Stage
     from drcmitsuba.standards import Evidence, Refusal, Verdict, ViewOut
     from drcmitsuba.standards.verdict import Margin, Outcome
 
@@ -38,8 +40,9 @@ def comply(
 ) -> None:
     """Judge an evaluation by standards: level, margin and probability of passing.
 
-    A case is evaluated first; -o then keeps its results, too. The probability is the share of the
-    draws of the year, from which the 95 % intervals follow, in which a level is reached.
+    A case is evaluated first, by each standard's own hours, and on a grid as the standard asks for
+    where its own is too coarse; -o then keeps these results, too. The probability is the share of
+    the draws of the year, from which the 95 % intervals follow, in which a level is reached.
     """
     from drcmitsuba import standards
     from drcmitsuba.runtime import storage
@@ -55,22 +58,21 @@ def comply(
         raise InputError("command line", name, got, "give it with a case")
     if change and not standard:
         raise InputError("command line", "--change", "no standard", "name one: --standard NAME")
+    changes: list[Change | Refusal] = []
     if is_folder:
         evidence = standards.Evidence.of_folder(source)
+        judged: list[Verdict | Refusal] = (
+            [*standards.each(standard, evidence)] if standard else standards.verdicts(evidence)
+        )
     else:
-        evidence = _evaluated(source, standard or [], weather, output)
-    if standard:
-        judged: list[Verdict | Refusal] = [*standards.each(standard, evidence)]
-    else:
-        judged = standards.verdicts(evidence)
+        judged, changes = _of_case(load(source, weather), standard or [], output, change)
     told: dict[str, Any] = {
-        "source": evidence.source,
+        "source": str(source),
         "standards": [verdict.to_dict() for verdict in judged],
     }
     seen = _view(source, weather) if view else None
     if seen is not None:
         told["view_out"] = seen.to_dict()
-    changes = _changes(source, weather, judged) if change else []
     if changes:
         told["changes"] = [each.to_dict() for each in changes]
     if output is not None:
@@ -91,24 +93,51 @@ def comply(
         print(f"verdicts are in {output / 'compliance.json'}")
 
 
-def _evaluated(case: str, names: list[str], weather: Path | None, output: Path | None) -> Evidence:
-    """Evaluate a case whose period covers the named standards, or else any of them."""
-    from drcmitsuba import evaluate, standards
-    from drcmitsuba.sky.daylight import daylight
+def _of_case(
+    case: Case, named: list[str], output: Path | None, change: bool
+) -> tuple[list[Verdict | Refusal], list[Change | Refusal]]:
+    """Evaluate a case by the hours and points of standards, and judge it; all of them by default.
 
-    loaded = load(case, weather)
-    light = daylight(loaded)
-    refusals = standards.not_covered(light.sky, light.step_hours, loaded.source)
-    wanted = [refusals[name] for name in names if name in refusals]
-    if not names and len(refusals) == len(standards.names()):
-        wanted = [*refusals.values()]
-    if wanted:
-        raise wanted[-1]
-    with stages() as stage:
-        result = evaluate(loaded, stage)
-        if output is not None:
-            result.save(output, stage)
-    return standards.Evidence.of_result(result)
+    Results of the user's own points go to `output`, those of a grid that was laid to a folder in
+    it.
+    """
+    from drcmitsuba import standards
+    from drcmitsuba.design.cheapest_change import cheapest_changes
+    from drcmitsuba.runtime import backend
+
+    backend.select()
+    names = named or standards.names()
+    every, refused = standards.terms(case, names)
+    if refused and (named or not every):
+        raise [*refused.values()][-1]
+    judged: dict[str, Verdict | Refusal] = {
+        name: standards.Refusal(name, standards.read(name).title, error)
+        for name, error in refused.items()
+    }
+    changes: list[Change | Refusal] = []
+    for terms in every:
+        with stages() as stage:
+            folder = output / "laid_grid" if output is not None and terms.grid else output
+            verdicts = standards.on_terms(terms, _evaluated(terms.case, folder, stage))
+            judged |= {verdict.standard: verdict for verdict in verdicts}
+            if change:
+                sound = [verdict for verdict in verdicts if isinstance(verdict, standards.Verdict)]
+                changes += cheapest_changes(terms.case, sound, stage)
+    for name in named:
+        if isinstance(refusal := judged[name], standards.Refusal):
+            raise refusal.reason
+    return [judged[name] for name in names], changes
+
+
+def _evaluated(case: Case, folder: Path | None, stage: Stage) -> Evidence:
+    """Evaluate a case, and write its results to a folder where one is named."""
+    from drcmitsuba import evaluate
+    from drcmitsuba.standards import Evidence
+
+    result = evaluate(case, stage)
+    if folder is not None:
+        result.save(folder, stage)
+    return Evidence.of_result(result)
 
 
 def _view(case: str, weather: Path | None) -> ViewOut:
@@ -117,18 +146,6 @@ def _view(case: str, weather: Path | None) -> ViewOut:
     from drcmitsuba.standards import view_out
 
     return view_out(view_distances(load(case, weather)))
-
-
-def _changes(
-    case: str, weather: Path | None, judged: Sequence[Verdict | Refusal]
-) -> list[Change | Refusal]:
-    """Least changes of a case's façade for the next level of each standard, or why none is told."""
-    from drcmitsuba.design.cheapest_change import cheapest_changes
-    from drcmitsuba.standards import Verdict
-
-    with stages() as stage:
-        verdicts = [each for each in judged if isinstance(each, Verdict)]
-        return cheapest_changes(load(case, weather), verdicts, stage)
 
 
 def _lines(changes: Sequence[Change | Refusal]) -> Iterator[str]:
@@ -145,11 +162,14 @@ def _lines(changes: Sequence[Change | Refusal]) -> Iterator[str]:
 
 
 def _show_all(judged: list[Verdict | Refusal]) -> None:
-    """Table with a row for each standard, and the reasons where there is no verdict."""
+    """Table with a row for each standard; what they took, and why there is no verdict."""
     from drcmitsuba.standards import Refusal
     from drcmitsuba.standards.verdict import likelihood
 
-    table = Table("standard", "verdict", "probability", "nearest limit")
+    table = Table()
+    table.add_column("standard", no_wrap=True)
+    for column in ("verdict", "probability", "nearest limit"):
+        table.add_column(column)
     reasons = []
     for verdict in judged:
         if isinstance(verdict, Refusal):
@@ -167,8 +187,19 @@ def _show_all(judged: list[Verdict | Refusal]) -> None:
             reached += f" ({verdict.levels[0].name})"
         table.add_row(verdict.standard, verdict.stated(), reached, _margin(shown.margin))
     show(table)
-    show_notes(reasons)
+    show_notes([*_taken(judged), *reasons])
     print("details: drcmitsuba comply … --standard NAME")
+
+
+def _taken(judged: list[Verdict | Refusal]) -> list[str]:
+    """Lines on what standards took in place of the case's own, each with their names."""
+    from drcmitsuba.standards import Verdict
+
+    names = dict[str, list[str]]()
+    for verdict in judged:
+        for line in verdict.taken if isinstance(verdict, Verdict) else ():
+            names.setdefault(line, []).append(verdict.standard)
+    return [f"{', '.join(of_line)}: {line}" for line, of_line in names.items()]
 
 
 def _show_verdict(verdict: Verdict) -> None:
@@ -177,7 +208,7 @@ def _show_verdict(verdict: Verdict) -> None:
     from drcmitsuba.standards.verdict import likelihood
 
     standard = read(verdict.standard)
-    print(f"{verdict.title} ({verdict.edition})")
+    print(f"{verdict.title} ({verdict.edition}; sources read {standard.read})")
     if verdict.undecided is None:
         lowest = "" if verdict.level is not None else f" of {verdict.levels[0].name}"
         print(
@@ -196,7 +227,7 @@ def _show_verdict(verdict: Verdict) -> None:
         print(f"what decides: {verdict.deciding.text()}")
     for duty in verdict.duties:
         print(f"duty: {on_a_line(duty)}")
-    show_notes(verdict.notes)
+    show_notes([*verdict.taken, *verdict.notes])
     tables = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
     for source in dict.fromkeys(f"{t.sure}: {t.source}" for t in tables):
         print(f"source, {source}")

@@ -161,7 +161,7 @@ def _make_part(case: Case, block: str, cache: Path | None) -> None:
     if cache is None:
         remedy = "name the folder that all parts share: --cache FOLDER"
         raise InputError("command line", "--block", "no --cache", remedy)
-    blocks = BlockFolder.cache(cache)
+    blocks = BlockFolder.cache(cache).telling(show_progress)
     with stages() as stage:
         make_part(case, blocks, which, stage)
     show_notes(blocks.notes)

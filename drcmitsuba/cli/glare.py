@@ -51,9 +51,11 @@ def glare(
     """Evaluate a year of glare: DGP of every hour and view, classes of EN 17037, plots.
 
     Views are those of the case, or those of --around. The shade is open, closed and applied.
+    Hours of the period with daylight are counted.
     """
     from drcmitsuba.glare_year import Rule
     from drcmitsuba.glare_year import glare as run
+    from drcmitsuba.glare_year.result import EXCEEDED
     from drcmitsuba.picture.glare import EVALGLARE, PAPER
 
     points = [_point(text) for text in around] if around else None
@@ -64,6 +66,7 @@ def glare(
         result.save(output, stage)
     numbers = result.numbers()
     show(*(_table(state, rows) for state, rows in numbers["DGP"].items()))
+    print(f"hours counted: {result.counting}; EN 17037 allows {100 * EXCEEDED:g} % of them")
     show_notes(numbers["settings"]["notes"])
     print(f"results are in {output}")
 

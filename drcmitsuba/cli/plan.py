@@ -22,14 +22,14 @@ def plan(
     from drcmitsuba.plan.forecast import forecast
     from drcmitsuba.runtime import backend, storage
     from drcmitsuba.scene.sensors import sensor_points
-    from drcmitsuba.sky.daylight import daylight
+    from drcmitsuba.sky.daylight import daylight_and_year
 
     loaded = load(case, weather)
     backend.select()
     with stages() as stage, stage("plan") as done:
         sensor_points(loaded)  # refuses sensors in walls, as an evaluation does
         remarks = notes(loaded)
-        light = daylight(loaded)
+        light = daylight_and_year(loaded)
         decided = decide(loaded, light)
         done(0.3)
         expected = forecast(decided)

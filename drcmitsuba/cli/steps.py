@@ -39,7 +39,7 @@ def coefficients(case: CaseName, output: Output = Path("results"), weather: Weat
     backend.select()
     with stages() as stage:
         with stage("sky"):
-            sources = daylight.daylight(loaded)
+            sources = daylight.daylight_and_year(loaded)
         run = Run.of(loaded, plan(loaded, sources).scope)
         C = simulation.coefficients(loaded, sources, replace(run, stage=stage))
         with stage("writing"):

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from drcmitsuba.cli.options import Output, Scheduler, WorkerCount, argument, option
-from drcmitsuba.cli.terminal import show, stages
+from drcmitsuba.cli.terminal import show, show_progress, stages
 from drcmitsuba.runtime.errors import on_a_line
 
 MOST_ROWS = 20
@@ -32,7 +32,7 @@ def study(
 
     plan = load_study(file)
     with stages() as stage, opened(workers, scheduler) as others, stage("rows") as done:
-        made = evaluate_rows(plan, output, cache, done, others)
+        made = evaluate_rows(plan, output, cache, done, others, show_progress)
     frame, keys = made.frame, list(made.keys)
     table = Table("row", *map(escape, keys), "sDA %", "ASE %")
     for _, row in frame.head(MOST_ROWS).iterrows():

@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 
 from drcmitsuba.case.case import Case
+from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.design.change import Change, Move
 from drcmitsuba.design.change_problem import ChangeCandidate, ChangeProblem
 from drcmitsuba.design.change_search import ChangeOptimum, least_change
@@ -24,6 +25,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.standards import Refusal, Verdict, read, verdict
 from drcmitsuba.standards.coverage import hours_of
+from drcmitsuba.standards.terms import dated
 
 MOST_JUDGED = 8
 """Largest number of façades that the search holds for passing and that are judged with draws."""
@@ -36,15 +38,18 @@ def cheapest_changes(
 ) -> list[Change | Refusal]:
     """Find the least change for the next level of each of several verdicts on one case.
 
-    Where none can be told, a refusal says why: of all standards if a basis cannot hold the case.
+    Its period is that of each standard. Where none can be told, a refusal says why: of all
+    standards if a basis cannot hold the case.
     """
     found: list[Change | Refusal] = []
-    facades: Facades | None = None
+    facades = dict[PeriodTable, Facades]()
     for each in judged:
         try:
             level_above(each)
-            facades = facades or Facades.of(case, stage)
-            found.append(cheapest_change(each, facades, stage))
+            own = dated(case, read(each.standard))
+            if own.period not in facades:
+                facades[own.period] = Facades.of(own, stage)
+            found.append(cheapest_change(each, facades[own.period], stage))
         except InputError as error:
             found.append(Refusal(each.standard, each.title, error))
     return found

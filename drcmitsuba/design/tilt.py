@@ -230,7 +230,7 @@ class TiltProblem(RatedProblem):
 
         run = replace(Run.of(case), stage=stage)
         hours = partial(self._has_sun, case)
-        coefficients, direct, _ = simulation.simulate(case, self.daylight, run, needed=hours)
+        coefficients, direct, *_ = simulation.simulate(case, self.daylight, run, needed=hours)
         judged = evaluate_metrics(case, self.daylight, coefficients, direct)
         year = by_luminance(judged.illuminance)
         is_open, direct_sun = year["total_open"].values, year["direct_sun"].values

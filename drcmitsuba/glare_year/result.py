@@ -1,7 +1,8 @@
 """Result of a year of glare: DGP of every hour and view, its shares of the hours, its class.
 
 EN 17037 rates protection from glare by the DGP that is exceeded in at most 5 % of the occupied
-hours [1]_: 0.35 for a high, 0.40 for a medium and 0.45 for a minimum protection.
+hours [1]_: 0.35 for a high, 0.40 for a medium and 0.45 for a minimum protection. Hours of the
+period without daylight are not counted: no sky and no sun is bright then.
 
 References
 ----------
@@ -42,7 +43,8 @@ class GlareYear:
     case: Case
     hours: xr.Dataset
     """`dgp`, `dgp_se`, `illuminance`, `illuminance_se` [lx], `contrast` and, with films,
-    `dgp_sharp`, (state, time, view), with the coordinates of the views."""
+    `dgp_sharp`, (state, time, view), with the coordinates of the views; `daylight` (time,), 1
+    where sky or sun is bright: these hours are counted, all of them without it."""
     replicates: np.ndarray
     """DGP by each replicate, float32, shape (replicate, state, time, view)."""
     settings: dict[str, Any]
@@ -61,14 +63,29 @@ class GlareYear:
         return tuple(map(str, self.hours["view"].values))
 
     @cached_property
+    def counted(self) -> np.ndarray:
+        """Time stamps that shares count, indices: those with daylight; all, where none has any."""
+        stamps = self.hours.sizes["time"]
+        lit = self.hours["daylight"].values > 0 if "daylight" in self.hours else np.zeros(stamps)
+        return np.flatnonzero(lit) if np.any(lit) else np.arange(stamps)
+
+    @property
+    def counting(self) -> str:
+        """Hours that shares count, for people."""
+        step = float(self.hours.attrs.get("step_hours", 1.0))
+        n, all_of = (step * count for count in (len(self.counted), self.hours.sizes["time"]))
+        of_period = "all of" if n == all_of else "those with daylight of"
+        return f"{n:g} h, {of_period} the period's {all_of:g} h"
+
+    @cached_property
     def _draws(self) -> dict[float, np.ndarray]:
-        """Share of the hours above each class' DGP in every draw, (state, view, draw)."""
+        """Share of the counted hours above each class' DGP in every draw, (state, view, draw)."""
         replicates, states, _, views = self.replicates.shape
         drawn = multipliers(replicates, self.settings["seed"]).replicates
         out = {limit: np.zeros((states, views, drawn.shape[1])) for limit in CLASSES.values()}
         for s in range(states):
             for v in range(views):
-                each = self.replicates[:, s, :, v]
+                each = self.replicates[:, s, self.counted, v]
                 mean = each.mean(axis=0)
                 values = mean[:, None] + (each - mean).T @ drawn
                 for limit, shares in out.items():
@@ -76,10 +93,10 @@ class GlareYear:
         return out
 
     def share(self, limit: float) -> xr.DataArray:
-        """Share of the time stamps whose DGP is above a limit [–], dims (state, view)."""
+        """Share of the counted hours whose DGP is above a limit [–], dims (state, view)."""
         if not 0 < limit < 1:
             raise InputError("glare", "limit", f"{limit}", "give a DGP from 0 to 1")
-        return (self.hours["dgp"] > limit).mean("time")
+        return (self.hours["dgp"].isel(time=self.counted) > limit).mean("time")
 
     def classes(self) -> xr.Dataset:
         """Class of EN 17037 of every view.
@@ -130,7 +147,15 @@ class GlareYear:
                     "probability": dict(zip((*CLASSES, NONE), chance, strict=True)),
                     "largest": float(self.hours["dgp"].values[s, :, v].max()),
                 }
-        return {"DGP": by_state, "settings": self.settings, "seconds": self.seconds}
+        step = float(self.hours.attrs.get("step_hours", 1.0))
+        hours = {
+            "period": step * self.hours.sizes["time"],
+            "counted": step * len(self.counted),
+            "which": self.counting,
+        }
+        return {
+            "DGP": by_state, "hours": hours, "settings": self.settings, "seconds": self.seconds,
+        }  # fmt: skip
 
     def worst(self, state: str | None = None) -> str:
         """View with the most hours above the highest class' DGP in a state, by default the last."""
@@ -208,7 +233,9 @@ class GlareYear:
             shares = "".join(f"<td>{v['value']:.1f} %</td>" for v in row["above"].values())
             rows += f"<tr><th>{escape(view)}</th>{shares}<td>{row['class']}</td></tr>"
         limits = "".join(f"<th>above {limit:.2f}</th>" for limit in CLASSES.values())
-        head = f"<caption>{escape(self.case.name)}, façade {escape(state)}</caption>"
+        head = (
+            f"<caption>{escape(self.case.name)}, façade {escape(state)}; {self.counting}</caption>"
+        )
         head += f"<tr><th>view</th>{limits}<th>EN 17037</th></tr>"
         image = plots.html_image(self.year_plot(), "DGP over days and hours")
         return f"<table>{head}{rows}</table>{image}"

@@ -61,7 +61,8 @@ def glare(
     Parameters
     ----------
     case : Case, str or Path
-        Case, TOML file, or name of a shipped case. Its period are the occupied hours.
+        Case, TOML file, or name of a shipped case. Its period are the occupied hours, of which
+        those with daylight are counted.
     points : array_like, shape (point, 3), optional
         Places of eyes in the coordinates of the case file [m], from each of which eight views look
         round; by default the views of the case.
@@ -157,6 +158,12 @@ def _taken(case: Case, light: Daylight, run: Run) -> tuple[FacadeStates | None, 
     return taken, ()
 
 
+def _bright(light: Daylight) -> np.ndarray:
+    """Time stamps at which the sky or the sun is bright, bool (time,)."""
+    sky = light.sky["sky"].transpose("time", "bin").values
+    return (sky > 0).any(axis=1) | (light.sky["sun"].values > 0)
+
+
 def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarray) -> np.ndarray:
     """DGP by each replicate, as pseudo-values of the jackknife: R · DGP − (R − 1) · DGP without r.
 
@@ -188,6 +195,7 @@ def _rated(
     coords: dict[str, Any] = {
         "state": np.array(states, object), "time": light.sky["time"].values,
         "clock": ("time", light.sky["clock"].values), "view": np.array(looking.names, object),
+        "daylight": ("time", _bright(light).astype(np.int8)),
     }  # fmt: skip
     for axes, columns in (("xyz", places), (("dx", "dy", "dz"), looking.forward)):
         coords |= {axis: ("view", columns[:, k]) for k, axis in enumerate(axes)}

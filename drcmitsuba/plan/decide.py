@@ -21,7 +21,7 @@ from drcmitsuba.scene.sun_visibility import outside
 
 def sky(facts: Facts) -> Effect:
     """Patches of the sky: on where the room has an opening and some patch has a luminance."""
-    L = facts.light.sky
+    L = facts.light.every.sky
     is_bright = (L["sky"].values[:, 1:] > 0).any(axis=1)
     if isinstance(facts.case.sun, ThreePhase):  # the sun is among the patches
         is_bright |= L["sun"].values > 0
@@ -29,7 +29,7 @@ def sky(facts: Facts) -> Effect:
     if facts.shut:
         return Effect(False, "the room has no opening")
     count = len(Patches(facts.case.sky.subdivision)) - 1
-    reason = f"{count} patches; the sky is bright in {bright} of {facts.hours} time stamps"
+    reason = f"{count} patches; the sky is bright in {bright} of {facts.stamps} time stamps"
     return Effect(bright > 0, reason, {"bright_hours": bright})
 
 
@@ -60,7 +60,7 @@ def suns(facts: Facts) -> Effect:
     quantities = {"suns": count, "reaching": into, "largest_ns": round(reached.largest, 4)}
     if facts.shut:
         return Effect(False, "the room has no opening", quantities)
-    shining = int((facts.light.sky["sun"].values > 0).sum())
+    shining = int((facts.light.every.sky["sun"].values > 0).sum())
     if shining == 0:
         return Effect(False, "no sun of the period has a radiance", quantities)
     if isinstance(facts.case.sun, ThreePhase):
@@ -216,16 +216,16 @@ def shaded_state(facts: Facts) -> Effect:
         return Effect(True, f"{', '.join(scheduled)} follow a schedule")
     threshold, _ = case.shade_rule
     if not isinstance(case.sun, TrueSun | Adaptive):
-        hours = int((facts.light.sky["sun"].values > 0).sum())
+        hours = int((facts.light.every.sky["sun"].values > 0).sum())
         reason = (
-            f"the sun shines in {hours} of {facts.hours} time stamps, where its model places it"
+            f"the sun shines in {hours} of {facts.stamps} time stamps, where its model places it"
         )
         return Effect(hours > 0, reason, {"may_close": hours})
     most, hours = most_direct(facts)
     reason = f"the sun puts at most {most:.0f} lx on a sensor, the shade closes at {threshold:g}"
     if hours:
         reason = (
-            f"the sun may put {threshold:g} lx on sensors in {hours} of {facts.hours} time stamps"
+            f"the sun may put {threshold:g} lx on sensors in {hours} of {facts.stamps} time stamps"
         )
     return Effect(hours > 0, reason, {"may_close": hours})
 
@@ -238,13 +238,13 @@ def most_direct(facts: Facts) -> tuple[float, int]:
     factor = max(through, default=1.0)
     # Mirrors, and glass across the room, may add to it.
     bends = bool(case.standing) or pane_to_pane(facts).on or case.effects.pane_to_pane == "all"
-    normal = facts.light.sky["direct_normal_illuminance"].values
-    z = facts.light.sun["direction"].values[:, 2]
+    normal = facts.light.every.sky["direct_normal_illuminance"].values
+    z = facts.light.every.sun["direction"].values[:, 2]
     if isinstance(case.sensors, PointSensors):  # of any normal
         z = np.ones_like(z)
     bound = normal * np.clip(z + np.radians(case.outside.sun_diameter), 0, 1) * factor
     if facts.reach is not None:
-        directions = facts.light.sun["direction"].values
+        directions = facts.light.every.sun["direction"].values
         bound = bound * facts.reach.visible(directions, case.outside.sun_diameter).mask
     closes = bound > 0 if bends else bound >= case.shade_rule[0]
     return float(bound.max(initial=0)), int(closes.sum())

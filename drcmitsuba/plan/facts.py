@@ -38,6 +38,11 @@ class Facts:
         return self.light.sky.sizes["time"]
 
     @property
+    def stamps(self) -> int:
+        """Number of time stamps whose light is simulated: those of the year, where it is."""
+        return self.light.every.sky.sizes["time"]
+
+    @property
     def shut(self) -> bool:
         """Whether the room has no opening at all."""
         return self.reach is not None and len(self.reach.openings) == 0

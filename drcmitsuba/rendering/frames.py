@@ -25,9 +25,6 @@ from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.daylight import Daylight, daylight
 from drcmitsuba.sky.luminances import sources
 
-EVERY_HOUR = PeriodTable(calendar="LM-83", hours=(0, 24))
-"""Period that has every hour of the year."""
-
 
 def frames(
     case: Case | str | Path, view: str | None, times: Sequence[str | np.datetime64], *,
@@ -151,7 +148,7 @@ def _hours_of(case: Case, instants: np.ndarray) -> tuple[Daylight, np.ndarray]:
     asked = daylight(case, instants)
     if case.period.timestamps is not None:
         return asked, np.arange(len(instants))
-    year = daylight(case.with_tables(period=EVERY_HOUR))
+    year = daylight(case.with_tables(period=PeriodTable().of_year()))
     hours = np.searchsorted(year.sky["time"].values, instants, side="right") - 1
     rows, row = np.unique(hours, return_inverse=True)
     sky, sun = year.sky.isel(time=rows), year.sun.isel(time=rows)

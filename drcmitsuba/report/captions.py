@@ -11,7 +11,7 @@ import xarray as xr
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.scene.geometry import clockwise, origin
-from drcmitsuba.sky.daylight import period
+from drcmitsuba.sky.period import period
 
 METRICS = ("sDA", "ASE")
 NO_BREAK = "\N{NO-BREAK SPACE}"

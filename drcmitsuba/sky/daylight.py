@@ -15,18 +15,16 @@ from drcmitsuba import sky
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.sky import CieTable, PerezSky, SunshineTable
 from drcmitsuba.case.sun import Adaptive, Daysim, FivePhase, ThreePhase
-from drcmitsuba.case.weather import PeriodTable
-from drcmitsuba.runtime.errors import InputError, on_a_line
+from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import is_file
 from drcmitsuba.sky import sun_models, weather
 from drcmitsuba.sky.consistency import notes_on
-from drcmitsuba.sky.period import EVALDRC, LM83, Period, read_timestamps
+from drcmitsuba.sky.period import period, read_timestamps, whole_year
+from drcmitsuba.sky.remarks import period_notes, place_notes
 from drcmitsuba.sky.sun_models import Blend, Suns
 
-SAME_LATITUDE, SAME_LONGITUDE = 0.5, 1.0
-"""Largest difference between a stated place and the weather's without a remark [deg]."""
-DARK_SHARE = 0.05
-"""Share of time stamps without daylight above which a remark is made."""
+YEAR = 8760.0
+"""Hours of a year [h]."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,9 @@ class Daylight:
         Weather file, or the name of a site without one.
     notes : tuple of str
         Changes that the reader of the weather made, and remarks on the period.
+    year : Daylight, optional
+        All hours of the year, where these time stamps are some of them: `suns` are those of the
+        year, and standards count its hours.
     """
 
     sky: xr.Dataset
@@ -56,6 +57,21 @@ class Daylight:
     step_hours: float
     source: str
     notes: tuple[str, ...] = ()
+    year: Daylight | None = None
+
+    @property
+    def every(self) -> Daylight:
+        """Daylight of all time stamps that are simulated: the year's, or its own."""
+        return self if self.year is None else self.year
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Indices of its time stamps among those of `every`, int, shape (time,)."""
+        return np.searchsorted(self.every.sky["time"].values, self.sky["time"].values)
+
+    def alone(self) -> Daylight:
+        """Daylight without the year; its suns are still those of the year."""
+        return replace(self, year=None)
 
 
 @contextmanager
@@ -66,17 +82,6 @@ def _of(case: Case, table: str) -> Iterator[None]:
     except InputError as error:
         field = f"{table}.{error.field}"
         raise InputError(case.source, field, error.got, error.remedy) from None
-
-
-def period(table: PeriodTable) -> Period:
-    """Period of a case; keys beside `calendar` override it."""
-    days = {"EvalDRC": EVALDRC, "LM-83": LM83}[table.calendar].days_per_week
-    return Period(
-        months=table.months,
-        hours=table.hours,
-        days_per_week=table.days_per_week or days,
-        daylight_saving=table.daylight_saving,
-    )
 
 
 def sky_model(case: Case) -> sky.SkyModel:
@@ -108,15 +113,8 @@ def weather_of(case: Case) -> weather.Weather:
             note += ", not [site]: a Perez sky takes place and weather from the weather file"
         return replace(default, notes=(note, *default.notes))
     site = weather.Site(**case.site.model_dump())
-    empty = xr.Dataset(coords={"time": _whole_year(1.0)}, attrs={"sun_time": "middle"})
+    empty = xr.Dataset(coords={"time": whole_year(1.0)}, attrs={"sun_time": "middle"})
     return weather.Weather(f"{site.name}, no weather file", site, 1.0, empty, ())
-
-
-def _whole_year(step: float) -> np.ndarray:
-    """Starts of all intervals of the nominal year, of a length [h]."""
-    length = np.timedelta64(round(step * 3600), "s")
-    year = np.arange("2015-01-01", "2016-01-01", length, dtype="datetime64[s]")
-    return year.astype("datetime64[ns]")
 
 
 class _Stamps(NamedTuple):
@@ -198,7 +196,36 @@ def daylight(case: Case, times: np.ndarray | None = None) -> Daylight:
         The weather file, the period or the time stamps are unfit, or no time stamp is left.
     """
     w = weather_of(case)
-    times, clock, rows, sun_time = _stamps(case, w, times)
+    light = _of_stamps(case, w, _stamps(case, w, times))
+    return replace(light, notes=_notes(case, w, light.sky))
+
+
+def daylight_and_year(case: Case) -> Daylight:
+    """Daylight of the case's time stamps as `daylight`, with the year whose hours standards count.
+
+    There is a year where the time stamps are some hours of all twelve months, and the weather has
+    all hours. A part of a year, and a user's own time stamps, stay by themselves.
+    """
+    w = weather_of(case)
+    own, starts = _stamps(case, w, None), w.data["time"].values
+    whole = abs(len(starts) * w.step - YEAR) < w.step / 2
+    seasonal = case.period.timestamps is not None or len(case.period.months) < 12
+    if seasonal or not whole or len(own.times) == len(starts):
+        light = _of_stamps(case, w, own)
+        return replace(light, notes=_notes(case, w, light.sky))
+    year = _of_stamps(case, w, _stamps(case.with_tables(period=case.period.of_year()), w, None))
+    sky, sun = (data.isel(time=own.rows) for data in (year.sky, year.sun))
+    return replace(year, sky=sky, sun=sun, notes=_notes(case, w, sky), year=year)
+
+
+def _notes(case: Case, w: weather.Weather, light: xr.Dataset) -> tuple[str, ...]:
+    """Remarks on the weather, the place and the period of a sky."""
+    return (*w.notes, *notes_on(w), *place_notes(case, w.site), *period_notes(case, light, w))
+
+
+def _of_stamps(case: Case, w: weather.Weather, stamps: _Stamps) -> Daylight:
+    """Sky and suns of some time stamps, without remarks."""
+    times, clock, rows, sun_time = stamps
     with _of(case, "sky"):
         model = sky_model(case)
     data = w.data.isel(time=rows).assign_coords(time=times)
@@ -224,57 +251,7 @@ def daylight(case: Case, times: np.ndarray | None = None) -> Daylight:
     if blend is not None:
         light["blend_bin"] = (("time", "blend"), blend.bins)
         light["blend_weight"] = (("time", "blend"), blend.weights)
-    notes = (*w.notes, *notes_on(w), *place_notes(case, w.site), *_period_notes(case, light, w))
-    return Daylight(light, sun, sources, w.step, w.source, notes)
-
-
-def place_notes(case: Case, site: weather.Site) -> tuple[str, ...]:
-    """Remarks on places that the case and its model state, where they are not the weather's."""
-    table, location = case.site, case.building.location
-    stated: list[tuple[str, float, float]] = []
-    if table is not None and case.weather.file is not None:
-        stated.append((f"[site] {table.name}", table.latitude, table.longitude))
-    if location is not None:
-        name = f"the model's place {location.name}".rstrip()
-        stated.append((name, location.latitude, location.longitude))
-    notes = []
-    for name, latitude, longitude in stated:
-        apart = abs((longitude - site.longitude + 180) % 360 - 180)
-        if abs(latitude - site.latitude) > SAME_LATITUDE or apart > SAME_LONGITUDE:
-            notes.append(
-                f"{on_a_line(name)} (latitude {latitude:g}, longitude {longitude:g}) is not the "
-                f"weather's place, {on_a_line(site.name)} (latitude {site.latitude:g}, longitude "
-                f"{site.longitude:g}), which counts"
-            )
-    return tuple(notes)
-
-
-def _missing_hours(case: Case, w: weather.Weather, stamps: int) -> list[str]:
-    """Remark on hours of the period that the weather does not have."""
-    asked = len(period(case.period).select(_whole_year(w.step), w.step)[0])
-    if stamps >= asked:
-        return []
-    kind = "hours" if w.step == 1 else f"intervals of {60 * w.step:g} min"
-    each = "" if w.data.attrs.get("sun_time") == "middle" else ", a moment each"
-    return [
-        f"the weather has {stamps} of the period's {asked} {kind}{each}; the others count nowhere"
-    ]
-
-
-def _period_notes(case: Case, sky: xr.Dataset, w: weather.Weather) -> tuple[str, ...]:
-    """Remarks on a period that is no whole year, and on hours without daylight."""
-    step_hours, stamps = w.step, sky.sizes["time"]
-    months, limit = len(case.period.months), case.metrics.ase_hours
-    notes = [] if case.period.timestamps is not None else _missing_hours(case, w, stamps)
-    if case.period.timestamps is not None or months < 12:
-        part = f"{stamps * step_hours:g} h in {months} of 12 months"
-        if case.period.timestamps is not None:
-            part = f"{stamps} time stamps"
-        notes.append(f"the period is {part}, no year: the {limit:g} h of ASE are not scaled to it")
-    dark = int(((sky["sun"].values <= 0) & ~np.any(sky["sky"].values > 0, axis=1)).sum())
-    if dark > DARK_SHARE * stamps:
-        notes.append(f"{dark} of {stamps} time stamps have no daylight; sDA and msDA count them")
-    return tuple(notes)
+    return Daylight(light, sun, sources, w.step, w.source)
 
 
 def _sun_sources(case: Case, light: xr.Dataset, sun: xr.Dataset) -> tuple[Suns, Blend | None]:

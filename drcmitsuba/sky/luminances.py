@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,11 @@ def blended(light: xr.Dataset) -> Blend:
     if "blend_bin" in light:
         return Blend(light["blend_bin"].values, light["blend_weight"].values)
     return Blend(*np.zeros((2, light.sizes["time"], 0), object))
+
+
+def without_year(light: Daylight) -> Daylight:
+    """Daylight of its own time stamps and their suns alone."""
+    return replace(light, suns=light.suns.only(sources(light.sky)), year=None)
 
 
 def luminances(light: Daylight, times: slice = slice(None)) -> xr.Dataset:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drcmitsuba.case.weather import PeriodTable
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky.weather import NOMINAL_YEAR, read_text
 
@@ -192,3 +193,21 @@ EVALDRC = Period(days_per_week=5)
 
 LM83 = Period(days_per_week=7)
 """IES LM-83: 8 to 18 h, every day, 3650 hours."""
+
+
+def period(table: PeriodTable) -> Period:
+    """Period of a case; keys beside `calendar` override it."""
+    days = {"EvalDRC": EVALDRC, "LM-83": LM83}[table.calendar].days_per_week
+    return Period(
+        months=table.months,
+        hours=table.hours,
+        days_per_week=table.days_per_week or days,
+        daylight_saving=table.daylight_saving,
+    )
+
+
+def whole_year(step: float) -> np.ndarray:
+    """Starts of all intervals of the nominal year, of a length [h]."""
+    length = np.timedelta64(round(step * 3600), "s")
+    year = np.arange("2015-01-01", "2016-01-01", length, dtype="datetime64[s]")
+    return year.astype("datetime64[ns]")

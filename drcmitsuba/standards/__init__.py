@@ -16,12 +16,15 @@ verdict
 view
     `ViewOut`, `view_out`: levels of the view out of EN 17037.
 judgement
-    `verdict` on one standard, `each` of several, `verdicts` on all; those that are `not_covered`.
+    `verdict` on one standard, `each` of several, `verdicts` on all.
+terms
+    `terms`: cases with the hours and points that standards ask for, in place of a user's own.
 """
 
 from drcmitsuba.standards.evidence import Evidence
-from drcmitsuba.standards.judgement import Refusal, each, not_covered, verdict, verdicts
+from drcmitsuba.standards.judgement import Refusal, each, on_terms, verdict, verdicts
 from drcmitsuba.standards.standard import Standard, names, read
+from drcmitsuba.standards.terms import Terms, terms
 from drcmitsuba.standards.verdict import Verdict
 from drcmitsuba.standards.view import ViewOut, view_out
 
@@ -29,12 +32,14 @@ __all__ = [
     "Evidence",
     "Refusal",
     "Standard",
+    "Terms",
     "Verdict",
     "ViewOut",
     "each",
     "names",
-    "not_covered",
+    "on_terms",
     "read",
+    "terms",
     "verdict",
     "verdicts",
     "view_out",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +15,7 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.metrics import Metrics
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import drawing, rules_of, settings_of
+from drcmitsuba.metrics.illuminance import illuminance as accumulated
 from drcmitsuba.metrics.intervals import Closures, Rules
 from drcmitsuba.metrics.intervals.sun import SunDraws, draw_sun
 from drcmitsuba.metrics.intervals.year_draws import closures_of
@@ -27,6 +28,10 @@ from drcmitsuba.sky.luminances import from_luminances
 
 OF_E = ("total", "total_open", "direct_sun")
 """Illuminances that standards ask for; each has its standard error."""
+MOST_BYTES = 8 << 30
+"""Largest size of E of a year [bytes]: 35,000 sensors at 8,760 hours."""
+STAMPS = 1024
+"""Number of further hours whose E is computed at once."""
 OF_C = (
     "replicates", "straight", "straight_se", "pane_group", "sun_straight", "sun_straight_se",
     "mesh_error",
@@ -68,6 +73,31 @@ class Evidence:
     """Arguments of the draws, from `evaluate_metrics.drawing`."""
     source: str
     """Folder or case that the evidence comes from."""
+    year: xr.Dataset | None = None
+    """Luminances of the sky at all hours of the year [cd/m²], for whose suns C stands, too; None
+    where E has them, or they were not simulated."""
+
+    @cached_property
+    def of_year(self) -> Evidence:
+        """Evidence of all hours of the year; itself where there are no further hours.
+
+        E of the further hours follows from C, some hours at a time. Where E of a year would take
+        more than `MOST_BYTES`, the further hours are left out.
+        """
+        own, year = self.illuminance, self.year
+        if year is None or self.coefficients is None:
+            return self
+        every = [*(name + suffix for name in OF_E for suffix in ("", "_se")), "sun_group"]
+        if 4 * len(every) * year.sizes["time"] * own.sizes["sensor"] > MOST_BYTES:
+            return self
+        further = np.flatnonzero(~np.isin(year["time"].values, own["time"].values))
+        parts = [own[[name for name in every if name in own]]]
+        for start in range(0, len(further), STAMPS):
+            at = year.isel(time=further[start : start + STAMPS])
+            parts.append(accumulated(self.coefficients, at)[list(parts[0].data_vars)])
+        joined = xr.concat(parts, "time", data_vars="minimal", coords="minimal", compat="override")
+        joined = joined.sortby("time").assign_attrs(own.attrs)
+        return replace(self, illuminance=joined, sky=year, year=None)
 
     @cached_property
     def _rules(self) -> Rules:
@@ -110,8 +140,10 @@ class Evidence:
     @classmethod
     def of_result(cls, result: Evaluated) -> Evidence:
         """Take the arrays of a result in memory."""
-        sky, case = result.daylight.sky, result.case
-        return cls(result.illuminance, result.by_state, sky, drawing(case), case.source)
+        light, case = result.daylight, result.case
+        year = None if light.year is None else light.year.sky
+        E, C = result.illuminance, result.by_state
+        return cls(E, C, light.sky, drawing(case), case.source, year)
 
     @classmethod
     def of_folder(cls, folder: str | Path) -> Evidence:
@@ -129,10 +161,11 @@ class Evidence:
         E = loaded(path, E.drop_vars(unused))  # coordinates stay, the states of groups among them
         _check_version(path, E.attrs)
         C, sky = _coefficients(folder / "coefficients.zarr", E), _sky(folder / "sky.zarr", E)
+        year = None if sky is None else _year(folder / "year.zarr", sky)
         settings = settings_of(E.attrs, path, rules_of(E.attrs, path, {}).metrics)
         known = {k: v for k, v in settings.items() if k in Case.model_fields}
         arguments = drawing(checked(Case, known, path)) if known else {"rays": None, "seed": 0}
-        return cls(E, C, sky, arguments, str(folder))
+        return cls(E, C, sky, arguments, str(folder), year)
 
 
 def _check_version(path: Path, attributes: dict[Any, Any]) -> None:
@@ -170,3 +203,16 @@ def _sky(path: Path, E: xr.Dataset) -> xr.Dataset | None:
         got = "other time stamps than those of illuminance.nc"
         raise InputError(path, "time", got, "evaluate the case again")
     return from_luminances(L)
+
+
+def _year(path: Path, sky: xr.Dataset) -> xr.Dataset | None:
+    """Sky of all hours of the year, of which `sky` has some; None where there is none."""
+    if not path.exists():
+        return None
+    names = ("sky", "sun", "sun_bin", "sun_direction", "clock", "bin")
+    year = loaded(path, open_dataset(path, *names))
+    own = np.isin(year["time"].values, sky["time"].values)
+    if own.sum() != sky.sizes["time"] or (year["sun"].values[own] != sky["sun"].values).any():
+        got = "it is of another evaluation than sky.zarr"
+        raise InputError(path, "time, sun", got, "evaluate the case again")
+    return year

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
-
-import xarray as xr
 
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards.coverage import check_facing, check_spacing, hours_of
 from drcmitsuba.standards.evidence import Evidence
 from drcmitsuba.standards.quantities import Counted, count
-from drcmitsuba.standards.standard import Quantity, names, read
+from drcmitsuba.standards.standard import Quantity, Standard, names, read
+from drcmitsuba.standards.terms import Terms, in_place
 from drcmitsuba.standards.verdict import Verdict, assess
 from drcmitsuba.standards.year import Year
 
@@ -39,18 +38,29 @@ class _Judge:
     counted: dict[tuple, Counted] = field(default_factory=dict)
 
     def verdict(self, name: str) -> Verdict:
-        standard, E = read(name), self.evidence.illuminance
+        evidence = self.evidence.of_year
+        standard, E = read(name), evidence.illuminance
         step = float(E.attrs.get("step_hours", 1.0))
         if standard.hours not in self.years:
-            at = hours_of(standard, E, step, self.evidence.source, self.evidence.sky)
-            self.years[standard.hours] = Year(self.evidence, at)
-        check_facing(E, self.evidence.source)
-        check_spacing(standard, E, self.evidence.source)
+            at = hours_of(standard, E, step, evidence.source, evidence.sky)
+            self.years[standard.hours] = Year(evidence, at)
+        check_facing(E, evidence.source)
+        check_spacing(standard, E, evidence.source)
         year = self.years[standard.hours]
         quantities = {
             of: self.count(quantity, standard.hours) for of, quantity in standard.quantities.items()
         }
-        return assess(name, standard, year, quantities)
+        judged = assess(name, standard, year, quantities)
+        return replace(judged, taken=self._taken(standard, step))
+
+    def _taken(self, standard: Standard, step: float) -> tuple[str, ...]:
+        """Line on hours that are not those of the evaluation's period, where C tells them."""
+        E, sky = self.evidence.illuminance, self.evidence.sky
+        try:
+            hours_of(standard, E, step, self.evidence.source, sky)
+        except InputError:
+            return (in_place(standard, E.sizes["time"] * step),)
+        return ()
 
     def count(self, quantity: Quantity, hours: str) -> Counted:
         asked = (quantity.light, quantity.of, quantity.threshold, quantity.fraction, quantity.hours)
@@ -90,25 +100,21 @@ def each(standards: Iterable[str], evidence: Evidence) -> list[Verdict]:
     return [judge.verdict(name) for name in standards]
 
 
-def not_covered(sky: xr.Dataset, step_hours: float, source: object) -> dict[str, InputError]:
-    """Standards whose hours the time stamps of a sky do not cover, and why, by name.
-
-    `sky` is `Daylight.sky` of a case, `step_hours` the length of its intervals [h], `source` the
-    case's file, for the messages.
-    """
-    refusals = {}
-    for name in names():
-        try:
-            hours_of(read(name), sky, step_hours, source, sky)
-        except InputError as error:
-            refusals[name] = error
-    return refusals
+def on_terms(terms: Terms, evidence: Evidence) -> list[Verdict | Refusal]:
+    """Verdicts on the standards of some terms, `evidence` being of their case; or refusals."""
+    out = list[Verdict | Refusal]()
+    for each in verdicts(evidence, terms.standards):
+        if isinstance(each, Verdict):
+            hours = each.taken if terms.hours is None else terms.taken(each.standard)
+            each = replace(each, taken=(*hours, *((terms.grid,) if terms.grid else ())))
+        out.append(each)
+    return out
 
 
-def verdicts(evidence: Evidence) -> list[Verdict | Refusal]:
-    """Verdicts on all standards; a refusal where `verdict` would raise InputError."""
+def verdicts(evidence: Evidence, standards: Iterable[str] | None = None) -> list[Verdict | Refusal]:
+    """Verdicts on standards, by default all; a refusal where `verdict` would raise InputError."""
     judge, out = _Judge(evidence), list[Verdict | Refusal]()
-    for name in names():
+    for name in names() if standards is None else standards:
         try:
             out.append(judge.verdict(name))
         except InputError as error:

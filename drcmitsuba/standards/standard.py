@@ -101,7 +101,9 @@ class Standard(Sourced):
     title: Text
     """Name with the part that is assessed."""
     edition: Name
-    """Edition."""
+    """Edition, with its date where it is known."""
+    read: Annotated[str, Field(pattern=r"^\d{4}-\d\d$")]
+    """Month in which its sources were read, such as 2026-11."""
     hours: Literal["8 to 18", "daylight", "year"]
     """Hours that count: 8 to 18 h on the clock every day; the 4,380 h of a year with the highest
     diffuse horizontal illuminance; all hours of a year."""

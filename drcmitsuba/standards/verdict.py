@@ -94,6 +94,8 @@ class Verdict:
     duties: tuple[str, ...]
     """Duties of spaces."""
     notes: tuple[str, ...]
+    taken: tuple[str, ...] = ()
+    """Hours and points that the standard takes in place of the case's own."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""

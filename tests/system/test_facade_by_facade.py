@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from drcmitsuba import group_coefficients, load_case
+from drcmitsuba import evaluate, group_coefficients, load_case, standards
 from drcmitsuba.case.schedule import HOURS
+from drcmitsuba.metrics import facade_states
 from drcmitsuba.rendering.frames import states_at
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.pane_groups import PaneGroups
@@ -179,3 +180,28 @@ def test_a_state_is_exported(run, refused, tmp_path):
     assert "open/shaded" in (scene / "simulate.sh").read_text()
     more = ("--radiance", tmp_path / "no", "--state", "open/clsed")
     assert 'no state "clsed"' in refused("export", tmp_path / "case.toml", *more)
+
+
+def test_hours_beyond_the_period_count_where_c_holds_their_states(tmp_path, monkeypatch):
+    """States at night are further ones; where they are too many, the period stays by itself."""
+    by_day, by_night = ["open,open", "milk,shade"], ["shade,open", "2,1", "1,open", "open,shade"]
+    hours = [hour % 24 for hour in range(HOURS)]
+    rows = [by_day[h % 2] if 7 <= h < 19 else by_night[h % 4] for h in hours]
+    (tmp_path / "states.csv").write_text("south,east\n" + "\n".join(rows))
+    week = TWO.replace(DAYS, "")
+    (tmp_path / "case.toml").write_text(week + GROUPS)
+    case = load_case(tmp_path / "case.toml")
+    with_year = evaluate(case)
+    assert len(with_year.by_state.states) == 6
+    judged = standards.verdicts(standards.Evidence.of_result(with_year))
+    assert all(isinstance(verdict, standards.Verdict) for verdict in judged)
+    monkeypatch.setattr(facade_states, "FEW", 1)  # five states one by one, as groups have states
+    alone = evaluate(case)
+    assert alone.daylight.year is None
+    assert set(alone.by_state.states) == {"open", "milk/shade"}
+    refused = standards.verdicts(standards.Evidence.of_result(alone))
+    assert all(isinstance(verdict, standards.Refusal) for verdict in refused)
+    for name in ("sDA", "ASE", "shade_closed"):
+        assert alone.metrics[name]["value"] == with_year.metrics[name]["value"]
+    np.testing.assert_array_equal(alone.illuminance["total"], with_year.illuminance["total"])
+    assert evaluate(case, blocks=tmp_path / "cache").daylight.year is None  # for any weather

@@ -8,6 +8,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.glare_year import GlareYear
 from tests.unit.glare_year.glare_room import TIMES, case_in
 
 SHADE = """
@@ -57,12 +58,40 @@ def test_the_shade_takes_the_states_that_an_evaluation_gives_it(case, year):
 def test_shares_and_classes_are_countable(year):
     dgp = year.hours["dgp"].sel(state="open", view="window").values
     row = year.numbers()["DGP"]["open"]["window"]
-    assert row["above"]["0.40"]["value"] == pytest.approx(100 * (dgp > 0.4).sum() / 7)
+    # One of the seven time stamps is at night, which was counted before.
+    np.testing.assert_array_equal(year.hours["daylight"].values, [0, 1, 1, 1, 1, 1, 1])
+    assert row["above"]["0.40"]["value"] == pytest.approx(100 * (dgp > 0.4).sum() / 6)
     assert row["above"]["0.40"]["low"] <= row["above"]["0.40"]["value"]
     assert row["class"] == ("none" if (dgp > 0.45).any() else "minimum")
     assert sum(row["probability"].values()) == pytest.approx(1)
     with pytest.raises(drcmitsuba.InputError, match="limit: 2"):
         year.share(2)
+
+
+def test_the_numbers_say_which_hours_are_counted(year):
+    hours = year.numbers()["hours"]
+    assert hours == {
+        "period": 7, "counted": 6, "which": "6 h, those with daylight of the period's 7 h",
+    }  # fmt: skip
+    assert "6 h, those with daylight of the period's 7 h" in year._repr_html_()
+
+
+def test_a_class_allows_a_twentieth_of_the_hours_with_daylight(case):
+    """DGP is 0.5 in one of 20 hours of daylight, or in two: with 20 nights both were "high"."""
+    lit, made = np.arange(40) < 20, []
+    for bright in (1, 2):
+        dgp = np.where(np.arange(40) < bright, 0.5, 0.2)[None, :, None].astype(np.float32)
+        hours = xr.Dataset(
+            {"dgp": (("state", "time", "view"), dgp)},
+            {"state": ["open"], "view": ["desk"], "daylight": ("time", lit.astype(np.int8))},
+            {"step_hours": 1.0},
+        )
+        made.append(GlareYear(case, hours, np.stack([dgp] * 4), {"seed": 0}, {}))
+        assert made[-1].share(0.4).item() == pytest.approx(bright / 20)
+    assert [year.classes()["rating"].item() for year in made] == ["high", "none"]
+    hours = made[-1].hours.assign_coords(daylight=("time", np.zeros(40)))
+    nights = GlareYear(case, hours, made[-1].replicates, {"seed": 0}, {})
+    assert nights.share(0.4).item() == pytest.approx(2 / 40)  # there is nothing else to count
 
 
 def test_the_command_writes_tables_files_and_plots(run, tmp_path):
@@ -72,6 +101,7 @@ def test_the_command_writes_tables_files_and_plots(run, tmp_path):
     assert code == 0
     assert "above 0.40" in out
     assert "SW" in out
+    assert "hours counted: 6 h, all of the period's 6 h; EN 17037 allows 5 % of them" in out
     names = {"glare.nc", "glare.json", "glare_year.png", "glare_plan.png"}
     assert {file.name for file in (tmp_path / "glare").iterdir()} == names
     numbers = json.loads((tmp_path / "glare" / "glare.json").read_text())

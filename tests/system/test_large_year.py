@@ -16,6 +16,7 @@ from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.sensor_stream import aligned
 from drcmitsuba.metrics import facade_states
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.sky.daylight import daylight
 from drcmitsuba.transport import coefficients, group_basis, interior, replicate
 from drcmitsuba.transport.first_bounce import CellLight
 from tests.system.small_room import SHADING, changed, run
@@ -230,3 +231,18 @@ def test_memory_is_flat_from_5776_to_57600_sensors():
         peaks.append(int(done.stdout))
     assert peaks[1] <= 1.1 * peaks[0]
     assert peaks[1] <= 3 << 30
+
+
+def test_a_summed_year_has_the_suns_of_its_period_alone(tmp_path):
+    """Verdicts want C and E, which are not kept: the year's further suns would serve nothing."""
+    path, week = tmp_path / "case.toml", changed(("months = [3, 6]", "hours = [10, 12]"))
+    path.write_text(week.replace("[accuracy]", ALONE))
+    large = drcmitsuba.evaluate_within(path)
+    assert isinstance(large, LargeResult)
+    assert large.daylight.year is None
+    assert large.daylight.suns.labels == daylight(load_case(path)).suns.labels
+    path.write_text(week)
+    whole = drcmitsuba.evaluate_within(path)
+    assert len(whole.daylight.suns.labels) > 4 * len(large.daylight.suns.labels)
+    for name in ("sDA", "ASE", "shade_closed"):
+        assert large.metrics[name]["value"] == whole.metrics[name]["value"]

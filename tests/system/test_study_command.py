@@ -11,6 +11,7 @@ import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.annual.study import StudyTable, study
 from drcmitsuba.blocks import block_folder
+from drcmitsuba.blocks.stored_before import MOST_LINES, StoredBefore
 from drcmitsuba.case.study import load_study
 from drcmitsuba.report.study_charts import charts
 from drcmitsuba.runtime.errors import InputError
@@ -209,3 +210,30 @@ def test_pictures_of_texts_numbers_and_single_values():
     names = [text.get_text() for text in drawn["scatter.png"].axes[0].texts]
     assert names == ["1", "2", "3", "4", "5"]
     assert charts(frame.assign(sDA=np.nan), ["a"]) == {}
+
+
+def test_a_study_says_from_which_rows_and_blocks_it_goes_on(folder, monkeypatch, capsys):
+    """It went on from stored rows and blocks without a word."""
+    run(monkeypatch, "study", folder / "study.toml", "-o", folder / "out")
+    assert "going on" not in capsys.readouterr().err
+    rows = sorted((folder / "out" / "rows").glob("*.json"))
+    assert len(rows) == 4
+    rows[0].unlink()
+    run(monkeypatch, "study", folder / "study.toml", "-o", folder / "out")
+    err = capsys.readouterr().err.splitlines()
+    assert err[0] == f"going on from 3 of 8 rows stored in {folder / 'out' / 'rows'}"
+    assert "open: going on from 1 of 1 blocks stored in " in err[1]
+    assert all("going on from 1 of 1 blocks" in line for line in err[1:])
+
+
+def test_many_stored_blocks_have_few_lines(tmp_path):
+    files, lines = [], []
+    for number in range(15):
+        (tmp_path / f"{number}").mkdir()
+        files.append(tmp_path / f"{number}" / "0.zip")
+        files[-1].write_text("")
+    before = StoredBefore.of(tmp_path, lines.append)
+    for file in files:
+        before.tell_once("room, open", [file])
+    assert len(lines) == MOST_LINES + 1
+    assert lines[-1] == f"further blocks stored in {tmp_path} are used without a line each"

@@ -28,6 +28,10 @@ class ShadeDraws(NamedTuple):
     sun: SunDraws
     closures: Closures
 
+    def at(self, hours: np.ndarray) -> ShadeDraws:
+        """Draws of some time stamps, indices in rising order, int, shape (chosen,)."""
+        return ShadeDraws(self.sun.at(hours), self.closures.at(hours))
+
     @classmethod
     def of(cls, direct: xr.Dataset, rules: Rules, rays: int | None, seed: int) -> ShadeDraws:
         """Draw from the direct sun [lx] of luminance; the attribute and the rest as for `draw`."""

@@ -44,11 +44,17 @@ def disk(counted: Work) -> dict[str, int]:
         "illuminance.nc": VARIABLES * FLOAT * counted.entries + LABEL * stamps,
         "coefficients.zarr": KEPT * FLOAT * channels * coefficients,
         "sky.zarr": KEPT * FLOAT * stamps * counted.sky_bins * channels + LABEL * stamps,
+        "year.zarr": (KEPT * FLOAT * counted.sky_bins + LABEL) * _year(counted.plan),
         "texts": TEXTS,
     }
     if counted.plan.scope.pictures:
         files["pictures"] = PICTURES
     return {name: round(size) for name, size in files.items()}
+
+
+def _year(plan: Plan) -> int:
+    """Number of time stamps of the year beside the period's; 0 without."""
+    return 0 if plan.facts.light.year is None else plan.facts.stamps
 
 
 def _numbers(pilot: Pilot) -> float:

@@ -112,7 +112,8 @@ def _shares_paths(counted: Work) -> bool:
 
 def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
     """Suns of the time stamps at which the pilot's sensors close the shade; None without any."""
-    sky, case = plan.facts.light.sky, plan.simulated
+    every, case = plan.facts.light.every, plan.simulated
+    sky = every.sky
     if not plan.scope.shade or not len(PaneGroups.of(case)):
         return None
     if any(group.schedule is not None for group in case.groups.values()):
@@ -121,7 +122,7 @@ def _suns_behind_shade(plan: Plan, pilot: Pilot) -> Suns | None:
     normal = sky["direct_normal_illuminance"].values
     closes = (normal > 0) | plan.scope.every_shade
     if not plan.scope.every_shade:
-        E = normal[closes] * pilot.sunlit(plan.facts.light.sun["direction"].values[closes])
+        E = normal[closes] * pilot.sunlit(every.sun["direction"].values[closes])
         closes[closes] = (threshold <= E).mean(axis=0) >= area
     return plan.facts.light.suns.only(sources(sky.isel(time=closes))) if closes.any() else None
 

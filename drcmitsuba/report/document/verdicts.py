@@ -34,7 +34,10 @@ def overview(facades: list[Facade], names: list[str]) -> Table:
     for verdicts in sorted(by_standard, key=lambda each: not any(map(_is_decided, each))):
         title = _title(verdicts[0])
         rows.append((plain(title), *(_short(verdict) for verdict in verdicts)))
-    return Table(t["verdicts"], (t["standard"], *names), tuple(rows), t["verdicts_note"])
+    judged = [each for verdicts in by_standard for each in verdicts]
+    own = any(isinstance(each, Verdict) and each.taken for each in judged)
+    note = t["verdicts_note"] + (f" {t['verdicts_hours']}" if own else "")
+    return Table(t["verdicts"], (t["standard"], *names), tuple(rows), note)
 
 
 def _is_decided(verdict: Verdict | Refusal) -> bool:
@@ -95,7 +98,7 @@ def _judged(verdict: Verdict, name: str) -> Judgement:
     if verdict.deciding is not None:
         remarks.append(t["decides"].format(text=verdict.deciding.text(t)))
     remarks += [t["duty"].format(text=duty) for duty in verdict.duties]
-    remarks += verdict.notes
+    remarks += [*verdict.taken, *verdict.notes]
     parts = (*standard.quantities.values(), *standard.levels, *standard.extras, *standard.flags)
     remarks += dict.fromkeys(t["source"].format(sure=p.sure, text=p.source) for p in parts)
     stated = _stated(verdict)

@@ -6,11 +6,12 @@ import pytest
 from drcmitsuba import standards
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards.verdict import likelihood
-from tests.unit.standards.made_year import WHOLE, WORKING, evidence, median_reached
+from tests.unit.standards.made_year import WHOLE, WORKING, evidence, median_reached, zenith
 
 NAMES = [
-    "breeam-hea01", "en-17037", "leed-v4.1", "leed-v5", "lm-83-12", "lm-83-23", "well-l01",
-    "well-l06",
+    "breeam-hea01", "breeam-hea01-communal", "breeam-hea01-dwellings", "breeam-hea01-healthcare",
+    "breeam-hea01-retail", "en-17037", "en-17037-uk", "leed-v4.1", "leed-v5", "lm-83-12",
+    "lm-83-23", "well-l01", "well-l01-2025", "well-l01-en-17037", "well-l06", "well-l06-en-17037",
 ]  # fmt: skip
 
 
@@ -19,6 +20,12 @@ def lit(share, count=100, times=WORKING, threshold=300.0, fraction=0.5, far=0.2)
     enough = np.arange(count) < round(share * count / 100)
     at_limit = threshold / median_reached(times, fraction)
     return at_limit * np.where(enough, 1 + far, 1 - far)
+
+
+def daylight_lit(share, threshold):
+    """Points of which a share [%] reaches a threshold in half of the daylight hours, by ±20 %."""
+    bright = np.sort(zenith(WHOLE))[::-1][:4380]
+    return threshold / bright[2189] * np.where(np.arange(100) < share, 1.2, 0.8)
 
 
 # ---- data -------------------------------------------------------------------------------------
@@ -46,7 +53,9 @@ def test_levels_rise_and_the_sun_has_the_threshold_that_its_draws_are_made_for(n
     standard = standards.read(name)
     for low, high in zip(standard.levels, standard.levels[1:], strict=False):
         # A higher level asks for more of the area, or for more light.
-        assert all(a.at_least <= b.at_least for a, b in zip(low.limits, high.limits, strict=True))
+        assert len(low.limits) <= len(high.limits)
+        pairs = zip(low.limits, high.limits, strict=False)
+        assert all(a.at_least <= b.at_least for a, b in pairs)
         of = [
             [standard.quantities[limit.quantity].threshold for limit in level.limits]
             for level in (low, high)
@@ -157,15 +166,63 @@ def test_well_counts_200_lx_in_40_percent_of_the_hours():
     verdict = standards.verdict("well-l01", evidence(of_point, times=WORKING))
     assert verdict.level is None
     assert verdict.stated() == "not reached"
-    assert verdict.quantities["sDA150/50"].value == 29  # is shown, and decides nothing
 
 
-@pytest.mark.parametrize("name", ["leed-v5", "lm-83-23"])
-def test_second_hand_levels_decide_nothing_but_show_the_numbers(name):
-    verdict = standards.verdict(name, evidence(lit(60), times=WORKING))
+def test_well_by_en_17037_counts_daylight_hours():
+    daylight = daylight_lit(30, 200.0)
+    assert standards.verdict("well-l01-en-17037", evidence(daylight)).level == "met"
+    daylight[0] = 0
+    assert standards.verdict("well-l01-en-17037", evidence(daylight)).level is None
+    target = daylight_lit(50, 300.0)  # the other half lies at 240 lx
+    assert standards.verdict("well-l06-en-17037", evidence(target)).level == "2 points"
+    target[50:56] = 0
+    assert standards.verdict("well-l06-en-17037", evidence(target)).level == "1 point"
+    target[0] = 0
+    assert standards.verdict("well-l06-en-17037", evidence(target)).level is None
+
+
+@pytest.mark.parametrize(
+    ("name", "levels"),
+    [
+        ("breeam-hea01-healthcare", {2000: "1 credit", 2650: "2 credits"}),
+        ("breeam-hea01-dwellings", {3450: "2 credits"}),
+        ("breeam-hea01-communal", {2650: "2 credits"}),
+        ("breeam-hea01-retail", {2650: "1 credit"}),
+    ],
+)
+def test_other_uses_of_breeam_have_other_hours(name, levels):
+    """Points of 1 cd/m² · sr reach the threshold of the mean in exactly so many hours."""
+    standard = standards.read(name)
+    L = np.sort(zenith(WHOLE))[::-1]
+    for hours, level in levels.items():
+        enough = np.full(100, standard.quantities["mean"].threshold / L[hours - 1] * (1 + 1e-6))
+        assert standards.verdict(name, evidence(enough)).level == level
+        few = enough.copy()
+        few[0] *= 0.25  # the worst point has less than 0.3 of the mean
+        few[1:] *= (100 - 0.25) / 99
+        below = [known for at, known in levels.items() if at < hours]
+        reached = standards.verdict(name, evidence(few)).level
+        assert reached in (None, *below)
+        assert reached != level
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [("leed-v5", "sDA"), ("lm-83-23", "sDA"), ("well-l01-2025", "sDA150/50")],
+)
+def test_second_hand_levels_decide_nothing_but_show_the_numbers(name, quantity):
+    lx = standards.read(name).quantities[quantity].threshold
+    verdict = standards.verdict(name, evidence(lit(60, threshold=lx), times=WORKING))
     assert verdict.level is None
     assert verdict.stated().startswith("cannot be decided: ")
-    assert verdict.quantities["sDA"].value == 60
+    assert verdict.quantities[quantity].value == 60
+
+
+def test_the_annex_of_the_uk_shows_three_areas():
+    verdict = standards.verdict("en-17037-uk", evidence(daylight_lit(50, 200.0)))
+    assert verdict.stated().startswith("cannot be decided: ")
+    shares = {name: interval.value for name, interval in verdict.quantities.items()}
+    assert shares == {"area at 100 lx": 100, "area at 150 lx": 100, "area at 200 lx": 50}
 
 
 def test_spaces_in_the_sun_have_a_duty():
@@ -302,7 +359,8 @@ def test_a_period_that_does_not_cover_the_hours_is_refused_with_what_would():
 def test_a_whole_year_serves_all_standards():
     verdicts = standards.verdicts(evidence(lit(60)))
     assert all(isinstance(verdict, standards.Verdict) for verdict in verdicts)
-    assert verdicts[2].quantities["sDA"].value == 60  # only the hours from 8 to 18 h count
+    (leed,) = [verdict for verdict in verdicts if verdict.standard == "leed-v4.1"]
+    assert leed.quantities["sDA"].value == 60  # only the hours from 8 to 18 h count
 
 
 def test_hours_are_those_of_the_clock():
