@@ -30,6 +30,7 @@ GREY = 1e-6
 HIGHLIGHTS = (
     f"Mirrored light counts as diffuse where it is at most {100 * SMALL:.0f} % of the light"
 )
+SCATTERED = "Light that panes mirror counts as scattered"
 FRESNEL = 0.018
 """Least mirrored share from which Radiance's smooth surfaces mirror more at grazing incidence [–].
 

@@ -27,8 +27,6 @@ ISOTROPIC = "Brushed surfaces have the geometric mean of their two roughnesses"
 REPLACED = "Mirrors reflect alike in every direction, without their alternate material"
 BOTH_SIDES = "Mirrors reflect on both sides"
 DISPERSION = "Solids have one refractive index for all colours"
-GLAZED = "Panes keep Radiance's transmittance at normal incidence and are at most"
-
 
 DEEPEST_MIXTURE = 8
 """Largest number of modifiers in a mixture that mixes: each doubles the materials that are read."""
@@ -113,18 +111,14 @@ def _trans(finish: Finish) -> SurfaceMaterial:
 
 
 def _pane(finish: Finish) -> SurfaceMaterial:
-    """`glass`, and `BRTDfunc` as glazing tools write it."""
+    """`glass`, and `BRTDfunc` of functions of the incidence."""
     if finish.primitive.kind == "glass":
         numbers = finish.numbers(3, 4)
         index = float(numbers[3]) if len(numbers) == 4 else radiance_materials.INDEX
         if not 1 < index <= 4:
             raise finish.primitive.error(f"a refractive index of {index:g}", "give 1 to 4")
         return radiance_materials.glass(as_colour(finish.colour(numbers)), index, finish.note)
-    material, deviation = glazing.from_functions(finish.primitive)
-    # Rounded up to a whole hundredth, so that panes share a sentence.
-    if deviation:
-        finish.note(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others")
-    return material
+    return glazing.from_functions(finish.definition, finish.note)
 
 
 def _solid(finish: Finish) -> SurfaceMaterial:

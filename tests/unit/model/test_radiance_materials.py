@@ -269,7 +269,10 @@ def test_a_scaled_solid_absorbs_as_much_on_its_way_through(tmp_path):
         ("void transfunc m 2 f g.cal 0 6 .1 .1 .1 0 .5 .5", "transfunc 'm'"),
         ("void ashik2 m 4 1 0 0 . 0 8 .3 .1 .05 .05 .05 .08 5 30", "ashik2 'm'"),
         ("void BRTDfunc m 10 0 0 0 0 0 0 0 0 0 my.cal 0 9 0 0 0 0 0 0 0 0 0", "'my.cal'"),
-        ("void BRTDfunc m 10 0 0 0 0 0 0 0 0 0 . 0 9 0 0 0 0 0 0 .1 .1 .1", "scatters light"),
+        ("void BRTDfunc m 10 0 0 0 0 0 0 f f f . 0 9 0 0 0 0 0 0 .1 .1 .1", "depend on the source"),
+        ("void BRTDfunc m 10 0 0 0 .6 .6 .6 0 0 0 . 0 9 0 0 0 .4 .4 .4 .1 .1 .1", "no shares"),
+        ("void BRTDfunc m 10 0 0 0 1/0 0 0 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", "no shares"),
+        ("void BRTDfunc m 10 0 0 0 Px 0 0 0 0 0 . 0 9 0 0 0 0 0 0 .1 .1 .1", "'Px'"),
         ("void BRTDfunc m 10 RdotP 0 0 0 0 0 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", "'RdotP'"),
         ("void BRTDfunc m 10 .6 0 0 .6 0 0 0 0 0 . 0 9 0 0 0 0 0 0 0 0 0", "no shares"),
         ("void mirror m 1 void 0 3 .5 .5 .5", "void as its alternate material"),
@@ -405,6 +408,68 @@ def test_a_film_that_cannot_be_followed_is_refused(text, complaint, pane, tmp_pa
     with pytest.raises(InputError) as error:
         material(f"void {text}", tmp_path)
     assert complaint in str(error.value)
+
+
+FABRIC = """{ a fabric with a cut-off {angle}; }
+z = acos(abs(bound(-1,Rdot,1)))/PI*2;
+pow(a,b) = if(a, exp(b*log(a)), 0);
+a = 0.5;
+tau(t0,cut) = if(cut/90-z, t0*(1 - a*pow(z+1-cut/90,2) - (1-a)*pow(z+1-cut/90,8)), 0);
+"""
+
+
+@needs_radiance
+@pytest.mark.parametrize("below", [".1 .1 .1", ".2 .2 .2"])
+def test_a_fabric_by_its_function_file(below, tmp_path):
+    """τ(θ) to the cut-off, Lambertian parts: as `rtrace` sees the sky through it and in it."""
+    (tmp_path / "fabric.cal").write_text(FABRIC)
+    through = "tau(.3,75) tau(.3,75) tau(.3,75)"
+    text = f"void BRTDfunc m 10 0 0 0 {through} 0 0 0 fabric.cal 0 9 .1 .1 .1 {below} .04 .04 .04"
+    model = model_of(f"{text}\nm{SQUARE}", tmp_path)
+    assert any("0.10, and not that of their back, 0.20" in n for n in model.notes) == (
+        below != ".1 .1 .1"
+    )
+    (layer,) = model.layers
+    pane = layer.material
+    assert (layer.role, pane.type) == ("pane", "diffuser")
+    assert (pane.transmittance, pane.reflectance) == (pytest.approx(0.04), pytest.approx(0.1))
+    angles = np.array([0, 30, 60, 70, 74, 80])
+    tau = np.interp(np.cos(np.radians(angles)), np.linspace(0, 1, 513), pane.straight)
+    above = seen(text, tmp_path, angles, "above")[:, 1]
+    np.testing.assert_allclose(tau + 0.04, above, atol=1e-3)
+    assert above[0] > 0.3
+    assert above[-1] == pytest.approx(0.04, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("tau=tau", "do its definitions call themselves"),
+        ("tau=other", "unknown name 'other'"),
+        ("tau=(1", "')' is missing"),
+        ("{ tau=1;", "no partner"),
+        ("tau=2;", "no shares of the light: 0 … 2"),
+        ("tau=" + "0+" * 40_000 + "0;", "more than 65536 bytes"),
+    ],
+)
+def test_a_function_file_that_cannot_be_followed_is_refused(text, complaint, tmp_path):
+    (tmp_path / "f.cal").write_text(text)
+    with pytest.raises(InputError) as error:
+        material("void BRTDfunc m 10 0 0 0 tau tau tau 0 0 0 f.cal 0 9 0 0 0 0 0 0 0 0 0", tmp_path)
+    assert complaint in str(error.value)
+    assert "\n" not in str(error.value)
+    assert "x.rad: line " in str(error.value)
+
+
+def test_files_are_looked_for_beside_the_other_scene_files(tmp_path):
+    """A pane in a folder of options names a function file that stands beside the office."""
+    (tmp_path / "options").mkdir()
+    pane = "void BRTDfunc m 10 0 0 0 t t t 0 0 0 f.cal 0 9 0 0 0 0 0 0 .1 .1 .1\n"
+    (tmp_path / "options" / "pane.rad").write_text(f"{pane}m{SQUARE}")
+    (tmp_path / "office.rad").write_text(f"void plastic p 0 0 5 .5 .5 .5 0 0\np{SQUARE}")
+    (tmp_path / "f.cal").write_text("t = 0.25;")
+    first, _ = read([tmp_path / "options" / "pane.rad", tmp_path / "office.rad"]).layers
+    assert first.material.most_straight == 0.25
 
 
 @needs_radiance
