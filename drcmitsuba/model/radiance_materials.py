@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from drcmitsuba_plugins.grazing import AT_NORMAL, STEEPNESS
 
 from drcmitsuba.model import glass as panes
 from drcmitsuba.model.materials import (
+    BsdfMaterial,
     DiffuserMaterial,
     GlazingMaterial,
     Lambertian,
@@ -16,6 +18,8 @@ from drcmitsuba.model.materials import (
     Reflectance,
     SurfaceMaterial,
 )
+from drcmitsuba.model.translucent import NARROWEST
+from drcmitsuba.model.translucent import pane as translucent_pane
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 Colour = tuple[float, float, float]
@@ -30,6 +34,12 @@ GREY = 1e-6
 HIGHLIGHTS = (
     f"Mirrored light counts as diffuse where it is at most {100 * SMALL:.0f} % of the light"
 )
+EVEN = (
+    "Smooth translucent panes with gloss scatter the same share of light from any direction, a "
+    "third more of a sun at 77° than in Radiance"
+)
+COSINES = np.linspace(0, 1, 513)
+"""Cosines of the incidence at which what goes straight through panes is tabulated."""
 SCATTERED = "Light that panes mirror counts as scattered"
 FRESNEL = 0.018
 """Least mirrored share from which Radiance's smooth surfaces mirror more at grazing incidence [–].
@@ -72,16 +82,12 @@ def metal(colour: Colour, specularity: float, roughness: float, note: Note) -> S
 def trans(
     colour: Colour, specularity: float, roughness: float, transmission: float, straight: float,
     note: Note,
-) -> DiffuserMaterial | PorousMaterial:  # fmt: skip
+) -> BsdfMaterial | DiffuserMaterial | PorousMaterial:  # fmt: skip
     """Diffusing sheet: transmits C (1 − s) t and reflects C (1 − s) (1 − t) + s [–].
 
-    It is porous where all that it transmits goes straight.
-
-    Raises
-    ------
-    ValueError
-        The share `straight` of the transmitted light that is not scattered, and not all of it, or
-        what is mirrored, is more than a twentieth of the light.
+    The share `straight` of what it transmits goes straight on, or with a roughness into a lobe
+    around that direction. It is porous where all that it transmits goes straight. What it mirrors
+    counts as scattered; a smooth one mirrors more, and transmits less, at grazing incidence.
     """
     rest = np.array(colour) * (1 - specularity)
     through, back = rest * transmission, rest * (1 - transmission) + specularity
@@ -93,14 +99,31 @@ def trans(
         return PorousMaterial(
             type="porous", porosity=gaps, reflectance=reflectance(back / max(1 - gaps, GREY))
         )
-    if max(unscattered, specularity) > SMALL:
-        shares = f"{100 * unscattered:.1f} % transmitted and {100 * specularity:.1f} % reflected"
-        raise ValueError(f"{shares} without scattering")
-    if max(unscattered, specularity) > 0:
+    if specularity > SMALL:
+        note(f"{SCATTERED}: {100 * specularity:.2g} % of the light")
+    elif specularity > 0 or 0 < unscattered <= SMALL:
         note(HIGHLIGHTS)
+    transmitted, reflected = grey(through, note), grey(back, note)
+    if unscattered <= SMALL:
+        return DiffuserMaterial(
+            type="diffuser", transmittance=transmitted, reflectance=reflected
+        )  # fmt: skip
+    if roughness > 0:
+        if roughness < NARROWEST:
+            note(f"Lobes of a roughness below {NARROWEST:g} rad are as wide as those of it")
+        scattered, lobe = (1 - straight) * transmitted, straight * transmitted
+        return translucent_pane(scattered, lobe, reflected, roughness)
+    table = np.array([straight * transmitted])
+    if specularity >= FRESNEL:
+        note(EVEN)
+        more = np.exp(-STEEPNESS * COSINES) - AT_NORMAL
+        mean = float((more * COSINES).sum() / COSINES.sum())
+        table = straight * transmitted * (1 - more)
+        transmitted, reflected = transmitted * (1 - mean), reflected * (1 - mean) + mean
     return DiffuserMaterial(
-        type="diffuser", transmittance=grey(through, note), reflectance=grey(back, note)
-    )
+        type="diffuser", transmittance=(1 - straight) * transmitted, reflectance=reflected,
+        straight=float(table[0]) if len(table) == 1 else tuple(table.tolist()),
+    )  # fmt: skip
 
 
 def mirror(colour: Colour, note: Note) -> MirrorMaterial:

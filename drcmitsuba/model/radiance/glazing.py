@@ -15,12 +15,10 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.definitions import Definition
 from drcmitsuba.model.radiance.text import decoded, sought
-from drcmitsuba.model.radiance_materials import GREY, GREYED, SCATTERED, Note, luminance
+from drcmitsuba.model.radiance_materials import COSINES, GREY, GREYED, SCATTERED, Note, luminance
 
 INCIDENCE = np.radians(np.arange(90.0))
 """Incidences of the fit [rad]."""
-COSINES = np.linspace(0, 1, 513)
-"""Cosines of the incidence at which straight parts are tabulated."""
 MOST_BYTES = 1 << 16
 """Largest size of a function file [byte]."""
 SIDES = 0.005

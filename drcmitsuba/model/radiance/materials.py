@@ -102,12 +102,11 @@ def _trans(finish: Finish) -> SurfaceMaterial:
     numbers = finish.numbers(8 if brushed else 7, strings=4 if brushed else 0)
     colour = finish.colour(numbers)
     s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of").tolist()
-    rough = float(finish.share(np.minimum(numbers[4:-2], 1), "a roughness of").max())
-    try:
-        return radiance_materials.trans(as_colour(colour), s, rough, t, t_s, finish.note)
-    except ValueError as error:
-        remedy = f"keep each below {100 * SMALL:.0f} %, or give the pane as glass or BSDF"
-        raise finish.primitive.error(str(error), remedy) from None
+    rough = finish.share(np.minimum(numbers[4:-2], 1), "a roughness of")
+    if brushed and t * t_s > 0:
+        finish.note(ISOTROPIC)
+    alpha = float(np.prod(rough) ** (1 / len(rough)))
+    return radiance_materials.trans(as_colour(colour), s, alpha, t, t_s, finish.note)
 
 
 def _pane(finish: Finish) -> SurfaceMaterial:
