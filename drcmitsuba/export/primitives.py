@@ -20,6 +20,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
     SurfaceMaterial,
 )
+from drcmitsuba.model.radiance_materials import GGX
 from drcmitsuba.scene.geometry import normals
 from drcmitsuba.scene.materials import channel_of, lets_through
 
@@ -157,7 +158,7 @@ def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
 
     A polished one is smooth: Radiance then mirrors more at grazing incidence by the same formula.
 
-    Its roughness is Ward's α, which for small ones is GGX's in width but not in shape.
+    Its roughness is that of the Gaussian lobe of the same width; the shapes differ.
     """
     reflectance, shine = material.reflectance, material.specular
     difference = "a rough mirror's lobe has another shape" if material.roughness else ""
@@ -169,7 +170,7 @@ def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
         reflectance = shine * coated + matt
         shine = shine * coated / reflectance if reflectance else 1.0
         difference = "a coated mirror reflects at any incidence what it does at a normal one"
-    finish = _numbers([shine, max(material.roughness, least)])
+    finish = _numbers([shine, max(material.roughness / GGX, least)])
     return Twin(f"void metal {modifier} 0 0 5 {_numbers([reflectance] * 3)} {finish}", difference)
 
 

@@ -41,6 +41,12 @@ EVEN = (
 COSINES = np.linspace(0, 1, 513)
 """Cosines of the incidence at which what goes straight through panes is tabulated."""
 SCATTERED = "Light that panes mirror counts as scattered"
+GGX = float(np.sqrt(np.log(2)))
+"""Roughness of GGX over that of Radiance's Gaussian: half of the facets of both are within one
+tilt, tan² = α² ln 2."""
+LOST = (0, 0.06, 0.12, 0.18, 0.24, 0.36, 0.6), (0, 0.004, 0.018, 0.043, 0.076, 0.155, 0.321)
+"""Share of mirrored light that facets of GGX shadow at 45° [–], by Radiance's roughness."""
+LOBES = "Rough surfaces have lobes as wide as Radiance's, of another shape (GGX):"
 FRESNEL = 0.018
 """Least mirrored share from which Radiance's smooth surfaces mirror more at grazing incidence [–].
 
@@ -142,9 +148,12 @@ def _opaque(
         return Lambertian(reflectance(total), polish=float(luminance(mirrored)) * polished)
     rho = grey(total, note)
     share = float(luminance(mirrored)) / rho if rho > 0 else 1.0
+    if roughness > 0:
+        lost = np.ceil(100 * np.interp(roughness, *LOST))
+        note(f"{LOBES} about {lost:.0f} % of what is mirrored at 45° is lost by shadowing")
     return MirrorMaterial(
-        type="mirror", reflectance=min(rho, 1.0), roughness=roughness, specular=min(share, 1.0),
-        polished=polished,
+        type="mirror", reflectance=min(rho, 1.0), roughness=GGX * roughness,
+        specular=min(share, 1.0), polished=polished,
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
 )
 from drcmitsuba.model.radiance import read
+from drcmitsuba.model.radiance_materials import GGX
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.scene.materials import bsdf
@@ -163,11 +164,11 @@ def test_light_reflected_and_transmitted_in_all_is_radiances(text, tmp_path):
         ),
         (
             "void metal m 0 0 5 .8 .8 .8 .5 .2",
-            MirrorMaterial(type="mirror", reflectance=0.8, roughness=0.2, specular=0.5),
+            MirrorMaterial(type="mirror", reflectance=0.8, roughness=0.2 * GGX, specular=0.5),
         ),
         (
             "void metal2 m 4 0 0 1 . 0 6 .8 .8 .8 .5 .1 .4",
-            MirrorMaterial(type="mirror", reflectance=0.8, roughness=0.2, specular=0.5),
+            MirrorMaterial(type="mirror", reflectance=0.8, roughness=0.2 * GGX, specular=0.5),
         ),
         (
             "void plastic m 0 0 5 .5 .5 .5 .2 0",
@@ -529,6 +530,34 @@ def test_trans_with_roughness_has_a_lobe_of_its_width(alpha, tmp_path):
 def test_a_lobe_narrower_than_a_cell_is_widened_with_a_note(alpha, tmp_path):
     model = model_of(f"void trans m 0 0 7 .8 .8 .8 0 {alpha} .7 .5\nm{SQUARE}", tmp_path)
     assert any("below 0.03 rad" in note for note in model.notes) == (alpha < 0.03)
+
+
+@needs_radiance
+@pytest.mark.parametrize(
+    ("alpha", "within", "lost"), [(0.05, 4.0, 1), (0.1, 8.0, 2), (0.2, 16.0, 6)]
+)
+def test_rough_surfaces_have_lobes_as_wide_as_radiances(alpha, within, lost, tmp_path):
+    """Share of the mirrored light within a cone at 45°, in which Radiance has about half of it."""
+    backend.select()
+    text, r = f"void metal m 0 0 5 1 1 1 1 {alpha}", np.sqrt(0.5)
+    (layer,) = (model := model_of(f"{text}\nm{SQUARE}", tmp_path)).layers
+    assert any(f"about {lost} % of what is mirrored" in note for note in model.notes)
+    cap = f"void glow g 0 0 4 1 1 1 0\ng source s 0 0 4 {r} 0 {-r} {2 * within}\n"
+    (tmp_path / "r.rad").write_text(f"{text}\nm{SQUARE}{cap}")
+    (tmp_path / "r.oct").write_bytes(radiance.run(["oconv", "r.rad"], tmp_path))
+    rays = f"{-r} 0 {-r} {r} 0 {r}\n" * 4096
+    command = ["rtrace", "-h", "-ov", "-ab", "0", "-st", "0", "r.oct"]
+    theirs = np.array(radiance.run(command, tmp_path, rays.encode()).split(), float)
+    count, rng = 1 << 16, np.random.default_rng(4)
+    si = dr.zeros(mi.SurfaceInteraction3f, count)
+    si.wi = mi.Vector3f(float(r), 0, float(r))
+    u, v, w = (mi.Float(rng.random(count)) for _ in range(3))
+    bs, weight = mi.load_dict(bsdf(layer.material)).sample(
+        mi.BSDFContext(), si, u, mi.Point2f(v, w)
+    )
+    share, light = np.array(bs.wo.z - bs.wo.x) * r > np.cos(np.radians(within)), np.array(weight[0])
+    assert light.mean() == pytest.approx(1 - lost / 100, abs=0.011)
+    assert (light * share).sum() / light.sum() == pytest.approx(theirs[::3].mean(), abs=0.06)
 
 
 @pytest.mark.parametrize("kind", ["plastic", "metal"])
