@@ -161,8 +161,14 @@ def grey(channels: np.ndarray, note: Note) -> float:
     """Luminance of a colour, with a note where it is not grey."""
     if np.ptp(channels) <= GREY:
         return min(float(channels[1]), 1.0)
-    note(GREYED)
+    note(greyed(channels))
     return min(float(luminance(channels)), 1.0)
+
+
+def greyed(channels: np.ndarray) -> str:
+    """Sentence on the grey that stands for channels (…, 3), with the largest difference from it."""
+    apart = np.abs(channels - luminance(channels)[..., None]).max()
+    return f"{GREYED}, up to {np.ceil(10 * apart - 1e-9) / 10:g} off that of a channel"
 
 
 def reflectance(channels: np.ndarray) -> Reflectance:

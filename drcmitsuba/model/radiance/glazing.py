@@ -15,7 +15,7 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.definitions import Definition
 from drcmitsuba.model.radiance.text import decoded, sought
-from drcmitsuba.model.radiance_materials import COSINES, GREY, GREYED, SCATTERED, Note, luminance
+from drcmitsuba.model.radiance_materials import COSINES, GREY, SCATTERED, Note, greyed, luminance
 
 INCIDENCE = np.radians(np.arange(90.0))
 """Incidences of the fit [rad]."""
@@ -116,8 +116,9 @@ def from_functions(definition: Definition, note: Note) -> GlazingMaterial | Diff
     shares = _shares(definition)
     scattered = np.array(numbers[:9]).reshape(3, 3)  # front, back, through
     front, back, through = (float(luminance(part)) for part in scattered)
-    if np.ptp(scattered, axis=1).max() > GREY or np.ptp(shares, axis=2).max() > GREY:
-        note(GREYED)
+    every = np.concatenate([scattered, *shares])
+    if np.ptp(every, axis=1).max() > GREY:
+        note(greyed(every))
     mirrored, straight = luminance(shares[0]), luminance(shares[1])
     of_channel = shares.sum(axis=0).max(axis=0) + scattered[:2].max(axis=0) + scattered[2]
     most = float(of_channel.max())

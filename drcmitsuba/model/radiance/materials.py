@@ -89,8 +89,19 @@ def _opaque(finish: Finish) -> SurfaceMaterial:
     if s <= SMALL:
         return make(as_colour(colour), s, float(rough.max()), finish.note)
     if brushed:
-        finish.note(ISOTROPIC)
+        finish.note(_isotropic(rough))
     return make(as_colour(colour), s, float(np.prod(rough) ** (1 / len(rough))), finish.note)
+
+
+def _isotropic(rough: np.ndarray) -> str:
+    """Sentence on the mean of two roughnesses, with how far they are apart."""
+    least, most = rough.min(), rough.max()
+    apart = (
+        f"up to {np.ceil(most / least - 1e-9):.0f} times apart"
+        if least > 0
+        else "of which one is 0"
+    )
+    return f"{ISOTROPIC}, {apart}"
 
 
 def _trans(finish: Finish) -> SurfaceMaterial:
@@ -104,7 +115,7 @@ def _trans(finish: Finish) -> SurfaceMaterial:
     s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of").tolist()
     rough = finish.share(np.minimum(numbers[4:-2], 1), "a roughness of")
     if brushed and t * t_s > 0:
-        finish.note(ISOTROPIC)
+        finish.note(_isotropic(rough))
     alpha = float(np.prod(rough) ** (1 / len(rough)))
     return radiance_materials.trans(as_colour(colour), s, alpha, t, t_s, finish.note)
 
@@ -130,7 +141,7 @@ def _solid(finish: Finish) -> SurfaceMaterial:
     else:
         numbers = finish.numbers(5)
         if numbers[4] != 0:
-            finish.note(DISPERSION)
+            finish.note(f"{DISPERSION} (Hartmann's constant {numbers[4]:g})")
     left = finish.share(numbers[:3], "a transmission of") ** (1 / finish.definition.moves.scale[0])
     rest = radiance_materials.grey(left, finish.note)
     if not 1 < numbers[3] <= 4 or not rest > 0 or -np.log(rest) > 1e4:

@@ -532,6 +532,23 @@ def test_a_lobe_narrower_than_a_cell_is_widened_with_a_note(alpha, tmp_path):
     assert any("below 0.03 rad" in note for note in model.notes) == (alpha < 0.03)
 
 
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("void mirror m 0 0 3 .9 .7 .4", "up to 0.4 off that of a channel"),
+        ("void glass m 0 0 3 .8 .7 .7", "up to 0.1 off that of a channel"),
+        ("void metal2 m 4 0 0 1 . 0 6 .8 .8 .8 .5 .1 .4", "up to 4 times apart"),
+        ("void metal2 m 4 0 0 1 . 0 6 .8 .8 .8 .5 0 .4", "of which one is 0"),
+        ("void trans2 m 4 0 0 1 . 0 8 .8 .8 .8 0 .1 .2 .7 .5", "up to 2 times apart"),
+        ("void dielectric m 0 0 5 1 1 1 1.5 4", "Hartmann's constant 4"),
+        ("void BRTDfunc m 10 .1 .1 .1 0 0 0 0 0 0 . 0 9 .1 .1 .1 .1 .1 .1 .2 .2 .2", "to 10 %"),
+    ],
+)
+def test_a_note_on_what_is_approximated_has_its_size(text, size, tmp_path):
+    notes = model_of(f"{text}\nm{SQUARE}", tmp_path).notes
+    assert sum(size in note for note in notes) == 1
+
+
 @needs_radiance
 @pytest.mark.parametrize(
     ("alpha", "within", "lost"), [(0.05, 4.0, 1), (0.1, 8.0, 2), (0.2, 16.0, 6)]
