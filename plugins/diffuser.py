@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import or_
+
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 from drcmitsuba_plugins.checks import checked, required
+from drcmitsuba_plugins.cosine_tables import at_cosine, cosine_table
 from drcmitsuba_plugins.sampling import valid_directions
 
 
 class Diffuser(mi.BSDF):
-    """Thin pane whose transmitted and reflected light is Lambertian.
+    """Thin pane whose transmitted and reflected light is Lambertian, but for a straight part.
 
     ====================  ==========  =============================================================
     parameter             type        meaning
@@ -17,10 +22,13 @@ class Diffuser(mi.BSDF):
     `transmittance`       float       diffuse transmittance T: f = T/π across the pane
     `reflectance_front`   float       diffuse reflectance seen from the room (+z), default 0
     `reflectance_back`    float       seen from outside (−z); default `reflectance_front`
+    `straight`            float,      share τ(θ) of the light that passes undeviated, beside T,
+                          tensor      default 0; or a table over cos θ = 0 … 1 in equal steps
     ====================  ==========  =============================================================
 
-    All three are exposed through `traverse` and differentiable. Limits: after loading, the caller
-    keeps T + R ≤ 1; one value for all channels.
+    All four are exposed through `traverse` and differentiable. Components: 0 diffuse reflection, 1
+    diffuse transmission, and 2 the straight one (null), where there is one. Limits: after loading,
+    the caller keeps T + R + τ ≤ 1; one value for all channels.
     """
 
     def __init__(self, props: mi.Properties):
@@ -34,11 +42,25 @@ class Diffuser(mi.BSDF):
         for name, value in values.items():
             setattr(self, name, mi.Float(checked("diffuser", name, value, 0, 1)))
         both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-        self.m_components = [
-            mi.BSDFFlags.DiffuseReflection | both,
-            mi.BSDFFlags.DiffuseTransmission | both,
-        ]
-        self.m_flags = self.m_components[0] | self.m_components[1]
+        straight = props.get("straight", 0.0)
+        if isinstance(straight, (int, float)):
+            straight = np.full(2, straight)
+        self.straight = cosine_table("diffuser", "straight", straight)
+        self.has_straight = bool(np.asarray(dr.detach(straight)).max() > 0)
+        kinds = [mi.BSDFFlags.DiffuseReflection | both, mi.BSDFFlags.DiffuseTransmission | both]
+        if self.has_straight:
+            kinds.append(mi.BSDFFlags.Null | both)
+        self.m_components, self.m_flags = kinds, reduce(or_, kinds)
+
+    def _straight(self, ctx, si, active):
+        """Share of the light that passes undeviated; 0 where the component is not asked for."""
+        if not self.has_straight or not ctx.is_enabled(mi.BSDFFlags.Null, 2):
+            return mi.Float(0)
+        return at_cosine(self.straight, dr.abs(si.wi.z), active)
+
+    def eval_null_transmission(self, si, active=True):
+        active = active & valid_directions(si.wi)
+        return mi.Spectrum(dr.select(active, at_cosine(self.straight, dr.abs(si.wi.z), active), 0))
 
     def _reflectance(self, si):
         return dr.select(si.wi.z > 0, self.reflectance_front, self.reflectance_back)
@@ -54,31 +76,43 @@ class Diffuser(mi.BSDF):
         total = reflectance + transmittance
         return dr.detach(dr.select(total > 0, reflectance / total, 0.5))
 
+    def _scattered(self, ctx, si, active):
+        """Share of the samples that are scattered, and the share of the light that is not."""
+        tau = self._straight(ctx, si, active)
+        diffuse = sum(self._albedos(ctx, si))
+        total = diffuse + tau
+        return dr.detach(dr.select(total > 0, diffuse / total, 1)), tau
+
     def traverse(self, cb):
-        for name in ("transmittance", "reflectance_front", "reflectance_back"):
+        for name in ("transmittance", "reflectance_front", "reflectance_back", "straight"):
             cb.put(name, getattr(self, name), mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys=()):
         pass
 
     def sample(self, ctx, si, sample1, sample2, active=True):
+        active = active & valid_directions(si.wi)
+        scattered, tau = self._scattered(ctx, si, active)
+        passes = sample1 >= scattered
+        sample1 = dr.select(passes, 0, sample1 / dr.select(scattered > 0, scattered, 1))
         probability = self._reflect_probability(ctx, si)
-        reflected = sample1 < probability
+        reflected = ~passes & (sample1 < probability)
         wo = mi.warp.square_to_cosine_hemisphere(sample2)
         pdf = mi.warp.square_to_cosine_hemisphere_pdf(wo)
         wo.z = dr.select(reflected == (si.wi.z > 0), wo.z, -wo.z)
         bs = dr.zeros(mi.BSDFSample3f)
-        bs.wo = wo
-        bs.pdf = pdf * dr.select(reflected, probability, 1 - probability)
+        bs.wo = dr.select(passes, -si.wi, wo)
+        pdf *= scattered * dr.select(reflected, probability, 1 - probability)
+        bs.pdf = dr.select(passes, 1 - scattered, pdf)
         bs.eta = 1.0
-        bs.sampled_component = dr.select(reflected, mi.UInt32(0), mi.UInt32(1))
-        bs.sampled_type = dr.select(
-            reflected,
-            mi.UInt32(+mi.BSDFFlags.DiffuseReflection),
-            mi.UInt32(+mi.BSDFFlags.DiffuseTransmission),
-        )
-        active = active & valid_directions(si.wi) & (bs.pdf > 0)
-        weight = self.eval(ctx, si, wo, active) / dr.select(active, bs.pdf, 1)
+        across = dr.select(passes, mi.UInt32(2), 1)
+        bs.sampled_component = dr.select(reflected, mi.UInt32(0), across)
+        kinds = mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.DiffuseTransmission, mi.BSDFFlags.Null
+        diffuse, through, null = (mi.UInt32(+kind) for kind in kinds)
+        bs.sampled_type = dr.select(reflected, diffuse, dr.select(passes, null, through))
+        active &= bs.pdf > 0
+        light = dr.select(passes, mi.Spectrum(tau), self.eval(ctx, si, wo, active))
+        weight = light / dr.select(active, bs.pdf, 1)
         return bs, dr.select(active, weight, 0)
 
     def eval(self, ctx, si, wo, active=True):
@@ -88,9 +122,11 @@ class Diffuser(mi.BSDF):
         return mi.Spectrum(dr.select(active, albedo * dr.abs(wo.z) * dr.inv_pi, 0))
 
     def pdf(self, ctx, si, wo, active=True):
+        active = active & valid_directions(si.wi, wo)
         probability = self._reflect_probability(ctx, si)
         share = dr.select(si.wi.z * wo.z > 0, probability, 1 - probability)
-        return dr.select(active & valid_directions(si.wi, wo), share * dr.abs(wo.z) * dr.inv_pi, 0)
+        share *= self._scattered(ctx, si, active)[0]
+        return dr.select(active, share * dr.abs(wo.z) * dr.inv_pi, 0)
 
     def eval_pdf(self, ctx, si, wo, active=True):
         return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)

@@ -6,7 +6,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins.checks import checked, required
-from drcmitsuba_plugins.sampling import clamped_index, valid_directions
+from drcmitsuba_plugins.cosine_tables import at_cosine, cosine_table
+from drcmitsuba_plugins.sampling import valid_directions
 
 
 class Glazing(mi.BSDF):
@@ -39,9 +40,11 @@ class Glazing(mi.BSDF):
             transmittance = transmittance * (1 - (1 - c) ** exponent)
         front = props.get("reflectance_front", 0.0)
         back = props.get("reflectance_back", front)
-        self.transmittance = self._table("transmittance", transmittance)
-        self.reflectance_front = self._table("reflectance_front", self._schlick(front, c))
-        self.reflectance_back = self._table("reflectance_back", self._schlick(back, c))
+        self.transmittance = cosine_table("glazing", "transmittance", transmittance)
+        self.reflectance_front = cosine_table(
+            "glazing", "reflectance_front", self._schlick(front, c)
+        )
+        self.reflectance_back = cosine_table("glazing", "reflectance_back", self._schlick(back, c))
         both = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
         self.m_components = [mi.BSDFFlags.DeltaReflection | both, mi.BSDFFlags.Null | both]
         self.m_flags = self.m_components[0] | self.m_components[1]
@@ -52,26 +55,9 @@ class Glazing(mi.BSDF):
             return value
         return value + (1 - value) * (1 - c) ** 5 if value > 0 else value + 0 * c
 
-    @staticmethod
-    def _table(name, values):
-        checked("glazing", name, values, 0, 1)
-        table = mi.TensorXf(values if dr.is_tensor_v(values) else np.asarray(values, np.float32))
-        if table.ndim != 1 or table.shape[0] < 2:
-            raise ValueError(f"glazing: {name}: shape {table.shape}; give (n,) with n > 1")
-        return table
-
-    @staticmethod
-    def _look_up(table, c, active):
-        n = table.shape[0]
-        x = dr.clip(c, 0, 1) * (n - 1)
-        i = clamped_index(x, n - 1)
-        low = dr.gather(mi.Float, table.array, i, active)
-        high = dr.gather(mi.Float, table.array, i + 1, active)
-        return dr.lerp(low, high, x - mi.Float(i))
-
     def _reflectance(self, cos_theta, active):
-        front = self._look_up(self.reflectance_front, cos_theta, active)
-        back = self._look_up(self.reflectance_back, -cos_theta, active)
+        front = at_cosine(self.reflectance_front, cos_theta, active)
+        back = at_cosine(self.reflectance_back, -cos_theta, active)
         return dr.select(cos_theta > 0, front, back)
 
     def traverse(self, cb):
@@ -83,12 +69,12 @@ class Glazing(mi.BSDF):
 
     def eval_null_transmission(self, si, active=True):
         active = active & valid_directions(si.wi)
-        tau = self._look_up(self.transmittance, dr.abs(si.wi.z), active)
+        tau = at_cosine(self.transmittance, dr.abs(si.wi.z), active)
         return mi.Spectrum(dr.select(active, tau, 0))
 
     def sample(self, ctx, si, sample1, sample2, active=True):
         active = active & valid_directions(si.wi)
-        tau = self._look_up(self.transmittance, dr.abs(si.wi.z), active)
+        tau = at_cosine(self.transmittance, dr.abs(si.wi.z), active)
         rho = self._reflectance(si.wi.z, active)
         tau = tau * ctx.is_enabled(mi.BSDFFlags.Null, 1)
         rho = rho * ctx.is_enabled(mi.BSDFFlags.DeltaReflection, 0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drcmitsuba_plugins.bsdf_file import BsdfFile
 
-from drcmitsuba.bsdf.balance import Energy
+from drcmitsuba.bsdf.balance import Energy, one_way
 from drcmitsuba.bsdf.check_report import SUN, Width
 from drcmitsuba.bsdf.lobes import StraightThrough
 
@@ -14,6 +14,9 @@ SHARP = 2.0
 """Width [deg] above which a cell of a fine tree hardly blurs a peak."""
 MUCH = 0.05
 """Least share of the sun's light at stake for a hint about the mounting."""
+
+ONE_WAY = 0.05
+"""Error of reciprocity that is noted; those of files traced by rays stay below 0.02 [–]."""
 
 Advice = tuple[str, tuple[str, ...]]
 
@@ -115,6 +118,16 @@ COMPONENTS = {
 def dark(file: BsdfFile) -> tuple[str, ...]:
     """Components in words that the file lacks, and that do not follow by reciprocity."""
     return tuple(text for name, text in COMPONENTS.items() if file.component(name) is None)
+
+
+def not_reciprocal(file: BsdfFile) -> str:
+    """By how much light differs from light the other way, in words; empty within the noise."""
+    words = {
+        "transmission": "transmission", "rb": "reflection to the outside",
+        "rf": "reflection into the room",
+    }  # fmt: skip
+    beyond = {words[k]: error for k, error in one_way(file).items() if error > ONE_WAY}
+    return ", ".join(f"{100 * error:.0f} % of its {name}" for name, error in beyond.items())
 
 
 def gaps(file: BsdfFile) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from drcmitsuba.case.sensors import AnySensors, FloorSensors, PointSensors
 from drcmitsuba.model.materials import (
     BsdfMaterial,
     DielectricMaterial,
+    DiffuserMaterial,
     Lambertian,
     PorousMaterial,
     SurfaceMaterial,
@@ -73,6 +74,8 @@ def words(material: SurfaceMaterial) -> str:
         return f"porosity {material.porosity:.2f}, {words(Lambertian(material.reflectance))}"
     parts = [f"{k} {getattr(material, k):.2f}" for k in ("transmittance", "reflectance")
              if hasattr(material, k)]  # fmt: skip
+    if isinstance(material, DiffuserMaterial) and material.most_straight > 0:
+        parts.append(f"straight through up to {material.most_straight:.2f}")
     return f"{material.type}, {', '.join(parts)}"
 
 

@@ -11,7 +11,7 @@ from drcmitsuba.case.model import ENDINGS
 from drcmitsuba.case.model_case import tables_of, usual_sensors
 from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.case.shipped import locate_case
-from drcmitsuba.case.sun import check_sun
+from drcmitsuba.case.sun import Adaptive, check_sun
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.toml import checked, is_file, read_toml
@@ -85,7 +85,10 @@ def with_files(case: Case) -> Case:
     if table is not None:
         files = tuple(resolved(f, f"model.files.{i}") for i, f in enumerate(table.files))
         case = case.with_tables(model=table.model_copy(update={"files": files}))
-        case._building = table.read(case.source, files, case.materials)
+        building = table.read(case.source, files, case.materials)
+        # Sums over groups and meshes of suns count no light by way of mirrors.
+        dull = bool(case.groups) or isinstance(case.sun, Adaptive)
+        case._building = building.without_polish() if dull else building
         check_sun(case.sun, case.effects, bool(case.standing))
         for layer in case.building.layers:  # strips and panes name their materials alike
             if layer.role == "pane" and not isinstance(layer.material, Lambertian):

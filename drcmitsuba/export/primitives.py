@@ -124,13 +124,19 @@ def _porous(modifier: str, material: PorousMaterial) -> Twin:
 
 
 def _diffuser(modifier: str, material: DiffuserMaterial) -> Twin:
-    """A diffusing pane as `trans`, which reflects on both sides."""
-    albedo = material.transmittance + material.reflectance
-    share = material.transmittance / albedo if albedo else 1.0
-    text = f"void trans {modifier} 0 0 7 {_numbers([albedo] * 3)} 0 0 {_numbers(share)} 0"
-    if material.reflectance:
-        return Twin(text, "a diffusing pane reflects to the outside, too")
-    return Twin(text)
+    """A diffusing pane as `trans`, which reflects on both sides.
+
+    What goes straight through is that of normal incidence.
+    """
+    straight = float(np.ravel(material.straight)[-1])
+    through = material.transmittance + straight
+    albedo = through + material.reflectance
+    shares = through / albedo if albedo else 1.0, straight / through if straight else 0.0
+    text = f"void trans {modifier} 0 0 7 {_numbers([albedo] * 3)} 0 0 {_numbers(shares)}"
+    differs = "a diffusing pane reflects to the outside, too" if material.reflectance else ""
+    if np.ptp(material.straight) > 0:
+        differs = "a fabric lets as much straight through as at normal incidence"
+    return Twin(text, differs)
 
 
 def _film(modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | Path) -> str:
@@ -151,8 +157,7 @@ def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
 
     A polished one is smooth: Radiance then mirrors more at grazing incidence by the same formula.
 
-    Its roughness is Ward's α, whose lobe is Beckmann's, but for 1 to 6 % of its light at α of 0.05
-    to 0.3; GGX's has long tails.
+    Ward's lobe is Beckmann's; GGX's of the same number is wider and has long tails.
     """
     reflectance, shine = material.reflectance, material.specular
     has_tails = material.roughness > 0 and material.distribution == "ggx"

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from drcmitsuba_plugins.bsdf_file import BsdfFile
+from drcmitsuba_plugins.bsdf_text import DIGITS
 from drcmitsuba_plugins.tensor import TensorTree
 
 from drcmitsuba.bsdf.merge import merge
-from drcmitsuba.bsdf.writer import DIGITS
 from drcmitsuba.goniophotometer.trace import prepare, shares
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part

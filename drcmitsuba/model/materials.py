@@ -93,18 +93,29 @@ class GlazingMaterial(Table):
 
 
 class DiffuserMaterial(Table):
-    """Diffusing pane, such as a sun shade: Lambertian transmittance and reflectance."""
+    """Diffusing pane, such as a sun shade: Lambertian transmittance and reflectance.
+
+    A fabric lets a part of the light through its holes, straight on.
+    """
 
     type: Literal["diffuser"]
     """Kind of the material."""
     transmittance: Fraction
-    """Transmittance, the same at any incidence [–]."""
+    """Transmittance of scattered light, the same at any incidence [–]."""
     reflectance: Fraction = 0.0
     """Reflectance towards the room [–]."""
+    straight: Fraction | Annotated[tuple[Fraction, ...], Field(min_length=2, max_length=2049)] = 0.0
+    """Share of the light that goes straight through [–]; several numbers are shares at equal steps
+    of the cosine of the incidence, from 0 to 1."""
+
+    @property
+    def most_straight(self) -> float:
+        """Largest share of the light that goes straight through [–]."""
+        return max(np.ravel(self.straight).tolist())
 
     @model_validator(mode="after")
     def _energy(self) -> DiffuserMaterial:
-        check_energy(self.transmittance, self.reflectance)
+        check_energy(self.transmittance + self.most_straight, self.reflectance)
         return self
 
 

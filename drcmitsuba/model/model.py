@@ -23,6 +23,10 @@ from drcmitsuba.runtime.errors import printable
 
 MOST_OF_BODY = 6
 """Largest number of planes of a mirror that suns have images in: a body of more is many-faced."""
+DULL = (
+    "Smooth surfaces that mirror at most 5 % of the light are diffuse beside groups of panes and a "
+    "mesh of suns, which lowers the illuminance in a room of them by 1 %"
+)
 Role = Literal["surface", "pane", "context"]
 """Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""
 
@@ -205,6 +209,20 @@ class Model:
     """Direction of true north in the model, clockwise from its y axis [deg]."""
     notes: tuple[str, ...] = ()
     """One sentence for everything in the source that was simplified or left out."""
+
+    def without_polish(self) -> Model:
+        """Have faintly mirroring surfaces reflect diffusely what they mirror, with a note."""
+        dull, layers = dict[str, None](), []
+        for layer in self.layers:
+            m = layer.material
+            if isinstance(m, Lambertian) and layer.deviates:
+                dull[layer.name] = None
+                layer = layer.made_of(replace(m, polish=0.0))
+            layers.append(layer)
+        if not dull:
+            return self
+        note = f"{DULL}: {', '.join(dull)}."
+        return replace(self, layers=tuple(layers), notes=(*self.notes, note))
 
     def scaled(self, factor: float) -> Model:
         """Multiply all lengths."""

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from drcmitsuba_plugins.grazing import AT_NORMAL, STEEPNESS
 
 from drcmitsuba.model import glass as panes
 from drcmitsuba.model.materials import (
+    BsdfMaterial,
     DiffuserMaterial,
     GlazingMaterial,
     Lambertian,
@@ -16,6 +19,8 @@ from drcmitsuba.model.materials import (
     Reflectance,
     SurfaceMaterial,
 )
+from drcmitsuba.model.translucent import NARROWEST
+from drcmitsuba.model.translucent import pane as translucent_pane
 from drcmitsuba.schema import LUMINANCE_WEIGHTS
 
 Colour = tuple[float, float, float]
@@ -30,6 +35,18 @@ GREY = 1e-6
 HIGHLIGHTS = (
     f"Mirrored light counts as diffuse where it is at most {100 * SMALL:.0f} % of the light"
 )
+EVEN = (
+    "Smooth translucent panes with gloss scatter the same share of light from any direction, a "
+    "third more of a sun at 77° than in Radiance"
+)
+COSINES = np.linspace(0, 1, 513)
+"""Cosines of the incidence at which what goes straight through panes is tabulated."""
+SCATTERED = "Light that panes mirror counts as scattered"
+LOST = (0.12, 0.18, 0.24, 0.36, 0.6), (0, 0.001, 0.011, 0.060, 0.167)
+"""Share of mirrored light that Beckmann's facets shadow at 45° [–], by roughness."""
+LEAST_LOST = 0.5
+"""Share from which this has a note [%]."""
+LOBES = "Rough surfaces have Radiance's lobes, but"
 FRESNEL = 0.018
 """Least mirrored share from which Radiance's smooth surfaces mirror more at grazing incidence [–].
 
@@ -71,16 +88,12 @@ def metal(colour: Colour, specularity: float, roughness: float, note: Note) -> S
 def trans(
     colour: Colour, specularity: float, roughness: float, transmission: float, straight: float,
     note: Note,
-) -> DiffuserMaterial | PorousMaterial:  # fmt: skip
+) -> BsdfMaterial | DiffuserMaterial | PorousMaterial:  # fmt: skip
     """Diffusing sheet: transmits C (1 − s) t and reflects C (1 − s) (1 − t) + s [–].
 
-    It is porous where all that it transmits goes straight.
-
-    Raises
-    ------
-    ValueError
-        The share `straight` of the transmitted light that is not scattered, and not all of it, or
-        what is mirrored, is more than a twentieth of the light.
+    The share `straight` of what it transmits goes straight on, or with a roughness into a lobe
+    around that direction. It is porous where all that it transmits goes straight. What it mirrors
+    counts as scattered; a smooth one mirrors more, and transmits less, at grazing incidence.
     """
     rest = np.array(colour) * (1 - specularity)
     through, back = rest * transmission, rest * (1 - transmission) + specularity
@@ -92,14 +105,31 @@ def trans(
         return PorousMaterial(
             type="porous", porosity=gaps, reflectance=reflectance(back / max(1 - gaps, GREY))
         )
-    if max(unscattered, specularity) > SMALL:
-        shares = f"{100 * unscattered:.1f} % transmitted and {100 * specularity:.1f} % reflected"
-        raise ValueError(f"{shares} without scattering")
-    if max(unscattered, specularity) > 0:
+    if specularity > SMALL:
+        note(f"{SCATTERED}: {100 * specularity:.2g} % of the light")
+    elif specularity > 0 or 0 < unscattered <= SMALL:
         note(HIGHLIGHTS)
+    transmitted, reflected = grey(through, note), grey(back, note)
+    if unscattered <= SMALL:
+        return DiffuserMaterial(
+            type="diffuser", transmittance=transmitted, reflectance=reflected
+        )  # fmt: skip
+    if roughness > 0:
+        if roughness < NARROWEST:
+            note(f"Lobes of a roughness below {NARROWEST:g} rad are as wide as those of it")
+        scattered, lobe = (1 - straight) * transmitted, straight * transmitted
+        return translucent_pane(scattered, lobe, reflected, roughness)
+    table = np.array([straight * transmitted])
+    if specularity >= FRESNEL:
+        note(EVEN)
+        more = np.exp(-STEEPNESS * COSINES) - AT_NORMAL
+        mean = float((more * COSINES).sum() / COSINES.sum())
+        table = straight * transmitted * (1 - more)
+        transmitted, reflected = transmitted * (1 - mean), reflected * (1 - mean) + mean
     return DiffuserMaterial(
-        type="diffuser", transmittance=grey(through, note), reflectance=grey(back, note)
-    )
+        type="diffuser", transmittance=(1 - straight) * transmitted, reflectance=reflected,
+        straight=float(table[0]) if len(table) == 1 else tuple(table.tolist()),
+    )  # fmt: skip
 
 
 def mirror(colour: Colour, note: Note) -> MirrorMaterial:
@@ -118,9 +148,16 @@ def _opaque(
         return Lambertian(reflectance(total), polish=float(luminance(mirrored)) * polished)
     rho = grey(total, note)
     share = float(luminance(mirrored)) / rho if rho > 0 else 1.0
+    lobe: dict[str, Any] = {}
+    if roughness > 0:
+        # Ward's Gaussian of tan δ / α is Beckmann's distribution of facets.
+        lobe = {"roughness": roughness, "distribution": "beckmann"}
+        lost = 100 * np.interp(roughness, *LOST)
+        if lost >= LEAST_LOST:
+            note(f"{LOBES} about {lost:.0f} % of what is mirrored at 45° is lost by shadowing")
     return MirrorMaterial(
-        type="mirror", reflectance=min(rho, 1.0), roughness=roughness, specular=min(share, 1.0),
-        polished=polished, distribution="beckmann" if roughness else "ggx",
+        type="mirror", reflectance=min(rho, 1.0), specular=min(share, 1.0), polished=polished,
+        **lobe,
     )  # fmt: skip
 
 
@@ -128,8 +165,14 @@ def grey(channels: np.ndarray, note: Note) -> float:
     """Luminance of a colour, with a note where it is not grey."""
     if np.ptp(channels) <= GREY:
         return min(float(channels[1]), 1.0)
-    note(GREYED)
+    note(greyed(channels))
     return min(float(luminance(channels)), 1.0)
+
+
+def greyed(channels: np.ndarray) -> str:
+    """Sentence on the grey that stands for channels (…, 3), with the largest difference from it."""
+    apart = np.abs(channels - luminance(channels)[..., None]).max()
+    return f"{GREYED}, up to {np.ceil(10 * apart - 1e-9) / 10:g} off that of a channel"
 
 
 def reflectance(channels: np.ndarray) -> Reflectance:

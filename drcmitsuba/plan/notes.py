@@ -73,6 +73,11 @@ def notes(case: Case) -> list[str]:
                 f"materials.{name}: {material.file.name} lacks the {' and the '.join(lacking)}: "
                 "taken as 0"
             )
+        if differs := advice.not_reciprocal(measured.file):
+            remarks.append(
+                f"materials.{name}: {material.file.name} is not reciprocal, by {differs}: light "
+                "the other way differs by so much; the values are taken as they are"
+            )
         if measured.largest_albedo > 1:
             remarks.append(
                 f"materials.{name}: {material.file.name} sends out up to "

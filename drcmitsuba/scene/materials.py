@@ -84,6 +84,8 @@ def lets_through(material: SurfaceMaterial) -> bool:
         return by_mode[material.straight_through]
     if isinstance(material, PorousMaterial):
         return material.porosity > 0
+    if isinstance(material, DiffuserMaterial):
+        return material.most_straight > 0
     return isinstance(material, GlazingMaterial)
 
 
@@ -128,7 +130,10 @@ def albedo(material: SurfaceMaterial) -> float:
     if isinstance(material, PorousMaterial):
         gaps = material.porosity
         return gaps + (1 - gaps) * max_reflectance(material.reflectance)
-    if isinstance(material, GlazingMaterial | DiffuserMaterial):
+    if isinstance(material, DiffuserMaterial):
+        straight = material.most_straight
+        return min(1.0, straight + material.transmittance + material.reflectance)
+    if isinstance(material, GlazingMaterial):
         return min(1.0, material.transmittance + material.reflectance)
     if isinstance(material, BsdfMaterial):
         return min(1.0, film(material.file).largest_albedo)
@@ -243,4 +248,7 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
             tables = (mi.TensorXf(t.astype(np.float32)) for t in material.tables(STEPS))
             pane["transmittance"], pane["reflectance_front"] = tables
             del pane["exponent"], pane["reflectance_back"]  # both sides mirror
+    elif material.most_straight > 0:
+        table = np.ravel(material.straight).astype(np.float32)
+        pane["straight"] = mi.TensorXf(np.repeat(table, 2) if len(table) == 1 else table)
     return pane

@@ -8,6 +8,7 @@ shade before which stands nothing of the kind needs no photons.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,24 @@ LEVEL = 1e-6
 _NO_CORNERS = np.zeros((0, 3))
 
 
-def pane_sides(scene: Scene, *, imaged: bool = False) -> list[tuple[Part, np.ndarray]]:
-    """List the sides of panes on which light may be deviated: (4, 3) [m], fronts along the light.
+class Side(NamedTuple):
+    """Side of a pane on which light may be deviated."""
+
+    part: Part
+    quad: np.ndarray
+    """Corners [m], shape (4, 3); the front is along the light."""
+    from_room: bool
+    """Whether the light comes from where the pane faces."""
+
+    @property
+    def sends_back(self) -> bool:
+        """Whether the pane reflects light that comes to this side; a diffusing one to the room."""
+        m = self.part.material
+        return not isinstance(m, DiffuserMaterial) or (self.from_room and m.reflectance > 0)
+
+
+def pane_sides(scene: Scene, *, imaged: bool = False) -> list[Side]:
+    """List the sides of panes on which light may be deviated.
 
     What clear panes mirror has exact images, and starts photons only where surfaces of other kinds
     may deviate it once more, or where photons count what is `imaged`.
@@ -45,10 +62,10 @@ def pane_sides(scene: Scene, *, imaged: bool = False) -> list[tuple[Part, np.nda
         for quad, n in zip(part.quads, normals(part.quads), strict=True):
             # Clear panes without an index mirror to the room only, which is where they face.
             if not isinstance(m, GlazingMaterial) or m.ior is not None:
-                sides.append((part, quad))
+                sides.append(Side(part, quad, False))
             room = scene.enclosure
             if room is None or ((room.openings - quad[0]) @ n > 1e-3).any():
-                sides.append((part, reversed_quads(quad[None])[0]))
+                sides.append(Side(part, reversed_quads(quad[None])[0], True))
     return sides
 
 
@@ -59,10 +76,10 @@ def pane_ports(scene: Scene, *, imaged: bool = False) -> list[Port]:
         return []
     deviating = _corners(part.quads for part in scene.parts if _deviates(part))
     targets = np.concatenate([deviating, _leading(scene, deviating)])
-    before, behind = _meet(np.array([quad for _, quad in sides]), targets)
-    counts = before | (behind & np.array([_sends_back(part) for part, _ in sides]))
-    counts |= np.array([isinstance(part.material, GlazingMaterial) for part, _ in sides])
-    return [Port("", quad) for (_, quad), some in zip(sides, counts, strict=True) if some]
+    before, behind = _meet(np.array([side.quad for side in sides]), targets)
+    counts = before | (behind & np.array([side.sends_back for side in sides]))
+    counts |= np.array([isinstance(side.part.material, GlazingMaterial) for side in sides])
+    return [Port("", side.quad) for side, some in zip(sides, counts, strict=True) if some]
 
 
 def _mirrors(part: Part) -> bool:
@@ -74,11 +91,6 @@ def _deviates(part: Part) -> bool:
     diffuses = isinstance(part.material, DiffuserMaterial) and bool(part.component)
     kinds = MirrorMaterial | DielectricMaterial | BsdfMaterial
     return diffuses or _mirrors(part) or isinstance(part.material, kinds)
-
-
-def _sends_back(part: Part) -> bool:
-    """Whether a pane reflects some light."""
-    return not isinstance(part.material, DiffuserMaterial) or part.material.reflectance > 0
 
 
 def _leading(scene: Scene, deviating: np.ndarray) -> np.ndarray:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import base64
 import binascii
-import hashlib
 import lzma
-import re
-import tempfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 from drcmitsuba.model.honeybee.entries import Entry, by_identifier, read_entry
+from drcmitsuba.model.written_files import written
 
 LARGEST_BSDF = 256 * 2**20
 """Largest size of the BSDF files that are unpacked from a model, together [B]."""
@@ -40,23 +37,8 @@ class BsdfFiles:
         name = modifier.identifier()
         if name not in self.given and name not in self.unpacked:
             left = LARGEST_BSDF - sum(path.stat().st_size for path in self.unpacked.values())
-            self.unpacked[name] = _written(_unpacked(modifier, left), name)
+            self.unpacked[name] = written(_unpacked(modifier, left), name)
         return self.given.get(name) or self.unpacked[name]
-
-
-@lru_cache(maxsize=1)
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    """Folder of this process, which is removed at its end."""
-    return tempfile.TemporaryDirectory(prefix="drcmitsuba_")
-
-
-def _written(content: bytes, name: str) -> Path:
-    """Write a file for the length of this process; its folder is named by its content."""
-    folder = Path(_folder().name) / hashlib.sha256(content).hexdigest()[:16]
-    folder.mkdir(exist_ok=True)
-    path = folder / f"{re.sub('[^A-Za-z0-9_-]', '_', name)[:60]}.xml"
-    path.write_bytes(content)
-    return path
 
 
 def bsdf_xml(file: Path) -> dict[str, bytes]:

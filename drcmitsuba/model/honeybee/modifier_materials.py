@@ -10,7 +10,6 @@ from drcmitsuba.model.honeybee.entries import Entry
 from drcmitsuba.model.materials import BsdfMaterial, Lambertian, SurfaceMaterial
 from drcmitsuba.model.notes import Notes
 from drcmitsuba.model.radiance_materials import Colour, Note
-from drcmitsuba.runtime.errors import InputError
 
 UP = (0.01, 0.01, 1.0)
 """Up direction of a BSDF that states none."""
@@ -43,13 +42,7 @@ def material_of(modifier: Entry, bsdf: BsdfFiles, notes: Notes) -> SurfaceMateri
     if kind not in MAKERS:
         known = ", ".join([*MAKERS, "BSDF", "Light", "Glow", "Void"])
         raise modifier.refuse("type", kind or "missing", f"choose one of {known}")
-    try:
-        return MAKERS[kind](modifier, lambda sentence: notes.add(sentence, modifier.place))
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        remedy = f"keep each below {100 * radiance_materials.SMALL:.0f} %, or give Glass or a BSDF"
-        raise modifier.refuse("type", str(error), remedy) from None
+    return MAKERS[kind](modifier, lambda sentence: notes.add(sentence, modifier.place))
 
 
 def _colour(modifier: Entry, quantity: str, default: float) -> Colour:

@@ -17,7 +17,7 @@ from drcmitsuba.model.materials import (
 )
 from drcmitsuba.model.mitsuba.entries import DEEPEST, Entry, Scene
 from drcmitsuba.model.notes import Notes
-from drcmitsuba.model.radiance_materials import GREYED, luminance
+from drcmitsuba.model.radiance_materials import greyed, luminance
 
 MATT = "Plastics are diffuse, without their clear coat"
 BOTH_SIDES = "Surfaces reflect on both sides"
@@ -71,7 +71,7 @@ def _conductor(entry: Entry, notes: Notes) -> SurfaceMaterial:
         raise entry.error("material", got, NAMED)
     rho = entry.reflectance("specular_reflectance", 1.0)
     if isinstance(rho, tuple):
-        notes.add(GREYED, entry.id)
+        notes.add(greyed(np.array(rho)), entry.id)
         rho = float(luminance(np.array(rho)))
     alpha = _alpha(entry)
     if alpha == 0:

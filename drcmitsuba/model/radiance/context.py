@@ -65,8 +65,14 @@ class Context:
     """The same without links."""
     override: str | None = None
     """Modifier that `xform -m` gives to all surfaces."""
+    given: tuple[Path, ...] = ()
+    """Folders of the files that make the model."""
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """Folders in which files are looked for: the file's, its callers', the present one."""
-        return (*dict.fromkeys(file.parent for file in reversed(self.files)), Path())
+        """Folders in which files are looked for.
+
+        They are the file's, its callers', those of the model's other files, and the present one.
+        """
+        called = (file.parent for file in reversed(self.files))
+        return (*dict.fromkeys((*called, *self.given)), Path())

@@ -2,8 +2,9 @@
 
 Numbers, names, + − * / ^, parentheses, a sign before a factor, and functions. As in Radiance, ^ is
 right-associative and a sign binds more tightly: -2^2 is 4. Definitions `name=…`, `name:…` and
-`name(a,b)=…` are separated by semicolons. Nothing is executed: a tree of tuples is walked, whose
-depth and number of steps are bounded.
+`name(a,b)=…` are separated by semicolons; comments stand in braces, which may nest. A function sees
+its own parameters and what is defined for all, not the parameters of its caller. Nothing is
+executed: a tree of tuples is walked, whose depth and number of steps are bounded.
 """
 
 from __future__ import annotations
@@ -35,10 +36,11 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., Values]]] = {
     "sqrt": (1, np.sqrt), "exp": (1, np.exp), "log": (1, np.log), "log10": (1, np.log10),
     "abs": (1, np.abs), "floor": (1, np.floor), "ceil": (1, np.ceil),
     "min": (2, np.minimum), "max": (2, np.maximum), "mod": (2, np.fmod),
+    "bound": (3, lambda low, x, high: np.where(x < low, low, np.where(x > high, high, x))),
     "if": (3, lambda condition, a, b: np.where(np.asarray(condition) > 0, a, b)),
 }  # fmt: skip
 """Functions with their numbers of arguments; `if` takes its first value where the condition is
-positive, `mod` has the sign of its first argument."""
+positive, `mod` has the sign of its first argument, `bound` keeps its second between the others."""
 
 
 class ExpressionError(ValueError):
@@ -146,7 +148,7 @@ def definitions(text: str) -> Definitions:
         One of them cannot be read.
     """
     known: Definitions = {}
-    for part in text.split(";"):
+    for part in without_comments(text).split(";"):
         if not part.strip():
             continue
         definition = _DEFINITION.fullmatch(part)
@@ -156,6 +158,27 @@ def definitions(text: str) -> Definitions:
         names = tuple(p.strip() for p in parameters.split(",")) if parameters else ()
         known[name] = names, _Reader(right).whole()
     return known
+
+
+def without_comments(text: str) -> str:
+    """Text with a blank in place of each comment in braces.
+
+    Raises
+    ------
+    ExpressionError
+        A brace has no partner.
+    """
+    kept, depth, start = list[str](), 0, 0
+    for brace in re.finditer(r"[{}]", text):
+        if depth == 0:
+            kept.append(text[start : brace.start()])
+        depth += 1 if brace.group() == "{" else -1
+        if depth < 0:
+            break
+        start = brace.end()
+    if depth:
+        raise ExpressionError("a brace of a comment has no partner")
+    return " ".join([*kept, text[start:]])
 
 
 def parse(text: str) -> Tree:
@@ -186,16 +209,16 @@ def value(text: str, variables: Mapping[str, Values], known: Definitions | None 
         The expression cannot be read, names something unknown, or takes too many steps.
     """
     constants: dict[str, Values] = {"PI": np.pi}
-    walk = _Walk(known or {})
+    names = constants | dict(variables)
     with np.errstate(all="ignore"):
-        return walk.value(parse(text), constants | dict(variables), 0)
+        return _Walk(known or {}, names).value(parse(text), names, 0)
 
 
 class _Walk:
     """Evaluation of trees with definitions, of bounded depth and number of steps."""
 
-    def __init__(self, known: Definitions) -> None:
-        self.known, self.steps = known, 0
+    def __init__(self, known: Definitions, given: Mapping[str, Values]) -> None:
+        self.known, self.given, self.steps = known, given, 0
 
     def value(self, tree: Tree, names: Mapping[str, Values], depth: int) -> Values:
         """Value of a tree under values of names."""
@@ -208,10 +231,10 @@ class _Walk:
         if kind == "name":
             if tree[1] in names:
                 return names[tree[1]]
-            return self.call(tree[1], (), names, depth)
+            return self.call(tree[1], (), depth)
         if kind == "call":
             arguments = tuple(self.value(t, names, depth + 1) for t in tree[2])
-            return self.call(tree[1], arguments, names, depth)
+            return self.call(tree[1], arguments, depth)
         a, b = (self.value(t, names, depth + 1) for t in tree[1:])
         if kind == "+":
             return a + b
@@ -221,20 +244,18 @@ class _Walk:
             return a * b
         return a / b if kind == "/" else np.power(a, b)
 
-    def call(
-        self, name: str, arguments: tuple[Values, ...], names: Mapping[str, Values], depth: int
-    ) -> Values:
+    def call(self, name: str, arguments: tuple[Values, ...], depth: int) -> Values:
         """Value of a function, or of a name that a definition gives."""
         if name in self.known:
             parameters, tree = self.known[name]
             if len(parameters) == len(arguments):
-                inner = {**names, **dict(zip(parameters, arguments, strict=True))}
+                inner = {**self.given, **dict(zip(parameters, arguments, strict=True))}
                 return self.value(tree, inner, depth + 1)
         elif name in FUNCTIONS and FUNCTIONS[name][0] == len(arguments):
             return FUNCTIONS[name][1](*arguments)
         elif name == "arg" and len(arguments) == 1 and np.ndim(arguments[0]) == 0:
-            if (key := f"A{int(np.nan_to_num(arguments[0])):d}") in names:
-                return names[key]
+            if (key := f"A{int(np.nan_to_num(arguments[0])):d}") in self.given:
+                return self.given[key]
         elif name not in FUNCTIONS:
             what = "function" if arguments else "name"
             raise ExpressionError(f"the unknown {what} {name!r}")

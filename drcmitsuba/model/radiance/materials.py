@@ -27,8 +27,6 @@ ISOTROPIC = "Brushed surfaces have the geometric mean of their two roughnesses"
 REPLACED = "Mirrors reflect alike in every direction, without their alternate material"
 BOTH_SIDES = "Mirrors reflect on both sides"
 DISPERSION = "Solids have one refractive index for all colours"
-GLAZED = "Panes keep Radiance's transmittance at normal incidence and are at most"
-
 
 DEEPEST_MIXTURE = 8
 """Largest number of modifiers in a mixture that mixes: each doubles the materials that are read."""
@@ -91,8 +89,19 @@ def _opaque(finish: Finish) -> SurfaceMaterial:
     if s <= SMALL:
         return make(as_colour(colour), s, float(rough.max()), finish.note)
     if brushed:
-        finish.note(ISOTROPIC)
+        finish.note(_isotropic(rough))
     return make(as_colour(colour), s, float(np.prod(rough) ** (1 / len(rough))), finish.note)
+
+
+def _isotropic(rough: np.ndarray) -> str:
+    """Sentence on the mean of two roughnesses, with how far they are apart."""
+    least, most = rough.min(), rough.max()
+    apart = (
+        f"up to {np.ceil(most / least - 1e-9):.0f} times apart"
+        if least > 0
+        else "of which one is 0"
+    )
+    return f"{ISOTROPIC}, {apart}"
 
 
 def _trans(finish: Finish) -> SurfaceMaterial:
@@ -104,27 +113,22 @@ def _trans(finish: Finish) -> SurfaceMaterial:
     numbers = finish.numbers(8 if brushed else 7, strings=4 if brushed else 0)
     colour = finish.colour(numbers)
     s, t, t_s = finish.share(numbers[[3, -2, -1]], "shares of").tolist()
-    rough = float(finish.share(np.minimum(numbers[4:-2], 1), "a roughness of").max())
-    try:
-        return radiance_materials.trans(as_colour(colour), s, rough, t, t_s, finish.note)
-    except ValueError as error:
-        remedy = f"keep each below {100 * SMALL:.0f} %, or give the pane as glass or BSDF"
-        raise finish.primitive.error(str(error), remedy) from None
+    rough = finish.share(np.minimum(numbers[4:-2], 1), "a roughness of")
+    if brushed and t * t_s > 0:
+        finish.note(_isotropic(rough))
+    alpha = float(np.prod(rough) ** (1 / len(rough)))
+    return radiance_materials.trans(as_colour(colour), s, alpha, t, t_s, finish.note)
 
 
 def _pane(finish: Finish) -> SurfaceMaterial:
-    """`glass`, and `BRTDfunc` as glazing tools write it."""
+    """`glass`, and `BRTDfunc` of functions of the incidence."""
     if finish.primitive.kind == "glass":
         numbers = finish.numbers(3, 4)
         index = float(numbers[3]) if len(numbers) == 4 else radiance_materials.INDEX
         if not 1 < index <= 4:
             raise finish.primitive.error(f"a refractive index of {index:g}", "give 1 to 4")
         return radiance_materials.glass(as_colour(finish.colour(numbers)), index, finish.note)
-    material, deviation = glazing.from_functions(finish.primitive)
-    # Rounded up to a whole hundredth, so that panes share a sentence.
-    if deviation:
-        finish.note(f"{GLAZED} {np.ceil(100 * deviation) / 100:g} off at others")
-    return material
+    return glazing.from_functions(finish.definition, finish.note)
 
 
 def _solid(finish: Finish) -> SurfaceMaterial:
@@ -137,7 +141,7 @@ def _solid(finish: Finish) -> SurfaceMaterial:
     else:
         numbers = finish.numbers(5)
         if numbers[4] != 0:
-            finish.note(DISPERSION)
+            finish.note(f"{DISPERSION} (Hartmann's constant {numbers[4]:g})")
     left = finish.share(numbers[:3], "a transmission of") ** (1 / finish.definition.moves.scale[0])
     rest = radiance_materials.grey(left, finish.note)
     if not 1 < numbers[3] <= 4 or not rest > 0 or -np.log(rest) > 1e4:

@@ -24,9 +24,9 @@ def read(files: Sequence[Path], *, means: bool = False) -> Model:
     Parameters
     ----------
     files : sequence of Path
-        Scene files; modifiers that one defines serve in the next. Files and BSDF files that they
-        name are looked for beside the file that names them, beside those that call for it, and in
-        the present folder.
+        Scene files; modifiers that one defines serve in the next. Files, BSDF files and function
+        files that they name are looked for beside the file that names them, beside those that call
+        for it, beside the other scene files, and in the present folder.
     means : bool
         Whether patterns, textures and mixtures that are not constant count as their mean, with a
         note, and are not refused.
@@ -44,7 +44,8 @@ def read(files: Sequence[Path], *, means: bool = False) -> Model:
         A file cannot be read, or holds something without a counterpart here.
     """
     notes = Notes()
-    context = Context(Definitions(), Surfaces(notes), Budget(), notes)
+    folders = tuple(dict.fromkeys(Path(file).parent for file in files))
+    context = Context(Definitions(), Surfaces(notes), Budget(), notes, given=folders)
     for file in files:
         read_file(Path(file), context)
     gathered: dict[tuple[str, str], tuple[SurfaceMaterial, list[Patch]]] = {}

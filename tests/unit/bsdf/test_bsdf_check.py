@@ -193,6 +193,36 @@ def test_reciprocity_of_matrices_and_of_isotropic_trees():
     assert asymmetry == pytest.approx(2 * 2 * 0.25 * 0.75 / (0.25 + 3 * 0.75), rel=0.05)
 
 
+def test_noise_of_cells_is_no_lack_of_reciprocity():
+    """A fine tree with noise of 30 % a cell, against one whose reverse is a fifth brighter."""
+    rng = np.random.default_rng(3)
+    tree = TensorTree.of_grid(1 + 0.1 * rng.random((16,) * 4))
+    noisy = tree.reversed()
+    noisy = replace(noisy, value=noisy.value * (1 + 0.3 * rng.standard_normal(len(noisy))))
+    assert balance.reciprocity(film(tb=tree, tf=noisy))["transmission"] > 0.2
+    assert balance.one_way(film(tb=tree, tf=noisy))["transmission"] < 0.03
+    brighter = replace(noisy, value=noisy.value * 1.2)
+    error = balance.one_way(film(tb=tree, tf=brighter))["transmission"]
+    assert error == pytest.approx(0.2 / 1.1, rel=0.05)
+    # A constant against the fine tree: their depths differ.
+    error = balance.one_way(film(tb=tree, tf=TensorTree.constant(1.05)))["transmission"]
+    assert error < 0.01
+    assert balance.one_way(film(tb=tree)) == {}
+
+
+def test_one_way_errors_of_matrices_and_isotropic_trees():
+    matrix = KlemsMatrix(KLEMS, KLEMS, np.full((145, 145), 0.3))
+    uneven = replace(matrix, value=matrix.value * np.where(np.arange(145) < 41, 2.0, 1.0))
+    share = matrix.incident.projected_solid_angle
+    share = share[:41].sum() / share.sum()
+    # T is 2 on the inner patches and 1 elsewhere; T' is 1 + their share everywhere.
+    for one, error in ((matrix, 0), (uneven, 2 * share * (1 - share) / (1 + share))):
+        assert balance.one_way(film("Klems", rb=one))["rb"] == pytest.approx(error, rel=0.02)
+    grid = np.full((8, 8, 8), 0.1)
+    even = film("TensorTree3", rf=TensorTree.of_grid(grid))
+    assert balance.one_way(even)["rf"] == pytest.approx(0, abs=1e-12)
+
+
 def test_isotropic_files_have_one_curve_a_side_and_true_averages():
     grid = np.full((16, 16, 16), 0.4 / np.pi)
     grid[8:] = 99  # dead

@@ -119,3 +119,28 @@ def test_unfit_schedules_are_one_line(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as caught:
         read_schedule(file, "east", ("open", "fabric"))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "mirrors"),
+    [("", True), ("[groups.window]\npanes = ['pane']\nstates = ['shade']\n", False),
+     ("[sun]\nmodel = 'adaptive'\n", False)],
+)  # fmt: skip
+def test_smooth_plastic_is_no_mirror_beside_groups_of_panes(table, mirrors, tmp_path):
+    """Sums over groups count no light by way of mirrors: such a floor opened before, and does."""
+    (tmp_path / "room.rad").write_text(
+        "void plastic floor 0 0 5 .2 .2 .2 .03 0\nvoid glass pane 0 0 3 .9 .9 .9\n"
+        "floor polygon f 0 0 12 0 0 0 4 0 0 4 5 0 0 5 0\n"
+        "pane polygon p 0 0 12 0 0 1 0 0 2 4 0 2 4 0 1\n"
+    )
+    (tmp_path / "case.toml").write_text(
+        "[model]\nfiles = ['room.rad']\n[sensors]\nfloors = ['floor']\n"
+        f"[materials.shade]\ntype = 'diffuser'\ntransmittance = 0.1\n{table}"
+    )
+    case = load_case(tmp_path / "case.toml")
+    assert [layer.name for layer in case.building.layers if layer.deviates] == ["floor"] * mirrors
+    assert any(
+        "lowers the illuminance" in n and "mesh of suns" in n for n in case.building.notes
+    ) == (not mirrors)
+    floor = next(layer for layer in case.building.layers if layer.name == "floor")
+    assert floor.material.reflectance == pytest.approx(0.2 * 0.97 + 0.03)

@@ -93,8 +93,6 @@ def test_an_object_that_touches_nothing_is_refused(tmp_path, other, words):
         (box.plastic("m", 1.5, 0.5, 0.5), ("Plastic m", "r_reflectance", "1.5")),
         (box.plastic("m", 0.5, 0.5, 0.5, type="Marble"), ("Marble m", "type")),
         (box.plastic("m", 0.5, 0.5, 0.5, modifier=box.plastic("p", 1, 1, 1)), ("m", "pattern")),
-        (box.plastic("m", 0.9, 0.9, 0.9, type="Trans", transmitted_diff=0.9, transmitted_spec=0.9),
-         ("Trans m", "72.9 %")),
         ({"type": "Glass", "identifier": "m", "refraction_index": 0.5}, ("Glass m", "0.5")),
         (bsdf(identifier="m", bsdf_data="%%%"), ("BSDF m", "bsdf_data", "no XML")),
     ],

@@ -26,6 +26,7 @@ def test_definitions_serve_each_other_and_arrays_pass_through():
     s = np.array([0.0, 1, 2])
     np.testing.assert_allclose(value("h+s^2", {"s": s}, known), [1, 4, 9])
     np.testing.assert_allclose(value("if(s-.5,1/s,0)", {"s": s}), [0, 1, 0.5])
+    np.testing.assert_allclose(value("bound(.5,s,1.5)", {"s": s}), [0.5, 1, 1.5])
     assert float(value("A2+arg(1)+abs(-3)+mod(5,3)", {"A1": 1.0, "A2": 10.0})) == 16
 
 
@@ -55,6 +56,21 @@ def test_what_is_no_expression_is_refused(text, complaint):
     with pytest.raises(ExpressionError) as error:
         value(text, {})
     assert complaint in str(error.value)
+
+
+def test_comments_stand_in_braces_and_parameters_are_those_of_their_function():
+    """A caller's parameter `a` hides no definition of that name from what it calls."""
+    known = definitions("{ one; {two} }\na = 8; g = a;{}f(a) = a + g;")
+    assert float(value("f(1)", {}, known)) == 9
+    for text in ("{ a = 1;", "a = 1; }"):
+        with pytest.raises(ExpressionError, match="no partner"):
+            definitions(text)
+
+
+@pytest.mark.parametrize("text", ["f=f", "f=g;g=f", "f=if(1,0,f)", "f=h(1);h(x)=h(x-1)"])
+def test_definitions_without_end_are_refused(text):
+    with pytest.raises(ExpressionError, match="do its definitions call themselves"):
+        value("f", {}, definitions(text))
 
 
 def test_definitions_that_multiply_end_soon():

@@ -1,10 +1,13 @@
 """Notes that a result carries beside its numbers."""
 
+import re
+
 import pytest
 
 from drcmitsuba.case.case import Case
 from drcmitsuba.plan.notes import notes
 from drcmitsuba.runtime import backend
+from tests import ROOT
 from tests.unit.plugins.measured_files import write
 
 OPEN = {"strips": [{"bottom": 1.0, "top": 2.0, "material": "open"}]}
@@ -36,6 +39,24 @@ def test_without_a_shade_there_is_no_note_of_it():
     assert notes(Case.model_validate({**CASE, "facade": facade, "shading": None})) == []
 
 
+def of_film(file):
+    """Notes of a case with a film."""
+    film = {"type": "bsdf", "file": str(file)}
+    facade = {"south": {"strips": [{"bottom": 1.0, "top": 2.0, "material": "film"}]}}
+    tables = {"facade": facade, "materials": {"film": film}, "shading": None}
+    return notes(Case.model_validate({**CASE, **tables}))
+
+
+def test_a_film_that_is_not_reciprocal_has_one_note_with_its_size(tmp_path):
+    """Random matrices are not; the shipped films are, within the noise of their rays."""
+    backend.select()
+    told = [n for n in of_film(write(tmp_path, "LBNL/Klems Quarter", albedo=0.2)) if "recip" in n]
+    assert len(told) == 1
+    assert re.search(r"is not reciprocal, by \d+ % of its transmission, \d+ % of its refl", told[0])
+    for film in (ROOT / "scenes" / "films").glob("*.xml"):
+        assert not [note for note in of_film(film) if "recip" in note]
+
+
 @pytest.mark.parametrize(
     ("missing", "lacking"),
     [
@@ -52,9 +73,6 @@ def test_a_film_whose_file_lacks_a_side_has_a_note(tmp_path, missing, lacking):
     """A Klems file without reflection into the room lost 5 % of E without a word."""
     backend.select()
     file = write(tmp_path, "LBNL/Klems Quarter", missing, albedo=0.2)
-    film = {"type": "bsdf", "file": str(file)}
-    facade = {"south": {"strips": [{"bottom": 1.0, "top": 2.0, "material": "film"}]}}
-    tables = {"facade": facade, "materials": {"film": film}, "shading": None}
-    told = [note for note in notes(Case.model_validate({**CASE, **tables})) if "lacks" in note]
+    told = [note for note in of_film(file) if "lacks" in note]
     assert len(told) == (lacking is not None)
     assert all(note.startswith("materials.film: ") and lacking in note for note in told)

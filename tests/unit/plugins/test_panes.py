@@ -147,6 +147,34 @@ def test_weight_of_a_diffuser_sample_is_eval_over_density(wi):
     np.testing.assert_allclose(np.array(weight[0]), reflectance + 0.3, rtol=1e-5)
 
 
+@pytest.mark.parametrize("straight", [0.15, np.linspace(0, 0.2, 65).tolist()])
+@pytest.mark.parametrize("wi", DIFFUSER_WI)
+def test_a_fabric_passes_a_part_straight_on_and_scatters_the_rest(wi, straight):
+    wi = np.array(wi) / np.linalg.norm(wi)
+    given = straight if np.ndim(straight) == 0 else tensor(straight)
+    bsdf = mi.load_dict(DIFFUSER | {"straight": given})
+    count, ctx = 1 << 16, mi.BSDFContext()
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(0, count)
+    si = dr.zeros(mi.SurfaceInteraction3f, count)
+    si.wi = mi.Vector3f(*map(float, wi))
+    bs, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d())
+    tau = straight if np.ndim(straight) == 0 else 0.2 * abs(wi[2])
+    total = 0.5 + 0.3 + tau
+    np.testing.assert_allclose(np.array(weight[0]), total, rtol=1e-4)
+    passes = np.array(mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null))
+    share = tau / total
+    assert abs(passes.mean() - share) < 4.5 * np.sqrt(share * (1 - share) / count)
+    assert (np.array(bs.sampled_component) == 2)[passes].all()
+    np.testing.assert_allclose(np.array(bs.wo)[:, passes].T, -np.tile(wi, (passes.sum(), 1)),
+                               atol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(np.array(bsdf.eval_null_transmission(si)[0]), tau, rtol=1e-4)
+    value, pdf = bsdf.eval_pdf(ctx, si, bs.wo)
+    ratio = (np.array(value[0]) / np.array(pdf))[~passes]
+    np.testing.assert_allclose(ratio, total, rtol=1e-4)
+    np.testing.assert_allclose(np.array(pdf)[~passes], np.array(bs.pdf)[~passes], rtol=1e-4)
+
+
 # Gradients
 
 

@@ -26,6 +26,7 @@ OTHERS = {
     "fine film": {"type": "tensor_tree", "filename": str(ROOT / "scenes" / "films" / "prism.xml")},
     "glazing": {"type": "glazing", "transmittance": 0.7, "reflectance_front": 0.1},
     "diffuser": {"type": "diffuser", "transmittance": 0.3, "reflectance_front": 0.2},
+    "fabric": {"type": "diffuser", "transmittance": 0.3, "straight": 0.2},
     "coated_mirror": {"type": "coated_mirror", "reflectance": 0.9, "ior": 1.5},
     "polished": {"type": "polished", "mirrored": 0.1, "matt": 0.5},
     "redirecting_film": {"type": "redirecting_film", "transmittance": 0.7},
