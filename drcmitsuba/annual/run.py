@@ -24,7 +24,7 @@ from drcmitsuba.transport.shared_paths import SharedPaths
 MakeElsewhere = Callable[[State, Suns, Progress], None]
 """Function that has other processes make the blocks of a state for some suns."""
 
-METHOD = 9
+METHOD = 10
 """Version of the method by which C is computed; blocks of another one are not used."""
 
 
