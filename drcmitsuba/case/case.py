@@ -260,6 +260,12 @@ class Case(Table):
         changed._building = self._building
         return changed
 
+    def without_polish(self) -> Case:
+        """Have faintly mirroring surfaces of the model diffuse, for tasks that count no mirrors."""
+        changed = self.with_tables()
+        changed._building = self.building.without_polish()
+        return changed
+
     def with_facade(self, side: Side, facade: Facade) -> Case:
         """Replace one façade; InputError where it does not fit into the room."""
         self._check_facade(side, facade)

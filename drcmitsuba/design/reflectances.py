@@ -139,6 +139,7 @@ class Interior:
             The case is coloured, has no surfaces or too many kinds of them, or one name stands for
             two reflectances.
         """
+        case = case.without_polish()
         case.refuse_components("the search for reflectances")
         case.refuse_groups("the search for reflectances")
         start = reflectances(case)

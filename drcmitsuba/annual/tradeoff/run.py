@@ -115,6 +115,7 @@ def tradeoff(
     """
     if not 0 < minutes < 1e6:
         raise InputError("tradeoff", "minutes", f"{minutes:g}", "give minutes above 0")
+    case = case.without_polish()
     case.refuse_components("the reference of tradeoff")
     case.refuse_groups("the reference of tradeoff")
     start = time.monotonic()

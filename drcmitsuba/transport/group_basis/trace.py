@@ -111,6 +111,7 @@ class GroupTrace:
         InputError
             The case has no groups, or too many states, or states that no sum can hold.
         """
+        case = case.without_polish()
         _refuse(case)
         effects = replace(effects, pane_to_pane=False)
         groups, panes = PaneGroups.of(case).states, grouped_panes(case, effects)

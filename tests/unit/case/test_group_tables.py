@@ -142,5 +142,8 @@ def test_smooth_plastic_is_no_mirror_beside_groups_of_panes(table, mirrors, tmp_
     assert any(
         "lowers the illuminance" in n and "mesh of suns" in n for n in case.building.notes
     ) == (not mirrors)
+    dull = case.without_polish()
+    dull.refuse_components("a task without mirrors")
+    assert any("lowers the illuminance" in n for n in dull.building.notes)
     floor = next(layer for layer in case.building.layers if layer.name == "floor")
     assert floor.material.reflectance == pytest.approx(0.2 * 0.97 + 0.03)
