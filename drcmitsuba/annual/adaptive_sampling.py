@@ -3,7 +3,8 @@
 Samples are added in rounds, each a simulation of its own with another seed. Replicate r of a round
 is averaged into replicate r of the coefficients C: the replicates stay independent and as many, so
 that their scatter still gives the error. With a target of sDA and ASE, later rounds simulate only
-the sensors that are too close to call, and the suns of the hours in doubt there.
+the sensors that are too close to call, and the suns of the hours in doubt there; with one of every
+sensor, only the sensors that are wider.
 """
 
 from __future__ import annotations
@@ -20,16 +21,21 @@ import xarray as xr
 from drcmitsuba.annual import simulation
 from drcmitsuba.annual.run import Run
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
+from drcmitsuba.case.accuracy import AT_SENSORS
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, draw_shade, evaluate_metrics
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import sources
 from drcmitsuba.transport.sun_interpolation import mesh_of
+
+special = lazy.module("scipy.special")
 
 ROUNDS_AT_ONCE = 8
 """Largest number of rounds between two looks at the intervals."""
@@ -148,12 +154,12 @@ def toward_target(
     first = rounds = int(coefficients.attrs.get("rounds", 1))
     sampling = None
     with run.timed(f"toward {target}") as done:
-        while (width := evaluated.half_width(target.unit)) > target.value and not over():
+        while (width := _half_width(evaluated, case)) > target.value and not over():
             done((target.value / width) ** 2)
             if sampling is None:
                 states = {s: SampleAccumulator(C) for s, C in coefficients.states.items()}
                 sampling = _Sampling(case, daylight, run, coefficients, states)
-            sensors, hours = _worth_more(evaluated, target.unit)
+            sensors, hours = _worth_more(evaluated, case)
             # The error falls with the root of the rounds; look again when they have doubled.
             missing = math.ceil((rounds - first + 1) * ((width / target.value) ** 2 - 1))
             for _ in range(min(missing, rounds - first + 1, ROUNDS_AT_ONCE)):
@@ -169,12 +175,47 @@ def toward_target(
     return coefficients, evaluated, SamplingOutcome(str(target), width, reached, rounds, reason)
 
 
-def _worth_more(evaluated: EvaluatedMetrics, unit: str) -> tuple[np.ndarray, np.ndarray]:
+def of_hours(E: np.ndarray, error: np.ndarray, replicates: int) -> np.ndarray:
+    """Half a 95 % interval of the illuminance of an hour over it [%], shape (sensor,).
+
+    The root mean square of all hours, weighted by the illuminance; 0 where it is dark.
+
+    Parameters
+    ----------
+    E, error : np.ndarray, shape (time, sensor)
+        Illuminance and its standard error [lx].
+    replicates : int
+        Number of replicates that the error comes from.
+    """
+    noise, light = ((v.astype(float) ** 2).sum(axis=0) for v in (error, E))
+    share = np.sqrt(noise / np.where(light > 0, light, 1)) * (light > 0)
+    return np.asarray(100 * special.stdtrit(replicates - 1, 0.975) * share)
+
+
+def _at_sensors(evaluated: EvaluatedMetrics, case: Case) -> np.ndarray:
+    E = evaluated.illuminance
+    E = by_luminance(E) if "channel" in E["total"].dims else E
+    total, error = (E[v].transpose("time", "sensor").values for v in ("total", "total_se"))
+    return of_hours(total, error, case.accuracy.replicates)
+
+
+def _half_width(evaluated: EvaluatedMetrics, case: Case) -> float:
+    """Half the width of the widest interval, in the target's unit."""
+    assert case.accuracy.goal is not None
+    if case.accuracy.goal.unit == AT_SENSORS:
+        return float(_at_sensors(evaluated, case).max(initial=0))
+    return evaluated.half_width(case.accuracy.goal.unit)
+
+
+def _worth_more(evaluated: EvaluatedMetrics, case: Case) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the sensors and of the time stamps that need more samples."""
-    E, draws = evaluated.illuminance, evaluated.draws
-    everywhere = np.arange(E.sizes["sensor"]), np.arange(E.sizes["time"])
-    if unit == "%":
-        return everywhere
-    sensors = np.union1d(*(draws.undecided(metric) for metric in ("sDA", "ASE")))
-    hours = np.flatnonzero(draws.hours["sDA"] + draws.hours["ASE"])
-    return (sensors, hours) if len(sensors) and len(hours) else everywhere
+    E, draws, target = evaluated.illuminance, evaluated.draws, case.accuracy.goal
+    assert target is not None
+    sensors, hours = np.arange(E.sizes["sensor"]), np.arange(E.sizes["time"])
+    if target.unit == AT_SENSORS:
+        return np.flatnonzero(_at_sensors(evaluated, case) > target.value), hours
+    if target.unit == "%":
+        return sensors, hours
+    some = np.union1d(*(draws.undecided(metric) for metric in ("sDA", "ASE")))
+    at = np.flatnonzero(draws.hours["sDA"] + draws.hours["ASE"])
+    return (some, at) if len(some) and len(at) else (sensors, hours)

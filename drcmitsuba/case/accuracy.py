@@ -16,22 +16,33 @@ MOST_TIMES = {"paths": 16, "cell_paths": 2, "pane_points": 8, "sensor_sky_rays":
 """Largest factors of samples where points are few: beyond these the error comes from elsewhere."""
 
 
+AT_SENSORS = "% at each sensor"
+"""Unit of a target for the illuminance of the hours at every sensor, and at every eye."""
+
+
 class Target(NamedTuple):
     """Largest half width of the 95 % intervals."""
 
     value: float
     """Half width, in `unit`."""
     unit: str
-    """'point' (of sDA and of ASE) or '%' (of the mean illuminance)."""
+    """'point' (of sDA and of ASE), '%' (of the mean illuminance), or `AT_SENSORS`."""
 
     @classmethod
     def parse(cls, text: str) -> Target:
-        """Read "1 point", "0.5 points" or "2 %"; above 0, at most 100, else InputError."""
-        match = re.fullmatch(r"\s*(\d{1,3}(?:\.\d{1,6})?)\s*(points?|%)\s*", text, re.ASCII)
+        """Read "1 point", "0.5 points", "2 %" or "2 % at each sensor".
+
+        Raises
+        ------
+        InputError
+            It is something else, or not above 0 and at most 100.
+        """
+        pattern = rf"\s*(\d{{1,3}}(?:\.\d{{1,6}})?)\s*(points?|{AT_SENSORS}|%)\s*"
+        match = re.fullmatch(pattern, text, re.ASCII)
         if match is None or not 0 < float(match[1]) <= 100:
-            got = shortened(text)
-            raise InputError("accuracy", "target", got, 'write "1 point" (of sDA, ASE) or "2 %"')
-        return cls(float(match[1]), match[2].removesuffix("s"))
+            remedy = f'write "1 point" (of sDA, ASE), "2 %" (of mean E) or "2 {AT_SENSORS}"'
+            raise InputError("accuracy", "target", shortened(text), remedy)
+        return cls(float(match[1]), "point" if match[2] == "points" else match[2])
 
     def __str__(self) -> str:
         plural = "s" if self.unit == "point" and self.value != 1 else ""
@@ -69,7 +80,8 @@ class Accuracy(Table):
     sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3
     """Largest edge of the square around a sensor on which photons are counted [m]."""
     target: str | None = None
-    """Half width of the 95 % intervals to reach: "1 point" of sDA and ASE, or "2 %" of mean E."""
+    """Half width of the 95 % intervals to reach: "1 point" of sDA and ASE, "2 %" of mean E, or
+    "2 % at each sensor" of the E of its hours, root mean square weighted by E."""
     time_limit: Annotated[float, Field(gt=0, le=1e6)] = 600.0
     """Time for further samples towards the target [s]; no round begins after it."""
 

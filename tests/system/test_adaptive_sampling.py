@@ -6,6 +6,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.annual.adaptive_sampling import of_hours
 from drcmitsuba.annual.sample_accumulator import SampleAccumulator
 from drcmitsuba.case.accuracy import Accuracy, Target
 from drcmitsuba.runtime.errors import InputError
@@ -36,6 +37,7 @@ def evaluate(tmp_path):
         ("1 point", Target(1, "point")),
         ("0.5 points", Target(0.5, "point")),
         (" 2% ", Target(2, "%")),
+        ("2 % at each sensor", Target(2, "% at each sensor")),
     ],
 )
 def test_a_target_is_read(text, target):
@@ -141,6 +143,27 @@ def test_a_target_of_the_mean_takes_all_sensors(evaluate):
     assert result.metrics["accuracy"]["half_width"] <= 1
     if result.metrics["accuracy"]["rounds"] > 1:
         assert (result.illuminance["total"] != plain.illuminance["total"]).any("time").all()
+
+
+def test_a_target_of_each_sensor_takes_those_that_miss_it(evaluate):
+    plain = evaluate()
+    E, se = (plain.illuminance[v].transpose("time", "sensor").values for v in ("total", "total_se"))
+    widths = of_hours(E, se, plain.case.accuracy.replicates)
+    wanted = round(float(np.quantile(widths, 0.8)), 2)
+    result = evaluate(f'target = "{wanted} % at each sensor"')
+    accuracy = result.metrics["accuracy"]
+    assert accuracy["reached"]
+    assert accuracy["rounds"] > 1
+    assert accuracy["half_width"] <= wanted
+    sampled = (result.illuminance["total"] != plain.illuminance["total"]).any("time").values
+    assert sampled[widths > wanted].all()
+    assert not sampled[widths < 0.9 * wanted].any()
+
+
+def test_the_interval_of_hours_is_their_root_mean_square():
+    E = np.array([[300.0, 0.0], [400.0, 0.0]])
+    error = np.array([[3.0, 0.0], [4.0, 0.0]])
+    np.testing.assert_allclose(of_hours(E, error, 6), [2.5706, 0], rtol=1e-4)
 
 
 def test_the_time_limit_ends_the_sampling(evaluate):

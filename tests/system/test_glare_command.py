@@ -8,6 +8,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import load_case
+from drcmitsuba.annual.adaptive_sampling import of_hours
 from drcmitsuba.glare_year import GlareYear
 from tests.unit.glare_year.glare_room import TIMES, case_in
 
@@ -140,3 +141,24 @@ def test_a_case_without_views_is_refused(refused, case, tmp_path):
     (tmp_path / "blind.toml").write_text("\n[".join(kept))
     assert load_case(tmp_path / "blind.toml").views == {}
     assert "views: no view; add a table" in refused("glare", tmp_path / "blind.toml")
+
+
+def test_a_target_of_each_sensor_is_reached_at_the_eyes(case, year):
+    first = [float(of_hours(*each, 6).max()) for each in at_eyes(year)]
+    wanted = round(0.8 * max(first), 3)
+    asked = {"target": f"{wanted} % at each sensor"}
+    accuracy = case.accuracy.model_copy(update=asked)
+    again = drcmitsuba.glare(case.with_tables(accuracy=accuracy))
+    assert max(float(of_hours(*each, 6).max()) for each in at_eyes(again)) <= wanted
+    (note,) = (n for n in again.settings["notes"] if "at the widest eye" in n)
+    assert f"wanted ±{wanted:g} %" in note
+    assert "after 1 rounds" not in note
+
+
+def at_eyes(year):
+    """Illuminance at the eyes and its error (time, view), by state."""
+    names = ("illuminance", "illuminance_se")
+    states = (state for state in year.hours["state"].values if state != "applied")
+    for state in states:
+        here = year.hours.sel(state=state)
+        yield [here[name].transpose("time", "view").values for name in names]
