@@ -51,7 +51,8 @@ def areas(quads: np.ndarray) -> np.ndarray:
 def count_planes(quads: np.ndarray) -> int:
     """Count the planes in which quads (quad, 4, 3) with an area lie, within 1 mm."""
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0])
-    n = n / np.linalg.norm(n, axis=1, keepdims=True)
+    length = np.linalg.norm(n, axis=1)
+    quads, n = quads[length > 0], n[length > 0] / length[length > 0, None]
     n = n * np.where(n @ [0.61, 0.77, 0.17] < 0, -1, 1)[:, None]
     offset = np.einsum("qi,qi->q", n, quads[:, 0])
     return len(np.unique(np.round(np.column_stack([n, offset]), 3), axis=0))
