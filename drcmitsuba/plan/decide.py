@@ -17,6 +17,7 @@ from drcmitsuba.scene.materials import albedo, film, lets_through
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.scene import is_coloured
 from drcmitsuba.scene.sun_visibility import outside
+from drcmitsuba.transport.planar_mirrors import is_planar_mirror, is_rough_mirror
 
 
 def sky(facts: Facts) -> Effect:
@@ -150,7 +151,19 @@ def components(facts: Facts) -> Effect:
     if not mirroring:
         names = ", ".join(c.name for c in facts.components)
         return Effect(False, f"components send nothing on: {names}")
-    return Effect(True, f"photons through the ports of {', '.join(mirroring)}")
+    imaged = [c.name for c in facts.components if c.name in mirroring and _has_images(c)]
+    others = ", ".join(name for name in mirroring if name not in imaged)
+    parts = [f"photons through the ports of {others}"] if others else []
+    if imaged:
+        named = ", ".join(imaged)
+        parts.append(f"images and lobes in {named} (see mirrors), photons for what these leave out")
+    return Effect(True, "; ".join(parts))
+
+
+def _has_images(component: PlacedComponent) -> bool:
+    """Whether all that a component sends on it mirrors in few planes."""
+    sends = [s for s in component.surfaces if albedo(s.material) > 0]
+    return all(is_planar_mirror(s) or is_rough_mirror(s) for s in sends)
 
 
 def _mirrors(component: PlacedComponent) -> bool:

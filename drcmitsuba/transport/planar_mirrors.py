@@ -43,6 +43,8 @@ MOST_PLANES = 24
 """Largest number of planes of an axis, those of the largest area."""
 MOST_CHAINS = 48
 """Largest number of chains, those that reflect most."""
+MOST_LOBES = 8
+"""Largest number of different lobes of rough mirrors."""
 FAINT = 2e-3
 """Product of reflectances at normal incidence below which mirrors in turn are left out [–]."""
 REMAINS = 0.02
@@ -194,9 +196,16 @@ class PlanarMirrors:
 
     @classmethod
     def rough(cls, scene: Scene) -> dict[MirrorMaterial, PlanarMirrors]:
-        """Collect the rough mirrors in few planes of a scene, by a mirror with their lobe."""
+        """Collect the rough mirrors in few planes of a scene, by a mirror with their lobe.
+
+        Photons follow those whose lobes are beyond the `MOST_LOBES` of the largest area.
+        """
         every: dict[MirrorMaterial, PlanarMirrors] = {}
-        for lobe in dict.fromkeys(lobe_of(p.material) for p in scene.parts if is_rough_mirror(p)):
+        area: dict[MirrorMaterial, float] = {}
+        for part in filter(is_rough_mirror, scene.parts):
+            lobe = lobe_of(part.material)
+            area[lobe] = area.get(lobe, 0.0) + float(areas(part.quads).sum())
+        for lobe in sorted(area, key=lambda lobe: -area[lobe])[:MOST_LOBES]:
 
             def has_lobe(part: Part, lobe: MirrorMaterial = lobe) -> bool:
                 return is_rough_mirror(part) and lobe_of(part.material) == lobe

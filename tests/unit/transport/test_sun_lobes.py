@@ -10,6 +10,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import build
+from drcmitsuba.transport.planar_mirrors import MOST_LOBES
 from drcmitsuba.transport.sun_lobes import SunLobes
 
 EAST, NORTH, UP = np.eye(3)
@@ -85,3 +86,15 @@ def test_what_stands_before_the_mirror_or_the_sun_hides_it(y):
     material = MirrorMaterial(type="mirror", reflectance=0.7, roughness=0.1)
     D, _ = by_lobes(wall(material, Surface("screen", Lambertian(0.5), screen[None])))
     assert (D == 0).all()
+
+
+def test_many_lobes_are_bounded_and_the_largest_remain():
+    every = []
+    for i in range(20):
+        material = MirrorMaterial(type="mirror", reflectance=0.7, roughness=0.1 + 0.01 * i)
+        size = 0.1 * (i + 1)
+        strip = quad(CORNER + 3 * i * NORTH, size * UP, WIDTH * EAST)
+        every.append(Surface(f"wall{i}", material, strip[None], f"wall{i}"))
+    lobes = SunLobes.of(build(every))
+    assert len(lobes) == MOST_LOBES
+    assert min(one.mirror.roughness for one in lobes) == pytest.approx(0.1 + 0.01 * 12)
