@@ -42,8 +42,7 @@ from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS, EnabledEffects
 from drcmitsuba.scene.sensors import sensor_points
-from drcmitsuba.sky.daylight import Daylight
-from drcmitsuba.sky.daylight import daylight_and_year as daylight
+from drcmitsuba.sky.daylight import Daylight, daylight_and_year
 from drcmitsuba.sky.luminances import luminances, save_luminances, without_year
 
 if TYPE_CHECKING:
@@ -232,7 +231,7 @@ class _Begun:
             sensor_points(case)  # refuses unfit sensors before the work begins
             remarks = notes(case)  # reads the films' files, which may be unfit
             if light is None:
-                light = daylight(case.with_dark_hours() if run.shares_blocks else case)
+                light = daylight_and_year(case.with_dark_hours() if run.shares_blocks else case)
             planned = plan(case, light)
             if light.year is not None and not run.shares_blocks and summed(planned):
                 planned = plan(case, light := without_year(light))  # verdicts need C and E

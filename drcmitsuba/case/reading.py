@@ -88,6 +88,7 @@ def with_files(case: Case) -> Case:
         building = table.read(case.source, files, case.materials)
         # Sums over groups and meshes of suns count no light by way of mirrors.
         dull = bool(case.groups) or isinstance(case.sun, Adaptive)
+        dull = dull or case.effects.components == "off"
         case._building = building.without_polish() if dull else building
         check_sun(case.sun, case.effects, bool(case.standing))
         for layer in case.building.layers:  # strips and panes name their materials alike

@@ -133,10 +133,10 @@ def _diffuser(modifier: str, material: DiffuserMaterial) -> Twin:
     albedo = through + material.reflectance
     shares = through / albedo if albedo else 1.0, straight / through if straight else 0.0
     text = f"void trans {modifier} 0 0 7 {_numbers([albedo] * 3)} 0 0 {_numbers(shares)}"
-    differs = "a diffusing pane reflects to the outside, too" if material.reflectance else ""
+    differs = ["a diffusing pane reflects to the outside, too"] * bool(material.reflectance)
     if np.ptp(material.straight) > 0:
-        differs = "a fabric lets as much straight through as at normal incidence"
-    return Twin(text, differs)
+        differs.append("a fabric lets as much straight through as at normal incidence")
+    return Twin(text, "; ".join(differs))
 
 
 def _film(modifier: str, material: BsdfMaterial, quads: np.ndarray, file: str | Path) -> str:
@@ -157,7 +157,7 @@ def _mirror(modifier: str, material: MirrorMaterial) -> Twin:
 
     A polished one is smooth: Radiance then mirrors more at grazing incidence by the same formula.
 
-    Ward's lobe is Beckmann's; GGX's of the same number is wider and has long tails.
+    Ward's lobe is next to Beckmann's; GGX's of the same number is wider and has long tails.
     """
     reflectance, shine = material.reflectance, material.specular
     has_tails = material.roughness > 0 and material.distribution == "ggx"

@@ -32,7 +32,7 @@ Places whose surfaces fit in together share photons and the light on cells.
 SKY_RAYS = 512
 """Largest number of rays to the sky of a surface's point in a replicate: many make a source."""
 LUMINANCES = 1 << 25
-"""Largest number of luminances of pixels in hours that are in memory at once."""
+"""Largest number of luminances of pixels, or of points of several places, in hours at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +169,7 @@ def places(case: Case, state: State, light: Daylight, looking: Eyes, run: Run) -
         for i, views in enumerate(looking.by_place())
     )  # fmt: skip
     most = COEFFICIENTS // (len(light.suns.labels) + sky.sizes["bin"])
+    most = min(most, LUMINANCES // sky.sizes["time"])
     for together in _together(every, most):
         surfaces = Surfaces.joined([shown.surfaces for _, shown in together])
         L, noise = _of_surfaces(case, state, light, surfaces, run)

@@ -22,10 +22,11 @@ from drcmitsuba.model.materials import (
 from drcmitsuba.runtime.errors import printable
 
 MOST_OF_BODY = 6
-"""Largest number of planes of a mirror that suns have images in: a body of more is many-faced."""
+"""Largest number of planes of a mirror in which suns have images."""
 DULL = (
-    "Smooth surfaces that mirror at most 5 % of the light are diffuse beside groups of panes and a "
-    "mesh of suns, which lowers the illuminance in a room of them by 1 %"
+    "Smooth surfaces that mirror at most 5 % of the light are diffuse where no light by way of "
+    "mirrors counts, as beside groups of panes or with a mesh of suns, which lowers the "
+    "illuminance in a room of them by 1 %"
 )
 Role = Literal["surface", "pane", "context"]
 """Part that a layer plays: surface of the rooms, pane in their envelope, or body outside."""
@@ -213,6 +214,10 @@ class Model:
 
     def without_polish(self) -> Model:
         """Have faintly mirroring surfaces reflect diffusely what they mirror, with a note."""
+        return self._matt
+
+    @cached_property
+    def _matt(self) -> Model:
         dull, layers = dict[str, None](), []
         for layer in self.layers:
             m = layer.material

@@ -46,7 +46,7 @@ LOST = (0.12, 0.18, 0.24, 0.36, 0.6), (0, 0.001, 0.011, 0.060, 0.167)
 """Share of mirrored light that Beckmann's facets shadow at 45° [–], by roughness."""
 LEAST_LOST = 0.5
 """Share from which this has a note [%]."""
-LOBES = "Rough surfaces have Radiance's lobes, but"
+LOBES = "Rough surfaces have Beckmann's lobes, next to Radiance's, but"
 FRESNEL = 0.018
 """Least mirrored share from which Radiance's smooth surfaces mirror more at grazing incidence [–].
 
@@ -126,6 +126,8 @@ def trans(
         mean = float((more * COSINES).sum() / COSINES.sum())
         table = straight * transmitted * (1 - more)
         transmitted, reflected = transmitted * (1 - mean), reflected * (1 - mean) + mean
+        # Where no light is absorbed, the mean of F and the peak at normal incidence are above 1.
+        reflected = min(reflected, 1 - (1 - straight) * transmitted - float(table.max()))
     return DiffuserMaterial(
         type="diffuser", transmittance=(1 - straight) * transmitted, reflectance=reflected,
         straight=float(table[0]) if len(table) == 1 else tuple(table.tolist()),

@@ -8,7 +8,7 @@ from typing import TypeVar
 from drcmitsuba.case.case import Case
 from drcmitsuba.model.materials import BsdfMaterial, DiffuserMaterial, GlazingMaterial
 from drcmitsuba.scene.components import PlacedComponent
-from drcmitsuba.scene.materials import albedo, max_reflectance
+from drcmitsuba.scene.materials import albedo, max_reflectance, mean_albedo
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.panes_of_model import panes_of_model
 from drcmitsuba.scene.sun_visibility import outside
@@ -81,7 +81,7 @@ def most_reflecting(
             reflectances.append((material.reflectance, name))
         elif material is not None:
             reflectances.append((albedo(material), name))
-    reflectances += [(albedo(s.material), c.name) for c in components for s in c.surfaces]
+    reflectances += [(mean_albedo(s.material), c.name) for c in components for s in c.surfaces]
     return max(reflectances, default=(0.0, "nothing"))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from drcmitsuba.case.accuracy import AT_SENSORS
 from drcmitsuba.case.case import Case
 from drcmitsuba.plan import panes
 from drcmitsuba.plan.effect import Effect
@@ -22,6 +23,8 @@ FEW_CELLS = 6000
 light few cells scatter several times as much."""
 CELLS_OF_MODEL = 700
 """Number of cells of a model, on the faces of its bounds, above which blocks might join rooms."""
+SHARES = ("%", AT_SENSORS)
+"""Units of targets of the illuminance."""
 RAY_BYTES = 48
 """Memory of a ray from cell to cell [bytes]."""
 MOST_BYTES = 4 << 30
@@ -32,7 +35,7 @@ def interreflection(facts: Facts) -> tuple[Effect, int | None]:
     """Decide on interreflection, and on the largest number of surfaces of a path, None without."""
     case = facts.case
     goal = case.accuracy.goal
-    part = 0.1 * goal.value / 100 if goal is not None and goal.unit == "%" else NEGLIGIBLE
+    part = 0.1 * goal.value / 100 if goal is not None and goal.unit in SHARES else NEGLIGIBLE
     albedo, name = panes.most_reflecting(case, facts.components, facts.surrounded)
     most = panes.depth(albedo, part)
     quantities = {"largest_albedo": round(albedo, 4), "depth": most}
@@ -58,8 +61,9 @@ def solved_cells(facts: Facts, depth: int | None, sensors: int | None = None) ->
     if depth == 0:
         return Effect(False, "every surface is black")
     goal = a.goal
-    if goal is not None and goal.unit == "%" and goal.value < FINEST_TARGET:
-        got = f"the target, {goal.value:g} % of the mean, is near the bias of cells"
+    if goal is not None and goal.unit in SHARES and goal.value < FINEST_TARGET:
+        mean = " of the mean" * (goal.unit == "%")
+        got = f"the target, {goal}{mean}, is near the bias of cells"
         return Effect(False, f"{got}: on paths", {"target": goal.value})
     extent = _extent(case)
     if extent is None:

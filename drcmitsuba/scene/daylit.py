@@ -84,9 +84,10 @@ def _darkness(case: Case) -> Darkness | None:
     """Find what daylight does not reach in a case's model; None where nobody looks for it."""
     if not case.building.layers or case.model is None or case.model.leaks == "allow":
         return None
-    if case.standing:
+    matt = case.without_polish()
+    if matt.standing:
         return None
-    return darkness_of(case.building, case.sensors, case.source, mi.variant())
+    return darkness_of(matt.building, case.sensors, case.source, mi.variant())
 
 
 @lru_cache(maxsize=4)

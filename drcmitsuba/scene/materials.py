@@ -121,6 +121,15 @@ def more_at_grazing(cosine: np.ndarray) -> np.ndarray:
     return np.asarray(np.exp(-STEEPNESS * cosine) - AT_NORMAL)
 
 
+def mean_albedo(material: SurfaceMaterial) -> float:
+    """Largest share that a surface sends on of light that comes from everywhere alike, ≤ 1."""
+    if isinstance(material, MirrorMaterial) and material.polished:
+        c = (np.arange(512) + 0.5) / 512
+        more = float((2 * c * more_at_grazing(c)).mean())
+        return material.reflectance + (1 - material.reflectance) * more
+    return albedo(material)
+
+
 def albedo(material: SurfaceMaterial) -> float:
     """Largest share of the arriving light that a surface reflects and transmits together, ≤ 1."""
     if isinstance(material, Lambertian):

@@ -136,7 +136,7 @@ def _laid(case: Case, got: str) -> tuple[Sensors | FloorSensors, str]:
     if isinstance(own, FloorSensors):
         words = f"points lie at most {LAID:g} m apart, in place of the case's: {got}"
         return own.model_copy(update={"spacing": LAID}), words
-    if isinstance(own, Sensors) and min(own.count) * own.spacing >= 2 * LAID:
+    if isinstance(own, Sensors) and min(own.count) > 1 and min(own.count) * own.spacing >= 2 * LAID:
         extent = np.array(own.count) * own.spacing
         corner, z = np.array(own.corner[:2]), own.corner[2]
     elif case.room is not None:

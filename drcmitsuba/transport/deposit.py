@@ -41,7 +41,7 @@ from drcmitsuba.transport.sun_lobes import SunLobes
 PEAK_RAYS = 8
 """Largest number of directions along the peaks of a film per pane point of a receiver."""
 ON_SENSORS, ON_CELLS = 16, 32
-"""Pane points of a receiver for each direction from the lobe of a sun in a rough mirror."""
+"""A sensor, and a cell, draw a direction from the lobe of a sun for so many of its pane points."""
 
 
 class Irradiance(NamedTuple):

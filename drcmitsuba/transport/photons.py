@@ -97,7 +97,7 @@ class PhotonTracer:
         InputError
             No light can reach a component.
         """
-        every_port = ComponentPorts.of(scene, imaged=imaged) if scene.followed else ()
+        every_port = ComponentPorts.of(scene, imaged=imaged, lobed=lobed) if scene.followed else ()
         if not every_port:
             return None
         # Behind a closed shade a component sees nothing straight: its light comes by way of panes.

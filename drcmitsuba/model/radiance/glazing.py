@@ -136,8 +136,9 @@ def from_functions(definition: Definition, note: Note) -> GlazingMaterial | Diff
         note(f"{SCATTERED}: up to {100 * mirrored.max():.2g} % of the light")
     if abs(front - back) > SIDES:
         note(f"{ONE_SIDE}, {front:.2f}, and not that of their back, {back:.2f}")
+    rest = max(0.0, 1 - through - float(straight.max()))  # beside the peak of what goes straight
     return DiffuserMaterial(
-        type="diffuser", transmittance=through, reflectance=front + _mean(mirrored),
+        type="diffuser", transmittance=through, reflectance=min(front + _mean(mirrored), rest),
         straight=tuple(straight.tolist()) if straight.max() > 0 else 0.0,
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from drcmitsuba.case.case import Case
-from drcmitsuba.model.materials import DielectricMaterial
+from drcmitsuba.model.materials import DielectricMaterial, Lambertian
 from drcmitsuba.scene.components.placed_component import PlacedComponent, ray_offset
 from drcmitsuba.scene.geometry import Port, Surface, box, origin, reversed_quads
 
@@ -23,7 +23,8 @@ def of_model(case: Case) -> tuple[PlacedComponent, ...]:
     placed = []
     for layer in case.building.layers:
         material = layer.deviating
-        if material is not None:
+        is_left_out = layer.role == "context" and case.effects.obstructions == "off"
+        if material is not None and not (is_left_out and isinstance(layer.material, Lambertian)):
             quads = layer.quads - start
             ports = _ports(quads, isinstance(material, DielectricMaterial))
             surface = Surface(layer.name, material, quads, layer.name)

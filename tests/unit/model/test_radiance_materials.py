@@ -620,3 +620,15 @@ def test_faintly_mirroring_surfaces_are_mirrors_where_suns_have_images(
     model = model_of(text, tmp_path)
     assert [layer.deviates for layer in model.layers] == [mirrors]
     assert "by 1 %" in model.notes[0]
+
+
+@pytest.mark.parametrize(
+    "shares", [".99 .99 .99 .05 0 .5 .5", "1 1 1 .3 0 1 1", ".98 .98 .98 .05 0 .5 .9"]
+)
+def test_trans_that_absorbs_little_sends_on_no_more_than_all(shares, tmp_path):
+    """The mean of F beside the peak at normal incidence was above 1, and a traceback."""
+    (layer,) = model_of(f"void trans m 0 0 7 {shares}\nm{SQUARE}", tmp_path).layers
+    pane = layer.material
+    assert isinstance(pane, DiffuserMaterial)
+    total = pane.transmittance + pane.reflectance + pane.most_straight
+    assert 0.9 < total <= 1 + 1e-9

@@ -43,6 +43,7 @@ def test_few_sensors_of_a_usual_room_do_so_too_but_those_of_a_hall_do_not():
     ("tables", "reason"),
     [
         ({"accuracy": {"target": "0.2 %"}}, "0.2 % of the mean"),
+        ({"accuracy": {"target": "0.2 % at each sensor"}}, "0.2 % at each sensor"),
         ({"accuracy": {"cell_size": 0.02, "cell_paths": 256}}, "GiB"),
         ({"effects": {"solved_cells": "off"}}, "overruled"),
     ],

@@ -7,7 +7,7 @@ import pytest
 
 from drcmitsuba.model.materials import MirrorMaterial
 from drcmitsuba.runtime import backend
-from drcmitsuba.scene.materials import bsdf
+from drcmitsuba.scene.materials import bsdf, mean_albedo
 from tests.unit.plugins.small_scenes import chi2
 
 COUNT = 1 << 16
@@ -120,3 +120,12 @@ def _numbers():
 def test_polish_is_for_smooth_surfaces_without_a_coating(changes):
     with pytest.raises(ValueError, match="leave out roughness and coating"):
         MirrorMaterial(type="mirror", reflectance=0.5, polished=True, **changes)
+
+
+def test_the_mean_albedo_is_that_of_light_from_everywhere():
+    """∫ 2 c [ρ + (1 − ρ) F(c)] dc in closed form: the plan's depth follows from it, not from 1."""
+    mirror = MirrorMaterial(type="mirror", reflectance=0.2, specular=0.15, polished=True)
+    k = 5.85
+    mean = 2 * (1 - (1 + k) * np.exp(-k)) / k**2 - np.exp(-k)
+    assert mean_albedo(mirror) == pytest.approx(0.2 + 0.8 * mean, abs=1e-4)
+    assert mean_albedo(mirror.model_copy(update={"polished": False})) == 0.2

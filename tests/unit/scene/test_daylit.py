@@ -42,6 +42,15 @@ def test_a_pane_on_a_wall_without_a_hole_is_refused(off):
         refuse_darkness(room(WINDOW + [0, off, 0]))
 
 
+def test_polished_walls_are_looked_at_as_others_are():
+    case = room(WINDOW)
+    polished = layer("shelf", Lambertian(0.5, polish=0.03), WINDOW + [0, 1, 0])
+    assert polished.deviates
+    case._building = replace(case.building, layers=(*case.building.layers, polished))
+    with pytest.raises(InputError, match="drawn on a surface without a hole"):
+        refuse_darkness(case)
+
+
 def test_one_of_two_panes_without_a_hole_is_noted():
     case = room(WINDOW, SECOND, south=[WINDOW])
     refuse_darkness(case)

@@ -10,7 +10,7 @@ from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import build
-from drcmitsuba.transport.planar_mirrors import MOST_LOBES
+from drcmitsuba.transport.planar_mirrors import MOST_LOBES, imaged_components
 from drcmitsuba.transport.sun_lobes import SunLobes
 
 EAST, NORTH, UP = np.eye(3)
@@ -98,3 +98,13 @@ def test_many_lobes_are_bounded_and_the_largest_remain():
     lobes = SunLobes.of(build(every))
     assert len(lobes) == MOST_LOBES
     assert min(one.mirror.roughness for one in lobes) == pytest.approx(0.1 + 0.01 * 12)
+
+
+def test_photons_follow_rough_mirrors_where_lobes_do_not_count():
+    """Pictures light surfaces by photons of rough mirrors, not by lobes."""
+    material = MirrorMaterial(type="mirror", reflectance=0.7, roughness=0.1)
+    scene = wall(material)
+    assert imaged_components(scene) == {"wall"}
+    assert imaged_components(scene, lobed=True) == frozenset()
+    smooth = wall(material.model_copy(update={"roughness": 0.0}))
+    assert imaged_components(smooth, lobed=True) == {"wall"}
