@@ -101,7 +101,7 @@ class ImageSuns:
         out = dr.zeros(mi.Float64, count * bins)
         numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
         share, stride = dr.opaque(mi.Float, np.pi / rays), dr.opaque(mi.UInt32, bins)
-        for row, p, d in self.towards_mirrors(points, normals, rays, seed, numbers, within):
+        for row, _, p, d in self.towards_mirrors(points, normals, rays, seed, numbers, within):
             met = _OnSky(self, row * stride, subdivision, out)
             dr.eval(self.followed(p, d, dr.full(mi.Bool, True, dr.width(row)), share, met), out)
         return mi.TensorXf(mi.Float(out), (count, bins))
@@ -109,8 +109,11 @@ class ImageSuns:
     def towards_mirrors(
         self, points: mi.Float, normals: mi.Float, rays: int, seed: int, numbers: mi.UInt32,
         within: Within,
-    ) -> Iterator[tuple[mi.UInt32, mi.Point3f, mi.Vector3f]]:  # fmt: skip
-        """Yield rays from points in which, were nothing before them, a mirror is seen."""
+    ) -> Iterator[tuple[mi.UInt32, mi.UInt32, mi.Point3f, mi.Vector3f]]:  # fmt: skip
+        """Yield rays from points in which, were nothing before them, a mirror is seen.
+
+        They are the point, the number of its ray, its place and the direction.
+        """
         every = Openings(np.concatenate(self.mirrors.seen))
         openings = Openings.of(self.scene, points, self.looks_out(within))
         count = dr.width(points) // 3
@@ -127,9 +130,9 @@ class ImageSuns:
                 passed &= openings.passed(row, p, d)
             kept = dr.compress(passed)
             if dr.width(kept):
-                row, p, d = (dr.gather(type(x), x, kept) for x in (row, p, d))
-                dr.eval(row, p, d)
-                yield row, p, d
+                row, ray, p, d = (dr.gather(type(x), x, kept) for x in (row, ray, p, d))
+                dr.eval(row, ray, p, d)
+                yield row, ray, p, d
 
     def seen_first(self, chain: tuple[int, ...]) -> Openings:
         """Mirrors of a chain that receivers look into, as openings."""

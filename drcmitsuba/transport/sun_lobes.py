@@ -145,9 +145,9 @@ class SunLobes:
         numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
         share, stride = dr.opaque(mi.Float, np.pi / rays), dr.opaque(mi.UInt32, bins)
         every = images.towards_mirrors(points, normals, rays, seed, numbers, within)
-        for row, p, d in every:
+        for row, ray, p, d in every:
             number = dr.gather(mi.UInt32, numbers, row)
-            bits = random_bits(number, seed + 1, dr.arange(mi.UInt32, dr.width(row)))
+            bits = random_bits(number, seed + 1, ray)
             uv = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in bits))
             met = _OnSky(self, d, uv, row * stride, subdivision, out)
             active = dr.full(mi.Bool, True, dr.width(row))

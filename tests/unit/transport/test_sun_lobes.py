@@ -108,3 +108,15 @@ def test_photons_follow_rough_mirrors_where_lobes_do_not_count():
     assert imaged_components(scene, lobed=True) == frozenset()
     smooth = wall(material.model_copy(update={"roughness": 0.0}))
     assert imaged_components(smooth, lobed=True) == {"wall"}
+
+
+def test_light_of_a_point_does_not_depend_on_the_others():
+    material = MirrorMaterial(type="mirror", reflectance=0.7, roughness=0.1)
+    (lobes,) = SunLobes.of(wall(material))
+    kinds = [(lobes.sky, {"subdivision": 1, "rays": 64}),
+             (lobes.suns, {"suns": SUNS, "diameter": DIAMETER, "samples": 8})]  # fmt: skip
+    for of, kind in kinds:
+        whole = of(flat(POINTS), flat(NORMALS), seed=0, numbers=mi.UInt32([0, 1, 2]), **kind)
+        alone = of(flat(POINTS[1:2]), flat(NORMALS[1:2]), seed=0, numbers=mi.UInt32([1]), **kind)
+        assert alone.numpy().any()
+        np.testing.assert_allclose(alone.numpy()[0], whole.numpy()[1], rtol=1e-5)
