@@ -38,7 +38,7 @@ RAYS = 1 << 25
 """Number of bare rays."""
 
 STAGES = {
-    "weather and sky": ("annual.result:daylight",),
+    "weather and sky": ("annual.result:daylight_and_year",),
     "forecast": ("annual.result:forecast",),
     "scene": ("scene.scene:load",),
     "light on panes": ("transport.deposit:Deposit.lit",),

@@ -266,7 +266,7 @@ def test_an_error_of_the_program_does_not_pass_for_bad_input(run, case, tmp_path
     def fail(case):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("drcmitsuba.annual.result.daylight", fail)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight_and_year", fail)
     with pytest.raises(ZeroDivisionError):
         run("evaluate", case, "-o", tmp_path / "r")
 

@@ -30,7 +30,7 @@ def test_a_stop_is_exit_code_130(run, case, tmp_path, monkeypatch, inside_a_loop
                 raise
             raise RuntimeError("dr.while_loop(): encountered an exception") from stop
 
-    monkeypatch.setattr("drcmitsuba.annual.result.daylight", stopped)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight_and_year", stopped)
     code, _, err = run("evaluate", case, "-o", tmp_path / "r")
     assert (code, err) == (130, "drcmitsuba: stopped\n")
     assert not (tmp_path / "r").exists()
@@ -43,7 +43,7 @@ def test_an_error_that_a_stop_became_is_exit_code_130(run, case, tmp_path, monke
         raise ValueError("Invalid bounding box")  # as Matplotlib's compiled code does
 
     monkeypatch.setattr(interruption, "came", False)
-    monkeypatch.setattr("drcmitsuba.annual.result.daylight", stopped)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight_and_year", stopped)
     code, _, err = run("evaluate", case, "-o", tmp_path / "r")
     assert (code, err) == (130, "drcmitsuba: stopped\n")
 
@@ -55,7 +55,7 @@ def test_a_full_disk_after_a_stop_is_told(run, case, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device", "r")
 
     monkeypatch.setattr(interruption, "came", True)
-    monkeypatch.setattr("drcmitsuba.annual.result.daylight", full)
+    monkeypatch.setattr("drcmitsuba.annual.result.daylight_and_year", full)
     code, _, err = run("evaluate", case, "-o", tmp_path / "r")
     assert code == 2
     assert "No space left on device" in err
