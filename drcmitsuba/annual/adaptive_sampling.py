@@ -27,15 +27,13 @@ from drcmitsuba.case.groups import OPEN, VARYING, State
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
 from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, draw_shade, evaluate_metrics
-from drcmitsuba.runtime import lazy
+from drcmitsuba.metrics.intervals import t_factor
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import sources
 from drcmitsuba.transport.sun_interpolation import mesh_of
-
-special = lazy.module("scipy.special")
 
 ROUNDS_AT_ONCE = 8
 """Largest number of rounds between two looks at the intervals."""
@@ -189,7 +187,7 @@ def of_hours(E: np.ndarray, error: np.ndarray, replicates: int) -> np.ndarray:
     """
     noise, light = ((v.astype(float) ** 2).sum(axis=0) for v in (error, E))
     share = np.sqrt(noise / np.where(light > 0, light, 1)) * (light > 0)
-    return np.asarray(100 * special.stdtrit(replicates - 1, 0.975) * share)
+    return np.asarray(100 * t_factor(replicates) * share)
 
 
 def _at_sensors(evaluated: EvaluatedMetrics, case: Case) -> np.ndarray:

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.grazing import more_at_grazing
 
 from drcmitsuba.model.materials import (
     BsdfMaterial,
@@ -37,7 +38,7 @@ from drcmitsuba.model.materials import (
     PorousMaterial,
 )
 from drcmitsuba.runtime.flat_arrays import flat
-from drcmitsuba.scene.materials import bsdf, channel_of, more_at_grazing
+from drcmitsuba.scene.materials import bsdf, channel_of
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport import bsdf_lookup
 from drcmitsuba.transport.image_suns import ImageSuns

@@ -16,9 +16,8 @@ Limits: light that reaches the film by way of other surfaces is left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import drjit as dr
 import mitsuba as mi
@@ -35,6 +34,7 @@ from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.diffusing_panes import OFFSET
 from drcmitsuba.transport.film_peaks import STANDS_OUT
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
+from drcmitsuba.transport.planar_mirrors import lobe_of
 from drcmitsuba.transport.shadow_rays import straight
 
 SKY_SAMPLES = 512
@@ -43,10 +43,6 @@ SUN_SAMPLES = 16
 """Directions on a sun's disk of every film end."""
 LOBE_SAMPLES = 2
 """The same of every end at a rough mirror, of which there are many to a tile."""
-
-
-Sharpness = Callable[..., Any]
-"""Takes interactions, directions to suns, f and the solid angle of their disk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +82,14 @@ def glow(
     for index in np.unique(ends.part):
         mine = np.flatnonzero(ends.part == index)
         material, which = scene.parts[index].material, ends.take(mine)
+        own_seed = seed + 7919 * int(index)
         if isinstance(material, MirrorMaterial):
-            lobe = mi.load_dict(bsdf(material.model_copy(update={"specular": 1.0})))
-            mirror = _Film(scene, lobe, which, seed + 7919 * int(index))
-            by_sun[mine] = material.specular * mirror.by_suns(suns, diameter, LOBE_SAMPLES)[0]
+            lobe = mi.load_dict(bsdf(lobe_of(material)))
+            if len(suns):
+                lit, _ = _RoughMirror(scene, lobe, which, own_seed).suns(suns, diameter)
+                by_sun[mine] = material.mirrored * lit
             continue
-        film = _Film(scene, scene.parts[index].bsdf, which, seed + 7919 * int(index))
+        film = _Film(scene, scene.parts[index].bsdf, which, own_seed)
         sky[mine] = film.sky(bins, subdivision)
         if len(suns):
             by_sun[mine], sharpness[mine] = film.suns(suns, diameter)
@@ -102,6 +100,8 @@ def glow(
 class _Film:
     """Ends at the panes of one BSDF."""
 
+    samples: ClassVar[int] = SUN_SAMPLES
+    """Directions on a sun's disk of every end."""
     scene: Scene
     bsdf: Any
     ends: Ends
@@ -142,16 +142,10 @@ class _Film:
 
     def suns(self, suns: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
         """Luminance per unit luminance of every sun, and the sharpness of peaks, (end, sun)."""
-        return self.by_suns(suns, diameter, SUN_SAMPLES, self._sharpness)
-
-    def by_suns(
-        self, suns: np.ndarray, diameter: float, samples: int, sharpness: Sharpness | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """As `suns`, by some directions on a disk; the sharpness is 0 where none is given."""
         shape, ctx = (len(self.ends.ray), len(suns)), mi.BSDFContext()
         omega, centres = disk_solid_angle(diameter), flat(suns)
-        stride = dr.opaque(mi.UInt32, max(len(suns), 1))
-        parts, peaks = [np.zeros(0, np.float32)], [np.zeros(0, np.float32)]
+        stride = dr.opaque(mi.UInt32, len(suns))
+        parts, peaks = [], []
         for start in range(0, shape[0] * shape[1], SHADOW_RAYS):
             lane = dr.arange(mi.UInt32, min(SHADOW_RAYS, shape[0] * shape[1] - start))
             pair = lane + dr.opaque(mi.UInt32, start)
@@ -159,20 +153,17 @@ class _Film:
             si = self._interaction(row)
             centre = dr.gather(mi.Vector3f, centres, sun)
             total, plain = mi.Float(0), mi.Float(0)
-            for i in range(samples):
+            for i in range(self.samples):
                 index = dr.full(mi.UInt32, i, dr.width(lane))
                 uv = even_numbers(index, row, self.seed, 0, sun)
                 d = sample_disk(centre, diameter, uv)
                 value = self.bsdf.eval(ctx, si, si.to_local(d))[0]
                 plain += value
                 total += value * self._reached(si, d, value > 0)
-            parts.append((total * (omega / samples)).numpy())
-            sharp = mi.Float(0)
-            if sharpness is not None:
-                wo = si.to_local(centre)
-                f = plain / (samples * dr.maximum(dr.abs(wo.z), 1e-4))
-                sharp = sharpness(si, wo, f, omega)
-            peaks.append((sharp + 0 * total).numpy())
+            wo = si.to_local(centre)
+            f = plain / (self.samples * dr.maximum(dr.abs(wo.z), 1e-4))
+            parts.append((total * (omega / self.samples)).numpy())
+            peaks.append(self._sharpness(si, wo, f, omega).numpy())
         return np.concatenate(parts).reshape(shape), np.concatenate(peaks).reshape(shape)
 
     def _sharpness(
@@ -203,6 +194,17 @@ class _Film:
             return mi.Float(np.pi / self.bsdf.out_cells)
         sizes = flat(basis.projected_solid_angle)
         return dr.gather(mi.Float, sizes, self.bsdf.out_cell(to_pane_frame(self.bsdf, si)))
+
+
+class _RoughMirror(_Film):
+    """Ends at the rough mirrors of one lobe, whose BSDF has no cells."""
+
+    samples = LOBE_SAMPLES
+
+    def _sharpness(
+        self, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, f: mi.Float, omega: float
+    ) -> mi.Float:
+        return dr.zeros(mi.Float, dr.width(f))
 
 
 def to_pane_frame(bsdf: Any, si: mi.SurfaceInteraction3f) -> mi.Vector3f:

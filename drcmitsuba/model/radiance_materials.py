@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from drcmitsuba_plugins.grazing import AT_NORMAL, STEEPNESS
+from drcmitsuba_plugins.grazing import more_at_grazing
 
 from drcmitsuba.model import glass as panes
 from drcmitsuba.model.materials import (
@@ -122,8 +122,8 @@ def trans(
     table = np.array([straight * transmitted])
     if specularity >= FRESNEL:
         note(EVEN)
-        more = np.exp(-STEEPNESS * COSINES) - AT_NORMAL
-        mean = float((more * COSINES).sum() / COSINES.sum())
+        more = more_at_grazing(COSINES)
+        mean = mean_of(more)
         table = straight * transmitted * (1 - more)
         transmitted, reflected = transmitted * (1 - mean), reflected * (1 - mean) + mean
         # Where no light is absorbed, the mean of F and the peak at normal incidence are above 1.
@@ -132,6 +132,11 @@ def trans(
         type="diffuser", transmittance=(1 - straight) * transmitted, reflectance=reflected,
         straight=float(table[0]) if len(table) == 1 else tuple(table.tolist()),
     )  # fmt: skip
+
+
+def mean_of(share: np.ndarray) -> float:
+    """Mean of a share over the hemisphere, from its values at `COSINES`."""
+    return float((share * COSINES).sum() / COSINES.sum())
 
 
 def mirror(colour: Colour, note: Note) -> MirrorMaterial:

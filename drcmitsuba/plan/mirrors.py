@@ -32,8 +32,15 @@ def mirrors(facts: Facts, scope: EnabledEffects) -> Effect:
     rough = [s for s in every if is_rough_mirror(s)]
     if not every:
         return Effect(False, "no panes or mirrors in few planes that mirror suns to a side")
-    if not surfaces:
-        return Effect(True, _lobes(rough, facts), {"rough": sum(len(s.quads) for s in rough)})
+    images, quantities = _images(surfaces, facts) if surfaces else ("", {})
+    if rough:
+        quantities["rough"] = sum(len(s.quads) for s in rough)
+    parts = [images, _lobes(rough, facts) if rough else ""]
+    return Effect(True, "; ".join(filter(None, parts)), quantities)
+
+
+def _images(surfaces: list[Surface], facts: Facts) -> tuple[str, dict[str, int]]:
+    """Words for panes and smooth mirrors, and their numbers."""
     panes = sum(len(s.quads) for s in surfaces)
     followed, left_out = planes_followed(np.concatenate([s.quads for s in surfaces]))
     told = [f"{s.name} ({_seen_from(s, facts)})" for s in surfaces[:MOST_NAMES]]
@@ -45,10 +52,7 @@ def mirrors(facts: Facts, scope: EnabledEffects) -> Effect:
     if left_out:
         reason += f"; {left_out} planes more, the smallest ones, mirror no sun"
         quantities["left_out"] = left_out
-    if rough:
-        reason += f"; {_lobes(rough, facts)}"
-        quantities["rough"] = sum(len(s.quads) for s in rough)
-    return Effect(True, reason, quantities)
+    return reason, quantities
 
 
 def _lobes(rough: list[Surface], facts: Facts) -> str:

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 from drcmitsuba_plugins import energy, peak
 from drcmitsuba_plugins.bsdf_file import BsdfFile
-from drcmitsuba_plugins.grazing import AT_NORMAL, STEEPNESS
+from drcmitsuba_plugins.grazing import more_at_grazing
 
 from drcmitsuba import bsdf as bsdf_files
 from drcmitsuba.model.materials import (
@@ -114,11 +114,6 @@ def channel_of(reflectance: Reflectance, channel: int) -> float:
 def max_reflectance(reflectance: Reflectance) -> float:
     """Largest reflectance of any colour channel."""
     return float(max(reflectance) if isinstance(reflectance, tuple) else reflectance)
-
-
-def more_at_grazing(cosine: np.ndarray) -> np.ndarray:
-    """F(θ) [–], by which the plugin `polished` mirrors more, by the cosine of the incidence."""
-    return np.asarray(np.exp(-STEEPNESS * cosine) - AT_NORMAL)
 
 
 def mean_albedo(material: SurfaceMaterial) -> float:

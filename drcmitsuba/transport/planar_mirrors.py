@@ -18,6 +18,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from drcmitsuba_plugins.grazing import more_at_grazing
 
 from drcmitsuba.model.materials import (
     BsdfMaterial,
@@ -31,7 +32,6 @@ from drcmitsuba.model.model import MOST_OF_BODY, areas, count_planes
 from drcmitsuba.runtime.flat_arrays import flat, flat_indices
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import Surface, is_triangle, normals, reversed_quads
-from drcmitsuba.scene.materials import more_at_grazing
 from drcmitsuba.scene.scene import Part, Scene
 from drcmitsuba.transport.bsdf_lookup import number, table
 

@@ -15,7 +15,15 @@ from drcmitsuba.model.materials import DiffuserMaterial, GlazingMaterial
 from drcmitsuba.model.radiance import expression
 from drcmitsuba.model.radiance.definitions import Definition
 from drcmitsuba.model.radiance.text import decoded, sought
-from drcmitsuba.model.radiance_materials import COSINES, GREY, SCATTERED, Note, greyed, luminance
+from drcmitsuba.model.radiance_materials import (
+    COSINES,
+    GREY,
+    SCATTERED,
+    Note,
+    greyed,
+    luminance,
+    mean_of,
+)
 
 INCIDENCE = np.radians(np.arange(90.0))
 """Incidences of the fit [rad]."""
@@ -138,15 +146,9 @@ def from_functions(definition: Definition, note: Note) -> GlazingMaterial | Diff
         note(f"{ONE_SIDE}, {front:.2f}, and not that of their back, {back:.2f}")
     rest = max(0.0, 1 - through - float(straight.max()))  # beside the peak of what goes straight
     return DiffuserMaterial(
-        type="diffuser", transmittance=through, reflectance=min(front + _mean(mirrored), rest),
+        type="diffuser", transmittance=through, reflectance=min(front + mean_of(mirrored), rest),
         straight=tuple(straight.tolist()) if straight.max() > 0 else 0.0,
     )  # fmt: skip
-
-
-def _mean(share: np.ndarray) -> float:
-    """Mean of a share over the hemisphere, from its values at equal steps of the cosine."""
-    c = np.linspace(0, 1, len(share))
-    return float((share * c).sum() / c.sum())
 
 
 def _number(text: str) -> float:
