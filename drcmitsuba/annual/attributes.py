@@ -14,6 +14,7 @@ from drcmitsuba.case.schedule import schedule_of
 from drcmitsuba.case.sensors import PointSensors
 from drcmitsuba.metrics import illuminance
 from drcmitsuba.model.materials import BsdfMaterial
+from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.scene.structures.recipe import Mesh, load_recipe
@@ -77,6 +78,7 @@ def attributes(case: Case, daylight: Daylight, enabled_effects: EnabledEffects) 
         **case.metrics.model_dump(),
         "weather": daylight.source,
         "version": version("drcmitsuba"),
+        "method": METHOD,
         "settings": json.dumps(settings(case, daylight), ensure_ascii=False),
         "fingerprint": fingerprint(case, enabled_effects),
     }

@@ -8,9 +8,6 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
-
 from drcmitsuba.blocks.block_folder import NOTHING_KEPT, BlockFolder, BlockSeries
 from drcmitsuba.blocks.part import EVERY_BLOCK, Part
 from drcmitsuba.case.accuracy import Accuracy
@@ -23,9 +20,6 @@ from drcmitsuba.transport.shared_paths import SharedPaths
 
 MakeElsewhere = Callable[[State, Suns, Progress], None]
 """Function that has other processes make the blocks of a state for some suns."""
-
-METHOD = 10
-"""Version of the method by which C is computed; blocks of another one are not used."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +83,7 @@ class Run:
         """Blocks that depend on some content, on this program and on the kind of machine."""
         if self.blocks is None:
             return NOTHING_KEPT
-        program = METHOD, mi.__version__, dr.__version__, mi.variant()
-        return self.blocks.series(about, program, *content, part=self.part)
+        return self.blocks.series(about, *content, part=self.part)
 
     def blocks_written_beside(self) -> AbstractContextManager[None]:
         """Write blocks in a thread while further ones are made, until the context ends."""

@@ -28,6 +28,7 @@ from drcmitsuba.metrics.intervals import ShadeDraws
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.provenance import METHOD
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.sensors import sensor_coordinates, sensor_points
@@ -316,7 +317,10 @@ def coefficients(case: Case, daylight: Daylight, run: Run | None = None) -> Coef
 def _refuse_others(
     known: Coefficients, case: Case, daylight: Daylight, enabled_effects: EnabledEffects
 ) -> None:
-    """Refuse coefficients that were computed for another case or another place."""
+    """Refuse coefficients of another method, or that were computed for another case or place."""
+    if (method := known.attrs.get("method")) != METHOD:
+        got = "of an older version" if method is None else f"{method}, not {METHOD}"
+        raise InputError("coefficients", "method", got, "compute them anew")
     if known.attrs.get("fingerprint") != fingerprint(case, enabled_effects):
         raise InputError(
             "coefficients", "case", "they were computed for another case or accuracy",

@@ -18,14 +18,15 @@ from drcmitsuba.annual.result import evaluate_within
 from drcmitsuba.annual.study_facades import FacadesJob
 from drcmitsuba.annual.workers import Workers
 from drcmitsuba.blocks.block_folder import BlockFolder
-from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.study import Row, Study
 from drcmitsuba.runtime import storage
+from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import BackendError, InputError
 from drcmitsuba.runtime.folder_lock import locked
 from drcmitsuba.runtime.progress import Progress, part
+from drcmitsuba.runtime.provenance import Provenance
 from drcmitsuba.scene.enabled_effects import ALL_EFFECTS
 from drcmitsuba.sky.daylight import Daylight, daylight
 
@@ -111,6 +112,8 @@ def study(
         blocks = BlockFolder.cache(folder / CACHE if cache is None else cache).telling(tell)
         if finished := _finished(plan, rows, folder / "rows"):
             tell(f"going on from {finished} of {len(rows)} rows stored in {folder / 'rows'}")
+        if older := _of_other_programs(plan, rows, folder / "rows"):
+            tell(f"stored rows of another version, evaluated again: {older} in {folder / 'rows'}")
         done = _evaluate_facades(plan, rows, folder / "rows", workers, progress)
         others = part(progress, done, 1.0)
         if workers is not None:
@@ -233,6 +236,12 @@ def _finished(plan: Study, rows: list[Row], folder: Path) -> int:
     return sum(_stored(folder / f"{_key(case)}.json") is not None for case in cases)
 
 
+def _of_other_programs(plan: Study, rows: list[Row], folder: Path) -> int:
+    """Number of rows whose metrics another program made."""
+    cases = (case for _, case, _ in _readable(plan, rows))
+    return sum(_provenance(case).is_of_another_program(folder) for case in cases)
+
+
 def _line(plan: Study, row: Row, folder: Path, blocks: BlockFolder) -> dict[str, Any]:
     """Metrics of a row, or its error."""
     try:
@@ -278,9 +287,13 @@ def _files_of_weather(case: Case) -> list[Path]:
 
 
 def _key(case: Case) -> str:
-    """Digest of everything that a row's numbers depend on, the contents of its files included."""
-    program = version("drcmitsuba"), fingerprint(case, ALL_EFFECTS)
-    return content_key(program, case.model_dump_json(), _files_of_weather(case))
+    """Name of everything that a row's numbers depend on, the contents of its files included."""
+    return _provenance(case).key
+
+
+def _provenance(case: Case) -> Provenance:
+    inputs = fingerprint(case, ALL_EFFECTS), case.model_dump_json(), _files_of_weather(case)
+    return Provenance.of(*inputs, release=version("drcmitsuba"))
 
 
 def _stored(file: Path) -> Mapping[str, Any] | None:

@@ -18,12 +18,12 @@ from typing import Any
 
 from drcmitsuba.annual.result import Result
 from drcmitsuba.annual.variants import SharedBasis
-from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.facade import Facade
 from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.case.sun import Adaptive
 from drcmitsuba.model.materials import Material
+from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, part
 from drcmitsuba.sky.daylight import Daylight, daylight

@@ -25,15 +25,16 @@ import drjit as dr
 import mitsuba as mi
 
 from drcmitsuba.annual.block_parts import StatePart
-from drcmitsuba.annual.run import METHOD, MakeElsewhere
+from drcmitsuba.annual.run import MakeElsewhere
 from drcmitsuba.blocks.block_folder import BlockFolder
 from drcmitsuba.blocks.part import Part
 from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import State
-from drcmitsuba.runtime import backend, lazy
+from drcmitsuba.runtime import lazy
 from drcmitsuba.runtime.errors import InputError, was_stopped
 from drcmitsuba.runtime.interruption import kept_from_children
 from drcmitsuba.runtime.progress import Progress
+from drcmitsuba.runtime.provenance import program
 from drcmitsuba.sky.sun_models import Suns
 
 if TYPE_CHECKING:
@@ -60,10 +61,7 @@ class Job(Protocol):
 
 def versions() -> dict[str, str]:
     """Versions on which blocks depend, by name, in this process."""
-    return {
-        "variant": backend.select(), "byte order": sys.byteorder, "method": str(METHOD),
-        **{name: version(name) for name in ("drcmitsuba", "mitsuba", "drjit")},
-    }  # fmt: skip
+    return {**program(), "byte order": sys.byteorder, "drcmitsuba": version("drcmitsuba")}
 
 
 def _refuse_others(expected: dict[str, str]) -> None:

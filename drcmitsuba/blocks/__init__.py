@@ -1,7 +1,5 @@
 """Blocks: coefficients on disk by what they depend on, so that no run computes them twice.
 
-content_key
-    Digest of everything that a block depends on.
 block_file
     One block: a zarr folder in a ZIP archive, whose checksums find damage.
 part

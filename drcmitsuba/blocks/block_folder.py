@@ -15,12 +15,12 @@ from typing import Any
 import xarray as xr
 
 from drcmitsuba.blocks.block_file import attributes_of, read_block, write_block
-from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.blocks.part import EVERY_BLOCK, Part
 from drcmitsuba.blocks.stored_before import StoredBefore
 from drcmitsuba.runtime import storage
 from drcmitsuba.runtime.background import Behind
 from drcmitsuba.runtime.errors import InputError
+from drcmitsuba.runtime.provenance import Provenance
 
 FORMAT = 1
 """Version of the folder's layout; a folder of another one is refused."""
@@ -178,7 +178,10 @@ class BlockFolder:
 
     def series(self, about: str, *content: Any, part: Part = EVERY_BLOCK) -> BlockSeries:
         """Blocks that depend on some content; `about` are words for lists."""
-        folder = self.path / content_key(FORMAT, *content)
+        made = Provenance.of(FORMAT, *content)
+        folder = self.path / made.key
+        if self.before is not None and made.is_of_another_program(self.path):
+            self.before.tell_other(about, folder)
         return BlockSeries(folder, about, self.notes, part, self.writing, self.before)
 
     @property

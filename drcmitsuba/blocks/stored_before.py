@@ -29,11 +29,21 @@ class StoredBefore:
     def tell_once(self, about: str, paths: Sequence[Path]) -> None:
         """Tell how many of the blocks of a key were stored; nothing where none was."""
         stored = sum(path in self.files for path in paths)
-        if not stored or paths[0].parent in self.told:
-            return
-        self.told.add(paths[0].parent)
-        if len(self.told) <= MOST_LINES:
+        if stored:
             blocks = f"{stored} of {len(paths)} blocks"
-            self.tell(f"{about}: going on from {blocks} stored in {self.folder}")
+            line = f"{about}: going on from {blocks} stored in {self.folder}"
+            self._tell_once(paths[0].parent, line)
+
+    def tell_other(self, about: str, key: Path) -> None:
+        """Tell that the blocks of a key were made by another program, and are made again."""
+        line = f"{about}: blocks in {self.folder} are of another version or variant, and made again"
+        self._tell_once(key, line)
+
+    def _tell_once(self, key: Path, line: str) -> None:
+        if key in self.told:
+            return
+        self.told.add(key)
+        if len(self.told) <= MOST_LINES:
+            self.tell(line)
         elif len(self.told) == MOST_LINES + 1:
-            self.tell(f"further blocks stored in {self.folder} are used without a line each")
+            self.tell(f"further blocks of {self.folder} are used or made again without a line each")

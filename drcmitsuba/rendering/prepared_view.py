@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 import xarray as xr
 
@@ -32,6 +31,7 @@ from drcmitsuba.rendering.rendering import Rendering, Source, file_name
 from drcmitsuba.runtime import backend, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Progress, Stage, part, silent
+from drcmitsuba.runtime.provenance import program
 from drcmitsuba.scene import scene
 from drcmitsuba.scene.enabled_effects import EnabledEffects
 from drcmitsuba.scene.geometry import origin, rotation
@@ -266,7 +266,7 @@ def prepare(
     stated = {
         "case": fingerprint(case, effects), "view": shown.options(), "rows": rows,
         "columns": columns, "state": state, "seed": case.accuracy.seed,
-        "sampling": asdict(sampling), "variant": mi.variant(), "format": stored_view.FORMAT,
+        "sampling": asdict(sampling), "format": stored_view.FORMAT, "program": program(),
     }  # fmt: skip
     path = None if folder is None else Path(folder) / f"{_kept_name(name, state)}_light_paths"
     turned, channels = _in_the_scene(case, shown), scene.channels_of(case, effects)
@@ -279,7 +279,9 @@ def prepare(
     worlds = [scene.load(case, state, channel, effects) for channel in channels]
     if not known:
         _refuse_size(sampling.nbytes(4) * rows * columns * len(channels), path)
-    with stage("rays") as done, _made(None if known else path) as made:
+    older = path is not None and stored_view.is_of_another_program(path / parts[0], stated)
+    rays = "rays, again: those stored are of another version" if older else "rays"
+    with stage(rays) as done, _made(None if known else path) as made:
         for i, (world, name_of_part) in enumerate(zip(worlds, parts, strict=True)):
             share = part(done, i / len(channels), (i + 1) / len(channels))
             one = untraced(world, turned, rows, columns, **numbers)

@@ -77,10 +77,21 @@ def save_cells(light: SurfaceLight, folder: Path, stated: dict[str, Any]) -> Non
 
 def is_of(folder: Path, stated: dict[str, Any]) -> bool:
     """Whether a folder holds the light paths of a view as it is stated."""
+    return _stated(folder) == stated
+
+
+def is_of_another_program(folder: Path, stated: dict[str, Any]) -> bool:
+    """Whether a folder holds the light paths of a view that another program traced."""
+    there = _stated(folder)
+    return there != stated and {**there, "program": stated["program"]} == stated
+
+
+def _stated(folder: Path) -> dict[str, Any]:
+    """Statement of a folder on its view; empty where there is none."""
     try:
-        return bool(json.loads((folder / STATED).read_text(encoding="utf-8")) == stated)
-    except (OSError, ValueError):
-        return False
+        return dict(json.loads((folder / STATED).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return {}
 
 
 def _opened(folder: Path) -> xr.Dataset:

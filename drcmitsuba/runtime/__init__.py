@@ -28,6 +28,8 @@ process
     A job in a process of its own.
 ray_counter
     Number of rays by kind and purpose.
+content_key, provenance
+    Digest of content; what made a number: its inputs and the program.
 random_streams
     Seeds of random numbers, one for each purpose and replicate; evenly spread sequences.
 """

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather_blocks import Gathered
 from drcmitsuba.transport.launch_size import PATHS, SENSORS

@@ -8,7 +8,7 @@ import drcmitsuba
 from drcmitsuba import load_case
 from drcmitsuba.metrics import evaluate_metrics, illuminance, stored_arrays
 from drcmitsuba.metrics.coefficients_by_state import Coefficients
-from drcmitsuba.runtime import storage
+from drcmitsuba.runtime import provenance, storage
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.sky import luminances
 from tests.system.test_evaluate import CASE, DAYS, changed
@@ -117,6 +117,15 @@ def test_coefficients_of_another_case_are_not_used(results, tmp_path):
     other = case_of(tmp_path, "adaptive", ("transmittance = 0.65", "transmittance = 0.66"))
     with pytest.raises(InputError, match="another case or accuracy; compute them anew"):
         drcmitsuba.evaluate(other, known=known)
+
+
+@pytest.mark.parametrize("method", [None, provenance.METHOD - 1])
+def test_coefficients_of_another_method_are_not_used(results, tmp_path, method):
+    known = results["adaptive"].coefficients
+    known = known.assign_attrs(method=method)
+    words = "of an older version" if method is None else f"{method}, not {method + 1}"
+    with pytest.raises(InputError, match=f"coefficients: method: {words}; compute them anew"):
+        drcmitsuba.evaluate(case_of(tmp_path, "adaptive"), known=known)
 
 
 def test_a_mesh_of_another_latitude_is_not_used(results, tmp_path):

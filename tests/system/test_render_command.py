@@ -1,7 +1,10 @@
 """The command `render`: files of pictures, frames and coefficient pictures, and bad input."""
 
 import errno
+import json
 import shutil
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +13,7 @@ from matplotlib.image import imread
 
 from drcmitsuba import picture
 from drcmitsuba.rendering import prepare, stored_view
-from drcmitsuba.runtime import storage
+from drcmitsuba.runtime import provenance, storage
 from drcmitsuba.runtime.errors import InputError
 from tests.system.small_room import CASE, SHADING, changed, run
 
@@ -194,6 +197,27 @@ def test_a_full_disk_leaves_nothing(monkeypatch, capsys, tmp_path):
     assert stop.value.code == 2
     assert "No space left on device" in capsys.readouterr().err
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_light_paths_of_another_method_are_traced_again(rendered, monkeypatch, capsys, tmp_path):
+    """What stood with them left out the method: pictures kept the light of an older one."""
+    shutil.copytree(rendered, tmp_path / "copy")
+    monkeypatch.chdir(tmp_path / "copy")
+    stated = Path("out/desk_light_paths/channel_0/view.json")
+    before = json.loads(stated.read_text())
+    monkeypatch.setattr(provenance, "METHOD", provenance.METHOD + 1)
+    stages = []
+
+    @contextmanager
+    def stage(name):
+        stages.append(name)
+        yield lambda share: None
+
+    prepare("room.toml", "desk", size=24, folder="out", stage=stage)
+    assert "rays, again: those stored are of another version" in stages
+    now = json.loads(stated.read_text())
+    assert now["program"]["method"] == str(provenance.METHOD)
+    assert {**now, "program": before["program"]} == before
 
 
 def test_light_paths_that_are_damaged_are_refused(rendered, monkeypatch, capsys, tmp_path):

@@ -14,6 +14,7 @@ from drcmitsuba.blocks import block_folder
 from drcmitsuba.blocks.stored_before import MOST_LINES, StoredBefore
 from drcmitsuba.case.study import load_study
 from drcmitsuba.report.study_charts import charts
+from drcmitsuba.runtime import provenance
 from drcmitsuba.runtime.errors import InputError
 from tests.system.small_room import changed, run
 
@@ -226,6 +227,24 @@ def test_a_study_says_from_which_rows_and_blocks_it_goes_on(folder, monkeypatch,
     assert all("going on from 1 of 1 blocks" in line for line in err[1:])
 
 
+def test_rows_and_blocks_of_another_method_are_made_again(folder, monkeypatch, capsys):
+    """The key of a row left out the method: rows kept the numbers of an older one."""
+    command = "study", folder / "study.toml", "-o", folder / "out"
+    run(monkeypatch, *command)
+    rows = folder / "out" / "rows"
+    before = {path.name for path in rows.glob("*.json")}
+    capsys.readouterr()
+    monkeypatch.setattr(provenance, "METHOD", provenance.METHOD + 1)
+    run(monkeypatch, *command)
+    err = capsys.readouterr().err.splitlines()
+    assert err[0] == f"stored rows of another version, evaluated again: 4 in {rows}"
+    assert "open: blocks in " in err[1]
+    assert err[1].endswith("are of another version or variant, and made again")
+    after = {path.name for path in rows.glob("*.json")} - before
+    assert {name[:32] for name in after} == {name[:32] for name in before}
+    assert len(after) == len(before)
+
+
 def test_many_stored_blocks_have_few_lines(tmp_path):
     files, lines = [], []
     for number in range(15):
@@ -236,4 +255,4 @@ def test_many_stored_blocks_have_few_lines(tmp_path):
     for file in files:
         before.tell_once("room, open", [file])
     assert len(lines) == MOST_LINES + 1
-    assert lines[-1] == f"further blocks stored in {tmp_path} are used without a line each"
+    assert lines[-1] == f"further blocks of {tmp_path} are used or made again without a line each"

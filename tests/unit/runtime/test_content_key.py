@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from drcmitsuba import load_case, shipped_cases
-from drcmitsuba.blocks.content_key import content_key
 from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
+from drcmitsuba.runtime.content_key import content_key
 from drcmitsuba.scene import scene
 from drcmitsuba.sky.daylight import daylight
 
