@@ -12,6 +12,7 @@ from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.hour import luminance, replicates
 from drcmitsuba.rendering.light_paths import Sampling, trace
 from drcmitsuba.rendering.outside import Outside
+from drcmitsuba.rendering.stored_view import save_paths, with_tiles_of
 from drcmitsuba.scene.geometry import Surface, quad
 from drcmitsuba.scene.materials import bsdf
 from drcmitsuba.scene.scene import build
@@ -151,6 +152,20 @@ def test_a_rough_mirror_shows_the_sun_as_its_bsdf_tells(roughness):
     assert E.std(ddof=1) / 4 < 0.03 * exact
     if roughness >= 0.03:  # rays alone find the disk, with an error of 20 % here and more
         assert np.median(error[bright] / expected[bright]) < 0.02
+
+
+def test_light_paths_on_disk_give_the_same_picture(tmp_path):
+    surfaces = [
+        Surface("m", mirror(roughness=0.1, specular=0.5), wall(low=1.0)[None], "m"),
+        Surface("pool", mirror(), wall()[None] + 0.1 * NORTH, "pool"),
+    ]
+    traced, _ = seen(*surfaces, size=24, angle=60.0)
+    for paths in traced.tiles():
+        save_paths(paths, tmp_path)
+    kept = with_tiles_of(traced, tmp_path)
+    both = [replicates(one, OUTSIDE, DARK) for one in (traced, kept)]
+    assert both[0].max() > 0
+    assert np.allclose(*both, rtol=1e-6)
 
 
 def test_surfaces_in_a_picture_have_the_sun_by_rough_mirrors(same):
