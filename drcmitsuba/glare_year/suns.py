@@ -111,7 +111,9 @@ def _in_planes(
     images: ImageSuns, p: mi.Point3f, suns: np.ndarray, diameter: float, seed: int
 ) -> Iterator[Images]:
     """Yield the images of suns by each chain of planar mirrors."""
-    for k, (d, some, reached) in enumerate(images.seen_from(p, suns, diameter)):
+    for k, (d, some, reached) in enumerate(
+        images.seen_from(p, suns, diameter, images.mirrors.seen)
+    ):
         yield _disks(some, d, diameter, seed + 7 * k + 1, reached)
 
 

@@ -129,7 +129,8 @@ class Outside:
 
         self._add_disk(out, view, self.direction, straight_on)
         if images is not None:
-            for d, _, reached in images.seen_from(eye, self.direction[None], self.diameter):
+            every = images.mirrors.rectangles  # rays count no sun on either side of a pane
+            for d, _, reached in images.seen_from(eye, self.direction[None], self.diameter, every):
                 self._add_disk(out, view, d[0], reached)
         return out
 

@@ -17,7 +17,7 @@ Data flow: `ImageSuns.of(scene)` → `.suns(points, …)` and `.sky(points, …)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import prod
@@ -135,19 +135,36 @@ class ImageSuns:
                 yield row, ray, p, d
 
     def seen_from(
-        self, p: mi.Point3f, suns: np.ndarray, diameter: float
+        self, p: mi.Point3f, suns: np.ndarray, diameter: float, sides: Sequence[np.ndarray]
     ) -> Iterator[tuple[np.ndarray, np.ndarray, Callable[[mi.Vector3f], mi.Float]]]:
-        """Yield the images of suns (sun, 3) that a place may see, chain by chain.
+        """Yield the images of suns that a place may see, chain by chain.
 
-        They are unit vectors to the images (image, 3), the indices of their suns, and the function
-        that gives the share of light [–] that reaches the place from directions.
+        Parameters
+        ----------
+        p : mi.Point3f
+            Place [m].
+        suns : np.ndarray, shape (sun, 3)
+            Unit vectors to the suns.
+        diameter : float
+            Angle across a sun [deg].
+        sides : sequence of np.ndarray, by axis
+            Rectangles in which images are looked for, `PlanarMirrors.seen` or `.rectangles`.
+
+        Yields
+        ------
+        directions : np.ndarray, shape (image, 3)
+            Unit vectors to the images.
+        which : np.ndarray of int, shape (image,)
+            Indices of their suns.
+        reached : callable
+            Gives the share of light [–] that reaches the place from directions.
         """
         for chain in self.mirrors.chains:
             d, may = self.mirrors.images(chain, suns)
             every = dr.arange(mi.UInt32, len(d))
             towards = dr.gather(mi.Vector3f, flat(d), every)
             spread = dr.opaque(mi.Float, np.radians(diameter) / 2)
-            may &= self.seen_first(chain).passed(every, p, towards, spread).numpy()
+            may &= Openings(sides[chain[0]]).passed(every, p, towards, spread).numpy()
             if len(some := np.flatnonzero(may)):
 
                 def reached(d: mi.Vector3f, chain: tuple[int, ...] = chain) -> mi.Float:

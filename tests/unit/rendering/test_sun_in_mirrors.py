@@ -80,11 +80,13 @@ def test_a_picture_holds_all_light_of_the_image(material, expected):
     assert share(Surface("m", material, wall()[None], "m")) == pytest.approx(expected, rel=0.005)
 
 
-def test_a_pane_shows_the_sun_by_fresnel_and_its_edge_cuts_it():
+def test_a_pane_shows_the_sun_on_both_sides_by_fresnel_and_its_edge_cuts_it():
     glass = GlazingMaterial(type="glazing", transmittance=0.85, ior=1.5)
     rises = 1 + IMAGE[2] / IMAGE[1] * 5  # height at which the eye sees the middle of the image
     rho = np.interp(IMAGE[1], np.linspace(0, 1, 1025), glass.tables(1025)[1])
     assert rho == pytest.approx(in_glass(IMAGE[1]), rel=0.2)  # the pane absorbs some light
+    front = wall()[[0, 3, 2, 1]]
+    assert share(Surface("glass", glass, front[None])) == pytest.approx(rho, rel=0.005)
     whole, half = (share(Surface("glass", glass, wall(low=low)[None])) for low in (-9.0, rises))
     assert whole == pytest.approx(rho, rel=0.005)
     assert half == pytest.approx(rho / 2, rel=0.03)
