@@ -100,7 +100,7 @@ def follow(
     p, n, weight = mi.Point3f(ray.o), mi.Normal3f(d), mi.Float(0)
     shines, deviated, glows = mi.Bool(True), mi.Bool(False), mi.Bool(True)
     within, depth = mi.Bool(True), mi.UInt32(0)
-    way, share, mirrored_sun = mi.UInt32(0), mi.Float(1), mi.Float(0)
+    way, lobe, mirrored_sun = mi.UInt32(0), mi.Float(0), mi.Float(0)
     rough_part, rough = mi.UInt32(NONE), mi.Float(0)
     rough_p, rough_n, rough_d = mi.Point3f(ray.o), mi.Normal3f(d), mi.Vector3f(d)
     solids = absorption(scene)
@@ -112,7 +112,7 @@ def follow(
         leaves = active & ~si.is_valid() & shines & deviated
         mirrored = dr.select(leaves, beta, mirrored)
         mirrored_d = dr.select(leaves, ray.d, mirrored_d)
-        mirrored_sun = dr.select(leaves, share, mirrored_sun)
+        mirrored_sun = dr.select(leaves, sun.share(way, lobe), mirrored_sun)
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
         if dr.hint(solids is not None, mode="scalar"):
@@ -148,7 +148,7 @@ def follow(
             inside, before = absorption_after(solids, bsdf, bs, inside, active), si.p
         passes = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
         deviated |= active & ~passes
-        way, share = sun.turned(way, share, si, bs, active & ~passes)
+        way, lobe = sun.turned(way, lobe, si, bs, active & ~passes)
         glows &= ~(scatters & ~passes)  # light between scattering panes has other estimators
         shines &= ~(scatters & ~passes)
         within &= bs.wo.z * si.wi.z > 0

@@ -198,8 +198,8 @@ def _in_rough_mirrors(traced: TracedView, paths: Paths, outside: Outside) -> mi.
     with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
         share = seen_in_rough(
             traced.scene, paths.rough_part, mi.Point3f(paths.rough_p), mi.Normal3f(paths.rough_n),
-            paths.rough_d, sun=outside.direction, diameter=outside.diameter,
-            uv=_on_disk(traced, number, 2),
+            paths.rough_d, images=traced.images, sun=outside.direction,
+            diameter=outside.diameter, uv=_on_disk(traced, number, 2),
         )  # fmt: skip
     return share * outside.sun
 
