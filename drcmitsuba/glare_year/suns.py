@@ -111,19 +111,10 @@ def _in_planes(
     images: ImageSuns, p: mi.Point3f, suns: np.ndarray, diameter: float, seed: int
 ) -> Iterator[Images]:
     """Yield the images of suns by each chain of planar mirrors."""
-    for k, chain in enumerate(images.mirrors.chains):
-        d, may = images.mirrors.images(chain, suns)
-        openings, centres = images.seen_first(chain), flat(d)
-        every = dr.arange(mi.UInt32, len(d))
-        towards = dr.gather(mi.Vector3f, centres, every)
-        spread = dr.opaque(mi.Float, np.radians(diameter) / 2)
-        may &= openings.passed(every, p, towards, spread).numpy()
-        if some := np.flatnonzero(may).tolist():
-
-            def reached(d: mi.Vector3f, chain: tuple[int, ...] = chain) -> mi.Float:
-                return images.reached(chain, p, d, dr.full(mi.Bool, True, dr.width(d)))
-
-            yield _disks(np.array(some), d[some], diameter, seed + 7 * k + 1, reached)
+    for k, (d, some, reached) in enumerate(
+        images.seen_from(p, suns, diameter, images.mirrors.seen)
+    ):
+        yield _disks(some, d, diameter, seed + 7 * k + 1, reached)
 
 
 def _mirrored(

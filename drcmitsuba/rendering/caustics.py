@@ -2,8 +2,8 @@
 
 The irradiance of a surface by photons is that of the cell in which it lies; cells for the light of
 a sun are smaller than those for the sky's. The picture blurs patterns of light by their size. What
-planar mirrors send there of the sun has exact images, which `hour` looks for; of the sky photons
-count it as well.
+planar mirrors and rough ones send there of the sun has exact directions, which `hour` looks for; of
+the sky photons count it as well.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Caustics:
     of_sky: tuple[Landed, ...]
     """Photons of the sky in every replicate."""
     sun: PhotonTracer | None
-    """Tracer of a sun's photons; None where all of its light has images."""
+    """Tracer of a sun's photons; None where all of its light has exact directions."""
     accuracy: Accuracy
 
     @classmethod
@@ -48,9 +48,9 @@ class Caustics:
         def tracer(size: float, photons: int, subdivision: int | None) -> PhotonTracer | None:
             size = min(size, accuracy.cell_size)
             finer = accuracy.model_copy(update={"cell_size": size, "photons": photons})
-            imaged = subdivision is not None
+            by_sky = subdivision is not None
             return PhotonTracer.of(
-                scene, none, none, none, diameter, subdivision, finer, imaged=imaged, lobed=True
+                scene, none, none, none, diameter, subdivision, finer, imaged=by_sky, lobed=by_sky
             )
 
         sky = tracer(SKY_CELL, accuracy.photons, subdivision)

@@ -3,7 +3,8 @@
 A ray ends at the first surface that reflects diffusely. On its way mirrors send it on, and panes
 let it pass or mirror it. Three kinds of light reach the eye on it:
 
-* sky and sun, straight through clear panes, which is no random choice, and by mirrors;
+* sky and sun, straight through clear panes, which is no random choice, and by mirrors, of which
+  some show the sun in other ways: see `mirrored_sun`;
 * the light of the first pane that scatters, which glows;
 * what the diffuse surface reflects.
 """
@@ -17,10 +18,12 @@ import mitsuba as mi
 from drcmitsuba_plugins.sampling import streams
 from drcmitsuba_plugins.symbolic import symbolic
 
+from drcmitsuba.rendering.mirrored_sun import MirroredSun
 from drcmitsuba.runtime.random_streams import even_numbers
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.bsdf_lookup import absorption, absorption_after, share_left
 from drcmitsuba.transport.gather import deviates
+from drcmitsuba.transport.planar_mirrors import NONE
 from drcmitsuba.transport.shadow_rays import straight
 
 MOST_SURFACES = 64
@@ -38,6 +41,15 @@ class EyePaths:
     mirrored_d: mi.Vector3f
     mirrored: mi.Float
     """Direction in which the ray leaves the scene after mirrors, and the weight of the light."""
+    mirrored_sun: mi.Float
+    """Share of the sun's light along `mirrored_d` that counts [–]."""
+    rough_part: mi.UInt32
+    rough_p: mi.Point3f
+    rough_n: mi.Normal3f
+    rough_d: mi.Vector3f
+    rough: mi.Float
+    """One of the rough mirrors on the way, drawn by their weights: part of the scene, place off the
+    surface, normal, direction of the ray before it, and the sum of the weights."""
     pane_o: mi.Point3f
     pane_d: mi.Vector3f
     pane: mi.Float
@@ -54,7 +66,7 @@ class EyePaths:
 @symbolic
 def follow(
     scene: Scene, eye: mi.Point3f, d: mi.Vector3f, exists: mi.Bool, lane: mi.UInt32, samples: int,
-    seed: int,
+    seed: int, sun: MirroredSun,
 ) -> EyePaths:  # fmt: skip
     """Follow rays from the eye.
 
@@ -72,6 +84,8 @@ def follow(
     samples : int
         Number of rays of a pixel: their first choices are spread evenly.
     seed : int
+    sun : MirroredSun
+        Mirrors of the scene, and how they show the sun.
 
     Returns
     -------
@@ -86,15 +100,19 @@ def follow(
     p, n, weight = mi.Point3f(ray.o), mi.Normal3f(d), mi.Float(0)
     shines, deviated, glows = mi.Bool(True), mi.Bool(False), mi.Bool(True)
     within, depth = mi.Bool(True), mi.UInt32(0)
+    way, lobe, mirrored_sun = mi.UInt32(0), mi.Float(0), mi.Float(0)
+    rough_part, rough = mi.UInt32(NONE), mi.Float(0)
+    rough_p, rough_n, rough_d = mi.Point3f(ray.o), mi.Normal3f(d), mi.Vector3f(d)
     solids = absorption(scene)
     inside, before = mi.Float(0), mi.Point3f(ray.o)
     flags = mi.RayFlags.Minimal | mi.RayFlags.ShadingFrame
-    while dr.hint(active, exclude=[scene, solids, first_choice]):
+    while dr.hint(active, exclude=[scene, solids, first_choice, sun]):
         scene.ray_counter.add("path", active)
         si = scene.full.ray_intersect(ray, flags, coherent=False, active=active)
         leaves = active & ~si.is_valid() & shines & deviated
         mirrored = dr.select(leaves, beta, mirrored)
         mirrored_d = dr.select(leaves, ray.d, mirrored_d)
+        mirrored_sun = dr.select(leaves, sun.share(way, lobe), mirrored_sun)
         active &= si.is_valid()
         si.wi = si.to_local(-ray.d)
         if dr.hint(solids is not None, mode="scalar"):
@@ -107,6 +125,16 @@ def follow(
         glowing = active & scatters & glows
         pane = dr.select(glowing, beta, pane)
         pane_o, pane_d = dr.select(glowing, ray.o, pane_o), dr.select(glowing, ray.d, pane_d)
+        facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
+        if dr.hint(sun.rough is not None, mode="scalar"):
+            part = sun.glossy(bsdf, active & shines)
+            meets = part != NONE
+            rough += dr.select(meets, beta, 0)
+            drawn = meets & (random.next_float32() * rough < beta)
+            rough_part = dr.select(drawn, part, rough_part)
+            rough_p = dr.select(drawn, si.spawn_ray(facing).o, rough_p)
+            rough_n = dr.select(drawn, si.sh_frame.n, rough_n)
+            rough_d = dr.select(drawn, ray.d, rough_d)
         choice = dr.select(depth == 0, first_choice, random.next_float32())
         uv = mi.Point2f(random.next_float32(), random.next_float32())
         bs, value = bsdf.sample(ctx, si, choice, uv, active)
@@ -114,17 +142,20 @@ def follow(
         active &= beta > 0
         diffuse = mi.has_flag(bs.sampled_type, mi.BSDFFlags.DiffuseReflection) & ~is_pane
         ends = active & diffuse
-        facing = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
         p, n = dr.select(ends, si.spawn_ray(facing).o, p), dr.select(ends, facing, n)
         weight = dr.select(ends, beta, weight)
         if dr.hint(solids is not None, mode="scalar"):
             inside, before = absorption_after(solids, bsdf, bs, inside, active), si.p
         passes = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Null)
         deviated |= active & ~passes
+        way, lobe = sun.turned(way, lobe, si, bs, active & ~passes)
         glows &= ~(scatters & ~passes)  # light between scattering panes has other estimators
         shines &= ~(scatters & ~passes)
         within &= bs.wo.z * si.wi.z > 0
         ray = dr.select(ends, ray, si.spawn_ray(si.to_world(bs.wo)))
         depth += 1
         active &= ~ends & (depth < MOST_SURFACES)
-    return EyePaths(d, through, mirrored_d, mirrored, pane_o, pane_d, pane, p, n, weight, within)
+    return EyePaths(
+        d, through, mirrored_d, mirrored, mirrored_sun, rough_part, rough_p, rough_n, rough_d,
+        rough, pane_o, pane_d, pane, p, n, weight, within,
+    )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -13,6 +14,7 @@ from drcmitsuba_plugins.symbolic import symbolic
 
 from drcmitsuba.rendering.caustics import Map
 from drcmitsuba.rendering.light_paths import Paths, TracedView
+from drcmitsuba.rendering.mirrored_sun import seen_in_rough
 from drcmitsuba.rendering.outside import Outside
 from drcmitsuba.rendering.surface_light import Glowing, Sources
 from drcmitsuba.runtime.flat_arrays import flat
@@ -24,6 +26,9 @@ from drcmitsuba.transport.shadow_rays import straight
 
 PEAK_RAYS = 4
 """Largest number of directions along the peaks of a film from each surface that a ray shows."""
+
+LOBE_RAYS = 4
+"""Directions from the lobe of the sun in rough mirrors, from each surface that a ray shows."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,8 @@ def luminance(traced: TracedView, outside: Outside, sky: np.ndarray) -> Luminanc
     parts = [mean_and_error(each) for each in _tiles(traced, outside, sky)]
     shape = traced.rows, traced.columns
     mean, error = (np.concatenate(whole).reshape(shape) for whole in zip(*parts, strict=True))
-    return Luminance(mean + outside.disk_in(traced.scene, traced.view, shape), error)
+    disk = outside.disk_in(traced.scene, traced.view, shape, traced.images)
+    return Luminance(mean + disk, error)
 
 
 def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndarray:
@@ -82,7 +88,7 @@ def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndar
     Returns
     -------
     np.ndarray, shape (replicate, row, column)
-        Luminance without the sun's disk where it is seen straight [cd/m²].
+        Luminance without the sun's disk where it is seen straight or in planar mirrors [cd/m²].
     """
     parts = list(_tiles(traced, outside, sky))
     return np.concatenate(parts, axis=1).reshape(-1, traced.rows, traced.columns)
@@ -125,7 +131,10 @@ def _slots(
     if dr.width(paths.through):
         add(paths.through_slot, paths.through * outside.sky(paths.through_d))
     if dr.width(paths.mirrored):
-        add(paths.mirrored_slot, paths.mirrored * outside.with_sun(paths.mirrored_d))
+        lit = outside.with_sun(paths.mirrored_d, paths.mirrored_sun)
+        add(paths.mirrored_slot, paths.mirrored * lit)
+    if dr.width(paths.rough) and outside.sun > 0:
+        add(paths.rough_slot, paths.rough * _in_rough_mirrors(traced, paths, outside))
     if dr.width(paths.pane):
         entry = paths.pane_slot % replicates * dr.opaque(mi.UInt32, len(traced.glow))
         glow = dr.gather(mi.Float, tables.glow.whole, entry + paths.pane_at)
@@ -183,13 +192,29 @@ def _sum(
     return total
 
 
+def _in_rough_mirrors(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
+    """Luminance that rough mirrors show of the sun [cd/m²]."""
+    number = dr.arange(mi.UInt32, dr.width(paths.rough)) + dr.opaque(mi.UInt32, paths.first)
+    with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
+        share = seen_in_rough(
+            traced.scene, paths.rough_part, mi.Point3f(paths.rough_p), mi.Normal3f(paths.rough_n),
+            paths.rough_d, images=traced.images, sun=outside.direction,
+            diameter=outside.diameter, uv=_on_disk(traced, number, 2),
+        )  # fmt: skip
+    return share * outside.sun
+
+
+def _on_disk(traced: TracedView, number: mi.UInt32, purpose: int) -> mi.Point2f:
+    """Random numbers that draw points of the sun's disk."""
+    seed = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_SUN) ^ purpose
+    return mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed)))
+
+
 def _direct_sun(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
     """Irradiance of the surfaces by the sun through openings and clear panes [lx]."""
     number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
-    seed = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_SUN)
-    place = mi.Point2f(*(mi.Float(v >> 8) * TO_UNIT for v in random_bits(number, seed)))
     centre = dr.opaque(mi.Vector3f, list(map(float, outside.direction)))
-    d = sample_disk(centre, outside.diameter, place)
+    d = sample_disk(centre, outside.diameter, _on_disk(traced, number, 0))
     cosine = dr.dot(paths.n, d)
     with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
         tau = straight(traced.scene, mi.Point3f(paths.p), d, cosine > 0)
@@ -198,18 +223,21 @@ def _direct_sun(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
 
 
 def _in_mirrors(traced: TracedView, paths: Paths, outside: Outside) -> mi.Float:
-    """Irradiance of the surfaces by images of the sun in planar mirrors [lx]."""
-    images, base = traced.images, traced.light.base
-    if images is None:
-        return mi.Float(0)
+    """Irradiance of the surfaces by the sun in planar mirrors and in rough ones [lx]."""
+    seed, E = launch_seed(traced.light.base.accuracy.seed, Stream.EYE_SUN), mi.Float(0)
     number = dr.arange(mi.UInt32, dr.width(paths.weight)) + dr.opaque(mi.UInt32, paths.first)
+    points, normals = dr.ravel(paths.p), dr.ravel(paths.n)
+    kind: dict[str, Any] = {
+        "suns": outside.direction[None], "diameter": outside.diameter, "numbers": number,
+    }  # fmt: skip
     with traced.scene.ray_counter.purpose(Stream.EYE_SUN.name):
-        D = images.suns(
-            dr.ravel(paths.p), dr.ravel(paths.n), suns=outside.direction[None],
-            diameter=outside.diameter, samples=1, numbers=number,
-            seed=launch_seed(base.accuracy.seed, Stream.EYE_SUN) ^ 1,
-        )  # fmt: skip
-    return D.array * outside.sun
+        if traced.images is not None:
+            D = traced.images.suns(points, normals, samples=1, seed=seed ^ 1, **kind)
+            E += D.array * outside.sun
+        for i, lobe in enumerate(traced.lobes):
+            D = lobe.suns(points, normals, samples=LOBE_RAYS, seed=seed ^ (3 + i) << 8, **kind)
+            E += D.array * outside.sun
+    return E
 
 
 def _along_peaks(traced: TracedView, paths: Paths, outside: Outside, glow: Glowing) -> mi.Float:

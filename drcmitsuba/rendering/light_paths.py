@@ -21,6 +21,7 @@ from drcmitsuba.picture.view import PictureView
 from drcmitsuba.rendering.caustics import Caustics
 from drcmitsuba.rendering.eye_paths import EyePaths, follow
 from drcmitsuba.rendering.glow import Glow
+from drcmitsuba.rendering.mirrored_sun import MirroredSun
 from drcmitsuba.rendering.sky_rays import Windows, sky_rays
 from drcmitsuba.rendering.surface_light import SurfaceLight, base_deposit
 from drcmitsuba.rendering.view_rays import pixel_rays
@@ -35,6 +36,7 @@ from drcmitsuba.transport.gather_blocks import Gathered, with_weights
 from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.openings import in_rooms
 from drcmitsuba.transport.solved_cells import solved
+from drcmitsuba.transport.sun_lobes import SunLobes
 
 LANES = 1 << 18
 """Number of rays from the eye in one launch."""
@@ -62,7 +64,7 @@ class Sampling:
 
     def nbytes(self, columns: int) -> int:
         """Size of the light paths of a pixel [bytes], at most, with `columns` looks at panes."""
-        return self.samples * (60 + 6 * (self.paths + self.sky + self.panes * columns))
+        return self.samples * (112 + 6 * (self.paths + self.sky + self.panes * columns))
 
     def rounded(self, replicates: int) -> Sampling:
         """Return the same with as many samples as replicates, or a multiple."""
@@ -84,7 +86,16 @@ class Paths:
     mirrored_slot: mi.UInt32
     mirrored_d: mi.Vector3f
     mirrored: mi.Float
-    """Rays that leave it by mirrors."""
+    mirrored_sun: mi.Float
+    """Rays that leave it by mirrors, and the share of the sun's light along them that counts."""
+    rough_slot: mi.UInt32
+    rough_part: mi.UInt32
+    rough_p: mi.Vector3f
+    rough_n: mi.Vector3f
+    rough_d: mi.Vector3f
+    rough: mi.Float
+    """Rough mirrors that rays meet: parts of the scene, points [m], normals, directions from the
+    eye, and weight of what they show of the sun."""
     pane_slot: mi.UInt32
     pane_at: mi.UInt32
     pane: mi.Float
@@ -144,6 +155,11 @@ class TracedView:
         return ImageSuns.of(self.scene)
 
     @cached_property
+    def lobes(self) -> tuple[SunLobes, ...]:
+        """Lobes of suns in the rough mirrors of the scene."""
+        return SunLobes.of(self.scene)
+
+    @cached_property
     def caustics(self) -> Caustics | None:
         """Photons of the components of the scene; None without any."""
         base = self.light.base
@@ -168,12 +184,13 @@ class _Tracer:
 
     def __init__(
         self, scene: Scene, view: PictureView, rows: int, columns: int, sampling: Sampling,
-        accuracy: Accuracy, subdivision: int, glow: Glow,
+        accuracy: Accuracy, subdivision: int, glow: Glow, sun: MirroredSun,
     ):  # fmt: skip
         self.scene, self.view, self.rows, self.columns = scene, view, rows, columns
         self.sampling, self.accuracy, self.subdivision, self.glow = (
             sampling, accuracy, subdivision, glow,
         )  # fmt: skip
+        self.sun = sun
         self.windows, self.once = Windows.of(scene), scene.effects.solved_cells
         self.grid = Grid.of(scene, accuracy.cell_size)
         self.cells = Cells.none(self.grid)
@@ -200,7 +217,7 @@ class _Tracer:
         d, exists = pixel_rays(self.view, self.rows, self.columns, lane, s, seed)
         eye = dr.opaque(mi.Point3f, list(map(float, self.view.position)))
         with self.scene.ray_counter.purpose(Stream.EYE_PATHS.name):
-            seen = follow(self.scene, eye, d, exists, lane, s, seed)
+            seen = follow(self.scene, eye, d, exists, lane, s, seed, self.sun)
         dr.eval(seen)
         slot = (lane // s) * R + lane % s // (s // R)
 
@@ -208,6 +225,7 @@ class _Tracer:
             return dr.compress(weight > 0)
 
         through, mirrored, pane = (some(w) for w in (seen.through, seen.mirrored, seen.pane))
+        rough = some(seen.rough)
         at, glows = mi.UInt32(), mi.Float()
         if dr.width(pane):
             o, towards = (dr.gather(type(x), x, pane) for x in (seen.pane_o, seen.pane_d))
@@ -219,6 +237,10 @@ class _Tracer:
             first, slots,
             _at(slot, through), _at(seen.d, through), _at(seen.through, through),
             _at(slot, mirrored), _at(seen.mirrored_d, mirrored), _at(seen.mirrored, mirrored),
+            _at(seen.mirrored_sun, mirrored),
+            _at(slot, rough), _at(seen.rough_part, rough),
+            mi.Vector3f(_at(seen.rough_p, rough)), mi.Vector3f(_at(seen.rough_n, rough)),
+            _at(seen.rough_d, rough), _at(seen.rough, rough),
             _at(slot, pane), at, glows,
             _at(slot, surface), *self._surfaces(seen, lane, surface),
         )  # fmt: skip
@@ -322,7 +344,8 @@ def trace(
         Without light paths where `keep` takes them.
     """
     traced = untraced(scene, view, rows, columns, sampling, accuracy, subdivision, diameter)
-    tracer = _Tracer(scene, view, rows, columns, sampling, accuracy, subdivision, traced.glow)
+    sun = MirroredSun.of(scene, traced.images, diameter)
+    tracer = _Tracer(scene, view, rows, columns, sampling, accuracy, subdivision, traced.glow, sun)
     kept: list[Paths] = []
     for here in tracer.pixels():
         (keep or kept.append)(tracer.paths(here))

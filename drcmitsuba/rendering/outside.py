@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from drcmitsuba.picture.view import PictureView
 from drcmitsuba.runtime.flat_arrays import flat
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.sky.daylight import Daylight, sky_luminance
+from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.shadow_rays import straight
 
 AZIMUTHS, ALTITUDES = 720, 181
@@ -88,17 +90,19 @@ class Outside:
         ground = dr.opaque(mi.Float, self.ground)
         return dr.select(d.z < 0, ground, dr.lerp(low, high, v))
 
-    def with_sun(self, d: mi.Vector3f) -> mi.Float:
-        """Luminance in directions [cd/m²], with the sun's disk."""
+    def with_sun(self, d: mi.Vector3f, share: mi.Float) -> mi.Float:
+        """Luminance in directions [cd/m²], with a share of that of the sun's disk [–]."""
         disk = on_disk(d, self._centre, self.diameter)
-        return self.sky(d) + dr.select(disk, dr.opaque(mi.Float, self.sun), 0)
+        return self.sky(d) + dr.select(disk, share * dr.opaque(mi.Float, self.sun), 0)
 
     @property
     def _centre(self) -> mi.Vector3f:
         return dr.opaque(mi.Vector3f, list(map(float, self.direction)))
 
-    def disk_in(self, scene: Scene, view: PictureView, shape: tuple[int, int]) -> np.ndarray:
-        """Luminance of pixels by the sun's disk straight through openings and clear panes.
+    def disk_in(
+        self, scene: Scene, view: PictureView, shape: tuple[int, int], images: ImageSuns | None
+    ) -> np.ndarray:
+        """Luminance of pixels by the sun's disk, straight through clear panes and in mirrors.
 
         Parameters
         ----------
@@ -107,39 +111,57 @@ class Outside:
             View in the scene's frame.
         shape : tuple of int
             Rows and columns.
+        images : ImageSuns, optional
+            Planar mirrors of the scene, in which the disk is seen as well.
 
         Returns
         -------
         np.ndarray, shape (row, column)
             Mean over each pixel [cd/m²].
         """
-        rows, columns = shape
-        out = np.zeros((rows, columns), np.float32)
-        pixels = self._near(view, rows, columns)
-        if self.sun <= 0 or not len(pixels):
+        out = np.zeros(shape, np.float32)
+        if self.sun <= 0:
             return out
+        eye = mi.Point3f(*map(float, view.position))
+
+        def straight_on(d: mi.Vector3f) -> mi.Float:
+            return straight(scene, eye, d, dr.full(mi.Bool, True, dr.width(d)))
+
+        self._add_disk(out, view, self.direction, straight_on)
+        if images is not None:
+            every = images.mirrors.rectangles  # rays count no sun on either side of a pane
+            for d, _, reached in images.seen_from(eye, self.direction[None], self.diameter, every):
+                self._add_disk(out, view, d[0], reached)
+        return out
+
+    def _add_disk(
+        self, out: np.ndarray, view: PictureView, centre: np.ndarray,
+        reached: Callable[[mi.Vector3f], mi.Float],
+    ) -> None:  # fmt: skip
+        """Add the disk around a direction to pixels (row, column), as far as its light arrives."""
+        rows, columns = out.shape
+        pixels = self._near(view, centre, rows, columns)
+        if not len(pixels):
+            return
         places = max(4, int(ON_DISK * min(1, np.sqrt(MOST_PIXELS / len(pixels)))))
         step = (np.arange(places) + 0.5) / places
         u, v = (a.ravel() for a in np.meshgrid(step, step))
         x = (pixels[:, 1, None] + u) / columns
         d = view.directions(x, 1 - (pixels[:, 0, None] + v) / rows)
         chord = 4 * np.sin(np.radians(self.diameter) / 4) ** 2
-        pixel, place = np.nonzero(((d - self.direction) ** 2).sum(axis=-1) <= chord)
+        pixel, place = np.nonzero(((d - centre) ** 2).sum(axis=-1) <= chord)
         if not len(pixel):
-            return out
-        towards = mi.Vector3f(*map(flat, d[pixel, place].T))
-        eye = mi.Point3f(*map(float, view.position))
-        tau = straight(scene, eye + 0 * towards, towards, dr.full(mi.Bool, True, len(pixel)))
+            return
+        tau = reached(mi.Vector3f(*map(flat, d[pixel, place].T)))
         share = np.bincount(pixel, tau.numpy(), len(pixels)) / places**2
-        out[pixels[:, 0], pixels[:, 1]] = self.sun * share
-        return out
+        out[pixels[:, 0], pixels[:, 1]] += self.sun * share
 
-    def _near(self, view: PictureView, rows: int, columns: int) -> np.ndarray:
-        """Pixels (pixel, 2: row and column) that may show a part of the disk."""
-        frame = np.linalg.svd(self.direction[None])[2]  # its last rows lie across the direction
+    def _near(self, view: PictureView, centre: np.ndarray, rows: int, columns: int) -> np.ndarray:
+        """Pixels (pixel, 2: row and column) that may show a part of the disk around a direction."""
+        frame = np.linalg.svd(centre[None])[2]  # its last rows lie across the direction
         radius, turn = np.radians(self.diameter) / 2, np.linspace(0, 2 * np.pi, 32)[:, None]
         rim = np.sin(radius) * (np.cos(turn) * frame[1] + np.sin(turn) * frame[2])
-        x, y = view.places(np.vstack([self.direction, np.cos(radius) * self.direction + rim]))
+        x, y = view.places(np.vstack([centre, np.cos(radius) * centre + rim]))
         known = np.isfinite(x) & np.isfinite(y)
         if not known.any():
             return np.zeros((0, 2), int)

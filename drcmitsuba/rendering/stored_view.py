@@ -28,7 +28,7 @@ from drcmitsuba.transport.solved_cells import OneBounce, Transfer
 KEPT = 1 << 30
 """Largest size of light paths that stay in memory [bytes]."""
 CELLS, STATED = "cells.zarr", "view.json"
-FORMAT = 3
+FORMAT = 4
 """Version of the arrays of a view: a folder of another one is written anew."""
 DRAWN = ("rank", "p", "n", "within")
 """Arrays of the points that stand for cells."""

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from drcmitsuba.model.materials import DielectricMaterial
+from drcmitsuba.runtime.flat_arrays import flat_indices
 from drcmitsuba.scene.scene import Scene
 
 
@@ -23,6 +24,13 @@ def table(scene: Scene, values: Sequence[float], dtype: type[np.number]) -> np.n
     out = np.zeros(max(at) + 1, dtype)
     out[at] = values
     return out
+
+
+def bsdfs(scene: Scene, part: mi.UInt32) -> mi.BSDFPtr:
+    """BSDFs of parts of a scene by their indices."""
+    numbers = [int(number(mi.BSDFPtr(one.bsdf))[0]) for one in scene.parts]
+    every = flat_indices(np.array(numbers, np.uint32))
+    return dr.reinterpret_array(mi.BSDFPtr, dr.gather(mi.UInt32, every, part))
 
 
 def absorption(scene: Scene) -> mi.Float | None:

@@ -231,6 +231,8 @@ class Cells:
     @property
     def keys(self) -> mi.UInt32:
         """Key of every cell."""
+        if not self.count:
+            return mi.UInt32()
         keys, every = dr.zeros(mi.UInt32, self.count), dr.arange(mi.UInt32, len(self.grid))
         dr.scatter(keys, every, self.index, self.index != _UNKNOWN)
         dr.eval(keys)

@@ -11,13 +11,13 @@ drawn from the image's disk: they meet mirrors, or not, as the outlines and what
 behind them decide. For the sky, directions are drawn from the receiver's hemisphere.
 
 Data flow: `ImageSuns.of(scene)` → `.suns(points, …)` and `.sky(points, …)`, shape (point, bin);
-`ImageSuns.reached(p, d, chain)`, the share of a sun's light from an image, serves eyes as well.
+`ImageSuns.seen_from(p, …)`, the images that a place sees, serves eyes.
 `transport.photons` leaves out what counts here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import prod
@@ -29,7 +29,7 @@ import numpy as np
 from drcmitsuba_plugins.patches import Patches, patch_index
 from drcmitsuba_plugins.symbolic import symbolic
 
-from drcmitsuba.runtime.flat_arrays import flat_indices, row_and_column
+from drcmitsuba.runtime.flat_arrays import flat, flat_indices, row_and_column
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
 from drcmitsuba.transport.launch_size import SHADOW_RAYS
@@ -133,6 +133,44 @@ class ImageSuns:
                 row, ray, p, d = (dr.gather(type(x), x, kept) for x in (row, ray, p, d))
                 dr.eval(row, ray, p, d)
                 yield row, ray, p, d
+
+    def seen_from(
+        self, p: mi.Point3f, suns: np.ndarray, diameter: float, sides: Sequence[np.ndarray]
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, Callable[[mi.Vector3f], mi.Float]]]:
+        """Yield the images of suns that a place may see, chain by chain.
+
+        Parameters
+        ----------
+        p : mi.Point3f
+            Place [m].
+        suns : np.ndarray, shape (sun, 3)
+            Unit vectors to the suns.
+        diameter : float
+            Angle across a sun [deg].
+        sides : sequence of np.ndarray, by axis
+            Rectangles in which images are looked for, `PlanarMirrors.seen` or `.rectangles`.
+
+        Yields
+        ------
+        directions : np.ndarray, shape (image, 3)
+            Unit vectors to the images.
+        which : np.ndarray of int, shape (image,)
+            Indices of their suns.
+        reached : callable
+            Gives the share of light [–] that reaches the place from directions.
+        """
+        for chain in self.mirrors.chains:
+            d, may = self.mirrors.images(chain, suns)
+            every = dr.arange(mi.UInt32, len(d))
+            towards = dr.gather(mi.Vector3f, flat(d), every)
+            spread = dr.opaque(mi.Float, np.radians(diameter) / 2)
+            may &= Openings(sides[chain[0]]).passed(every, p, towards, spread).numpy()
+            if len(some := np.flatnonzero(may)):
+
+                def reached(d: mi.Vector3f, chain: tuple[int, ...] = chain) -> mi.Float:
+                    return self.reached(chain, p, d, dr.full(mi.Bool, True, dr.width(d)))
+
+                yield d[some], some, reached
 
     def seen_first(self, chain: tuple[int, ...]) -> Openings:
         """Mirrors of a chain that receivers look into, as openings."""

@@ -10,9 +10,12 @@ import csv
 
 import numpy as np
 import pytest
+from drcmitsuba_plugins.sampling import disk_solid_angle
 
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.glare_year import glare, state
+from drcmitsuba.picture.glare import glare as find_glare
+from drcmitsuba.rendering import prepare
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.random_streams import Stream
 from drcmitsuba.transport.deposit import Deposit
@@ -44,8 +47,8 @@ def _mirrored_suns_light_eyes_alone(monkeypatch):
     monkeypatch.setattr(state, "_of_surfaces", without)
 
 
-def deviations(folder, name, files, sensors):
-    """Mean relative deviation of E_v, and mean deviation of DGP, of three views."""
+def office(folder, files, sensors, period='calendar = "LM-83"\nhours = [6, 20]'):
+    """Case of an office with its three views."""
     views = ""
     for i, line in enumerate((OFFICE / sensors).read_text().splitlines(), 1):
         x = [float(v) for v in line.split()]
@@ -53,11 +56,16 @@ def deviations(folder, name, files, sensors):
     named = ", ".join(f'"{OFFICE / file}"' for file in files)
     (folder / "case.toml").write_text(
         f'[weather]\nfile = "{OFFICE}/geneva.wea"\n'
-        '[period]\ncalendar = "LM-83"\nhours = [6, 20]\n'
+        f"[period]\n{period}\n"
         f'[model]\nfiles = [{named}]\n[sensors]\nfloors = ["floorMat"]\n{views}'
     )
     backend.select()
-    hours = glare(load_case(folder / "case.toml")).hours.isel(state=0)
+    return load_case(folder / "case.toml")
+
+
+def deviations(folder, name, files, sensors):
+    """Mean relative deviation of E_v, and mean deviation of DGP, of three views."""
+    hours = glare(office(folder, files, sensors)).hours.isel(state=0)
     stamps = hours["time"].dt
     keys = zip(*(getattr(stamps, k).values.tolist() for k in ("month", "day", "hour")), strict=True)
     place = {key: i for i, key in enumerate(keys)}
@@ -78,6 +86,27 @@ def test_a_glass_facade_opposite(tmp_path):
     of_E, of_dgp = deviations(tmp_path, "05_ngl", files, "sensors_n.txt")
     assert of_E < 0.05
     assert of_dgp < 0.0075
+
+
+def test_a_picture_shows_the_sun_in_a_glass_facade_as_a_year_of_glare_does(tmp_path):
+    """E_v as in the table and as of the sensor; DGP but for the disk's larger size in pixels.
+
+    The pixels that show a part of the disk are a larger and dimmer source: DGP is lower by
+    0.092 log10 of the ratio of the solid angles, see `test_sun_in_pixels`.
+    """
+    (tmp_path / "times.csv").write_text("time\n2015-02-09T12:30\n")
+    case = office(
+        tmp_path, ("options/north_glass.rad", "office_n.rad"), "sensors_n.txt",
+        'timestamps = "times.csv"',
+    )  # fmt: skip
+    hour = glare(case).hours.isel(state=0, time=0).sel(view="v2")
+    shown = prepare(case, "v2", size=400).at("02-09 12:30").picture
+    found, omega = find_glare(shown), shown.solid_angles()[shown.luminance > 1e5].sum()
+    assert found.illuminance == pytest.approx(4938, rel=0.01)  # of the table
+    assert found.illuminance == pytest.approx(float(hour["illuminance"]), rel=0.01)
+    larger = 0.092 * np.log10(omega / disk_solid_angle(case.outside.sun_diameter))
+    assert larger > 0.02
+    assert found.dgp() + larger == pytest.approx(float(hour["dgp"]), abs=0.005)
 
 
 def test_a_fabric_by_its_function_file(tmp_path):
