@@ -19,12 +19,16 @@ class Diffuser(mi.BSDF):
     ====================  ==========  =============================================================
     parameter             type        meaning
     ====================  ==========  =============================================================
-    `transmittance`       float       diffuse transmittance T: f = T/π across the pane
+    `transmittance`       float,      diffuse transmittance T: f = T/π across the pane; or a table
+                          tensor      T(θ) over the cosine of the light's incidence, as `straight`
     `reflectance_front`   float       diffuse reflectance seen from the room (+z), default 0
     `reflectance_back`    float       seen from outside (−z); default `reflectance_front`
     `straight`            float,      share τ(θ) of the light that passes undeviated, beside T,
                           tensor      default 0; or a table over cos θ = 0 … 1 in equal steps
     ====================  ==========  =============================================================
+
+    Where T depends on the incidence, light comes along `wo` in `TransportMode.Radiance`, and along
+    `wi` in `Importance`: what leaves is Lambertian, so that such a pane is not reciprocal.
 
     All four are exposed through `traverse` and differentiable. Components: 0 diffuse reflection, 1
     diffuse transmission, and 2 the straight one (null), where there is one. Limits: after loading,
@@ -34,8 +38,12 @@ class Diffuser(mi.BSDF):
     def __init__(self, props: mi.Properties):
         super().__init__(props)
         front = props.get("reflectance_front", 0.0)
+        through = required("diffuser", props, "transmittance", "a number from 0 to 1, or a table")
+        if isinstance(through, (int, float)):
+            self.transmittance = mi.Float(checked("diffuser", "transmittance", through, 0, 1))
+        else:
+            self.transmittance = cosine_table("diffuser", "transmittance", through)
         values = {
-            "transmittance": required("diffuser", props, "transmittance", "a number from 0 to 1"),
             "reflectance_front": front,
             "reflectance_back": props.get("reflectance_back", front),
         }
@@ -66,10 +74,24 @@ class Diffuser(mi.BSDF):
         return dr.select(si.wi.z > 0, self.reflectance_front, self.reflectance_back)
 
     def _albedos(self, ctx, si):
+        """Reflectance, and transmittance or its mean, of the components that are asked for."""
+        through = self.transmittance
+        if dr.is_tensor_v(through):
+            n = through.shape[0]
+            c = dr.linspace(mi.Float, 0, 1, n)
+            through = dr.sum(through.array * c) / dr.sum(c)
         return (
             self._reflectance(si) * ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, 0),
-            self.transmittance * ctx.is_enabled(mi.BSDFFlags.DiffuseTransmission, 1),
+            through * ctx.is_enabled(mi.BSDFFlags.DiffuseTransmission, 1),
         )
+
+    def _transmitted(self, ctx, si, wo, active):
+        """Transmittance of light along a direction."""
+        through = self.transmittance
+        if dr.is_tensor_v(through):
+            light = wo if ctx.mode == mi.TransportMode.Radiance else si.wi
+            through = at_cosine(through, dr.abs(light.z), active)
+        return through * ctx.is_enabled(mi.BSDFFlags.DiffuseTransmission, 1)
 
     def _reflect_probability(self, ctx, si):
         reflectance, transmittance = self._albedos(ctx, si)
@@ -116,9 +138,9 @@ class Diffuser(mi.BSDF):
         return bs, dr.select(active, weight, 0)
 
     def eval(self, ctx, si, wo, active=True):
-        reflectance, transmittance = self._albedos(ctx, si)
-        albedo = dr.select(si.wi.z * wo.z > 0, reflectance, transmittance)
         active = active & valid_directions(si.wi, wo)
+        across = self._transmitted(ctx, si, wo, active)
+        albedo = dr.select(si.wi.z * wo.z > 0, self._albedos(ctx, si)[0], across)
         return mi.Spectrum(dr.select(active, albedo * dr.abs(wo.z) * dr.inv_pi, 0))
 
     def pdf(self, ctx, si, wo, active=True):

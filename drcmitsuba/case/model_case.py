@@ -72,8 +72,9 @@ def words(material: SurfaceMaterial) -> str:
         return f"dielectric, index {material.ior:g}"
     if isinstance(material, PorousMaterial):
         return f"porosity {material.porosity:.2f}, {words(Lambertian(material.reflectance))}"
-    parts = [f"{k} {getattr(material, k):.2f}" for k in ("transmittance", "reflectance")
-             if hasattr(material, k)]  # fmt: skip
+    through = getattr(material, "scattered", getattr(material, "transmittance", None))
+    parts = [] if through is None else [f"transmittance {through:.2f}"]
+    parts.append(f"reflectance {material.reflectance:.2f}")
     if isinstance(material, DiffuserMaterial) and material.most_straight > 0:
         parts.append(f"straight through up to {material.most_straight:.2f}")
     return f"{material.type}, {', '.join(parts)}"

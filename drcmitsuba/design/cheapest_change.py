@@ -60,6 +60,9 @@ def level_above(judged: Verdict) -> int:
     if judged.undecided is not None:
         got = f"no level can be stated: {judged.undecided}"
         raise InputError(judged.standard, "levels", got, "ask for a change by another standard")
+    if read(judged.standard).hours == "equinox":
+        got = "moments of clear days, which no basis of a façade holds"
+        raise InputError(judged.standard, "hours", got, "ask for a change by another standard")
     target = 1 + max((i for i, level in enumerate(judged.levels) if level.reached), default=-1)
     if target == len(judged.levels):
         got = "the highest level is reached"

@@ -250,12 +250,12 @@ class Layout:
         named = _transmittances(self.case, self.design, self.clear)
         for key, (name, limits) in named.items():
             material = self.case.materials.get(name)
-            is_clear = isinstance(material, GlazingMaterial | DiffuserMaterial)
-            if not is_clear or not material.transmittance > 0:  # type: ignore[union-attr]
+            is_pane = isinstance(material, GlazingMaterial | DiffuserMaterial)
+            now = material.transmittance if is_pane else 0.0  # type: ignore[union-attr]
+            if isinstance(now, tuple) or not now > 0:
                 got = f"{name or 'no shade'}: its transmittance is not known"
-                remedy = "use a glazing or diffuser that lets light through"
+                remedy = "use a glazing or diffuser that lets light through, alike at any incidence"
                 raise InputError(self.case.source, f"design.{key}", got, remedy)
-            now = material.transmittance  # type: ignore[union-attr]
             column = name if name in year.materials else "shade"
             start = min(max(now, limits[0]), limits[1])
             factors.append(Factor(str(column), Parameter(key, *limits, start), now))

@@ -126,16 +126,18 @@ def _porous(modifier: str, material: PorousMaterial) -> Twin:
 def _diffuser(modifier: str, material: DiffuserMaterial) -> Twin:
     """A diffusing pane as `trans`, which reflects on both sides.
 
-    What goes straight through is that of normal incidence.
+    What goes straight through is that of normal incidence, what is scattered the mean.
     """
     straight = float(np.ravel(material.straight)[-1])
-    through = material.transmittance + straight
+    through = material.scattered + straight
     albedo = through + material.reflectance
     shares = through / albedo if albedo else 1.0, straight / through if straight else 0.0
     text = f"void trans {modifier} 0 0 7 {_numbers([albedo] * 3)} 0 0 {_numbers(shares)}"
     differs = ["a diffusing pane reflects to the outside, too"] * bool(material.reflectance)
     if np.ptp(material.straight) > 0:
         differs.append("a fabric lets as much straight through as at normal incidence")
+    if np.ptp(material.transmittance) > 0:
+        differs.append("a pane scatters the same share of light from any direction")
     return Twin(text, "; ".join(differs))
 
 

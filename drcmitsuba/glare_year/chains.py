@@ -189,7 +189,7 @@ class Chains:
             ones = np.ones(len(self.channels))
             lit, shown = on.take(front), towards[front]
             every["surfaces"].append(lit.ends(index, shown, material.reflectance * ones))
-            every["surfaces"].append(on.ends(index, -towards, material.transmittance * ones))
+            every["surfaces"].append(on.ends(index, -towards, material.scattered * ones))
         elif isinstance(material, BsdfMaterial):
             every["films"].append(on.ends(index, n))
         elif isinstance(material, MirrorMaterial):

@@ -17,6 +17,24 @@ Reflectance = Fraction | tuple[Fraction, Fraction, Fraction]
 """One reflectance (grey), or three for red, green and blue [–]."""
 
 
+ByIncidence = Fraction | Annotated[tuple[Fraction, ...], Field(min_length=2, max_length=2049)]
+"""Share of the light at any incidence, or at equal steps of its cosine from 0 to 1 [–]."""
+
+
+def mean_by_incidence(share: float | tuple[float, ...]) -> float:
+    """Mean of a `ByIncidence` over light that arrives evenly from a hemisphere [–].
+
+    It is 2 ∫ share(c) c dc over the cosine c from 0 to 1, with the share linear between its steps.
+    """
+    values = np.ravel(share)
+    if len(values) == 1:
+        return float(values[0])
+    c = np.linspace(0, 1, len(values))
+    low, high = values[:-1], values[1:]
+    step = c[1]
+    return float((step * (c[:-1] * (low + high) + step * (low + 2 * high) / 3)).sum())
+
+
 def check_energy(transmittance: float, reflectance: float, exponent: float = 0.0) -> None:
     """Raise InputError for a pane whose transmittance and reflectance [–] together exceed 1.
 
@@ -100,22 +118,35 @@ class DiffuserMaterial(Table):
 
     type: Literal["diffuser"]
     """Kind of the material."""
-    transmittance: Fraction
-    """Transmittance of scattered light, the same at any incidence [–]."""
+    transmittance: ByIncidence
+    """Share of the light that is scattered through [–]; several numbers are shares at equal steps
+    of the cosine of the incidence, from 0 to 1."""
     reflectance: Fraction = 0.0
     """Reflectance towards the room [–]."""
-    straight: Fraction | Annotated[tuple[Fraction, ...], Field(min_length=2, max_length=2049)] = 0.0
-    """Share of the light that goes straight through [–]; several numbers are shares at equal steps
-    of the cosine of the incidence, from 0 to 1."""
+    straight: ByIncidence = 0.0
+    """Share of the light that goes straight through [–]; several numbers are as above."""
+
+    @property
+    def scattered(self) -> float:
+        """Share of light from everywhere alike that is scattered through [–]."""
+        return mean_by_incidence(self.transmittance)
 
     @property
     def most_straight(self) -> float:
         """Largest share of the light that goes straight through [–]."""
         return max(np.ravel(self.straight).tolist())
 
+    @property
+    def most_through(self) -> float:
+        """Largest share of the light that goes through at any incidence, in either way [–]."""
+        c = np.linspace(0, 1, 2049)
+        ways = (np.ravel(each) for each in (self.transmittance, self.straight))
+        through = sum(np.interp(c, np.linspace(0, 1, len(w)), w) for w in ways)
+        return float(np.max(through))
+
     @model_validator(mode="after")
     def _energy(self) -> DiffuserMaterial:
-        check_energy(self.transmittance + self.most_straight, self.reflectance)
+        check_energy(self.most_through, self.reflectance)
         return self
 
 

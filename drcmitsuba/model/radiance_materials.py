@@ -35,12 +35,8 @@ GREY = 1e-6
 HIGHLIGHTS = (
     f"Mirrored light counts as diffuse where it is at most {100 * SMALL:.0f} % of the light"
 )
-EVEN = (
-    "Smooth translucent panes with gloss scatter the same share of light from any direction, a "
-    "third more of a sun at 77° than in Radiance"
-)
 COSINES = np.linspace(0, 1, 513)
-"""Cosines of the incidence at which what goes straight through panes is tabulated."""
+"""Cosines of the incidence at which what goes through panes is tabulated."""
 SCATTERED = "Light that panes mirror counts as scattered"
 LOST = (0.12, 0.18, 0.24, 0.36, 0.6), (0, 0.001, 0.011, 0.060, 0.167)
 """Share of mirrored light that Beckmann's facets shadow at 45° [–], by roughness."""
@@ -93,7 +89,8 @@ def trans(
 
     The share `straight` of what it transmits goes straight on, or with a roughness into a lobe
     around that direction. It is porous where all that it transmits goes straight. What it mirrors
-    counts as scattered; a smooth one mirrors more, and transmits less, at grazing incidence.
+    counts as scattered; a smooth one mirrors more, and transmits less, at grazing incidence, by
+    `at_grazing`.
     """
     rest = np.array(colour) * (1 - specularity)
     through, back = rest * transmission, rest * (1 - transmission) + specularity
@@ -119,19 +116,29 @@ def trans(
             note(f"Lobes of a roughness below {NARROWEST:g} rad are as wide as those of it")
         scattered, lobe = (1 - straight) * transmitted, straight * transmitted
         return translucent_pane(scattered, lobe, reflected, roughness)
-    table = np.array([straight * transmitted])
-    if specularity >= FRESNEL:
-        note(EVEN)
-        more = more_at_grazing(COSINES)
-        mean = mean_of(more)
-        table = straight * transmitted * (1 - more)
-        transmitted, reflected = transmitted * (1 - mean), reflected * (1 - mean) + mean
-        # Where no light is absorbed, the mean of F and the peak at normal incidence are above 1.
-        reflected = min(reflected, 1 - (1 - straight) * transmitted - float(table.max()))
-    return DiffuserMaterial(
+    pane = DiffuserMaterial(
         type="diffuser", transmittance=(1 - straight) * transmitted, reflectance=reflected,
-        straight=float(table[0]) if len(table) == 1 else tuple(table.tolist()),
+        straight=straight * transmitted,
     )  # fmt: skip
+    return at_grazing(pane) if specularity >= FRESNEL else pane
+
+
+def at_grazing(pane: DiffuserMaterial) -> DiffuserMaterial:
+    """Pane with a smooth surface, from its shares at normal incidence: it mirrors F(θ) more.
+
+    Of what is transmitted, straight or scattered, the share 1 − F(θ) is left. What is mirrored
+    counts as scattered, by its mean. Radiance's own pane, with θ' the angle of the eye, scatters
+    (1 − F(θ')) of the sky's light, and (1 − F(θ)) (1 − F(θ')) of a sun's.
+    """
+    more = more_at_grazing(COSINES)
+    mean = mean_of(more)
+    # Where no light is absorbed, the mean of F and the shares at normal incidence are above 1.
+    reflected = min(pane.reflectance * (1 - mean) + mean, 1 - pane.most_through)
+    through = {
+        name: tuple((np.ravel(share) * (1 - more)).tolist())
+        for name, share in (("transmittance", pane.transmittance), ("straight", pane.straight))
+    }
+    return pane.model_copy(update={"reflectance": reflected, **through})
 
 
 def mean_of(share: np.ndarray) -> float:

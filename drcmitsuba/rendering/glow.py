@@ -215,7 +215,7 @@ class Glow:
         """Transmittance and reflectance of the faces of diffusing panes."""
         assert self.patches is not None
         optics: list[Any] = [pane.material for pane in self.scene.scattering]
-        through = np.repeat([optics[i].transmittance for i in self.patches.owner], 2)
+        through = np.repeat([optics[i].scattered for i in self.patches.owner], 2)
         back = np.repeat([optics[i].reflectance for i in self.patches.owner], 2)
         back[1::2] = 0  # the back reflects nothing, as in `materials.bsdf`
         return flat(through), flat(back)

@@ -135,8 +135,7 @@ def albedo(material: SurfaceMaterial) -> float:
         gaps = material.porosity
         return gaps + (1 - gaps) * max_reflectance(material.reflectance)
     if isinstance(material, DiffuserMaterial):
-        straight = material.most_straight
-        return min(1.0, straight + material.transmittance + material.reflectance)
+        return min(1.0, material.most_through + material.reflectance)
     if isinstance(material, GlazingMaterial):
         return min(1.0, material.transmittance + material.reflectance)
     if isinstance(material, BsdfMaterial):
@@ -242,7 +241,7 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
         return solid
     pane: dict[str, Any] = {
         "type": "diffuser",
-        "transmittance": material.transmittance,
+        "transmittance": _by_incidence(material.transmittance),
         "reflectance_front": material.reflectance,
         "reflectance_back": 0.0,
     }
@@ -253,6 +252,10 @@ def bsdf(material: SurfaceMaterial, channel: int = 0) -> dict[str, Any]:
             pane["transmittance"], pane["reflectance_front"] = tables
             del pane["exponent"], pane["reflectance_back"]  # both sides mirror
     elif material.most_straight > 0:
-        table = np.ravel(material.straight).astype(np.float32)
-        pane["straight"] = mi.TensorXf(np.repeat(table, 2) if len(table) == 1 else table)
+        pane["straight"] = _by_incidence(material.straight)
     return pane
+
+
+def _by_incidence(share: float | tuple[float, ...]) -> Any:
+    """Share of the light as a plugin takes it: one number, or a table over the cosine."""
+    return mi.TensorXf(np.array(share, np.float32)) if isinstance(share, tuple) else share

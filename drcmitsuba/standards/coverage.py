@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import calendar
+
 import numpy as np
 import xarray as xr
 from drcmitsuba_plugins.patches import Patches
@@ -22,6 +24,12 @@ MARGIN = 1.001
 """Factor by which a spacing may exceed its limit: coordinates are rounded."""
 UP = 0.999
 """Least vertical part of the normal of a point that faces up."""
+MOMENTS = (9, 15)
+"""Hours of LEED's option 2, in standard time, at which the intervals begin."""
+EQUINOXES = ((3, 21), (9, 21))
+"""Month and day of the equinoxes."""
+NEAR = 15
+"""Days about an equinox among which the clearest one is looked for."""
 NEIGHBOURS = 12
 """Nearest points among which two directions of a grid are looked for."""
 ACROSS = 0.5
@@ -51,6 +59,8 @@ def hours_of(
         The evaluation does not cover these hours, or there is no sky to tell them.
     """
     stamps = times.sizes["time"]
+    if standard.hours == "equinox":
+        return clearest_hours(_known(sky, source), step_hours, source).ravel()
     if standard.hours == "8 to 18":
         clock = (times["clock"] if "clock" in times.coords else times["time"]).values
         middle = clock + np.timedelta64(round(step_hours * 1800), "s")
@@ -67,10 +77,74 @@ def hours_of(
         raise InputError(source, "period", got, remedy)
     if standard.hours == "year":
         return np.arange(stamps)
+    E = diffuse_horizontal(_known(sky, source))
+    return np.flatnonzero(daylight_hours(E, step_hours=step_hours).values)
+
+
+def _known(sky: xr.Dataset | None, source: object) -> xr.Dataset:
     if sky is None:
         got = "no sky.zarr, which tells the daylight hours"
         raise InputError(source, "sky", got, "keep it, or evaluate the case again")
-    return np.flatnonzero(daylight_hours(diffuse_horizontal(sky), step_hours=step_hours).values)
+    return sky
+
+
+def clearest_hours(sky: xr.Dataset, step_hours: float, source: object) -> np.ndarray:
+    """Time stamps of the clearest skies near the equinoxes, indices, int, shape (moment, equinox).
+
+    It is the one with the most luminous sun among those of the days at most `NEAR` from the
+    equinox, for each moment by itself: the most direct normal light.
+
+    Parameters
+    ----------
+    sky : xr.Dataset
+        Luminances with `time`, in standard time, and `sun` [cd/m²].
+    step_hours : float
+        Length of the interval of a time stamp [h].
+    source : object
+        File, folder or case, for error messages.
+
+    Raises
+    ------
+    InputError
+        One of these days is missing.
+    """
+    time = sky["time"].values
+    day = time.astype("datetime64[D]")
+    hour = (time - day) / np.timedelta64(1, "h")
+    out = np.empty((len(MOMENTS), len(EQUINOXES)), np.int64)
+    for i, moment in enumerate(MOMENTS):
+        for k, (month, date) in enumerate(EQUINOXES):
+            equinox = time[0].astype("datetime64[Y]").astype("datetime64[M]")
+            equinox = (equinox + month - 1).astype("datetime64[D]") + date - 1
+            near = np.abs(day - equinox) <= np.timedelta64(NEAR, "D")
+            here = np.flatnonzero(near & (hour >= moment) & (hour < moment + step_hours))
+            if len(here) != 2 * NEAR + 1:
+                got = (
+                    f"{len(here)} of {2 * NEAR + 1} days near {date} {_month(month)} at {moment} h"
+                )
+                remedy = 'evaluate with calendar = "LM-83" in [period], all months'
+                raise InputError(source, "period", got, remedy)
+            out[i, k] = here[np.argmax(sky["sun"].values[here])]
+    return out
+
+
+def clearest_days(times: xr.Dataset) -> str:
+    """Sentence on the days that `clearest_hours` chose, from arrays with these time stamps."""
+    days = times["time"].dt.day.values, times["time"].dt.month.values
+    words = [f"{date} {_month(month)}" for date, month in zip(*days, strict=True)]
+    count = len(EQUINOXES)
+    parts = [
+        f"{moment} h of {' and '.join(words[i * count : (i + 1) * count])}"
+        for i, moment in enumerate(MOMENTS)
+    ]
+    return (
+        f"{', '.join(parts)}: the clearest days within {NEAR} days of 21 March and 21 September, "
+        "by the direct light at the hour"
+    )
+
+
+def _month(number: int) -> str:
+    return calendar.month_name[number]
 
 
 def diffuse_horizontal(sky: xr.Dataset) -> xr.DataArray:

@@ -127,6 +127,8 @@ def deciding(
         wanted = max(math.ceil(limit.at_least / year.step_hours), 1)
         factor = quantity.threshold / max(float(np.sort(E[:, 0])[-wanted]), 1e-9)
         return Deciding(limit.quantity, holds, hours, "h", [], 0, months, clock, factor)
+    if quantity.of == "moments":
+        return _at_moments(limit, counted, value, space)
     sensors = np.arange(len(year.space)) if space is None else counted.of_space(space)
     margin = counted.hours[sensors] - needed
     required = math.ceil(thresholds.exact(limit.at_least) * len(sensors) / 100)
@@ -147,6 +149,19 @@ def deciding(
     return Deciding(
         limit.quantity, holds, number, "points", listed, undecided, months, clock, light
     )
+
+
+def _at_moments(limit: Limit, counted: Counted, value: float, space: int | None) -> Deciding:
+    """Count the points by which a share at moments holds or fails."""
+    sensors = np.arange(len(counted.space)) if space is None else counted.of_space(space)
+    required = math.ceil(thresholds.exact(limit.at_least) * len(sensors) / 100)
+    passed = int((counted.hours >= counted.needed_hours)[sensors].sum())
+    holds = value >= limit.at_least
+    number = passed - required + 1 if holds else required - passed
+    p = None if counted.drawn is None else counted.drawn.passing
+    undecided = 0 if p is None else int(((p > TAIL) & (p < 1 - TAIL))[sensors].sum())
+    none = [0.0] * 12, [0.0] * 24
+    return Deciding(limit.quantity, holds, number, "points", [], undecided, *none)
 
 
 def _mean_of_space(year: Year, space: int) -> np.ndarray:

@@ -56,6 +56,8 @@ class _Judge:
     def _taken(self, standard: Standard, step: float) -> tuple[str, ...]:
         """Line on hours that are not those of the evaluation's period, where C tells them."""
         E, sky = self.evidence.illuminance, self.evidence.sky
+        if not standard.quantities:
+            return ()
         try:
             hours_of(standard, E, step, self.evidence.source, sky)
         except InputError:
@@ -63,8 +65,8 @@ class _Judge:
         return ()
 
     def count(self, quantity: Quantity, hours: str) -> Counted:
-        asked = (quantity.light, quantity.of, quantity.threshold, quantity.fraction, quantity.hours)
-        key = (hours, *asked)
+        asked = (quantity.light, quantity.of, quantity.threshold, quantity.at_most)
+        key = (hours, *asked, quantity.fraction, quantity.hours)
         if key not in self.counted:
             self.counted[key] = count(quantity, self.years[hours])
         return self.counted[key]

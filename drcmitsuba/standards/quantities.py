@@ -14,9 +14,12 @@ from drcmitsuba.metrics.intervals.autonomy import State, multipliers
 from drcmitsuba.metrics.intervals.rules import BEYOND, DRAWS, TAIL
 from drcmitsuba.runtime.threads import one_blas_thread
 from drcmitsuba.schema import by_luminance
+from drcmitsuba.standards.coverage import MOMENTS
 from drcmitsuba.standards.standard import Quantity
 from drcmitsuba.standards.year import OF_LIGHT, Year
 
+SENSORS = 1024
+"""Number of sensors whose moments are drawn at once."""
 OF_MEAN = ("replicates", "sun_straight", "sun_straight_se", "mesh_error")
 """Coefficients that the mean of a space's points follows from."""
 
@@ -98,7 +101,8 @@ def count(quantity: Quantity, year: Year) -> Counted:
     InputError
         E is not finite, or a state of the façade is missing in C.
     """
-    return _mean_hours(quantity, year) if quantity.of == "mean" else _points(quantity, year)
+    ways = {"mean": _mean_hours, "moments": _moments, "points": _points}
+    return ways[quantity.of](quantity, year)
 
 
 def _points(quantity: Quantity, year: Year) -> Counted:
@@ -122,6 +126,53 @@ def _points(quantity: Quantity, year: Year) -> Counted:
     hours = stamps * year.step_hours
     needed = required * year.step_hours
     return Counted("%", value, by_space, hours, drawn, bounds, not is_sun, needed, year.space)
+
+
+def _moments(quantity: Quantity, year: Year) -> Counted:
+    """Share of the points that lie within limits at every moment [%], E being a mean of days."""
+    low, high = quantity.threshold, quantity.at_most or np.inf
+    E, half = (of_moments(year.illuminance[f"total_open{suffix}"].values) for suffix in ("", "_se"))
+    thresholds.checked(year.illuminance["total_open"], "total_open")
+    half = half * _factor(year)
+    within = (low <= E) & (high >= E)
+    sizes = np.bincount(year.space)
+    held = np.asarray(np.all(within, axis=0))
+    sure = np.all((E - half >= low) & (E + half <= high), axis=0)
+    may = np.all((E + half >= low) & (E - half <= high), axis=0)
+    drawn, bounds = None, (thresholds.share(np.asarray(sure)), thresholds.share(np.asarray(may)))
+    if year.can_draw(quantity.light):
+        by_space, passing = _drawn_moments(year, low, high)
+        drawn = Drawn(sizes @ by_space / sizes.sum(), by_space, passing)
+    value, by_space = thresholds.share(held), 100.0 * np.bincount(year.space, held) / sizes
+    hours = np.count_nonzero(within, axis=0) * year.step_hours
+    needed = len(MOMENTS) * year.step_hours
+    return Counted("%", value, by_space, hours, drawn, bounds, True, needed, year.space)
+
+
+def of_moments(E: np.ndarray) -> np.ndarray:
+    """Mean over the days, (moment, …), of values at the stamps of `clearest_hours` (time, …)."""
+    return np.asarray(E.reshape(len(MOMENTS), -1, *E.shape[1:]).mean(axis=1, dtype=float))
+
+
+def _drawn_moments(year: Year, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Share of a space's points within limits [%], (space, draw), and of the draws, (sensor,)."""
+    state, sizes = year.open_state, np.bincount(year.space)
+    assert year.replicates is not None
+    stamps = len(year.at)
+    drawn = multipliers(year.replicates[0].open.sizes["replicate"], year.evidence.drawing["seed"])
+    count, passing = np.zeros((len(sizes), DRAWS)), np.empty(len(year.space))
+    with one_blas_thread():  # as in `draw_autonomy`
+        for start in range(0, len(year.space), SENSORS):
+            sensors = np.arange(start, min(start + SENSORS, len(year.space)))
+            time, sensor = (
+                a.ravel() for a in np.meshgrid(np.arange(stamps), sensors, indexing="ij")
+            )
+            E = state.doubts(time, sensor, 0.0, drawn).above()
+            E = of_moments(E.reshape(stamps, len(sensors), DRAWS))
+            held = ((low <= E) & (high >= E)).all(axis=0)
+            np.add.at(count, year.space[sensors], held)
+            passing[sensors] = held.mean(axis=1)
+    return 100.0 * count / sizes[:, None], passing
 
 
 def _mean_hours(quantity: Quantity, year: Year) -> Counted:

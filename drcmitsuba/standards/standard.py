@@ -33,11 +33,14 @@ class Quantity(Sourced):
     """Count or hours that the quantity is, in words."""
     light: Literal["total", "open", "direct_sun"]
     """E with the shade applied, with the shade open, or by direct sun alone."""
-    of: Literal["points", "mean"] = "points"
+    of: Literal["points", "mean", "moments"] = "points"
     """Share of the points that reach the threshold for long enough [%]; or hours in which the mean
-    of a space's points does [h]."""
+    of a space's points does [h]; or share of the points that reach it at every moment of the
+    equinox [%]."""
     threshold: Illuminance
     """Illuminance that counts as reached [lx]."""
+    at_most: Illuminance | None = None
+    """Illuminance that moments must not exceed [lx]."""
     fraction: Fraction | None = None
     """Fraction of the standard's hours in which it has to be reached [–]; or else:"""
     hours: Hours | None = None
@@ -46,7 +49,7 @@ class Quantity(Sourced):
     @property
     def unit(self) -> str:
         """Unit of the value."""
-        return "%" if self.of == "points" else "h"
+        return "h" if self.of == "mean" else "%"
 
     def at_threshold(self, name: str) -> str:
         """Name of the quantity; of sDA with its threshold, which may not be the evaluation's."""
@@ -56,8 +59,8 @@ class Quantity(Sourced):
     def _one_duration(self) -> Quantity:
         if (self.fraction is None) == (self.hours is None):
             raise InputError("standard", "fraction, hours", "both or none", "give one of them")
-        if self.of == "mean" and self.light != "open":
-            got = f"mean of {self.light}"
+        if self.of != "points" and self.light != "open":
+            got = f"{self.of} of {self.light}"
             raise InputError("standard", "light", got, 'give "open": the shade varies in draws')
         return self
 
@@ -104,9 +107,10 @@ class Standard(Sourced):
     """Edition, with its date where it is known."""
     read: Annotated[str, Field(pattern=r"^\d{4}-\d\d$")]
     """Month in which its sources were read, such as 2026-11."""
-    hours: Literal["8 to 18", "daylight", "year"]
+    hours: Literal["8 to 18", "daylight", "year", "equinox"]
     """Hours that count: 8 to 18 h on the clock every day; the 4,380 h of a year with the highest
-    diffuse horizontal illuminance; all hours of a year."""
+    diffuse horizontal illuminance; all hours of a year; 9 and 15 h of a clear day near each
+    equinox."""
     shade: bool
     """Whether the standard presumes a shade that the rule of LM-83 closes."""
     largest_spacing: Annotated[float, Field(gt=0, le=100)] | None = None
@@ -132,6 +136,10 @@ class Standard(Sourced):
             if name not in self.quantities:
                 remedy = choose(name, list(self.quantities))
                 raise InputError("standard", "quantity", f"no {name!r}", remedy)
+        moments = [quantity.of == "moments" for quantity in self.quantities.values()]
+        if moments and (not all(moments) if self.hours == "equinox" else any(moments)):
+            got = f"{self.hours}, beside quantities of other hours"
+            raise InputError("standard", "hours", got, 'give "equinox" with "moments" alone')
         if not self.levels and self.undecided is None:
             raise InputError("standard", "levels", "none", "say why it is undecided")
         return self

@@ -22,6 +22,7 @@ HOURS = {
     "8 to 18": "from 8 to 18 h on every day",
     "daylight": "of most daylight",
     "year": "of the whole year",
+    "equinox": "at 9 and 15 h of a clear day near each equinox",
 }
 """Hours that standards count, in words."""
 
@@ -40,7 +41,8 @@ class Terms:
 
     def taken(self, standard: str) -> tuple[str, ...]:
         """Line on the hours of a standard, where the user's period was replaced."""
-        return () if self.hours is None else (in_place(read(standard), self.hours),)
+        asked = read(standard)
+        return () if self.hours is None or not asked.quantities else (in_place(asked, self.hours),)
 
 
 def in_place(standard: Standard, own: float) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drcmitsuba.case.shading import AREA, THRESHOLD
 from drcmitsuba.metrics import Interval
-from drcmitsuba.standards.coverage import spacings
+from drcmitsuba.standards.coverage import clearest_days, spacings
 from drcmitsuba.standards.deciding import Deciding, deciding
 from drcmitsuba.standards.quantities import Counted
 from drcmitsuba.standards.standard import Level, Limit, Standard
@@ -260,6 +260,8 @@ def _duties(standard: Standard, counted: dict[str, Counted], year: Year) -> list
 def _notes(standard: Standard, year: Year) -> list[str]:
     """Notes on what the verdict presumes."""
     notes, E = [], year.illuminance.attrs
+    if standard.hours == "equinox":
+        notes.append(clearest_days(year.illuminance))
     if standard.shade and not year.has_shade:
         notes.append("the case has no shade, which LM-83 wants before every window")
     if standard.shade and year.has_shade:

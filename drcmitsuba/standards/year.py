@@ -105,7 +105,7 @@ class Year:
         if light == "total":
             return self._in_use.autonomy(threshold, needed)
         C, _ = self.replicates or _none()
-        states, shut = [self._open], Closures.never(len(self.at))
+        states, shut = [self.open_state], Closures.never(len(self.at))
         drawn = multipliers(C.open.sizes["replicate"], self.evidence.drawing["seed"])
         return draw_autonomy(states, shut, threshold, needed, drawn)
 
@@ -118,7 +118,8 @@ class Year:
         return YearDraws.of(C, sky, E, sun, shut, seed)
 
     @cached_property
-    def _open(self) -> State:
+    def open_state(self) -> State:
+        """E with the shade open, whose replicates can be drawn."""
         C, sky = self.replicates or _none()
         return open_state(C, sky, dict(self.illuminance.data_vars))
 

@@ -27,14 +27,19 @@ from drcmitsuba.runtime.random_streams import (
     number_in_replicate,
 )
 from drcmitsuba.scene.scene import Scene
-from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
+from drcmitsuba.transport.diffusing_panes import (
+    Acceptance,
+    PanePatches,
+    neumann_series,
+    pane_transfer,
+)
 from drcmitsuba.transport.film_looks import Looked
 from drcmitsuba.transport.film_peaks import peak_deposit
 from drcmitsuba.transport.films import EvenRows, Films, Lit
 from drcmitsuba.transport.image_suns import ImageSuns
 from drcmitsuba.transport.openings import Within, repeated_within, within_of
 from drcmitsuba.transport.products import by_replicate
-from drcmitsuba.transport.shadow_rays import sky_deposit, sun_deposit
+from drcmitsuba.transport.shadow_rays import Accepts, sky_deposit, sun_deposit
 from drcmitsuba.transport.straight_suns import FEWER, Disks
 from drcmitsuba.transport.sun_lobes import SunLobes
 
@@ -87,6 +92,8 @@ class Deposit:
     """E on the faces of `patches`; see `lit`."""
     on_films: Lit | None = None
     """D on the films, and the radiance that they send on."""
+    accepts: Accepts | None = None
+    """Share of straight light that counts at the receivers; None where all of it does."""
 
     @property
     def bins(self) -> tuple[int, int]:
@@ -181,7 +188,9 @@ class Deposit:
             return dr.zeros(mi.TensorXf, (dr.width(p) // 3, 0))
         kind: dict[str, Any] = {"subdivision": self.subdivision, "rays": rays, "numbers": numbers}
         with self.launch(key, Draw.SKY) as seed:
-            sky = sky_deposit(self.scene, p, n, seed=seed, within=within, **kind)
+            sky = sky_deposit(
+                self.scene, p, n, seed=seed, within=within, accepts=self.accepts, **kind
+            )
         seed = self.seed(key, Draw.MIRRORS)
         with self.scene.ray_counter.purpose(key[0].name, Draw.SKY.name):
             for each in self._mirrors:
@@ -213,8 +222,19 @@ class Deposit:
         with self.launch(key, Draw.SUN) as seed:
             return sun_deposit(
                 self.scene, p, n, suns=self.suns, diameter=self.diameter, samples=samples,
-                seed=seed, numbers=numbers, within=within,
+                seed=seed, numbers=numbers, within=within, accepts=self.accepts,
             )  # fmt: skip
+
+    def onto_panes(self, p: mi.Float, n: mi.Float, key: Key, within: Within = None) -> Irradiance:
+        """D by straight light on the faces of diffusing panes, outer ones by their `Acceptance`.
+
+        Light by way of mirrors counts as light from everywhere alike.
+        """
+        assert self.patches is not None
+        materials = [pane.material for pane in self.scene.scattering]
+        accepted = Acceptance.of(materials, self.patches.owner)  # type: ignore[arg-type]
+        deposit = self if accepted is None else replace(self, accepts=accepted.at)
+        return deposit.straight(p, n, key, 4 * self.accuracy.cell_sky_rays, within=within)
 
     def transfer(
         self, p: mi.Float, n: mi.Float, key: Key, numbers: mi.UInt32 | None = None,
@@ -245,7 +265,7 @@ class Deposit:
             return films
         p, n = films.patches.face_points(np.random.default_rng(self.seed(key, Draw.POINTS)))
         within = self._faces_within
-        received = films.straight(p, n, key, 4 * self.accuracy.cell_sky_rays, within=within)
+        received = films.onto_panes(p, n, key, within)
         received = received.plus(
             films.by_films(p, n, (Stream.FILMS_TO_PANES, replicate), within=within)
         )

@@ -1,7 +1,9 @@
 """Deposit through scattering panes: light that meets one of them, or several in turn.
 
 A Lambertian pane turns the irradiance of its two faces into radiance, T·E of the far face and R·E
-of the near one, over π. The pane is cut into patches, so that
+of the near one, over π. Where T depends on the incidence, E of the outer face counts light by
+T(θ)/T, with T the mean; light from within the room counts by T. The pane is cut into patches, so
+that
 
     D_b[receiver, bin] = Σ_face K[receiver, face] · E[face, bin],
 
@@ -19,10 +21,11 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drcmitsuba_plugins.sampling import TO_UNIT, random_bits
+from drcmitsuba_plugins.sampling import TO_UNIT, clamped_index, random_bits
 
+from drcmitsuba.model.materials import DiffuserMaterial
 from drcmitsuba.runtime.errors import InputError
-from drcmitsuba.runtime.flat_arrays import add_at, flat, row_and_column
+from drcmitsuba.runtime.flat_arrays import add_at, flat, flat_indices, row_and_column
 from drcmitsuba.scene.meshes import paired_mesh
 from drcmitsuba.scene.scene import Scene
 from drcmitsuba.transport.gather import first_directions
@@ -139,6 +142,47 @@ class PanePatches:
         return flat(p[:, None] + OFFSET * n), flat(n)
 
 
+@dataclass(frozen=True)
+class Acceptance:
+    """How much light counts at the faces of panes, by its incidence: T(θ)/T at outer ones."""
+
+    table: mi.Float
+    """T(θ)/T of every group of panes at equal steps of cos θ, flat (group, step)."""
+    steps: int
+    group: mi.UInt32
+    """Group of every face."""
+    outer: mi.Bool
+    """Whether a face is an outer one."""
+
+    @classmethod
+    def of(cls, materials: Sequence[DiffuserMaterial], owner: np.ndarray) -> Acceptance | None:
+        """Acceptance of the faces of patches by their owners; None where T is the same anywhere."""
+        shares = [np.ravel(material.transmittance) for material in materials]
+        steps = max((len(share) for share in shares), default=1)
+        if steps == 1:
+            return None
+        c = np.linspace(0, 1, steps)
+        rows = [
+            np.interp(c, np.linspace(0, 1, len(share)), share) / material.scattered
+            if len(share) > 1 and material.scattered > 0 else np.ones(steps)
+            for share, material in zip(shares, materials, strict=True)
+        ]  # fmt: skip
+        of_face = np.repeat(owner, 2)
+        return cls(
+            flat(rows), steps, flat_indices(of_face), mi.Bool(np.arange(len(of_face)) % 2 == 1)
+        )
+
+    def at(self, face: mi.UInt32, cosine: mi.Float, active: mi.Bool) -> mi.Float:
+        """T(θ)/T of light on faces [–]."""
+        is_outer = active & dr.gather(mi.Bool, self.outer, face, active)
+        x = dr.clip(cosine, 0, 1) * (self.steps - 1)
+        i = clamped_index(x, self.steps - 1)
+        at = dr.gather(mi.UInt32, self.group, face, is_outer) * self.steps + i
+        low = dr.gather(mi.Float, self.table, at, is_outer)
+        high = dr.gather(mi.Float, self.table, at + 1, is_outer)
+        return dr.select(is_outer, dr.lerp(low, high, x - mi.Float(i)), 1)
+
+
 class Look(NamedTuple):
     """Directions from receivers to panes, one lane each.
 
@@ -238,7 +282,7 @@ def pane_transfer(
     count, faces = dr.width(points) // 3, 2 * len(patches)
     out, stride = dr.zeros(mi.Float64, count * faces), dr.opaque(mi.UInt32, faces)
     optics: list[Any] = [pane.material for pane in scene.scattering]
-    through = flat([optics[i].transmittance for i in patches.owner])
+    through = flat([optics[i].scattered for i in patches.owner])
     back = flat([optics[i].reflectance for i in patches.owner])
     every = looks(
         scene, patches, points, normals, rays=rays, seed=seed, numbers=numbers, within=within

@@ -34,6 +34,8 @@ from drcmitsuba.transport.sun_clusters import possible_pairs
 
 Through = Callable[..., Any]
 """Function that gives the share of light that reaches points from directions, as `straight`."""
+Accepts = Callable[..., Any]
+"""Function that gives the share of light that counts at points, by cosines of the incidence."""
 RIM = 8
 """Directions around a disk's edge: they detect any straight edge that leaves or takes 1.5 %."""
 
@@ -82,7 +84,7 @@ def visibility(
 def sky_deposit(
     scene: Scene, points: mi.Float, normals: mi.Float, *,
     subdivision: int, rays: int, seed: int, numbers: mi.UInt32 | None = None,
-    within: Within = None,
+    within: Within = None, accepts: Accepts | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of the ground and the sky patches.
 
@@ -98,6 +100,9 @@ def sky_deposit(
         Seeds of the points' random numbers, independent of the launch; by default 0, 1, … .
     within : mi.Bool or bool, optional
         Whether the points lie in the room, see `openings.Within`.
+    accepts : callable, optional
+        Share of the light that counts, by the point and the cosine of the incidence; by default
+        all.
 
     Returns
     -------
@@ -117,6 +122,9 @@ def sky_deposit(
         every = EvenRays.of(points, normals, numbers, start, n_points, rays, seed)
         for row, p, d, active in every.leaving(scene.effects.shines, openings):
             tau = straight(scene, p, d, active, openings)
+            if accepts is not None:
+                n = dr.gather(mi.Normal3f, normals, row)
+                tau *= accepts(row, dr.dot(n, d), tau > 0)
             index = row * bins + patch_index(d, subdivision)
             add_at(out, mi.Float64(tau * share), index, tau > 0)
             dr.eval(out)
@@ -128,6 +136,7 @@ def sun_deposit(
     suns: np.ndarray, diameter: float, samples: int, seed: int,
     numbers: mi.UInt32 | None = None, within: Within = None,
     through: Through | None = None, pairs: Iterable[mi.UInt32] | None = None,
+    accepts: Accepts | None = None,
 ) -> mi.TensorXf:  # fmt: skip
     """Irradiance of points per unit radiance of every sun.
 
@@ -141,7 +150,7 @@ def sun_deposit(
         Angle across a sun [deg].
     samples : int
         Directions drawn from the disk for every point and sun.
-    numbers, within : optional
+    numbers, within, accepts : optional
         As for `sky_deposit`.
     through : callable
         Share of light that reaches points from directions; by default the straight one.
@@ -160,7 +169,7 @@ def sun_deposit(
     numbers = dr.arange(mi.UInt32, count) if numbers is None else numbers
     openings = Openings.of(scene, points, within)
     of_pairs = _by_pairs(
-        scene, openings, points, normals, suns, diameter, samples, seed, numbers, through
+        scene, openings, points, normals, suns, diameter, samples, seed, numbers, through, accepts
     )
     if pairs is None:
         pairs = possible_pairs(openings, points, normals, suns, diameter)
@@ -208,7 +217,7 @@ def rim_deposit(
 def _by_pairs(
     scene: Scene, openings: Openings | None, points: mi.Float, normals: mi.Float,
     suns: np.ndarray, diameter: float, samples: int, seed: int, numbers: mi.UInt32,
-    through: Through | None = None,
+    through: Through | None = None, accepts: Accepts | None = None,
 ) -> Callable[..., mi.Float]:  # fmt: skip
     """Make the function that gives D [sr] of active pairs of a point and a sun.
 
@@ -231,6 +240,8 @@ def _by_pairs(
             if openings is not None:
                 lit &= openings.passed(row, p, d)
             tau = reaching(scene, p, d, lit)
+            if accepts is not None:
+                tau *= accepts(row, cosine, tau > 0)
             total += dr.select(tau > 0, tau * cosine, 0)
         return total * (disk_solid_angle(diameter) / len(drawn))
 

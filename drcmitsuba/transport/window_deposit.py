@@ -124,8 +124,7 @@ class WindowDeposit:
         key: Key = (Stream.PANES, replicate)
         points = np.random.default_rng(deposit.seed(key, Draw.POINTS))
         p, n = deposit.patches.face_points(points)
-        rays = 4 * deposit.accuracy.cell_sky_rays
-        straight = self._parted(deposit, lambda one: one.straight(p, n, key, rays))
+        straight = self._parted(deposit, lambda one: one.onto_panes(p, n, key))
         by_films: Key = (Stream.FILMS_TO_PANES, replicate)
         received = [
             part.plus(self._by_films(deposit, p, n, by_films, None, k))

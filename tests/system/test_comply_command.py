@@ -9,6 +9,7 @@ import xarray as xr
 
 import drcmitsuba
 from drcmitsuba import standards
+from drcmitsuba.sky import weather
 from tests.system.small_room import CASE, DAYS
 from tests.system.test_several_grids import written
 
@@ -53,6 +54,26 @@ def test_a_verdict_in_full(run, results, tmp_path):
     for name in ("sDA", "ASE"):
         assert verdict["quantities"][name] == pytest.approx(numbers[name])
     assert 0 <= verdict["levels"][0]["probability"] <= 1
+
+
+def test_option_2_of_leed_by_hand(results):
+    """E of the days with the most direct irradiance at 9 and 15 h, from the weather file itself."""
+    dni = weather.default().data["dni"]
+    with xr.open_dataset(results / "illuminance.nc") as stored:
+        E = stored["total_open"].load()
+    held = np.ones(E.sizes["sensor"], bool)
+    for hour in (9, 15):
+        of_days = []
+        for equinox in ("2015-03-21", "2015-09-21"):
+            near = np.datetime64(equinox) + np.arange(-15, 16)
+            stamps = (near + np.timedelta64(hour, "h")).astype("datetime64[ns]")
+            best = stamps[dni.sel(time=stamps).values.argmax()]
+            of_days.append(E.sel(time=best).values)
+        mean = np.mean(of_days, axis=0)
+        held &= (mean >= 300) & (mean <= 3000)
+    verdict = standards.verdict("leed-v4.1-option-2", standards.Evidence.of_folder(results))
+    assert verdict.quantities["area in range"].value == pytest.approx(100 * held.mean())
+    assert 0 < held.mean() < 1
 
 
 def test_json_goes_to_stdout(run, results):

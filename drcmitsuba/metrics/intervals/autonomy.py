@@ -121,10 +121,18 @@ class Doubts:
         """Yield some entries after others, and whether E* ≥ threshold in every draw of them."""
         for start in range(begin, end, ENTRIES):
             few = slice(start, min(start + ENTRIES, end))
-            E = self.off[few] @ self.drawn.replicates
-            if self.own is not None:
-                E += self.own[few, None] * self.drawn.others[self.group[few]]
-            yield slice(start - begin, few.stop - begin), self.missing[few, None] <= E
+            yield slice(start - begin, few.stop - begin), self.missing[few, None] <= self._off(few)
+
+    def above(self) -> np.ndarray:
+        """E* less the threshold in every draw, shape (entry, draw) [lx]."""
+        return np.asarray(self._off(slice(None)) - self.missing[:, None])
+
+    def _off(self, few: slice) -> np.ndarray:
+        """E* less the mean in every draw of some entries [lx]."""
+        E = self.off[few] @ self.drawn.replicates
+        if self.own is not None:
+            E += self.own[few, None] * self.drawn.others[self.group[few]]
+        return E
 
 
 def draw_autonomy(

@@ -115,12 +115,36 @@ def test_diffuser_over_the_sensor_passes_t_of_every_patch(same, plain_coefficien
     same(c[0][..., 1:], exact=exact, within=0.005)
 
 
+def test_a_table_dims_the_scattered_light_of_every_patch_by_its_angle(same, plain_coefficients):
+    # T(x) = 0.1 + 0.3 x over x = cos θ: of a row ∫ T x dx, times the patch's width.
+    table = tensor(0.1 + 0.3 * np.linspace(0, 1, 9))
+    scene = pane_over_the_world({"type": "diffuser", "transmittance": table})
+    c = plain_coefficients(scene, ORIGIN, UP, spp=1 << 15)
+    low, high, west, east = Patches().bounds[1:].T
+    at_low, at_high = (0.1 * x**2 / 2 + 0.3 * x**3 / 3 for x in (np.sin(low), np.sin(high)))
+    same(c[0][..., 1:], exact=(at_high - at_low) * (east - west), within=0.005)
+
+
+@pytest.mark.parametrize("mode", [mi.TransportMode.Radiance, mi.TransportMode.Importance])
+def test_light_comes_along_wo_or_wi_where_the_transmittance_has_a_table(mode):
+    table = tensor([0.1, 0.4])
+    pane = mi.load_dict({"type": "diffuser", "transmittance": table, "reflectance_front": 0.2})
+    si, ctx = local(0.9), mi.BSDFContext(mode)
+    wo = mi.Vector3f(float(np.sqrt(0.84)), 0, -0.4)
+    light = 0.4 if mode == mi.TransportMode.Radiance else 0.9
+    exact = (0.1 + 0.3 * light) * 0.4 / np.pi
+    assert float(pane.eval(ctx, si, wo)[0][0]) == pytest.approx(exact, rel=1e-6)
+
+
 DIFFUSER_WI = [(0, 0, 1), (0.6, 0, 0.8), (0.8, 0.59, 0.1), (0, 0, -1), (-0.3, 0.9, -0.3)]
 
 
 @pytest.mark.parametrize("wi", DIFFUSER_WI)
-def test_diffuser_samples_follow_their_density(variant, wi):
+@pytest.mark.parametrize("table", [False, True])
+def test_diffuser_samples_follow_their_density(variant, wi, table):
     bsdf = DIFFUSER | {"reflectance_back": 0.1}
+    if table:
+        bsdf |= {"transmittance": tensor([0.05, 0.2, 0.3])}
     wi = (np.array(wi) / np.linalg.norm(wi)).tolist()
     passed, messages = chi2(mi.chi2.BSDFAdapter("diffuser", bsdf, wi=wi), 3)
     assert passed, messages

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from drcmitsuba import standards
+from drcmitsuba.metrics.intervals.autonomy import multipliers
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.standards.verdict import likelihood
 from tests.unit.standards.made_year import WHOLE, WORKING, evidence, median_reached, zenith
 
 NAMES = [
     "breeam-hea01", "breeam-hea01-communal", "breeam-hea01-dwellings", "breeam-hea01-healthcare",
-    "breeam-hea01-retail", "en-17037", "en-17037-uk", "leed-v4.1", "leed-v5", "lm-83-12",
+    "breeam-hea01-retail", "dgnb-soc1.4", "en-17037", "en-17037-sunlight", "en-17037-uk",
+    "leed-v4.1", "leed-v4.1-option-2", "leed-v5", "lm-83-12",
     "lm-83-23", "well-l01", "well-l01-2025", "well-l01-en-17037", "well-l06", "well-l06-en-17037",
 ]  # fmt: skip
 
@@ -223,6 +225,82 @@ def test_the_annex_of_the_uk_shows_three_areas():
     assert verdict.stated().startswith("cannot be decided: ")
     shares = {name: interval.value for name, interval in verdict.quantities.items()}
     assert shares == {"area at 100 lx": 100, "area at 150 lx": 100, "area at 200 lx": 50}
+
+
+@pytest.mark.parametrize("name", ["en-17037-sunlight", "dgnb-soc1.4"])
+def test_what_could_not_be_read_says_so_without_numbers(name):
+    verdict = standards.verdict(name, evidence(lit(60)))
+    assert verdict.stated().startswith("cannot be decided: ")
+    assert (verdict.quantities, verdict.levels, verdict.probability) == ({}, (), None)
+
+
+# ---- clear days near the equinoxes ----------------------------------------------------------
+
+CLEAREST = {  # moment: of March, of September
+    9: ("2015-03-14T09", "2015-10-06T09"),
+    15: ("2015-04-05T15", "2015-09-06T15"),
+}
+DECOYS = ("2015-04-06T15", "2015-10-07T09", "2015-03-14T10", "2015-06-21T09")
+"""Brighter suns 16 days from an equinox, at another hour, in another month."""
+
+
+def near_equinox(of_point, error=0.0, **more):
+    """Evidence whose clearest skies are `CLEAREST`, of more direct light than other days there."""
+    E = evidence(of_point, error, **more)
+    sun = np.full(len(WHOLE), 1e8)
+    for stamps, L in ((DECOYS, 9e8), (sum(CLEAREST.values(), ()), 5e8)):
+        sun[np.isin(WHOLE, np.array(stamps, "datetime64[ns]"))] = L
+    E.sky["sun"] = ("time", sun)
+    return E
+
+
+def at_moments():
+    """Luminance of the zenith at 9 and at 15 h, mean of the two days [cd/m²]."""
+    L = dict(zip(WHOLE, zenith(WHOLE), strict=True))
+    days = [np.array(stamps, "datetime64[ns]") for stamps in CLEAREST.values()]
+    return np.array([np.mean([L[stamp] for stamp in stamps]) for stamps in days])
+
+
+@pytest.mark.parametrize(
+    ("share", "points"),
+    [(54, None), (55, "1 point"), (74, "1 point"), (75, "2 points"), (90, "3 points")],
+)
+@pytest.mark.parametrize("bad", ["dark at 9 h", "bright at 15 h"])
+def test_leed_option_2_counts_points_in_range_at_both_hours(share, points, bad):
+    morning, afternoon = at_moments()
+    assert afternoon > 1.3 * morning  # so that a point fails at one of them alone
+    outside = {"dark at 9 h": 299.0 / morning, "bright at 15 h": 3001.0 / afternoon}[bad]
+    inside = np.where(np.arange(100) % 2, 301.0 / morning, 2999.0 / afternoon)
+    of_point = np.where(np.arange(100) < share, inside, outside)
+    verdict = standards.verdict("leed-v4.1-option-2", near_equinox(of_point))
+    assert verdict.level == points
+    assert verdict.quantities["area in range"].value == share
+    assert verdict.probability == (1.0 if points else 0.0)
+    assert "9 h of 14 March and 6 October, 15 h of 5 April and 6 September" in verdict.notes[0]
+    assert f"{verdict.deciding.count} point" in verdict.deciding.text()
+
+
+def test_the_probability_of_option_2_is_the_share_of_the_draws():
+    """Three of four points are far within; the fourth part lies at 300 lx in the morning."""
+    morning, _ = at_moments()
+    of_point = np.full(64, 1000.0 / morning)
+    of_point[:16] = 300.0 / morning
+    E = near_equinox(of_point, 0.05, shared=1.0)
+    (one, two, three) = standards.verdict("leed-v4.1-option-2", E).levels
+    assert (one.probability, two.probability) == (1.0, 1.0)  # 75 % hold in any case
+    C = E.coefficients.open["replicates"].values[:, 0, -1].astype(float)
+    weights = multipliers(len(C), E.drawing["seed"]).replicates.astype(float)
+    above = C.mean() + weights.T @ (C - C.mean()) >= 300.0 / morning
+    assert 0.05 < above.mean() < 0.95
+    # Mirror images about 100 % hold in any case, those about 75 % never.
+    expected = (above.mean() + (C.mean() >= 300.0 / morning)) / 2
+    assert three.probability == pytest.approx(expected, abs=2e-3)
+
+
+def test_option_2_needs_all_days_near_the_equinoxes():
+    few = np.delete(WHOLE, 24 * 79 + 9)  # 21 March
+    with pytest.raises(InputError, match=r"30 of 31 days near 21 March at 9 h"):
+        standards.verdict("leed-v4.1-option-2", evidence(lit(60, times=few), times=few))
 
 
 def test_spaces_in_the_sun_have_a_duty():

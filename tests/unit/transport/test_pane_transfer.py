@@ -1,14 +1,21 @@
 """K and the light between panes that scatter evenly: exact answers."""
 
+import mitsuba as mi
 import numpy as np
 import pytest
 
+from drcmitsuba.case.accuracy import Accuracy
+from drcmitsuba.runtime.random_streams import Stream, number_in_replicate
 from drcmitsuba.scene import scene as scenes
+from drcmitsuba.transport.deposit import Deposit
 from drcmitsuba.transport.diffusing_panes import PanePatches, neumann_series, pane_transfer
 from drcmitsuba.transport.shadow_rays import sky_deposit
 from tests.unit.transport.exact_scenes import (
+    DIRECTIONS,
     DOWN,
+    OMEGA,
     ORIGIN,
+    PATCHES,
     SKY,
     UP,
     by_replicate,
@@ -63,6 +70,27 @@ def test_clear_pane_before_a_scattering_one_dims_it_by_its_angle(same):
     n = 32
     k = pane_transfer(scene, patches, flat(ORIGIN, n), flat(UP, n), rays=1 << 11, seed=8)
     same(by_replicate(k, n).sum(axis=-1), exact=0.7 * 0.8 * (1 - 2 / (5.5 * 6.5)), within=0.002)
+
+
+def test_a_pane_that_scatters_by_the_incidence_weighs_sky_and_suns(same):
+    # T(x) = 0.1 + 0.3 x over x = cos θ: ∫ T x dx times the width of a patch, Ω T x of a sun.
+    scene = scenes.build([plane(0.1, diffuser((0.1, 0.4), 0.3), half=50, front=-1)])
+    patches = PanePatches.of([s.quads for s in scene.scattering], 34.0)
+    accuracy = Accuracy(cell_sky_rays=1024, pane_points=1024)
+    deposit = Deposit(scene, DIRECTIONS, 0.5, 1, accuracy, patches)
+    parts = [
+        deposit.lit(r).scattered(
+            flat(ORIGIN), flat(UP), (Stream.SENSORS,), number_in_replicate(mi.UInt32(0), r)
+        )
+        for r in range(24)
+    ]
+    low, high, west, east = PATCHES.bounds[1:].T
+    at_low, at_high = (0.1 * x**2 / 2 + 0.3 * x**3 / 3 for x in (np.sin(low), np.sin(high)))
+    exact = (at_high - at_low) * (east - west)
+    same([one.sky.numpy()[0, 1:] for one in parts], exact=exact, within=0.003)
+    x = DIRECTIONS[:, 2]
+    of_suns = OMEGA * (0.1 + 0.3 * x) * x
+    same([one.sun.numpy()[0] for one in parts], exact=of_suns, within=0.003)
 
 
 def faces(scene, size, replicates, rays, seed):
