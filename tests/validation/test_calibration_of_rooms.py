@@ -1,9 +1,10 @@
-"""Intervals of single sensors hold in every quarter of brightness; see `calibration_rooms`."""
+"""Intervals of single sensors and eyes hold in every quarter of brightness; see `calibration`."""
 
 import pytest
 
 from drcmitsuba.runtime import backend
-from tests.validation.calibration_rooms import ROOMS, coverage
+from tests.validation.calibration.comparison import coverage
+from tests.validation.calibration.rooms import ROOMS
 
 
 @pytest.mark.slow
