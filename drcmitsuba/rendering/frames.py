@@ -23,7 +23,7 @@ from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.daylight import Daylight, daylight
-from drcmitsuba.sky.luminances import sources
+from drcmitsuba.sky.luminances import at_rows
 
 
 def frames(
@@ -151,5 +151,4 @@ def _hours_of(case: Case, instants: np.ndarray) -> tuple[Daylight, np.ndarray]:
     year = daylight(case.with_tables(period=PeriodTable().of_year()))
     hours = np.searchsorted(year.sky["time"].values, instants, side="right") - 1
     rows, row = np.unique(hours, return_inverse=True)
-    sky, sun = year.sky.isel(time=rows), year.sun.isel(time=rows)
-    return replace(year, sky=sky, sun=sun, suns=year.suns.only(sources(sky))), row
+    return at_rows(year, rows), row
