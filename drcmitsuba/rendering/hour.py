@@ -34,6 +34,8 @@ class Luminance:
     """[cd/m²], shape (row, column)."""
     error: np.ndarray
     """Standard error of the mean [cd/m²], shape (row, column)."""
+    disk: np.ndarray
+    """Part of the mean that is the sun's disk seen straight, without noise [cd/m²]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ def luminance(traced: TracedView, outside: Outside, sky: np.ndarray) -> Luminanc
     parts = [mean_and_error(each) for each in _tiles(traced, outside, sky)]
     shape = traced.rows, traced.columns
     mean, error = (np.concatenate(whole).reshape(shape) for whole in zip(*parts, strict=True))
-    return Luminance(mean + outside.disk_in(traced.scene, traced.view, shape), error)
+    disk = outside.disk_in(traced.scene, traced.view, shape)
+    return Luminance(mean + disk, error, disk)
 
 
 def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndarray:
