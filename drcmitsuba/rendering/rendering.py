@@ -66,7 +66,7 @@ class Rendering:
     disk: np.ndarray
     """Luminance by the sun's disk seen straight, which has no error [cd/m²], (row, column)."""
     freedom: int
-    """Degrees of freedom of the error: one less than the replicates of each round, summed."""
+    """Degrees of freedom of the error: one less than the replicates, or rounds, that scatter."""
     case: str
     """Name of the case."""
     view: str

@@ -24,8 +24,10 @@ from drcmitsuba.runtime.time_limit import TimeLimit
 
 TOGETHER = 1 << 28
 """Largest size of the pictures that share rounds [bytes]."""
-PIXEL_BYTES = 20
-"""Size of a pixel of a rendering: three channels, its error, the sun's disk."""
+PIXEL_BYTES = 28
+"""Size of a pixel of a mean: three channels, its error, the sun's disk, squares."""
+MANY = 8
+"""Number of rounds from which their own scatter gives the error."""
 
 
 @dataclass(frozen=True)
@@ -57,25 +59,42 @@ class PictureTarget:
             raise InputError("picture", "time limit", f"{seconds:g} s", "give more than 0 s")
         return cls(target.value, seconds)
 
+    def holds(self, shown: Rendering) -> bool:
+        """Whether a picture has the target."""
+        return shown.half_width <= self.percent
 
-def averaged(mean: Rendering, more: Rendering, rounds: int) -> Rendering:
-    """Mean of some rounds with a further one, which shares no random numbers with them.
 
-    Parameters
-    ----------
-    mean : Rendering
-        Mean of so many rounds.
-    more : Rendering
-        One round of the same picture.
-    rounds : int
-    """
-    share = np.float32(1 / (rounds + 1))
-    rgb = mean.picture.rgb + share * (more.picture.rgb - mean.picture.rgb)
-    return replace(
-        mean, picture=replace(mean.picture, rgb=rgb),
-        error=share * np.hypot(np.float32(rounds) * mean.error, more.error),
-        freedom=mean.freedom + more.freedom,
-    )  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class Mean:
+    """Mean of independent rounds of one picture."""
+
+    shown: Rendering
+    """Mean, with its error."""
+    rounds: int = 1
+    squares: np.ndarray | float = 0.0
+    """Sum of the squared deviations of the rounds' luminances from their mean, (row, column)."""
+
+    def added(self, more: Rendering) -> Mean:
+        """Mean with a further round, which shares no random numbers with the others.
+
+        The error follows from the errors of the rounds, and from `MANY` rounds on from the scatter
+        of the rounds themselves: replicates of one round divide the pixel among them, so that
+        their scatter is too large at edges.
+        """
+        n, was = self.rounds + 1, self.shown
+        rgb = was.picture.rgb + (more.picture.rgb - was.picture.rgb) / np.float32(n)
+        picture = replace(was.picture, rgb=rgb)
+        before, after = (p.luminance.astype(float) for p in (was.picture, picture))
+        new = more.picture.luminance
+        squares = self.squares + (new - before) * (new - after)
+        if n < MANY:
+            error = np.hypot(np.float32(self.rounds) * was.error, more.error) / np.float32(n)
+            freedom = was.freedom + more.freedom
+        else:
+            error = np.sqrt(np.maximum(squares, 0) / (n * (n - 1))).astype(np.float32)
+            freedom = n - 1
+        shown = replace(was, picture=picture, error=error, freedom=freedom)
+        return Mean(shown, n, squares)
 
 
 def toward(
@@ -106,24 +125,22 @@ def toward(
     step = max(1, TOGETHER // each)
     for start in range(0, len(instants), step):
         some = instants[start : start + step]
-        shown = [prepared.at(instant, source) for instant in some]
+        means = [Mean(prepared.at(instant, source)) for instant in some]
         limit = TimeLimit(target.seconds * len(some) / len(instants))
-        rounds = [1] * len(some)
-        while wide := [k for k, one in enumerate(shown) if one.half_width > target.percent]:
+        while wide := [k for k, mean in enumerate(means) if not target.holds(mean.shown)]:
             if limit.is_over:
                 break
-            widest = max(shown[k].half_width for k in wide)
+            widest = max(means[k].shown.half_width for k in wide)
             progress((start + len(some) * (target.percent / widest) ** 2) / len(instants))
-            number = max(rounds)
+            number = means[wide[0]].rounds  # as many for all that are still wide
             seed = launch_seed(prepared.case.accuracy.seed, Stream.ROUNDS, number) >> 2
             with _room(prepared, folder) as there:
                 more = prepared.again(seed, None if there is None else Path(there))
                 for k in wide:
-                    shown[k] = averaged(shown[k], more.at(some[k], source), number)
-                    rounds[k] += 1
+                    means[k] = means[k].added(more.at(some[k], source))
                 del more  # before the light paths of the next round
-        for one, count in zip(shown, rounds, strict=True):
-            yield replace(one, notes=(*one.notes, _note(one, count, target, limit)))
+        for mean in means:
+            yield replace(mean.shown, notes=(*mean.shown.notes, _note(mean, target, limit)))
         progress((start + len(some)) / len(instants))
 
 
@@ -134,11 +151,10 @@ def _room(prepared: PreparedView, folder: Path | None) -> AbstractContextManager
     return TemporaryDirectory(prefix="round_", dir=folder)
 
 
-def _note(shown: Rendering, rounds: int, target: PictureTarget, limit: TimeLimit) -> str:
+def _note(mean: Mean, target: PictureTarget, limit: TimeLimit) -> str:
     """Error that a picture reached."""
+    shown, rounds = mean.shown, mean.rounds
     when = str(shown.time.astype("datetime64[m]"))[5:].replace("T", " ")
     note = f"{when}: luminance of a pixel ±{shown.half_width:.3g} % after {rounds} round"
     note += f"{'s' * (rounds > 1)}, wanted ±{target.percent:g} %"
-    return note + f"; the limit of {limit.seconds:g} s is over" * (
-        shown.half_width > target.percent
-    )
+    return note if target.holds(shown) else f"{note}; the limit of {limit.seconds:g} s is over"

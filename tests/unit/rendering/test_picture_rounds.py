@@ -10,7 +10,7 @@ from drcmitsuba.case.accuracy import Accuracy
 from drcmitsuba.picture.picture import Picture
 from drcmitsuba.rendering import rounds
 from drcmitsuba.rendering.rendering import Rendering
-from drcmitsuba.rendering.rounds import PictureTarget, averaged, toward
+from drcmitsuba.rendering.rounds import MANY, Mean, PictureTarget, toward
 from drcmitsuba.runtime import time_limit
 from drcmitsuba.runtime.errors import InputError
 
@@ -39,16 +39,23 @@ def test_the_half_width_weighs_pixels_by_their_luminance():
     assert half.half_width == pytest.approx(shown.half_width, rel=1e-6)
 
 
-def test_rounds_are_averaged_as_independent_ones():
+@pytest.mark.parametrize("count", [2, MANY - 1, MANY, 12])
+def test_rounds_are_averaged_as_independent_ones(count):
     rng = np.random.default_rng(2)
-    each = [rendering(L, e) for L, e in rng.uniform(1, 9, (5, 2))]
-    mean = each[0]
-    for count, more in enumerate(each[1:], 1):
-        mean = averaged(mean, more, count)
-    np.testing.assert_allclose(mean.picture.rgb, np.mean([r.picture.rgb for r in each], 0), 1e-6)
-    expected = np.sqrt(np.sum([r.error**2 for r in each], 0)) / 5
-    np.testing.assert_allclose(mean.error, expected, rtol=1e-6)
-    assert mean.freedom == 15
+    each = [rendering(L, e) for L, e in rng.uniform(1, 9, (count, 2))]
+    mean = Mean(each[0])
+    for more in each[1:]:
+        mean = mean.added(more)
+    assert mean.rounds == count
+    rgb = np.stack([one.picture.rgb for one in each])
+    np.testing.assert_allclose(mean.shown.picture.rgb, rgb.mean(axis=0), rtol=1e-5)
+    if count < MANY:
+        expected = np.sqrt(np.sum([one.error**2 for one in each], 0)) / count
+        assert mean.shown.freedom == 3 * count
+    else:
+        expected = rgb[..., 0].std(axis=0, ddof=1) / np.sqrt(count)
+        assert mean.shown.freedom == count - 1
+    np.testing.assert_allclose(mean.shown.error, expected, rtol=1e-4)
 
 
 class Made:
