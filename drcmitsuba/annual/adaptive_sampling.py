@@ -10,7 +10,6 @@ sensor, only the sensors that are wider.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -30,6 +29,7 @@ from drcmitsuba.metrics.evaluate_metrics import EvaluatedMetrics, draw_shade, ev
 from drcmitsuba.metrics.intervals import t_factor
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.random_streams import Stream, launch_seed
+from drcmitsuba.runtime.time_limit import TimeLimit
 from drcmitsuba.schema import by_luminance
 from drcmitsuba.sky.daylight import Daylight
 from drcmitsuba.sky.luminances import sources
@@ -140,19 +140,15 @@ def toward_target(
     """Add rounds until the case's target or its limit of time is reached.
 
     Starts from the first round, `simulation.simulate`, and its metrics; the case has an
-    `accuracy.target`. Returns the mean of all rounds, its metrics, and the outcome.
+    `accuracy.sensor_goal`. Returns the mean of all rounds, its metrics, and the outcome.
     """
-    target = case.accuracy.goal
+    target = case.accuracy.sensor_goal
     assert target is not None
-    start, limit = time.perf_counter(), case.accuracy.time_limit
-
-    def over() -> bool:
-        return time.perf_counter() - start > limit
-
+    limit = TimeLimit(case.accuracy.time_limit)
     first = rounds = int(coefficients.attrs.get("rounds", 1))
     sampling = None
     with run.timed(f"toward {target}") as done:
-        while (width := _half_width(evaluated, case)) > target.value and not over():
+        while (width := _half_width(evaluated, case)) > target.value and not limit.is_over:
             done((target.value / width) ** 2)
             if sampling is None:
                 states = {s: SampleAccumulator(C) for s, C in coefficients.states.items()}
@@ -161,7 +157,7 @@ def toward_target(
             # The error falls with the root of the rounds; look again when they have doubled.
             missing = math.ceil((rounds - first + 1) * ((width / target.value) ** 2 - 1))
             for _ in range(min(missing, rounds - first + 1, ROUNDS_AT_ONCE)):
-                if over():
+                if limit.is_over:
                     break
                 sampling.add_round(rounds, evaluated, sensors, hours)
                 rounds += 1
@@ -169,7 +165,7 @@ def toward_target(
     if sampling is not None:
         coefficients = sampling.coefficients.assign_attrs(rounds=rounds)
     reached = width <= target.value
-    reason = "target reached" if reached else f"limit of {limit:g} s reached"
+    reason = "target reached" if reached else f"limit of {limit.seconds:g} s reached"
     return coefficients, evaluated, SamplingOutcome(str(target), width, reached, rounds, reason)
 
 

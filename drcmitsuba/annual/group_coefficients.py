@@ -220,7 +220,7 @@ def _accuracy(case: Case, run: Run) -> Accuracy:
     if isinstance(case.sun, Adaptive):
         got = "adaptive, where groups of panes are simulated one by one"
         raise InputError(case.source, "sun.model", got, "take another one, or fewer states")
-    if case.accuracy.target is not None:
+    if case.accuracy.sensor_goal is not None:
         got = "a target, where groups of panes are simulated one by one"
         raise InputError(case.source, "accuracy.target", got, "leave it out")
     return run.accuracy(case, len(sensor_points(case)[0]))

@@ -55,7 +55,7 @@ RECORD = ("photons", "photons_smear", "mesh_suns", "mesh_miss")
 
 def obstacle(case: Case) -> str:
     """Reason why a case's year is not summed block by block; empty where it can be."""
-    return "" if case.accuracy.target is None else "a target"
+    return "" if case.accuracy.sensor_goal is None else "a target"
 
 
 @dataclass(frozen=True)

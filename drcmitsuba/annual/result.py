@@ -258,7 +258,7 @@ def _whole(begun: _Begun, known: xr.Dataset | None) -> Result:
         with run.timed("accumulation and metrics"):
             evaluated = evaluate_metrics(case, light, coefficients, direct, shade)
     outcome = None
-    if case.accuracy.target is not None:
+    if case.accuracy.sensor_goal is not None:
         coefficients, evaluated, outcome = toward_target(
             planned.simulated, light, coefficients, evaluated, run
         )

@@ -56,7 +56,7 @@ def together(rows: Iterable[tuple[int, Case, str]]) -> list[list[int]]:
 
 def _may_share(case: Case) -> bool:
     """Whether a basis can hold the façade of a case."""
-    has_target = case.accuracy.target is not None or isinstance(case.sun, Adaptive)
+    has_target = case.accuracy.sensor_goal is not None or isinstance(case.sun, Adaptive)
     return case.room is not None and not (case.components or case.groups or has_target)
 
 

@@ -87,7 +87,7 @@ class SharedBasis:
         for case in cases:
             case.refuse_components("a comparison of façades")
             case.refuse_groups("a comparison of façades")
-        if first.accuracy.target is not None:
+        if first.accuracy.sensor_goal is not None:
             got = "a target for several façades at once"
             raise InputError(first.source, "accuracy.target", got, "leave it out, or evaluate each")
         if isinstance(first.sun, Adaptive):

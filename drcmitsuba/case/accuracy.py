@@ -18,6 +18,8 @@ MOST_TIMES = {"paths": 16, "cell_paths": 2, "pane_points": 8, "sensor_sky_rays":
 
 AT_SENSORS = "% at each sensor"
 """Unit of a target for the illuminance of the hours at every sensor, and at every eye."""
+OF_GLARE = "point of glare hours"
+"""Unit of a target for the share of hours with glare, at every eye."""
 
 
 class Target(NamedTuple):
@@ -26,27 +28,29 @@ class Target(NamedTuple):
     value: float
     """Half width, in `unit`."""
     unit: str
-    """'point' (of sDA and of ASE), '%' (of the mean illuminance), or `AT_SENSORS`."""
+    """'point' (of sDA and of ASE), '%' (of the mean illuminance), `AT_SENSORS` or `OF_GLARE`."""
 
     @classmethod
     def parse(cls, text: str) -> Target:
-        """Read "1 point", "0.5 points", "2 %" or "2 % at each sensor".
+        """Read "1 point", "2 %", "2 % at each sensor" or "0.5 points of glare hours".
 
         Raises
         ------
         InputError
             It is something else, or not above 0 and at most 100.
         """
-        pattern = rf"\s*(\d{{1,3}}(?:\.\d{{1,6}})?)\s*(points?|{AT_SENSORS}|%)\s*"
+        units = rf"points?(?: of glare hours)?|{AT_SENSORS}|%"
+        pattern = rf"\s*(\d{{1,3}}(?:\.\d{{1,6}})?)\s*({units})\s*"
         match = re.fullmatch(pattern, text, re.ASCII)
         if match is None or not 0 < float(match[1]) <= 100:
-            remedy = f'write "1 point" (of sDA, ASE), "2 %" (of mean E) or "2 {AT_SENSORS}"'
+            remedy = 'write "1 point" (of sDA, ASE), "2 %" (of mean E), '
+            remedy += f'"2 {AT_SENSORS}" or "1 {OF_GLARE}"'
             raise InputError("accuracy", "target", shortened(text), remedy)
-        return cls(float(match[1]), "point" if match[2] == "points" else match[2])
+        return cls(float(match[1]), match[2].replace("points", "point"))
 
     def __str__(self) -> str:
-        plural = "s" if self.unit == "point" and self.value != 1 else ""
-        return f"{self.value:g} {self.unit}{plural}"
+        unit = self.unit if self.value == 1 else self.unit.replace("point", "points")
+        return f"{self.value:g} {unit}"
 
 
 class Accuracy(Table):
@@ -80,8 +84,9 @@ class Accuracy(Table):
     sensor_square: Annotated[float, Field(gt=0, le=10)] = 0.3
     """Largest edge of the square around a sensor on which photons are counted [m]."""
     target: str | None = None
-    """Half width of the 95 % intervals to reach: "1 point" of sDA and ASE, "2 %" of mean E, or
-    "2 % at each sensor" of the E of its hours, root mean square weighted by E."""
+    """Half width of the 95 % intervals to reach: "1 point" of sDA and ASE, "2 %" of mean E,
+    "2 % at each sensor" of the E of its hours, root mean square weighted by E, or "1 point of
+    glare hours", the share of hours at every eye whose DGP is above 0.35, 0.40 and 0.45."""
     time_limit: Annotated[float, Field(gt=0, le=1e6)] = 600.0
     """Time for further samples towards the target [s]; no round begins after it."""
 
@@ -115,3 +120,21 @@ class Accuracy(Table):
     def goal(self) -> Target | None:
         """The target as value and unit, None without a target."""
         return None if self.target is None else Target.parse(self.target)
+
+    @property
+    def sensor_goal(self) -> Target | None:
+        """The target of an evaluation, None where there is none or it is one of glare."""
+        goal = self.goal
+        return None if goal is None or goal.unit == OF_GLARE else goal
+
+    @property
+    def eye_goal(self) -> Target | None:
+        """The target of a year of glare, None where there is none or it is one of sensors alone."""
+        goal = self.goal
+        return goal if goal is not None and goal.unit in (AT_SENSORS, OF_GLARE) else None
+
+    def rounds_toward(self, goal: Target | None) -> str:
+        """Tell, as the end of a forecast, of the rounds that may follow; empty without a goal."""
+        if goal is None:
+            return ""
+        return f'; then rounds toward "{goal}", until {self.time_limit:g} s are over'

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -12,6 +13,9 @@ from rich.table import Table
 from drcmitsuba.cli.options import CaseName, Output, Weather, load, option
 from drcmitsuba.cli.terminal import percent, show, show_notes, stages
 from drcmitsuba.runtime.errors import InputError, on_a_line
+
+if TYPE_CHECKING:
+    from drcmitsuba.case.accuracy import Accuracy
 
 MOST_ROWS = 40
 """Largest number of views in the table."""
@@ -28,9 +32,10 @@ def _point(text: str) -> list[float]:
     return numbers
 
 
-def _tell(seconds: float) -> None:
-    """Print the forecast of the time [s]."""
-    print(f"forecast: about {seconds:.2g} s" if seconds < 100 else f"forecast: {seconds:.0f} s")
+def _tell(accuracy: Accuracy, seconds: float) -> None:
+    """Print the forecast of the time [s], and of the rounds that may follow."""
+    time = f"about {seconds:.2g} s" if seconds < 100 else f"{seconds:.0f} s"
+    print(f"forecast: {time}{accuracy.rounds_toward(accuracy.eye_goal)}")
 
 
 def glare(
@@ -62,7 +67,7 @@ def glare(
     rule = Rule(threshold=threshold, constants=PAPER if paper else EVALGLARE)
     loaded = load(case, weather)
     with stages() as stage:
-        result = run(loaded, points, rule=rule, stage=stage, told=_tell)
+        result = run(loaded, points, rule=rule, stage=stage, told=partial(_tell, loaded.accuracy))
         result.save(output, stage)
     numbers = result.numbers()
     show(*(_table(state, rows) for state, rows in numbers["DGP"].items()))

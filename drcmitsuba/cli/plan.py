@@ -40,7 +40,8 @@ def plan(
         print(json.dumps(entries, indent=2, ensure_ascii=False, default=str))
         return
     print_plan(loaded.name, entries)
-    print(f"forecast: {expected}")
+    accuracy = loaded.accuracy
+    print(f"forecast: {expected}{accuracy.rounds_toward(accuracy.sensor_goal)}")
     show_notes([*light.notes, *remarks, *decided.notes()])
     if output is not None:
         print(f"the plan is in {output / 'plan.json'}")

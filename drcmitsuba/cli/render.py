@@ -77,6 +77,12 @@ def render(
     ] = None,
     pixels: Annotated[Pixels, option("NAME", "EXR: float or half.")] = Pixels.float,
     samples: Annotated[int, option("NUMBER", "Rays in each pixel.")] = 8,
+    target: Annotated[
+        str | None, option("ERROR", 'Wanted error of a pixel, as "2 %": rounds of rays follow.')
+    ] = None,
+    time_limit: Annotated[
+        float | None, option("SECONDS", "Time for these rounds [s]; 60 by default.")
+    ] = None,
     state: Annotated[
         str, option("NAME", "Façade: open, shaded or, as the shade is in each hour, applied.")
     ] = "open",
@@ -89,6 +95,7 @@ def render(
     """Render a view: .exr with its standard error, .hdr and .png, in cd/m²."""
     from drcmitsuba.case.groups import APPLIED
     from drcmitsuba.rendering import Sampling, frames, prepare
+    from drcmitsuba.rendering.frames import TIME_LIMIT
     from drcmitsuba.rendering.prepared_view import instant_of
     from drcmitsuba.sky.daylight import weather_of
     from drcmitsuba.sky.period import read_timestamps
@@ -99,6 +106,12 @@ def render(
     if len(given) != 1:
         got = " and ".join(given) or "none of them"
         raise InputError("command line", "--time, --times, --bins", got, "give one of them")
+    if target is None and time_limit is not None:
+        got = "given without --target"
+        raise InputError("command line", "--time-limit", got, 'give --target, as "2 %"')
+    if bins and target is not None:
+        remedy = "bins have no hour: give more --samples"
+        raise InputError("command line", "--target", "given with --bins", remedy)
     if bins and state == APPLIED:
         got = f"--state {APPLIED} with --bins"
         raise InputError("command line", "--state", got, "bins have no hour: give open or shaded")
@@ -120,7 +133,8 @@ def render(
                 files += prepared.save_bins(output, done)
         for rendering in frames(
             loaded, view, instants, size=wanted, sampling=sampling, state=state, folder=output,
-            source=source.value, stage=stage,
+            source=source.value, target=target,
+            time_limit=TIME_LIMIT if time_limit is None else time_limit, stage=stage,
         ):  # fmt: skip
             files += rendering.save(output, tone.value, pixels.value, ends)
             notes |= dict.fromkeys(rendering.notes)

@@ -18,8 +18,10 @@ tiles, components, sources
     Rays near each other; graphs; glare sources of every hour.
 forecast
     Time that a year takes.
-state
-    One state of the façade over the year.
+state, eye_samples
+    One state of the façade over the year; what reaches the eyes in it, averaged over rounds.
+rounds
+    Further samples until the target of the case.
 result
     `GlareYear`: shares of the hours, classes of EN 17037, files and pictures.
 """

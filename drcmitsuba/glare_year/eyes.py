@@ -40,6 +40,11 @@ class Eyes:
         """Count the views."""
         return len(self.names)
 
+    def take(self, views: np.ndarray) -> Eyes:
+        """Some of the eyes, by their indices (view,)."""
+        names = tuple(self.names[i] for i in views)
+        return Eyes(names, self.positions[views], self.points[views], self.frames[views])
+
     @property
     def forward(self) -> np.ndarray:
         """Unit vectors along the lines of sight, shape (view, 3)."""

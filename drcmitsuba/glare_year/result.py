@@ -78,25 +78,69 @@ class GlareYear:
         return f"{n:g} h, {of_period} the period's {all_of:g} h"
 
     @cached_property
-    def _draws(self) -> dict[float, np.ndarray]:
-        """Share of the counted hours above each class' DGP in every draw, (state, view, draw)."""
-        replicates, states, _, views = self.replicates.shape
+    def _drawn(self) -> tuple[dict[float, np.ndarray], np.ndarray]:
+        """Share of the counted hours above each class' DGP by draw, and the hours in doubt.
+
+        Shapes (state, view, draw), and bool (state, time, view).
+        """
+        replicates, states, times, views = self.replicates.shape
         drawn = multipliers(replicates, self.settings["seed"]).replicates
         out = {limit: np.zeros((states, views, drawn.shape[1])) for limit in CLASSES.values()}
+        doubt = np.zeros((states, times, views), bool)
+        dgp = self.hours["dgp"].transpose("state", "time", "view").values
         for s in range(states):
             for v in range(views):
                 each = self.replicates[:, s, self.counted, v]
                 mean = each.mean(axis=0)
                 values = mean[:, None] + (each - mean).T @ drawn
                 for limit, shares in out.items():
-                    shares[s, v] = (values > limit).mean(axis=0)
-        return out
+                    above, stated = values > limit, dgp[s, self.counted, v] > limit
+                    shares[s, v] = above.mean(axis=0)
+                    doubt[s, self.counted, v] |= (above != stated[:, None]).any(axis=1)
+        return out, doubt
+
+    @property
+    def in_doubt(self) -> np.ndarray:
+        """Whether some draw of an hour's DGP lies beyond a limit that the DGP does not exceed, or
+        the other way round, bool (state, time, view).
+
+        The limits are those of `CLASSES`; the other hours add nothing to the intervals.
+        """
+        return self._drawn[1]
 
     def share(self, limit: float) -> xr.DataArray:
         """Share of the counted hours whose DGP is above a limit [–], dims (state, view)."""
         if not 0 < limit < 1:
             raise InputError("glare", "limit", f"{limit}", "give a DGP from 0 to 1")
         return (self.hours["dgp"].isel(time=self.counted) > limit).mean("time")
+
+    def interval(self, limit: float) -> xr.Dataset:
+        """Share of the counted hours whose DGP is above that of a class, with its 95 % interval.
+
+        Parameters
+        ----------
+        limit : float
+            DGP of a class, one of those of `CLASSES`.
+
+        Returns
+        -------
+        xr.Dataset
+            `value`, `low` and `high` [%], dims (state, view).
+        """
+        share = self.share(limit)
+        low, high = np.quantile(self._drawn[0][limit], (0.025, 0.975), axis=-1)
+        ends = {"low": np.minimum(share, low), "high": np.maximum(share, high)}
+        return 100 * xr.Dataset({"value": share, **ends})
+
+    def half_widths(self) -> np.ndarray:
+        """Half the widest interval of the share of hours above a class' DGP [points].
+
+        Returns
+        -------
+        np.ndarray, shape (state, view)
+        """
+        every = [self.interval(limit) for limit in CLASSES.values()]
+        return np.max([(i["high"] - i["low"]).values / 2 for i in every], axis=0)
 
     def classes(self) -> xr.Dataset:
         """Class of EN 17037 of every view.
@@ -110,7 +154,7 @@ class GlareYear:
         names = list(CLASSES)
         passes = np.stack([self.share(CLASSES[n]).values <= EXCEEDED for n in names], axis=-1)
         best = np.where(passes.any(axis=-1), passes.argmax(axis=-1), len(names))
-        drawn = [(self._draws[CLASSES[n]] <= EXCEEDED).mean(axis=-1) for n in names]
+        drawn = [(self._drawn[0][CLASSES[n]] <= EXCEEDED).mean(axis=-1) for n in names]
         # A class holds all that a better one asks for.
         chance = np.diff([np.zeros_like(drawn[0]), *drawn, np.ones_like(drawn[0])], axis=0)
         every = np.array([*names, NONE], object)
@@ -125,20 +169,15 @@ class GlareYear:
 
     def numbers(self) -> dict[str, Any]:
         """Content of `glare.json`: shares, classes and their probabilities by state and view."""
-        rated, shares = self.classes(), {f"{c:.2f}": self.share(c) for c in CLASSES.values()}
+        rated = self.classes()
+        every = {f"{c:.2f}": self.interval(c) for c in CLASSES.values()}
         by_state: dict[str, Any] = {}
         for s, state in enumerate(self.states):
             rows = by_state[state] = {}
             for v, view in enumerate(self.views):
-                drawn = {f"{c:.2f}": np.quantile(d[s, v], (0.025, 0.975)) for c, d in
-                         self._draws.items()}  # fmt: skip
                 above = {
-                    limit: {
-                        "value": 100 * float(share[s, v]),
-                        "low": 100 * min(float(share[s, v]), float(drawn[limit][0])),
-                        "high": 100 * max(float(share[s, v]), float(drawn[limit][1])),
-                    }
-                    for limit, share in shares.items()
+                    limit: {str(name): float(end[s, v]) for name, end in interval.items()}
+                    for limit, interval in every.items()
                 }
                 chance = map(float, rated["probability"].values[s, v])
                 rows[view] = {

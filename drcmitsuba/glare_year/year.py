@@ -18,7 +18,6 @@ References
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -28,7 +27,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from drcmitsuba.annual.adaptive_sampling import of_hours
 from drcmitsuba.annual.applied_states import applied_states
 from drcmitsuba.annual.attributes import settings as settings_of_case
 from drcmitsuba.annual.run import Run
@@ -37,16 +35,16 @@ from drcmitsuba.case.case import Case
 from drcmitsuba.case.groups import APPLIED, OPEN, VARYING, State
 from drcmitsuba.case.reading import load_case
 from drcmitsuba.glare_year import forecast
+from drcmitsuba.glare_year.eye_samples import EyeSamples, by_hour
 from drcmitsuba.glare_year.eyes import Eyes, eyes
 from drcmitsuba.glare_year.result import GlareYear
+from drcmitsuba.glare_year.rounds import Look, Sampler, of_glare, of_illuminance, toward
 from drcmitsuba.glare_year.rule import Rule
-from drcmitsuba.glare_year.state import at_eyes, places
 from drcmitsuba.metrics.facade_states import FacadeStates
 from drcmitsuba.plan import plan
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
-from drcmitsuba.runtime.random_streams import Stream, launch_seed
 from drcmitsuba.scene.geometry import origin
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.schema import describe, mean_and_error
@@ -111,63 +109,33 @@ def glare(
     states = list(dict.fromkeys((*_states_of(simulated), *(() if taken is None else taken.states))))
     if told is not None:
         told(forecast.seconds(simulated, states, light, looking, effects))
-    times = np.arange(light.sky.sizes["time"])
-    E, reached = _at_eyes(simulated, states, light, looking, run)
-    S, sharp = np.zeros((2, *E.shape[1:]))
-    deviations = np.zeros(E.shape, np.float32)
-    for k, state in enumerate(states):
-        with run.timed(f"what is seen, {state}") as done:
-            judged = 0
-            for place in places(simulated, state, light, looking, run):
-                S[k][:, place.views], sharp[k][:, place.views] = place.sums(looking, rule, times)
-                deviations[:, k][:, :, place.views] = place.deviations(looking, rule)
-                judged += len(place.views)
-                done(judged / len(looking))
+    sampler = Sampler(simulated, tuple(states), light, looking, rule, run)
+    index = None
     if taken is not None:
+        index = np.array([states.index(state) for state in taken.states])[taken.index]
         states.append(APPLIED)
-        at = np.array([states.index(state) for state in taken.states])[taken.index]
-        E, deviations = (
-            np.concatenate([v, v[:, at, times][:, None]], axis=1) for v in (E, deviations)
-        )
-        S, sharp = (np.concatenate([v, v[at, times][None]]) for v in (S, sharp))
-    settings = {
-        **settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed,
-        "notes": [*light.notes, *planned.notes(), *notes, *reached],
-    }  # fmt: skip
-    hours, replicates = _rated(case, light, looking, states, E, S, deviations, sharp, rule)
-    return GlareYear(case, hours, replicates, settings, dict(run.seconds))
+    settings = {**settings_of_case(case, light), "rule": asdict(rule), "seed": run.seed}
 
+    def rated(samples: list[EyeSamples]) -> GlareYear:
+        every = samples if index is None else [*samples, by_hour(samples, index)]
+        hours, replicates = _rated(case, light, looking, states, every, rule)
+        return GlareYear(case, hours, replicates, settings, dict(run.seconds))
 
-def _at_eyes(
-    case: Case, states: list[State], light: Daylight, looking: Eyes, run: Run
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """E_v by each replicate [lx], (replicate, state, time, view), and a note on its target.
+    def look(samples: list[EyeSamples]) -> Look:
+        assert target is not None
+        if target.unit == AT_SENSORS:
+            return of_illuminance(samples, target)
+        return of_glare(rated(samples), target, index)
 
-    Where the case wants an error at each sensor, rounds with other seeds are averaged into the
-    replicates until every eye has it, or the time limit is over.
-    """
-
-    def of(run: Run) -> np.ndarray:
-        return np.stack([at_eyes(case, state, light, looking, run) for state in states], axis=1)
-
-    E, target, rounds = of(run), case.accuracy.goal, 1
-    if target is None or target.unit != AT_SENSORS:
-        return E, ()
-    start, alone = time.perf_counter(), replace(run, shared=None)
-
-    def width() -> float:
-        mean, error = mean_and_error(E)
-        each = zip(mean, error, strict=True)  # by state
-        return max(float(of_hours(*both, len(E)).max(initial=0)) for both in each)
-
-    while (now := width()) > target.value:
-        if time.perf_counter() - start > case.accuracy.time_limit:
-            break
-        seed = launch_seed(case.accuracy.seed, Stream.ROUNDS, rounds)
-        E = (rounds * E + of(replace(alone, seed=seed >> 2))) / (rounds + 1)
-        rounds += 1
-    by = f"±{now:.2g} % at the widest eye after {rounds} rounds"
-    return E, (f"E of the hours at eyes: {by}, wanted ±{target.value:g} %",)
+    samples, target = sampler.first(), case.accuracy.eye_goal
+    if target is not None:
+        samples, note = toward(target, sampler, samples, look)
+        notes = (*notes, note)
+    elif case.accuracy.goal is not None:
+        got = f'accuracy.target: "{case.accuracy.goal}" is one of an evaluation'
+        notes = (*notes, f"{got}; glare adds no rounds toward it")
+    settings["notes"] = [*light.notes, *planned.notes(), *notes]
+    return rated(samples)
 
 
 def _states_of(case: Case) -> tuple[State, ...]:
@@ -213,11 +181,15 @@ def pseudo_values(rule: Rule, E: np.ndarray, S: np.ndarray, deviations: np.ndarr
 
 
 def _rated(
-    case: Case, light: Daylight, looking: Eyes, states: list[State], E: np.ndarray, S: np.ndarray,
-    deviations: np.ndarray, sharp: np.ndarray, rule: Rule,
+    case: Case, light: Daylight, looking: Eyes, states: list[State], samples: list[EyeSamples],
+    rule: Rule,
 ) -> tuple[xr.Dataset, np.ndarray]:  # fmt: skip
     """DGP and what it follows from, and DGP by each replicate."""
     dims = ("state", "time", "view")
+    E, deviations = (
+        np.stack([getattr(s, name) for s in samples], 1) for name in ("illuminance", "deviations")
+    )
+    S, sharp = (np.stack([getattr(s, name) for s in samples]) for name in ("sums", "sharp"))
     mean, error = mean_and_error(E)
     replicates = pseudo_values(rule, E, S, deviations).astype(np.float32)
     values: dict[str, Any] = {

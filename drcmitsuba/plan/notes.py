@@ -61,11 +61,20 @@ def shade_notes(case: Case) -> list[str]:
     return [f"shading: one shade for all clear panes; {facades} close and open together"]
 
 
+def _target_notes(case: Case) -> list[str]:
+    """Note a target that an evaluation does not work toward."""
+    goal = case.accuracy.goal
+    if goal is None or case.accuracy.sensor_goal is not None:
+        return []
+    return [f'accuracy.target: "{goal}" is one of `glare`; an evaluation adds no rounds toward it']
+
+
 def notes(case: Case) -> list[str]:
     """Notes on the model, on the shade, and on films whose BSDF was scaled down."""
     of_groups = notes_on_groups(case.building, case.groups)
     remarks = [*case.building.notes, *of_groups, *shade_notes(case)]
     remarks += [*placed_sensors(case).notes, *crack_notes(case), *darkness_notes(case)]
+    remarks += _target_notes(case)
     for name, material in panes.of(case, BsdfMaterial).items():
         measured = film(material.file)
         if lacking := advice.dark(measured.file):

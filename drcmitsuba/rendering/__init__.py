@@ -18,6 +18,8 @@ stored_view
     Light paths on disk.
 rendering, prepared_view
     `prepare`: pictures with their standard error, and their files.
+rounds
+    Further rounds of rays, averaged until a picture is as sure as wanted.
 frames
     `render`, `frames`: pictures at instants, whose façade may follow the control of the case.
 """

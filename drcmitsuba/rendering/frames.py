@@ -18,18 +18,23 @@ from drcmitsuba.plan import plan
 from drcmitsuba.rendering.light_paths import Sampling
 from drcmitsuba.rendering.prepared_view import COLUMNS, Size, instant_of, prepare
 from drcmitsuba.rendering.rendering import Rendering, Source
+from drcmitsuba.rendering.rounds import PictureTarget, toward
 from drcmitsuba.runtime import backend
 from drcmitsuba.runtime.errors import InputError
 from drcmitsuba.runtime.progress import Stage, silent
 from drcmitsuba.scene.pane_groups import PaneGroups
 from drcmitsuba.sky.daylight import Daylight, daylight
-from drcmitsuba.sky.luminances import sources
+from drcmitsuba.sky.luminances import at_rows
+
+TIME_LIMIT = 60.0
+"""Time for further rounds toward a target of pictures, unless another is given [s]."""
 
 
 def frames(
     case: Case | str | Path, view: str | None, times: Sequence[str | np.datetime64], *,
     size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
-    source: Source = "all", folder: str | Path | None = None, stage: Stage = silent,
+    source: Source = "all", target: str | None = None, time_limit: float = TIME_LIMIT,
+    folder: str | Path | None = None, stage: Stage = silent,
 ) -> Iterator[Rendering]:  # fmt: skip
     """Render a view of a case at some instants, state of the façade by state.
 
@@ -44,6 +49,12 @@ def frames(
         State of the façade, or `applied`: at each time the one that the shade takes in its hour.
     source : {"all", "sky", "sun"}
         Light that is shown, as for `PreparedView.at`.
+    target : str, optional
+        Largest `Rendering.half_width` of every picture, such as "2 %", toward which further rounds
+        of the same numbers of rays are averaged. A note says what each picture reached.
+    time_limit : float
+        Time for further rounds of all pictures [s]; no round begins after it. Each state of the
+        façade has its pictures' share of it.
     case, view, size, sampling, folder, stage
         As for `prepare`.
 
@@ -55,11 +66,12 @@ def frames(
     Raises
     ------
     InputError
-        As `prepare`; a time is no instant of the weather; or the state is `applied`, and the case
-        has no shade.
+        As `prepare`; a time is no instant of the weather; the state is `applied`, and the case has
+        no shade; or the target or its time is unfit.
     """
     if not isinstance(case, Case):
         case = load_case(case)
+    goal = None if target is None else PictureTarget.parse(target, time_limit)
     instants = [instant_of(time) if isinstance(time, str) else time for time in times]
     by_time = [state] * len(instants)
     if state == APPLIED:
@@ -70,17 +82,23 @@ def frames(
             case, view, size=size, sampling=sampling, state=one, folder=folder, stage=stage
         )
         with stage("pictures" if len(mine) == len(instants) else f"pictures, {one}") as done:
-            for i, instant in enumerate(mine, 1):
-                rendering = prepared.at(instant, source)
-                done(i / len(mine))
-                yield rendering
+            if goal is None:
+                for i, instant in enumerate(mine, 1):
+                    rendering = prepared.at(instant, source)
+                    done(i / len(mine))
+                    yield rendering
+            else:
+                own = replace(goal, seconds=goal.seconds * len(mine) / len(instants))
+                there = None if folder is None else Path(folder)
+                yield from toward(own, prepared, mine, source, there, done)
         del prepared  # before the light paths of the next state
 
 
 def render(
     case: Case | str | Path, view: str | None = None, time: str | np.datetime64 = "03-21 12:00", *,
     size: Size = COLUMNS, sampling: Sampling | None = None, state: State = OPEN,
-    source: Source = "all", stage: Stage = silent,
+    source: Source = "all", target: str | None = None, time_limit: float = TIME_LIMIT,
+    stage: Stage = silent,
 ) -> Rendering:  # fmt: skip
     """Render a view of a case at an instant, in cd/m².
 
@@ -88,7 +106,7 @@ def render(
     ----------
     time : str or np.datetime64
         Local standard time, such as "03-21 10:30".
-    case, view, size, sampling, state, source, stage
+    case, view, size, sampling, state, source, target, time_limit, stage
         As for `frames`, which serves many instants.
 
     Returns
@@ -101,8 +119,9 @@ def render(
         As `frames`.
     """
     (one,) = frames(
-        case, view, [time], size=size, sampling=sampling, state=state, source=source, stage=stage
-    )
+        case, view, [time], size=size, sampling=sampling, state=state, source=source,
+        target=target, time_limit=time_limit, stage=stage,
+    )  # fmt: skip
     return one
 
 
@@ -151,5 +170,4 @@ def _hours_of(case: Case, instants: np.ndarray) -> tuple[Daylight, np.ndarray]:
     year = daylight(case.with_tables(period=PeriodTable().of_year()))
     hours = np.searchsorted(year.sky["time"].values, instants, side="right") - 1
     rows, row = np.unique(hours, return_inverse=True)
-    sky, sun = year.sky.isel(time=rows), year.sun.isel(time=rows)
-    return replace(year, sky=sky, sun=sun, suns=year.suns.only(sources(sky))), row
+    return at_rows(year, rows), row

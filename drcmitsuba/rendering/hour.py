@@ -39,6 +39,8 @@ class Luminance:
     """[cd/m²], shape (row, column)."""
     error: np.ndarray
     """Standard error of the mean [cd/m²], shape (row, column)."""
+    disk: np.ndarray
+    """Part of the mean that is the sun's disk seen straight, without noise [cd/m²]."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def luminance(traced: TracedView, outside: Outside, sky: np.ndarray) -> Luminanc
     shape = traced.rows, traced.columns
     mean, error = (np.concatenate(whole).reshape(shape) for whole in zip(*parts, strict=True))
     disk = outside.disk_in(traced.scene, traced.view, shape, traced.images)
-    return Luminance(mean + disk, error)
+    return Luminance(mean + disk, error, disk)
 
 
 def replicates(traced: TracedView, outside: Outside, sky: np.ndarray) -> np.ndarray:

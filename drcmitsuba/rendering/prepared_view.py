@@ -44,6 +44,8 @@ Size = int | tuple[int, int]
 """Number of columns, or of columns and rows, of a picture."""
 MOST_MEMORY = 3 << 30
 """Largest size of light paths in memory [bytes]."""
+LOOKS = 4
+"""Number of looks at panes for each surface that light paths are reckoned with."""
 COLUMNS = 512
 """Number of columns of a picture unless another is given."""
 _INSTANT = re.compile(r"(?:\d{4}-)?(\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)", re.ASCII)
@@ -93,11 +95,12 @@ class PreparedView:
         elif source != "all":
             raise InputError("picture", "source", repr(source), "give all, sky or sun")
         shown = [luminance(traced, outside, sky) for traced in self.channels]
-        mean, error = (np.stack([getattr(one, k) for one in shown]) for k in ("mean", "error"))
+        names = ("mean", "error", "disk")
+        mean, error, disk = (np.stack([getattr(one, name) for one in shown]) for name in names)
         weights = np.array([*LUMINANCE_WEIGHTS.values()], np.float32)
         coloured = len(shown) > 1
         if coloured:  # the channels share their random numbers
-            error = np.tensordot(weights, error, 1)[None]
+            error, disk = (np.tensordot(weights, v, 1)[None] for v in (error, disk))
         rgb = np.moveaxis(mean if coloured else np.repeat(mean, 3, axis=0), 0, -1)
         date = str(instant.astype("datetime64[s]"))
         picture = Picture(
@@ -106,8 +109,44 @@ class PreparedView:
         )  # fmt: skip
         notes = _notes(self.case, instant, light)
         return Rendering(
-            picture, error[0], self.case.name, self.name, self.state, instant, source, notes
-        )
+            picture, error[0], disk[0], self.case.accuracy.replicates - 1, self.case.name,
+            self.name, self.state, instant, source, notes,
+        )  # fmt: skip
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the light paths [bytes], at most."""
+        one = self.channels[0]
+        return one.sampling.nbytes(LOOKS) * one.rows * one.columns * len(self.channels)
+
+    def again(self, seed: int, folder: Path | None = None) -> PreparedView:
+        """Trace the same view with other random numbers, the light on its surfaces, too.
+
+        Parameters
+        ----------
+        seed : int
+            Seed in place of `accuracy.seed` of the case.
+        folder : Path, optional
+            Folder for the light paths; without it they stay in memory.
+
+        Returns
+        -------
+        PreparedView
+        """
+        channels = []
+        for i, one in enumerate(self.channels):
+            base, keep, here = one.light.base, None, None
+            if folder is not None:
+                here = folder / f"channel_{i}"
+                here.mkdir()
+                keep = partial(stored_view.save_paths, folder=here)
+            traced = trace(
+                one.scene, one.view, one.rows, one.columns, sampling=one.sampling,
+                accuracy=base.accuracy.model_copy(update={"seed": seed}),
+                subdivision=self.case.sky.subdivision, diameter=base.diameter, keep=keep,
+            )  # fmt: skip
+            channels.append(traced if here is None else stored_view.with_tiles_of(traced, here))
+        return replace(self, channels=tuple(channels))
 
     def save_bins(self, folder: str | Path, done: Progress = lambda share: None) -> list[Path]:
         """Write the coefficient pictures of ground and sky patches, each whole or not at all.
@@ -278,7 +317,7 @@ def prepare(
     known = path is not None and all(stored_view.is_of(path / part, stated) for part in parts)
     worlds = [scene.load(case, state, channel, effects) for channel in channels]
     if not known:
-        _refuse_size(sampling.nbytes(4) * rows * columns * len(channels), path)
+        _refuse_size(sampling.nbytes(LOOKS) * rows * columns * len(channels), path)
     older = path is not None and stored_view.is_of_another_program(path / parts[0], stated)
     rays = "rays, again: those stored are of another version" if older else "rays"
     with stage(rays) as done, _made(None if known else path) as made:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from drcmitsuba.annual.adaptive_sampling import of_hours
 from drcmitsuba.case.groups import OPEN, State
 from drcmitsuba.picture import exr, hdr, tone
 from drcmitsuba.picture.false_colour import false_colour, save_png
@@ -61,6 +63,10 @@ class Rendering:
     """Luminances [cd/m²], with the view in the coordinates of the case."""
     error: np.ndarray
     """Standard error of the luminance of each pixel [cd/m²], shape (row, column)."""
+    disk: np.ndarray
+    """Luminance by the sun's disk seen straight, which has no error [cd/m²], (row, column)."""
+    freedom: int
+    """Degrees of freedom of the error: one less than the replicates, or rounds, that scatter."""
     case: str
     """Name of the case."""
     view: str
@@ -73,6 +79,16 @@ class Rendering:
     """Light that the picture shows."""
     notes: tuple[str, ...] = ()
     """Remarks on the hour."""
+
+    @cached_property
+    def half_width(self) -> float:
+        """Half a 95 % interval of the luminance of a pixel over it [%].
+
+        The root mean square of all pixels, weighted by the luminance; the sun's disk seen straight
+        is left out. 0 where it is dark.
+        """
+        L = self.picture.luminance - self.disk
+        return float(of_hours(L.reshape(-1, 1), self.error.reshape(-1, 1), self.freedom + 1)[0])
 
     @property
     def name(self) -> str:

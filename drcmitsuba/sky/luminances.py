@@ -33,7 +33,13 @@ def blended(light: xr.Dataset) -> Blend:
 
 def without_year(light: Daylight) -> Daylight:
     """Daylight of its own time stamps and their suns alone."""
-    return replace(light, suns=light.suns.only(sources(light.sky)), year=None)
+    return at_rows(light, slice(None))
+
+
+def at_rows(light: Daylight, rows: slice | np.ndarray) -> Daylight:
+    """Daylight of some of its own time stamps, by their indices (time,), and their suns alone."""
+    sky, sun = light.sky.isel(time=rows), light.sun.isel(time=rows)
+    return replace(light, sky=sky, sun=sun, suns=light.suns.only(sources(sky)), year=None)
 
 
 def luminances(light: Daylight, times: slice = slice(None)) -> xr.Dataset:

@@ -38,6 +38,8 @@ def evaluate(tmp_path):
         ("0.5 points", Target(0.5, "point")),
         (" 2% ", Target(2, "%")),
         ("2 % at each sensor", Target(2, "% at each sensor")),
+        ("1 point of glare hours", Target(1, "point of glare hours")),
+        ("0.5 points of glare hours", Target(0.5, "point of glare hours")),
     ],
 )
 def test_a_target_is_read(text, target):
@@ -45,7 +47,9 @@ def test_a_target_is_read(text, target):
     assert Target.parse(str(target)) == target
 
 
-@pytest.mark.parametrize("text", ["", "1", "point", "0 points", "101 %", "-1 %", "1 point of sDA"])
+@pytest.mark.parametrize(
+    "text", ["", "1", "point", "0 points", "101 %", "-1 %", "1 point of sDA", "1 % of glare hours"]
+)
 def test_a_target_that_is_none_is_refused(text):
     with pytest.raises(InputError, match=r'target: .*write "1 point"'):
         checked(Accuracy, {"target": text}, "case")
@@ -173,6 +177,13 @@ def test_the_time_limit_ends_the_sampling(evaluate):
     assert accuracy["reason"] == "limit of 0.5 s reached"
     assert accuracy["half_width"] > 0.0001
     assert 1 < accuracy["rounds"] < 200
+
+
+def test_a_target_of_glare_adds_no_rounds_to_an_evaluation_and_says_so(evaluate):
+    result = evaluate('target = "0.1 points of glare hours"')
+    assert "accuracy" not in result.metrics
+    note = 'accuracy.target: "0.1 points of glare hours" is one of `glare`'
+    assert [note in said for said in result.metrics["settings"]["notes"]].count(True) == 1
 
 
 def test_a_target_that_is_met_at_once_costs_nothing(evaluate):

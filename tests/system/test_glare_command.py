@@ -152,7 +152,53 @@ def test_a_target_of_each_sensor_is_reached_at_the_eyes(case, year):
     assert max(float(of_hours(*each, 6).max()) for each in at_eyes(again)) <= wanted
     (note,) = (n for n in again.settings["notes"] if "at the widest eye" in n)
     assert f"wanted ±{wanted:g} %" in note
-    assert "after 1 rounds" not in note
+    assert "after 1 round," not in note
+
+
+def test_hours_of_glare_are_known_as_well_as_a_target_asks(tmp_path):
+    """Shares of the hours against a run of thirty times the paths, which shares no rays."""
+    days = [f"{month:02d}-{day}" for month in range(1, 13) for day in ("04", "18")]
+    case = case_in(tmp_path, times=[f"{d}T{h:02d}:30" for d in days for h in (9, 11, 13, 15)])
+
+    def glare(**accuracy):
+        changed = case.accuracy.model_copy(update=accuracy)
+        return drcmitsuba.glare(case.with_tables(accuracy=changed))
+
+    few, wanted = {"replicates": 8, "paths": 16}, 1.6
+    before, after = glare(**few), glare(**few, target=f"{wanted} points of glare hours")
+    truth = glare(replicates=16, paths=512, seed=9)
+    assert before.half_widths().max() > wanted >= after.half_widths().max()
+    (note,) = (n for n in after.settings["notes"] if n.startswith("hours of glare: "))
+    assert f"wanted ±{wanted} points" in note
+    assert (after.hours["dgp_se"] <= before.hours["dgp_se"]).mean() > 0.5
+    for limit in (0.35, 0.40, 0.45):
+        (a, b) = (year.interval(limit) for year in (after, truth))
+        reach = ((a["high"] - a["low"]) + (b["high"] - b["low"])) / 2
+        assert (abs(a["value"] - b["value"]) <= reach + 1e-6).all()
+
+
+def test_a_target_of_sensors_is_said_to_be_none_of_glare(case, run):
+    accuracy = case.accuracy.model_copy(update={"target": "1 point"})
+    notes = drcmitsuba.glare(case.with_tables(accuracy=accuracy)).settings["notes"]
+    assert 'accuracy.target: "1 point" is one of an evaluation; glare adds no rounds toward it' in (
+        notes
+    )
+
+
+def test_the_forecasts_tell_of_rounds_toward_their_own_targets(run, tmp_path):
+    case = case_in(tmp_path)
+    text = (tmp_path / "office.toml").read_text()
+    told = '; then rounds toward "90 points of glare hours", until 7 s are over'
+    aimed = text + 'target = "90 points of glare hours"\ntime_limit = 7\n'
+    (tmp_path / "office.toml").write_text(aimed)
+    _, out, _ = run("glare", case.source, "-o", tmp_path / "glare")
+    assert told in out
+    assert "hours of glare: ±" in out
+    _, out, _ = run("plan", case.source)
+    assert told not in out
+    (tmp_path / "office.toml").write_text(text + 'target = "2 %"\n')
+    _, out, _ = run("plan", case.source)
+    assert '; then rounds toward "2 %", until 600 s are over' in out
 
 
 def at_eyes(year):

@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
-from drcmitsuba import picture
-from drcmitsuba.rendering import prepare, stored_view
+from drcmitsuba import load_case, picture
+from drcmitsuba.rendering import frames, prepare, render, rounds, stored_view
 from drcmitsuba.runtime import provenance, storage
 from drcmitsuba.runtime.errors import InputError
 from tests.system.small_room import CASE, SHADING, changed, run
@@ -111,6 +111,49 @@ def test_tones_stand_beside_each_other_and_share_a_scale(rendered, monkeypatch, 
     assert np.allclose(white[lit].max(axis=-1), 1)
 
 
+def test_a_picture_is_as_sure_as_a_target_asks(rendered, monkeypatch, capsys):
+    """Its actual error, against a run of many more rays of another seed, is as it states."""
+    monkeypatch.chdir(rendered)
+    before = {path.name for path in (rendered / "out").iterdir()}
+    wanted = ("--time", "03-20 14:00", "--target", "4 %", *SMALL, "--size", "48")
+    run(monkeypatch, "render", "room.toml", *wanted)
+    said = capsys.readouterr().out
+    assert "03-20 14:00: luminance of a pixel ±" in said
+    assert "wanted ±4 %" in said
+    left = {path.name for path in (rendered / "out").iterdir()} - before
+    assert left == {f"desk_03-20_1400{ending}" for ending in (".exr", ".hdr", ".png")}
+
+    case, common = load_case("room.toml"), {"size": 48, "time_limit": 600}
+    shown = render(case, "desk", "03-20 14:00", target="4 %", **common)
+    written = picture.read("out/desk_03-20_1400.exr").luminance
+    assert np.allclose(written, shown.picture.luminance, rtol=1e-5)
+    once = render(case, "desk", "03-20 14:00", size=48)
+    assert once.half_width > 4 >= shown.half_width
+    other = case.with_tables(accuracy=case.accuracy.model_copy(update={"seed": 5}))
+    true = render(other, "desk", "03-20 14:00", target="2 %", **common)
+    assert true.half_width <= 2
+    variance = (shown.error.astype(float) ** 2 + true.error.astype(float) ** 2).ravel()
+    weight = variance / variance.sum()
+    difference = (shown.picture.luminance - true.picture.luminance).astype(float)
+    ratio = (difference**2).sum() / variance.sum()
+    # Pixels at edges decide, each with its own rays and an error that is itself an estimate.
+    spread = np.sqrt(2 * (weight**2).sum() * (1 + 1 / shown.freedom))
+    assert abs(ratio - 1) < 3 * spread, f"{ratio:.2f} ± {spread:.2f}"
+    assert 3 * spread < 1
+
+
+def test_rounds_that_may_not_fit_in_memory_lie_on_the_disk(rendered, monkeypatch):
+    monkeypatch.chdir(rendered)
+    common = {"size": 24, "target": "20 %", "time_limit": 600}
+    (kept,) = frames("room.toml", "desk", ["03-20 12:00"], **common)
+    assert kept.freedom > 3
+    monkeypatch.setattr(rounds, "MOST_MEMORY", 0)
+    (spilt,) = frames("room.toml", "desk", ["03-20 12:00"], folder="out", **common)
+    assert np.allclose(kept.picture.rgb, spilt.picture.rgb, rtol=1e-5)
+    assert spilt.freedom == kept.freedom
+    assert not list((rendered / "out").glob("round_*"))
+
+
 def test_another_view_or_case_is_traced_anew(rendered, monkeypatch, tmp_path):
     monkeypatch.chdir(rendered)
     (tmp_path / "dark.toml").write_text(CASE.replace("0.65", "0.325") + VIEW)
@@ -163,6 +206,9 @@ def test_a_night_is_a_dark_picture_and_said(rendered, monkeypatch, capsys):
         (CASE + VIEW, ("--bins", "--size", "99999"), "size: 99999 by 99999 pixels; give 1 to"),
         (CASE + VIEW, ("--bins", "--size", "5000"), "MB on the disk; give a smaller size"),
         (CASE + VIEW, ("--bins", "--samples", "0"), "samples: 0; give 1 to"),
+        (CASE + VIEW, ("--bins", "--target", "2 %"), "--target: given with --bins; bins have no"),
+        (CASE + VIEW, ("--bins", "--time-limit", "9"), "given without --target; give --target"),
+        (CASE + VIEW, ("--time", "03-20 12:00", "--target", "1 point"), 'write "2 %", of the'),
         (CASE + VIEW, ("--bins", "--state", "applied"), "with --bins; bins have no hour"),
         (
             changed((SHADING, "")) + VIEW, ("--time", "03-20 12:00", "--state", "applied"),

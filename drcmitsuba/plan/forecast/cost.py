@@ -116,7 +116,7 @@ def is_short(plan: Plan) -> bool:
     sensors = len(sensor_points(case)[0])
     a = case.accuracy.of_points(sensors)
     photons = plan.effects["components"].on or plan.effects["pane_to_pane"].on
-    once = a.target is None and not isinstance(case.sun, Adaptive)
+    once = a.sensor_goal is None and not isinstance(case.sun, Adaptive)
     if photons or not once or len(PaneGroups.of(case).states) > 1:
         return False
     near = bounds_of_rooms(case)
