@@ -31,6 +31,9 @@ Places whose surfaces fit in together share photons and the light on cells.
 """
 SKY_RAYS = 512
 """Largest number of rays to the sky of a surface's point in a replicate: many make a source."""
+SUN_SAMPLES = 2
+"""Largest number of directions in each replicate from a surface to a sun that an edge crosses, or
+that a mirror shows: a tile stands for a piece of the surface, of which it knows one point."""
 LUMINANCES = 1 << 25
 """Largest number of luminances of pixels, or of points of several places, in hours at once."""
 
@@ -208,7 +211,9 @@ def _of_surfaces(
     noise = []
     bins = len(light.suns.labels) + sky.sizes["bin"]
     rays = min(SKY_RAYS, case.accuracy.sensor_sky_rays)
-    accuracy = case.accuracy.model_copy(update={"sensor_sky_rays": rays})
+    directions = min(SUN_SAMPLES, case.accuracy.sensor_sun_samples)
+    fewer = {"sensor_sky_rays": rays, "sensor_sun_samples": directions}
+    accuracy = case.accuracy.model_copy(update=fewer)
     coarser = case.with_tables(accuracy=accuracy)
     step = max(64, COEFFICIENTS // bins)
     alone = replace(run, shared=None)  # every chunk has points of its own
