@@ -16,7 +16,7 @@ from drcmitsuba import InputError, bsdf, load_case
 from drcmitsuba.bsdf import balance, lobes
 from drcmitsuba.bsdf.check import check
 from drcmitsuba.bsdf.pictures import figures
-from tests import SHARED
+from tests import SHARED, skips
 
 N = 16  # cells along an axis of the films below
 CELL = np.pi / N**2
@@ -155,7 +155,7 @@ def test_energy_above_one_is_seen_where_it_is(excess, verdict):
     assert (report.model == "none") == (verdict == "refused")
 
 
-@pytest.mark.skipif(not REFUSED.exists(), reason="shared/ is not there")
+@skips.needs(REFUSED)
 def test_radiances_broken_file_is_refused():
     report = check(bsdf.read(REFUSED))
     assert report.energy[1].largest == pytest.approx(87.51, abs=0.01)
