@@ -5,7 +5,6 @@ import io
 import json
 import re
 import shutil
-import time
 from html.parser import HTMLParser
 
 import numpy as np
@@ -76,11 +75,9 @@ def intervals(numbers):
 
 
 def test_one_page_holds_everything(run, results, tmp_path):
-    begun = time.perf_counter()
     code, out, err = run("report", *results, "-o", tmp_path / "r.html")
     assert (code, err) == (0, "")
     assert f"the report is in {tmp_path / 'r.html'}" in out
-    assert time.perf_counter() - begun < 20
     text = (tmp_path / "r.html").read_text("utf-8")
     assert len(text.encode()) < LARGEST
     elements = Elements(text).all

@@ -256,9 +256,7 @@ def test_a_worker_of_a_scheduler_is_killed_and_the_scheduler_goes_away(rough, tm
 
         process = started(rough, again, address)
         scheduler.kill()
-        begin = time.monotonic()
         _, error = process.communicate(timeout=60)
-        assert time.monotonic() - begin < 20
         assert process.returncode == 2
         assert "it has gone; start it and its workers" in error
         assert error.count("\n") == 1, error

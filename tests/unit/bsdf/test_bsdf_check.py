@@ -114,6 +114,7 @@ def test_half_a_window_tells_how_much_its_peak_stands_out():
 @pytest.mark.parametrize("kind", ["tree", "klems"])
 def test_a_peak_of_one_cell_is_as_wide_as_the_cell(kind):
     report = check(film(tb=sending(window)) if kind == "tree" else film("Klems", tb=klems()))
+    assert report.widths
     for w in report.widths:
         assert w.half_maximum == pytest.approx(w.resolution, rel=0.08)
         assert w.share == pytest.approx(1)
